@@ -11,7 +11,7 @@ from screwgauge.models.importing import URDF
 from screwgauge.models.importing.convert import Imported, Wanted, describe
 from screwgauge.models.importing.write import description
 from screwgauge.models.loops import LoopsFile, read_loops
-from screwgauge.models.readings.compiled import warned
+from screwgauge.models.readings.compiler import warned
 from screwgauge.models.readings.loops import OWN, with_loops
 from screwgauge.models.readings.mujoco import is_single, loaded
 from screwgauge.models.readings.read import libraries_of, read_source

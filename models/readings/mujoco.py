@@ -11,7 +11,7 @@ import numpy as np
 
 from screwgauge.models.mjcf import LEAST, POWERS
 from screwgauge.models.readings.assemble import Assembly, Link, assemble, matrix, screw
-from screwgauge.models.readings.compiled import compiled, heard
+from screwgauge.models.readings.compiler import compiled, heard
 from screwgauge.models.readings.reading import ClosureReading, CouplingReading, JointReading, Reading
 from screwgauge.models.readings.source import Source
 from screwgauge.models.readings.tendons import coupling_of, pulling, tendon_equality
