@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import struct
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 import screwgauge
 from screwgauge.cli import main
 from screwgauge.models.importing.model import Options, import_model
+from screwgauge.models.readings.compiler import warned
 from screwgauge.models.readings.read import read, read_source
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import ModelFileError, ScrewgaugeError
@@ -43,8 +45,14 @@ def arm(tmp_path: Path) -> Path:
     return tmp_path / "arm.xml"
 
 
+def by_mujoco(path: Path) -> Any:
+    """The model as MuJoCo itself opens it; its warnings would be written into the working directory."""
+    with warned():
+        return mujoco.MjModel.from_xml_path(str(path))
+
+
 def test_what_is_attached_is_read_with_all_that_it_has(arm):
-    reading, model = read(arm, "mujoco"), mujoco.MjModel.from_xml_path(str(arm))
+    reading, model = read(arm, "mujoco"), by_mujoco(arm)
     assert len(reading.joints) == model.njnt == 6
     assert len(reading.bodies) == model.nbody - 1 == 6
     assert {"left_wrist", "right_wrist"} < reading.joints.keys()
@@ -188,7 +196,7 @@ def shells(tmp_path: Path) -> Path:
 def test_mass_and_inertia_of_meshes_are_those_of_mujoco(compiler, shells):
     shells.write_text(MESHES.format(compiler), encoding="utf-8")
     (shells.parent / "meshes" / "gone.stl").write_bytes(stl(0.1))
-    model = mujoco.MjModel.from_xml_path(str(shells))
+    model = by_mujoco(shells)
     (shells.parent / "meshes" / "gone.stl").unlink()  # it weighs nothing that moves
     source = prepare(shells, meshes=True)
     whole = sum(read_source(source, "mujoco").bodies[name].mass for name in "ab")
