@@ -128,6 +128,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--independent", metavar="A,B", help="coordinates (default: driven ones and what is left, well conditioned)")
     add("--actuated", metavar="A,B", help="joints that are driven (default: as the file says)")
     add("--floating", action="store_true", help="the base of a URDF moves freely")
+    meshes = "let MuJoCo compute mass and inertia from meshes in the folder of an MJCF"
+    add("--meshes", action="store_true", help=meshes)
     add("--reader", choices=["pinocchio", "mujoco", "yourdfpy"], help="who reads it (default: that of its format)")
 
     add = command(
@@ -193,6 +195,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="A,B",
         help="what closes loops of URDFs, one file or one for each: robot.yaml or .loops.toml (those beside them)",
     )
+    add("--meshes", action="store_true", help=meshes)
     add("--seed", type=_whole(0), default=0, metavar="N", help="of the random states, of the self-test (0)")
     add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")
     add("--fix", type=_path, metavar="FILE", help="write B as it would have to be to agree with A")

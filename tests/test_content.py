@@ -201,16 +201,6 @@ CASES: dict[str, dict[str, tuple[str, str, str]]] = {
         "gazebo": (".urdf", urdf(), urdf(end='<gazebo reference="j"><springStiffness>1</springStiffness></gazebo>')),
     },
     "velocity limits": {"faster": (".urdf", urdf(), urdf(velocity=9))},
-    "attached models": {
-        "hand": (
-            ".xml",
-            PLAIN,
-            with_(
-                mjcf(top='<asset><model name="hand" file="hand.xml"/></asset>'),
-                leaf='<attach model="hand" body="palm" prefix="h_"/>',
-            ),
-        )
-    },
     "dropped by the library": {"tree": (f".xml{PINOCCHIO}", PLAIN, with_(mjcf(world=ROOTS)))},
     "read otherwise by the library": {
         "quaternion": (

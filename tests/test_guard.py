@@ -12,10 +12,13 @@ from tolerances import EQUAL, TIGHT
 
 import screwgauge
 from screwgauge.cli import main
+from screwgauge.judging.compare import compare
 from screwgauge.judging.conditioning import LIMIT, flagged
 from screwgauge.report.pages.run import estimates, summary, terminal
 from screwgauge.report.terminal import terminal as text
 from screwgauge.report.verdict import verdict
+from screwgauge.scene.preflight import check_scene
+from screwgauge.study.ask import solve
 
 ENGINES = ["screw", "pinocchio", "mujoco", "truth"]
 
@@ -125,6 +128,47 @@ def test_a_pair_out_of_tolerance_says_what_explains_it(ladder):
     bad = pairs[(pairs["a"] == "truth") & (pairs["b"] == "pinocchio") & ~pairs["ok"]]
     assert {"joint_velocity", "joint_acceleration"} <= set(bad["quantity"])
     assert bad["reason"].str.startswith("within the error that pinocchio admits").all()
+
+
+def altered(scene, errors) -> tuple[bool, float, float, str]:
+    """Whether screw and Pinocchio agree on accelerations if Pinocchio's are off; error, tolerance, reason of the pair.
+
+    Args:
+        errors: Of each sample, over the estimates of both or the tolerance, whichever is more.
+    """
+    wanted = ("joint_acceleration",)
+    solutions = {name: solve(scene, (name,), wanted)[0][name] for name in ("screw", "pinocchio")}
+    ours, theirs = (solutions[name].values[wanted[0]] for name in solutions)
+    column = ours.components.index("leg2.q1")
+    size = np.abs(ours.array[:, [unit == "rad/s^2" for unit in ours.units]]).max()
+    room = sum(solution.estimate[wanted[0]] for solution in solutions.values())
+    array = theirs.array.copy()
+    array[:, column] = ours.array[:, column] + np.array(errors) * np.maximum(room, 1e-11) * size
+    solutions["pinocchio"] = replace(solutions["pinocchio"], values={wanted[0]: replace(theirs, array=array)})
+    problem, counted = scene.problem(frozenset(wanted)), check_scene(scene)
+    rows, pairs = compare(scene.mechanism, problem, solutions, {}, counted, scene.tolerance)
+    row = rows[(rows["component"] == "leg2.q1")].iloc[0]
+    pair = pairs[pairs["unit"] == "rad/s^2"].iloc[0]
+    assert bool(row["ok"]) == bool(pair["ok"])
+    assert (row["tolerance"], row["max_scaled"]) == (pair["tolerance"], pair["max_scaled"])
+    return bool(pair["ok"]), pair["max_scaled"], pair["tolerance"], pair["reason"]
+
+
+def test_two_engines_agree_within_the_errors_that_their_conditions_explain_sample_by_sample():
+    scene = moving_at([[0.1, 0.2], *before_upu(10.0**-2.3, 1, seed=1)])  # one well conditioned, one not
+    ok, error, tolerance, reason = altered(scene, [0.0, 0.9])
+    assert 1e-10 < error < tolerance < LIMIT
+    assert (ok, reason) == (True, f"within {tolerance:.2g}, rounding times the condition there")
+    ok, error, tolerance, reason = altered(scene, [0.0, 1.1])
+    assert not ok
+    assert error > 1e-10 > tolerance
+    # what a sample may be off by another one may not
+    ok, error, tolerance, _ = altered(scene, [3.0, 0.9])
+    assert not ok
+    assert error > 1e-10 > tolerance
+    # nor where a scene has said what it asks for, or a sample is flagged
+    assert not altered(replace(scene, tolerances={"joint_acceleration": 2e-11}), [0.0, 0.9])[0]
+    assert not altered(moving_at([[0.1, 0.2], *before_upu(1e-3, 1, seed=1)]), [0.0, 0.9])[0]
 
 
 def test_the_row_of_a_guard_is_that_of_its_worst_sample(ladder):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 import screwgauge
 from screwgauge.cli import main
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.importing import assemble
+from screwgauge.models.importing import homes
 from screwgauge.models.importing.convert import Wanted
 from screwgauge.models.importing.model import Options, import_model
 from screwgauge.models.importing.write import description
@@ -207,6 +208,52 @@ def test_a_loop_that_is_open_at_zero_is_assembled(tmp_path):
     assert "generalized_force" in {*results.pairs["quantity"]}
 
 
+#: A crank that turns a foot by a rod. Where the file has it rod and crank cross, which is outside the limits however
+#: they turn; the other assembly is within them.
+FOOT = """<mujoco model="leg"><compiler angle="radian"/><worldbody><body name="shin" pos="0 0 1">
+  <joint name="knee" axis="0 0 1"/><inertial pos="0.1 0 0" mass="0.8" diaginertia="0.004 0.004 0.001"/>
+  <body name="crank"><joint name="crank" axis="0 0 1" range="-2.4 -0.5"/>
+    <inertial pos="0.05 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>
+    <body name="rod" pos="0.1 0 0"><joint name="rod" axis="0 0 1"/>
+      <inertial pos="0.15 0 0.01" mass="0.1" diaginertia="1e-5 8e-4 8e-4"/></body></body>
+  <body name="foot" pos="0.3 0 0"><joint name="foot" axis="0 0 1" range="-2.4 -0.5" ref="0.533"/>
+    <inertial pos="0 0.03 0" mass="0.2" diaginertia="2e-4 2e-4 3e-4"/></body>
+</body></worldbody>
+<equality><connect body1="rod" body2="foot" anchor="0.29475 0.05588 0"/></equality>
+<actuator><motor joint="knee"/><motor joint="foot"/></actuator>{}</mujoco>"""
+
+
+def test_home_is_well_conditioned_and_within_the_limits_if_a_closed_pose_is(tmp_path):
+    path = tmp_path / "leg.xml"
+    path.write_text(FOOT.format(""), encoding="utf-8")
+    imported = import_model(path)
+    mechanism = imported.mechanism
+    check_home(mechanism)
+    for name in ("crank", "foot"):
+        joint = mechanism.joint(name)
+        assert joint.limits.tolist() == [[-2.4, -0.5]]
+        assert -2.4 < joint.home[0] < -0.5
+    said = " ".join(imported.remarks)
+    assert "one within the limits, found from the middle of the limits: the smallest singular value of" in said
+    assert re.search(r"From the file's own home they close where it is 0\.\d+, with .*foot beyond limits\.", said)
+    assert "left out" not in said
+    assert import_model(path).mechanism.home.tolist() == mechanism.home.tolist()
+    scene = screwgauge.load_scene(path)
+    results = screwgauge.run(scene.at(scene.t[::25]))
+    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    assert max(row.estimate for row in results.guard) < 1e-11
+
+
+def test_keyframes_of_any_name_lead_to_a_home(tmp_path):
+    path = tmp_path / "leg.xml"
+    frames = '<key name="stand" qpos="0.2 -1.4571 1.2361 -1.4688"/>'
+    path.write_text(FOOT.format(f"<keyframe>{frames}</keyframe>"), encoding="utf-8")
+    imported = import_model(path)
+    assert "found from keyframe 'stand'" in " ".join(imported.remarks)
+    assert imported.mechanism.joint("knee").home[0] == pytest.approx(0.2, abs=1e-3)
+    assert imported.mechanism.joint("foot").home[0] == pytest.approx(-1.4688, abs=1e-3)
+
+
 #: A body that moves freely and carries a ball joint is held at a place where it is not.
 HELD = """<mujoco><worldbody><site name="there" pos="1.1 0.3 0.2"/>
 <body name="base" pos="0.2 0 0.1"><freejoint name="float"/><geom size="0.1" mass="2"/>
@@ -224,11 +271,13 @@ def test_ball_and_free_joints_close_loops_too(tmp_path):
 
 
 def test_a_loop_that_cannot_close_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(assemble, "STARTS", 8)
+    monkeypatch.setattr(homes, "STARTS", 8)
     far = [part.replace("0.45 0 0", "0.01 0 0") for part in LOOP]
     path = robot(tmp_path, *far)
     (tmp_path / "robot.yaml").write_text(YAML, encoding="utf-8")
-    with pytest.raises(ClosureError, match=r"loops do not close from any of 8 starts: nearest are 'loop1' by [\d.]+ m"):
+    with pytest.raises(
+        ClosureError, match=r"loops do not close from any of \d+ starts: nearest are 'loop1' by [\d.]+ m"
+    ):
         import_model(path)
 
 
@@ -346,6 +395,21 @@ def planar(folder: Path, right_angle: str) -> Path:
         parts += [link(name), f'<joint name="{name}" type="fixed">{ends}</joint>']
     (folder / "planar.yaml").write_text("closed_loop: [[eye1, eye2]]\ntype: [3d]\nname_mot: [ja]\n", encoding="utf-8")
     return robot(folder, *parts, name="planar.urdf")
+
+
+def test_a_robot_whose_limits_leave_no_motion_is_refused_by_joint_limits_and_file(tmp_path, monkeypatch, capsys):
+    path = planar(tmp_path, "1.5707963267948966")
+    text = path.read_text(encoding="utf-8").replace("lower", "LOWER").replace("upper", "UPPER")
+    text = text.replace('LOWER="-3" UPPER="3"', 'lower="-3" upper="3"', 2)  # of ja and jb
+    text = text.replace('LOWER="-3" UPPER="3"', 'lower="-1e-5" upper="2e-5"')  # of jc
+    path.write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    for command in (["import", path.name, "-o", "out.toml"], ["run", path.name], ["bench", path.name]):
+        assert main(command) == 2
+        said = capsys.readouterr().err
+        assert f"screwgauge: {path.name}: no motion of 0.01 rad or lengths about home" in said
+        assert "it would leave the limits of 'jc' ([-1e-05, 2e-05] rad); widen the limits" in said
+        assert "tmp" not in said.rpartition("no motion")[2]
 
 
 def test_redundant_loops_move(tmp_path):

@@ -7,10 +7,13 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pinocchio
 import pytest
 
+import screwgauge
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.generate import write_models
+from screwgauge.models.kinematics.tree import States, move, plant
 from screwgauge.models.readings.collapse import collapsed
 from screwgauge.models.readings.loops import read_loops_yaml, with_loops
 from screwgauge.models.readings.read import read
@@ -68,7 +71,7 @@ def test_a_robot_yaml_closes_pairs_of_frames(legs, write):
 
 
 def test_joints_of_a_robot_yaml_become_spherical_and_motors_go_by_parts_of_names(legs, write):
-    further = "joint_name: [knee, hip_mot]\njoint_type: [SPHERICAL, revolute]\nspeed: 3\n"
+    further = "joint_name: [knee]\njoint_type: [SPHERICAL]\nspeed: 3\n"
     reading = with_loops(legs, write("robot.yaml", YAML.replace("['hip_mot', 'rod_mot']", "_mot") + further))
     assert {name: said.kind for name, said in reading.joints.items()} == {
         "hip_mot": "hinge",
@@ -77,7 +80,97 @@ def test_joints_of_a_robot_yaml_become_spherical_and_motors_go_by_parts_of_names
     }
     assert reading.joints["knee"].centre == pytest.approx([0.0, 0.0, -0.4], rel=0, abs=1e-15)
     assert list(reading.actuators) == ["hip_mot", "rod_mot"]
-    assert reading.ignored[-2:] == ("entry speed of robot.yaml", "type revolute of joint hip_mot")
+    assert reading.ignored[-2:] == ("limits of joint knee, which is made SPHERICAL", "entry speed of robot.yaml")
+
+
+#: A turned arm of three links, each of which is more than one.
+TURNED = "".join(
+    [
+        '<robot name="arm"><link name="base"/>',
+        *(f'<link name="{name}">{MATTER}</link>' for name in ("upper", "fore", "palm", "thumb")),
+        '<link name="wrist"/>',
+        joint("shoulder", "revolute", "base", "upper", '0 0 1" rpy="0.3 -0.7 0.2'),
+        joint("elbow", "revolute", "upper", "wrist", '0.2 0.1 -0.4" rpy="0.5 0.4 -1.1'),
+        joint("cuff", "fixed", "wrist", "fore", '0.1 0 0.2" rpy="0 0.2 0'),
+        joint("grip", "revolute", "fore", "palm", '0 0.3 0.1" rpy="-0.6 0.1 0.9'),
+        joint("nail", "fixed", "palm", "thumb", '0.05 0 0.1" rpy="0.2 0 1'),
+        "</robot>",
+    ]
+)
+LOOP = "closed_loop: [[nail, base]]\ntype: [3d]\njoint_name: [{}]\njoint_type: [{}]\n"
+
+
+@pytest.fixture
+def turned(write) -> Reading:
+    return read(write("robot.urdf", TURNED), "pinocchio")
+
+
+def test_a_universal_joint_turns_about_two_axes_of_the_frame_of_its_link(turned, write):
+    """As Pinocchio does with a joint about z and one about y in its place."""
+    reading = with_loops(turned, write("robot.yaml", LOOP.format("elbow", "UJOINT_ZY")))
+    assert list(reading.joints) == ["shoulder", "elbow_Z", "elbow_Y", "grip"]
+    assert reading.bodies["fore"].joints == ("elbow_Z", "elbow_Y")
+    old = pinocchio.buildModelFromXML(TURNED)
+    model, at = pinocchio.Model(), old.jointPlacements
+    one = model.addJoint(0, pinocchio.JointModelRY(), at[1], "shoulder")
+    two = model.addJoint(one, pinocchio.JointModelRZ(), at[2], "z")
+    three = model.addJoint(two, pinocchio.JointModelRY(), pinocchio.SE3.Identity(), "y")
+    last = model.addJoint(three, pinocchio.JointModelRY(), at[3], "grip")
+    data, q = model.createData(), np.array([0.3, -0.5, 0.9, 0.4])
+    pinocchio.forwardKinematics(model, data, q)
+    still, rest = model.createData(), np.zeros((1, 4))
+    pinocchio.forwardKinematics(model, still, rest[0])
+    tree = plant(reading)
+    motion = move(tree, States(q[None], rest, rest))
+    i = list(reading.bodies).index("palm")
+    expected = (data.oMi[last] * still.oMi[last].inverse()).homogeneous @ reading.bodies["palm"].pose
+    np.testing.assert_allclose(motion.R[0, i], expected[:3, :3], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(motion.p[0, i], expected[:3, 3], rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["shoulder", "elbow", "grip"])
+def test_a_fixed_joint_makes_one_body_as_if_the_urdf_had_it(name, turned, write):
+    reading = with_loops(turned, write("robot.yaml", LOOP.format(name, "fixed")))
+    at = TURNED.index(f'<joint name="{name}"')
+    expected = read(write("fixed.urdf", TURNED[:at] + TURNED[at:].replace("revolute", "fixed", 1)), "pinocchio")
+    assert list(reading.joints) == list(expected.joints)
+    assert list(reading.bodies) == list(expected.bodies)
+    assert {*reading.fixed} == {*expected.fixed}
+    for body, want in expected.bodies.items():
+        said = reading.bodies[body]
+        assert (said.near, said.joints, said.first, {*said.fixed}) == (
+            want.near, want.joints, want.first, {*want.fixed},
+        )  # fmt: skip
+        for key in ("mass", "com", "inertia", "pose"):
+            np.testing.assert_allclose(getattr(said, key), getattr(want, key), rtol=0, atol=2e-15)
+    (closure,) = reading.closures.values()
+    place = expected.place("thumb")
+    assert place is not None
+    assert closure.first == place[0]
+    np.testing.assert_allclose(closure.first_frame, place[1], rtol=0, atol=2e-15)
+
+
+def test_what_depends_on_a_joint_of_another_type_is_told(write):
+    mimic = TURNED.replace("</robot>", "").replace(
+        '<parent link="fore"/>', '<parent link="fore"/><mimic joint="elbow" multiplier="2" offset="0.3"/>'
+    )
+    reading = read(write("robot.urdf", f"{mimic}</robot>"), "pinocchio")
+    held = with_loops(reading, write("robot.yaml", LOOP.format("elbow", "FIXED"))).couplings["grip"]
+    assert (held.joint, held.of, held.polynomial.tolist()) == ("grip", "", [0.3])
+    for name, kind in (("grip", "FIXED"), ("elbow", "UJOINT_XY"), ("grip", "SPHERICAL")):
+        with pytest.raises(ScrewgaugeError, match=f"'{name}' is coupled to another one, and cannot be made {kind}"):
+            with_loops(reading, write("robot.yaml", LOOP.format(name, kind)))
+
+
+def test_names_of_fixed_joints_are_frames(turned, write):
+    by_joint = with_loops(turned, write("one.yaml", "closed_loop: [[nail, cuff]]\ntype: [6d]")).closures["loop1"]
+    by_link = with_loops(turned, write("two.yaml", "closed_loop: [[thumb, fore]]\ntype: [6d]")).closures["loop1"]
+    assert (by_joint.first, by_joint.second) == (by_link.first, by_link.second) == ("palm", "fore")
+    assert np.array_equal(by_joint.first_frame, by_link.first_frame)
+    assert np.array_equal(by_joint.second_frame, by_link.second_frame)
+    twice = read(write("twice.urdf", TURNED.replace('joint name="nail"', 'joint name="upper"')), "pinocchio")
+    with pytest.raises(ScrewgaugeError, match="'upper' is a link, and a joint of that name carries link 'thumb'"):
+        with_loops(twice, write("robot.yaml", "closed_loop: [[upper, base]]\ntype: [3d]"))
 
 
 @pytest.mark.parametrize("library", ["pinocchio", "yourdfpy", "mujoco"])
@@ -104,6 +197,10 @@ BAD = {
     "name_mot: 3": "3 is no list of names",
     "joint_name: [tip]\njoint_type: [SPHERICAL]": "unknown joint 'tip'",
     "joint_name: [knee]": "1 joint names, 0 joint types",
+    "joint_name: [knee, knee]\njoint_type: [FIXED, FIXED]": "names joint 'knee' twice",
+    "joint_name: [knee]\njoint_type: [HINGED]": "unknown type of joint 'knee', 'HINGED'; choose one of: SPHERICAL, "
+    "FIXED, UJOINT_XY, UJOINT_XZ",
+    "joint_name: [knee]\njoint_type: [UJOINT_ZZ]": "'UJOINT_ZZ'; did you mean 'UJOINT_",
     "a: !!python/object/apply:os.getcwd []": "line 1: holds the tag tag:yaml.org,2002:python/object/apply:os.getcwd",
     "a: 1\nb: !!int ''": "line 2: holds the tag tag:yaml.org,2002:int, which is not read; write the value without it",
     "a: !!float ''": "holds the tag",
@@ -167,3 +264,13 @@ def test_a_loops_file_of_our_own_says_what_the_mjcf_says(name, tmp_path: Path):
             assert said.kind == want.kind
             np.testing.assert_allclose(frames[want.first], want.first_frame, rtol=0, atol=1e-14)
             np.testing.assert_allclose(frames[want.second], want.second_frame, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("kind", ["SPHERICAL", "UJOINT_ZY", "FIXED"])
+def test_a_diagnosis_asks_the_library_about_the_joints_that_it_knows(kind, write):
+    """Its own inverse dynamics know nothing of the types in a file beside the URDF."""
+    urdf, loops = write("robot.urdf", TURNED), write("robot.yaml", LOOP.format("elbow", kind))
+    found = screwgauge.diagnose(urdf, urdf, loops=loops)
+    assert [(each.failed, each.agrees) for each in found.witnesses] == [("", True)] * 2
+    assert found.exit_status == 0
+    assert len(found.a.reading.joints) == {"SPHERICAL": 3, "UJOINT_ZY": 4, "FIXED": 2}[kind]

@@ -106,15 +106,6 @@ def test_includes_meshes_and_files_are_said(write):
         assert [phrase for phrase in said if phrase not in reading.ignored] == []
 
 
-def test_a_model_that_is_attached_is_said_to_be_missing_with_what_to_do(write):
-    body = BODY.replace("</body>", '<attach model="hand" body="palm" prefix="h_"/></body>')
-    reading = read(write("arm.xml", mjcf(body, '<asset><model name="hand" file="hand.xml"/></asset>')), "mujoco")
-    assert reading.ignored[0] == (
-        "attach of model hand, the bodies of which are missing here: give the file that "
-        "mujoco.MjSpec.from_file(FILE).to_xml() makes of it"
-    )
-
-
 def test_a_mesh_from_which_mujoco_would_take_a_mass_is_said(write):
     mesh = '<collision><geometry><mesh filename="package://x/y.stl"/></geometry></collision>'
     path = write("shell.urdf", ARM.replace('<link name="a"/>', f'<link name="a">{mesh}</link>'))

@@ -126,7 +126,9 @@ def test_nesting_in_json_is_bounded(tmp_path):
 
 
 def test_a_row_comes_back_from_json():
-    assert repr(row_from(json.loads(json.dumps(asdict(ROW))))) == repr(replace(ROW, doubts=[], unread=["x"], read=["y"]))
+    assert repr(row_from(json.loads(json.dumps(asdict(ROW))))) == repr(
+        replace(ROW, doubts=[], unread=["x"], read=["y"])
+    )
 
 
 ODD = {"scene": 3, "status": "green", "errors": [{}], "versions": {"a": 1}, "unread": [3], "seconds": "1", "more": 1}

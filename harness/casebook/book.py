@@ -42,7 +42,7 @@ def reproduce(id: str) -> CaseResult:
         run = getattr(import_module(f"screwgauge.{module}"), name)
         with ExitStack() as stack:
             if "mujoco" in case.engines:  # whose warnings go into a file of the working directory otherwise
-                from screwgauge.models.readings.mujoco import warned
+                from screwgauge.models.readings.compiler import warned
 
                 stack.enter_context(warned())
             return CaseResult(case, versions, run())

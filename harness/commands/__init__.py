@@ -69,7 +69,7 @@ def import_(options: argparse.Namespace) -> int:
 
     independent, actuated = _names(options.independent), _names(options.actuated)
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
-    choice = Options(options.loops, options.reader or "", options.floating, wanted)
+    choice = Options(options.loops, options.reader or "", options.floating, options.meshes, wanted)
     out = options.out or Path(f"{options.file.stem}.toml")
     check_free(out, filter(None, (options.file, options.loops)), force=options.force)
     found = import_apart(options.file, choice)
@@ -214,7 +214,7 @@ def diagnose(options: argparse.Namespace) -> int:
     from screwgauge.diagnosis.record import summary
     from screwgauge.environment import json_text
     from screwgauge.report.pages.diagnosis import PAGE as page
-    from screwgauge.study.campaigns.loading import read_apart
+    from screwgauge.study.campaigns.loading import read_apart, sides
 
     if options.b is None:
         raise DescriptionError(
@@ -227,7 +227,7 @@ def diagnose(options: argparse.Namespace) -> int:
     found = carry_out(
         page,
         options.out or OUT / "diagnosis",
-        lambda progress: diagnose(options.a, options.b, load=read_apart, **more),
+        lambda progress: diagnose(*sides(options.a, options.b, options.meshes), load=read_apart, **more),
         tell=(lambda found: json_text(summary(found), escaped=True)) if options.json else None,
         inputs=_models(options),
         force=options.force,

@@ -23,7 +23,7 @@ from screwgauge.diagnosis.differences.static import differences, distinct
 from screwgauge.diagnosis.known import compiled
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Loops as Beside
-from screwgauge.diagnosis.model import Model, Read, alike, cut_alike, each_loops, in_process, loaded
+from screwgauge.diagnosis.model import Model, Read, Weighed, alike, cut_alike, each_loops, in_process, loaded
 from screwgauge.diagnosis.notes import notes, outside
 from screwgauge.diagnosis.order import Order, between
 from screwgauge.diagnosis.pairing.branches import bare, missing
@@ -121,13 +121,13 @@ class Diagnosis:
         if self.fix is None or not self.fix.text or self.b.file is None:
             why = "; ".join(self.not_fixed) or "nothing differs"
             raise OutputError(f"there is nothing to write: {why}", str(out), "leave out --fix")
-        write_fix(out, self.fix.text, self.b.file)
+        write_fix(out, self.fix.text, self.b.file, self.b.own)
         return out
 
 
 def diagnose(
-    a: str | Path,
-    b: str | Path,
+    a: str | Path | Weighed,
+    b: str | Path | Weighed,
     *,
     map: str | Path | Mapping[str, str] | None = None,
     seed: int = 0,
@@ -139,7 +139,7 @@ def diagnose(
     """Compares two models.
 
     Args:
-        a, b: URDF, MJCF or description, or ``FILE@library``.
+        a, b: URDF, MJCF or description, or ``FILE@library``; `model.weighed` of it where mass comes from meshes.
         map: Joints and bodies of A with those of B where names and geometry do not tell, or a TOML file of them.
         seed: Of the random states.
         matrix: Read both files by all libraries, too.

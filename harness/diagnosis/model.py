@@ -14,11 +14,12 @@ from screwgauge.diagnosis.pairing.cuts import Copy, copies, united
 from screwgauge.diagnosis.pairing.mapping import Pairing, paired
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.expected import expected_reading
+from screwgauge.models.importing import is_model
 from screwgauge.models.loops import read_loops
 from screwgauge.models.readings.loops import OWN, loops_for, with_loops
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
 from screwgauge.models.readings.reading import Reading
-from screwgauge.models.readings.source import prepare
+from screwgauge.models.readings.source import prepare, weighed_copy
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.files import digest, is_file, read_file
 from screwgauge.reference.mechanism import Mechanism
@@ -46,7 +47,9 @@ class Model:
         sha256: Of the file; empty without one.
         loops: File that says what closes the loops of a URDF; `loops_sha256` of it.
         parts: Bodies that are taken for parts of others, as the other model has them.
-        as_read: The reading before that; None where there are none.
+        own: The user's file, where `file` is a copy of it that says mass and inertia of meshes.
+        as_read: What the library itself has of the file, without these and without joints of which a file beside it
+            changes the types; None where that is the reading.
         open_by: How far its loops are open at home as written, in words; empty where they are closed.
         never_closed: Which loops close from no start, in words; empty where all do.
         says_closures: Whether its files can say what closes loops; a URDF alone cannot.
@@ -62,6 +65,7 @@ class Model:
     loops: Path | None = None
     parts: tuple[Copy, ...] = ()
     as_read: Reading | None = None
+    own: Path | None = None
     open_by: str = ""
     never_closed: str = ""
     loops_sha256: str = ""
@@ -84,7 +88,37 @@ class Model:
         given = tuple(parts)
         if not given:
             return self
-        return replace(self, parts=given, as_read=self.reading, reading=united(self.reading, given))
+        return replace(self, parts=given, as_read=self.as_read or self.reading, reading=united(self.reading, given))
+
+
+@dataclass(frozen=True, slots=True)
+class Weighed:
+    """A side of a diagnosis beside a copy of it that says mass and inertia of meshes.
+
+    Attributes:
+        given: What the user gave.
+        copy: Of the file; the file itself where no mass comes from meshes.
+    """
+
+    given: str
+    copy: Path
+
+    def __str__(self) -> str:
+        return self.given
+
+
+def weighed(given: str | Path, folder: Path) -> Weighed:
+    """A side of a diagnosis with mass and inertia from meshes, if some come from there.
+
+    Args:
+        folder: Of the copy.
+
+    Raises:
+        ScrewgaugeError: Meshes cannot be read, or lie outside the folder of the file.
+    """
+    file = Path(_asked(given)[0])
+    copy = weighed_copy(file, folder) if is_model(file) else None
+    return Weighed(str(given), copy or file)
 
 
 def in_process(file: Path, library: str, floating: bool) -> Reading:
@@ -92,7 +126,7 @@ def in_process(file: Path, library: str, floating: bool) -> Reading:
     return read(file, library, floating=floating)
 
 
-def loaded(given: str | Path, load: Read = in_process, loops: Path | None = None) -> Model:
+def loaded(given: str | Path | Weighed, load: Read = in_process, loops: Path | None = None) -> Model:
     """Loads one side: a file, with what lies beside it, ``FILE@library``, or a description.
 
     Args:
@@ -102,20 +136,30 @@ def loaded(given: str | Path, load: Read = in_process, loops: Path | None = None
         ScrewgaugeError: It cannot be read.
     """
     text, library = _asked(given)
-    file = Path(text)
+    own = Path(text)
     if _is_description(text, library):
         if loops is not None:
             raise ModelFileError("says itself what closes its loops", text, "leave --loops out")
         return _described(text)
+    file = given.copy if isinstance(given, Weighed) else own
     library = library or libraries_for(file)[0]
-    content, form = read_file(file), prepare(file).form
+    content, form = read_file(own), prepare(file).form
     model = Model(str(given), file, library, load(file, library, False), False, digits_of(content), _digest(content))
-    if (loops := loops_for(file, loops)) is None:
+    model = replace(model, own=own if file != own else None)
+    if (loops := loops_for(own, loops)) is None:
         return replace(model, says_closures=form != "urdf")
-    return replace(model, loops=loops, reading=with_loops(model.reading, loops), loops_sha256=_digest(read_file(loops)))
+    reading = with_loops(model.reading, loops)
+    as_read = None if _kinds(reading) == _kinds(model.reading) else model.reading
+    return replace(model, loops=loops, reading=reading, as_read=as_read, loops_sha256=_digest(read_file(loops)))
 
 
-def each_loops(loops: Loops, sides: tuple[str | Path, str | Path]) -> tuple[Path | None, Path | None]:
+def _kinds(reading: Reading) -> dict[str, str]:
+    return {name: joint.kind for name, joint in reading.joints.items()}
+
+
+def each_loops(
+    loops: Loops, sides: tuple[str | Path | Weighed, str | Path | Weighed]
+) -> tuple[Path | None, Path | None]:
     """The loops file of each side: of a pair, or one for every side that is a URDF.
 
     Raises:
@@ -136,7 +180,7 @@ def each_loops(loops: Loops, sides: tuple[str | Path, str | Path]) -> tuple[Path
     return one, two
 
 
-def _asked(given: str | Path) -> tuple[str, str]:
+def _asked(given: str | Path | Weighed) -> tuple[str, str]:
     """File or name of a side, and the library that is asked for; empty where none is."""
     text, library = str(given), ""
     if "@" in text and not os.path.exists(text):
@@ -151,7 +195,7 @@ def _is_description(text: str, library: str) -> bool:
     return not library and (file.suffix == ".toml" or (not file.suffix and not os.path.exists(file)))
 
 
-def _is_urdf(given: str | Path) -> bool:
+def _is_urdf(given: str | Path | Weighed) -> bool:
     text, library = _asked(given)
     return not _is_description(text, library) and prepare(Path(text)).form == "urdf"
 

@@ -10,6 +10,7 @@ import pandas as pd
 
 from screwgauge.judging.answer import Row, largest, timed
 from screwgauge.judging.assembly import other_assemblies
+from screwgauge.judging.conditioning import LIMIT
 from screwgauge.judging.integration import Left, left
 from screwgauge.judging.refusals import Refusal
 from screwgauge.problem import Problem
@@ -82,13 +83,15 @@ def compare(
             for unit in dict.fromkeys(reference.units):
                 scale = reference_scale(reference, unit, scales[unit])
                 limit, why = _limit(quantity, unit, (a, b), scale, tolerance_of(quantity))
+                limits = np.maximum(limit, _conditioned(quantity, (a, b), tolerance_of(quantity), len(t)))
                 grown = left(quantity, unit, (a, b), scale, binding=quantity in binding)
-                rows = [_held(row, rules) for row in _components(quantity, unit, a, b, t, limit, grown)]
+                rows = [_held(row, rules) for row in _components(quantity, unit, a, b, t, limits, grown)]
                 errors += rows
                 if compared := [row for row in rows if row["ok"] is not pd.NA]:
                     row = _pair(compared)
+                    within = f"within {row['tolerance']:.2g}, rounding times the condition there"
                     if row["ok"] and row["max_scaled"] > tolerance_of(quantity):
-                        row["reason"] = row["integration"] or why or row["reason"]
+                        row["reason"] = row["integration"] or (within if row["max_scaled"] > limit else why)
                     pairs.append(_explained(row, a, b, refusals))
     for solution in solutions.values():
         for failure in failures.values():
@@ -124,6 +127,17 @@ def _limit(quantity: str, unit: str, pair: tuple[Solution, Solution], scale: flo
     return max(asked, admitted / scale, stated / scale), "" if quantity == "tree_force_soft" else why
 
 
+def _conditioned(quantity: str, pair: tuple[Solution, Solution], asked: float, n: int) -> Array:
+    """Scaled error that the condition of what two solutions were solved from explains, by their own estimates. (n,)
+
+    Of a sample that is flagged, or of a scene that asks for more than is usual, it explains none.
+    """
+    usual = QUANTITIES[quantity].tolerance
+    estimates = [one.estimate.get(quantity, np.zeros(n)) for one in pair]
+    known = np.all([each <= LIMIT for each in estimates], axis=0) & (asked <= usual)
+    return np.where(known, asked / usual * np.sum(estimates, axis=0), 0.0)
+
+
 def _held(row: Row, rules: Mapping[str, tuple[str, bool]]) -> Row:
     """A component's errors with the rule that fixes it, held against their tolerance.
 
@@ -137,11 +151,15 @@ def _held(row: Row, rules: Mapping[str, tuple[str, bool]]) -> Row:
 
 
 def _components(
-    quantity: str, unit: str, a: Solution, b: Solution, t: Array, limit: float, grown: Left
+    quantity: str, unit: str, a: Solution, b: Solution, t: Array, limits: Array, grown: Left
 ) -> Iterator[Row]:
     """Errors of each component of a unit that both have, over the samples that both have solved.
 
-    The largest; where integration leaves more in later samples, that which is most beyond what it leaves, if one is.
+    The largest; where conditions explain more at other samples, or integration leaves more in later ones, that which is
+    most beyond what it may be, if one is.
+
+    Args:
+        limits: Scaled error up to which the two agree at each sample, without that of integration. Shape (n,).
     """
     first, second, rows = a.values[quantity], b.values[quantity], common_rows(len(t), a, b)
     columns, some = {x: k for k, x in enumerate(second.components)}, rows if len(rows) < len(t) else slice(None)
@@ -150,21 +168,24 @@ def _components(
     difference = np.abs(first.array[some][:, chosen] - second.array[some][:, [columns[x] for x in names]])
     known = np.isfinite(difference)  # what is not a number is worse than anything
     scale, admitted = grown.scale, grown.admitted(len(t))[some]
-    beyond = np.where(known, difference / scale - (limit + admitted)[:, None], np.inf)
+    beyond = np.where(known, difference / scale - (limits[some] + admitted)[:, None], np.inf)
     at = np.argmax(np.where(known, difference, np.inf), axis=0)
     at = np.where(beyond.max(axis=0) > 0.0, np.argmax(beyond, axis=0), at)
-    rms = np.sqrt(np.mean(difference**2, axis=0))
+    rms, usual = np.sqrt(np.mean(difference**2, axis=0)), float(limits.min())
     for k, (component, i) in enumerate(zip(names, at.tolist(), strict=True)):
         worst = float(difference[i, k]) if known[i, k] else float("nan")
         about = {"quantity": quantity, "component": component, "unit": unit, "a": a.engine, "b": b.engine}
         size = {"max_abs": worst, "rms": float(rms[k]), "max_scaled": worst / scale, "scale": scale}
+        # what conditions explain counts where it is needed
+        limit = usual if worst / scale <= usual + admitted[i] else float(limits[rows[i]])
         held = {"worst_t": float(t[rows[i]]), "tolerance": float(limit + admitted[i])}
         ok = worst / scale <= held["tolerance"]
         yield {**about, **size, **held, "integration": grown.reason(worst / scale, int(rows[i]), ok=ok, usual=limit)}
 
 
 def _pair(rows: Sequence[Row]) -> Row:
-    """Sums up the components of one quantity and unit."""
+    """Sums up the components of one quantity and unit, by the worst of those that are out of tolerance, or of all."""
+    every, rows = rows, [row for row in rows if not row["ok"]] or rows
     sizes = np.array([row["max_scaled"] for row in rows])
     lost = ~np.isfinite(sizes)
     over = np.where([row["ok"] for row in rows], -np.inf, sizes)  # tolerances of components may differ
@@ -173,10 +194,10 @@ def _pair(rows: Sequence[Row]) -> Row:
     reason = "" if np.isfinite(worst["max_scaled"]) else f"not a number at t = {worst['worst_t']:g} s"
     return {
         **worst,
-        "rms": float(np.sqrt(np.mean([row["rms"] ** 2 for row in rows]))),
+        "rms": float(np.sqrt(np.mean([row["rms"] ** 2 for row in every]))),
         "worst_component": worst["component"],
-        "unique": all(row["unique"] for row in rows),
-        "ok": all(row["ok"] for row in rows),
+        "unique": all(row["unique"] for row in every),
+        "ok": all(row["ok"] for row in every),
         "reason": reason,
     }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
@@ -53,7 +54,8 @@ def scene_file(path: Path) -> Path:
             return scene
         description, acting = path.resolve(), dict[str, Any]()
     file = scratch_folder() / f"{path.stem}{SUFFIX}"
-    file.write_text(default_scene(load_mechanism(description), description, **acting), encoding="utf-8")
+    mechanism = replace(load_mechanism(description), where=str(path))  # what is wrong is wrong in the user's file
+    file.write_text(default_scene(mechanism, description, **acting), encoding="utf-8")
     return file
 
 

@@ -20,8 +20,9 @@ from screwgauge.reference.kinematics import Velocities, velocities
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Layout, length, pose
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.wording import first_few
 from screwgauge.scene.motion import Drive, read_drive
-from screwgauge.scene.preflight import beyond_limits, check_home
+from screwgauge.scene.preflight import check_home, limits_left
 from screwgauge.scene.scene import Scene, check_scene_type
 
 WORSE = 4.0  # times the condition number at home is still well inside
@@ -30,11 +31,21 @@ STEEPEST = 1.2  # [rad] of an S joint's second angle, far from its lock
 AMPLITUDES = 0.64 / 2.0 ** (np.arange(13) / 2)
 SINES = 3  # of each coordinate
 SAMPLES = 101
+NAMED = 4  # joints in a sentence
 PERIODS = 2.0 * SINES  # of a sine of the usual frequency, two of the slowest
 
 
 def stays_regular(lay: Layout, motion: GivenMotion, part: int = 3) -> bool:
     """Whether poses along a motion from home are within limits and about as well conditioned as home.
+
+    Raises:
+        ScrewgaugeError: It cannot be followed.
+    """
+    return not obstacle(lay, motion, part)
+
+
+def obstacle(lay: Layout, motion: GivenMotion, part: int = 3) -> str:
+    """What stops a motion from home, in words: limits, or poses much worse conditioned than home; empty if none.
 
     Args:
         part: So many are followed before they are looked at: to find where a way ends takes long.
@@ -50,9 +61,11 @@ def stays_regular(lay: Layout, motion: GivenMotion, part: int = 3) -> bool:
         q = np.vstack([mechanism.home, at.q])
         worst, steep = linear.condition(system.matrix(pose(lay, q))), np.abs(q[:, mechanism.columns(tuple(middle))])
         inside = (worst < WORSE * worst[0]).all() and (steep < np.maximum(STEEPEST, (steep[0] + np.pi / 2) / 2)).all()
-        if not inside or beyond_limits(mechanism, at.q):
-            return False
-    return True
+        if beyond := limits_left(mechanism, at.q):
+            return f"it would leave the limits of {first_few(beyond, NAMED)}"
+        if not inside:
+            return "it would come near a singular pose"
+    return ""
 
 
 def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float = AMPLITUDES[0]) -> Scene:
@@ -83,6 +96,7 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
     heights = size[columns] / (SINES * np.abs(rate.K[0] / size[:, None] * size[columns]).max(axis=0))
     heights = np.minimum(heights, _room(mechanism) / (SINES * AMPLITUDES[0]))
     sines, pace = _sines(np.random.default_rng(seed), heights), _pace(lay, rate, scene.applied, heights)
+    stopped = ""
     for amplitude in AMPLITUDES[largest >= AMPLITUDES]:
         omega = pace / np.sqrt(amplitude)
         tables = {
@@ -97,11 +111,14 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
             step * np.arange(float(samples)),
         )
         try:
-            if stays_regular(lay, drive(t)):
-                return _moving(scene, seed, tables, drive, t)
-        except ScrewgaugeError:
+            stopped = obstacle(lay, drive(t))
+        except ScrewgaugeError as error:
+            stopped = error.what
             continue
-    what = f"no motion of {AMPLITUDES[-1]:.1g} rad or lengths about home stays within limits and off singular poses"
+        if not stopped:
+            return _moving(scene, seed, tables, drive, t)
+    least = f"{AMPLITUDES[-1]:.1g} rad or lengths"
+    what = f"no motion of {least} about home stays within limits and off singular poses: {stopped}"
     raise DescriptionError(what, mechanism.where, "widen the limits, or describe it with another home pose")
 
 

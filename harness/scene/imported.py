@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 from screwgauge.models.catalog import load_mechanism
@@ -38,7 +39,8 @@ def write_imported(imported: Imported, file: Path, *, force: bool = False) -> tu
         with tempfile.TemporaryDirectory(dir=file.parent, prefix=".import-") as folder:
             made = Path(folder) / file.name, Path(folder) / scene.name
             _write(made[0], description(imported.mechanism, notes(imported)))
-            mechanism = load_mechanism(made[0])  # as it will be read, to the last digit
+            # as it will be read, to the last digit; what is wrong is wrong in the file that was imported
+            mechanism = replace(load_mechanism(made[0]), where=imported.mechanism.where)
             _write(made[1], default_scene(mechanism, Path(file.name), **acting_on(imported)))
             for path, target in zip(made, (file, scene), strict=True):
                 os.replace(path, target)

@@ -186,6 +186,14 @@ def beyond_limits(mechanism: Mechanism, q: Array, *, unit: bool = False) -> tupl
     return i, f"'{mechanism.coordinates[k]}' = {value} is beyond its limits [{low[k]:g}, {high[k]:g}]"
 
 
+def limits_left(mechanism: Mechanism, q: Array) -> list[str]:
+    """Coordinates that are beyond their limits in some sample, with these. `q`: shape (n, n_q)."""
+    low, high = mechanism.limits.T
+    beyond = ((q < low) | (q > high)).any(axis=0)
+    rows = zip(mechanism.coordinates, low, high, mechanism.units, beyond, strict=True)
+    return [f"'{name}' ([{a:g}, {b:g}] {unit})" for name, a, b, unit, left in rows if left]
+
+
 class Walk:
     """Follows a motion part by part from home, for errors in terms of the description.
 

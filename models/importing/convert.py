@@ -63,18 +63,26 @@ class Wanted:
         return Wanted(chosen, actuated if self.actuated is None else self.actuated)
 
 
-def describe(reading: Reading, where: str, wanted: Wanted, given: Sequence[Joint] = ()) -> Imported:
+def describe(
+    reading: Reading,
+    where: str,
+    wanted: Wanted,
+    given: Sequence[Joint] = (),
+    keyframes: Mapping[str, Mapping[str, float]] | None = None,
+) -> Imported:
     """The mechanism that was read.
 
     Args:
         where: The file, to blame.
         given: Joints that close loops, as they are already known; others are made from the points that coincide.
+        keyframes: Poses that may be near a good home, name -> joint -> coordinate [rad or m].
 
     Raises:
         ScrewgaugeError: Nothing moves, loops do not close, or a choice does not fit.
     """
     own, names = _renamed(reading)
-    reading, moves = assemble(own, where)
+    poses = {key: {names.get(name, name): x for name, x in q.items()} for key, q in (keyframes or {}).items()}
+    reading, moves = assemble(own, where, poses)
     graph = graph_of(reading, length_of(reading))
     if not graph.chains:
         said = " ".join(graph.remarks)

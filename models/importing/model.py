@@ -9,11 +9,14 @@ from tempfile import TemporaryDirectory
 
 from screwgauge.models.importing.convert import Imported, Wanted, describe
 from screwgauge.models.importing.write import description
-from screwgauge.models.loops import LoopsFile, read_loops
+from screwgauge.models.loops import read_loops
+from screwgauge.models.readings.compiler import warned
 from screwgauge.models.readings.loops import OWN, loops_for, with_loops
-from screwgauge.models.readings.mujoco import is_single, loaded, warned
-from screwgauge.models.readings.read import libraries_for, read
-from screwgauge.models.readings.source import prepare
+from screwgauge.models.readings.mujoco import is_single, loaded
+from screwgauge.models.readings.read import libraries_of, read_source
+from screwgauge.models.readings.source import Source, prepare
+from screwgauge.models.readings.unread import dropped
+from screwgauge.reference.errors import ModelFileError
 
 #: Keyframe that users of MJCF call so.
 HOME = "home"
@@ -27,12 +30,14 @@ class Options:
         loops: A file beside a URDF that says what closes its loops; by default one of its name, if there is one.
         library: Who reads it; by default that of its format.
         floating: The base of a URDF moves freely.
+        meshes: Mass and inertia are computed from meshes in the folder of an MJCF where they come from these.
         wanted: What the user chose to be independent and actuated.
     """
 
     loops: Path | None = None
     library: str = ""
     floating: bool = False
+    meshes: bool = False
     wanted: Wanted = field(default_factory=Wanted)
 
 
@@ -43,29 +48,33 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
         ScrewgaugeError: It is no model, or one that a description cannot hold.
     """
     options = options or Options()
-    library, loops = options.library or libraries_for(path)[0], loops_for(path, options.loops)
+    source = prepare(path, floating=options.floating, meshes=options.meshes)
+    library, loops = options.library or libraries_of(source.form)[0], loops_for(path, options.loops)
     own = read_loops(loops) if loops is not None and loops.name.endswith(OWN) else None
-    reading = read(path, library, home=_home(path, own), floating=options.floating)
+    keyframes = _keyframes(source) if own is None else {HOME: own.home}
+    reading = read_source(source, library, home=keyframes.pop(HOME, None))
+    if lost := dropped(source, reading):
+        raise ModelFileError("; ".join(each.sentence for each in lost), str(path), "let another library read it")
     reading = reading if loops is None else with_loops(reading, loops)
     wanted, given = options.wanted, own.joints if own else ()
     if own is not None:
         wanted = wanted.otherwise(own.independent, [joint.coordinates[0] for joint in own.joints if joint.actuated])
-    imported = describe(reading, str(path), wanted, given)
+    imported = describe(reading, str(path), wanted, given, keyframes)
     said = f"Imported from {path.name} as {library} reads it{f', with the loops of {loops.name}' if loops else ''}."
-    return replace(imported, remarks=(said, *imported.remarks))
+    return replace(imported, remarks=(said, *source.resolved, *imported.remarks))
 
 
-def _home(path: Path, own: LoopsFile | None) -> dict[str, float]:
-    """Coordinates at home as files say them [rad or m]: of an MJCF in its keyframe ``home``, if it has one."""
-    if own is not None:
-        return own.home
-    source = prepare(path)
-    if source.form != "mjcf" or source.root.find(f"keyframe/key[@name='{HOME}']") is None:
+def _keyframes(source: Source) -> dict[str, dict[str, float]]:
+    """Coordinates of hinges and slides in each keyframe of an MJCF [rad or m]; those without a name are numbered."""
+    if source.form != "mjcf" or source.root.find("keyframe/key") is None:
         return {}
     with warned():
         model = loaded(source)
-    qpos = model.key(HOME).qpos
-    return {model.joint(i).name: float(qpos[model.jnt_qposadr[i]]) for i in range(model.njnt) if is_single(model, i)}
+    single = {model.joint(i).name: model.jnt_qposadr[i] for i in range(model.njnt) if is_single(model, i)}
+    return {
+        model.key(k).name or str(k + 1): {name: float(model.key_qpos[k][at]) for name, at in single.items()}
+        for k in range(model.nkey)
+    }
 
 
 @cache

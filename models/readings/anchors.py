@@ -27,11 +27,12 @@ _JOINED = ("body1", "body2", "site1", "site2")
 def as_file(root: ET.Element) -> Iterator[str]:
     """Path of a file with an MJCF: Pinocchio reads no text.
 
-    Without its keyframes: of a model of which it drops a part, Pinocchio would refuse those of the whole.
+    Without its keyframes: of a model of which it drops a part, Pinocchio would refuse those of the whole. And without
+    the models that it attaches, which Pinocchio drops.
     """
     root = copy.copy(root)
-    for keyframe in root.findall("keyframe"):
-        root.remove(keyframe)
+    for section in (*root.findall("keyframe"), *root.findall("asset")):
+        root.remove(section)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model.xml"
         path.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")

@@ -68,7 +68,7 @@ def check_names(root: ET.Element, form: str, where: str) -> None:
     places = list(root) if form == "urdf" else list(world(root))
     for what, tags in kinds.items():
         names = Counter(element.get("name") for element in places if element.tag in tags)
-        if what != "joint" and not names and not any(place.tag in MAKERS for place in places):
+        if what != "joint" and not names and not any(place.tag in (*MAKERS, "attach") for place in places):
             raise ModelFileError(f"has no {what}", where, "give the file that describes the robot")
         for name, count in names.items():
             if not name:

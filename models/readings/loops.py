@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import reprlib
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +16,8 @@ from screwgauge.models.layout import Closure
 from screwgauge.models.loops import read_loops
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.plain_yaml import read_yaml
-from screwgauge.models.readings.reading import ClosureReading, JointReading, Reading, couplings_of
+from screwgauge.models.readings.reading import ClosureReading, Reading, couplings_of
+from screwgauge.models.readings.retyped import retyped
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
 from screwgauge.reference.files import is_file
@@ -36,14 +38,14 @@ class LoopsYaml:
         pairs: Names of two links, or of joints for the links that they carry, that coincide.
         kinds: Of the closures, as `ClosureReading` has them.
         motors: Joints that are driven; or a part of their names, where the file has one text for all.
-        spherical: Joints that turn about a point.
+        types: Joint -> its type in place of that of the URDF, in capitals.
         unread: Further entries of the file.
     """
 
     pairs: tuple[tuple[str, str], ...]
     kinds: tuple[str, ...]
     motors: tuple[str, ...] | str
-    spherical: tuple[str, ...]
+    types: Mapping[str, str]
     unread: tuple[str, ...]
 
 
@@ -130,16 +132,15 @@ def read_loops_yaml(path: Path) -> LoopsYaml:
     if len(joints) != len(turned):
         what = f"{len(joints)} joint names, {len(turned)} joint types"
         raise ModelFileError(what, where, "write a type for each joint")
+    if twice := [name for name, count in Counter(joints).items() if count > 1]:
+        raise ModelFileError(f"names joint '{twice[0]}' twice", f"{where}, joint_name", "name it once")
     motors = data.get("name_mot")
     return LoopsYaml(
         tuple((first, second) for first, second in pairs),
         tuple(_KINDS[kind.lower()] for kind in types),
         motors if isinstance(motors, str) else _texts(motors, f"{where}, name_mot"),
-        tuple(name for name, kind in zip(joints, turned, strict=True) if kind.lower() == "spherical"),
-        (
-            *(f"entry {key} of {path.name}" for key in data if key not in _KEYS),
-            *(f"type {k} of joint {n}" for n, k in zip(joints, turned, strict=True) if k.lower() != "spherical"),
-        ),
+        {name: kind.upper() for name, kind in zip(joints, turned, strict=True)},
+        tuple(f"entry {key} of {path.name}" for key in data if key not in _KEYS),
     )
 
 
@@ -154,27 +155,33 @@ def _texts(value: Any, where: str) -> tuple[str, ...]:
 
 def _with_yaml(reading: Reading, path: Path) -> Reading:
     file = read_loops_yaml(path)
+    reading = retyped(reading, file.types, str(path))
     closures = {}
     for i, (kind, pair) in enumerate(zip(file.kinds, file.pairs, strict=True)):
-        (first, T1), (second, T2) = (_place(reading, name, path) for name in pair)
+        (first, T1), (second, T2) = (_frame(reading, name, path) for name in pair)
         closures[f"loop{i + 1}"] = ClosureReading(kind, first, T1, second, T2)
     names = [n for n in reading.joints if file.motors in n] if isinstance(file.motors, str) else file.motors
-    joints = dict(reading.joints)
-    for name in file.spherical:
-        if name not in joints:
-            raise UnknownNameError("joint", name, joints, f"{path}, joint_name")
-        joints[name] = JointReading("ball", np.zeros(6), joints[name].centre)
-    turning = replace(reading, joints=joints)
-    actuators = _motors(turning, {name: name for name in names}, path)
+    actuators = _motors(reading, {name: name for name in names}, path)
     left = (Content("entries of loops files", text) for text in file.unread)
-    return replace(turning, closures=closures, actuators=actuators, content=(*reading.content, *left))
+    return replace(reading, closures=closures, actuators=actuators, content=(*reading.content, *left))
+
+
+def _frame(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
+    """The place of a link, or of the link that a joint carries."""
+    link = reading.carried(name)
+    if link not in ("", name) and reading.has_link(name):
+        what = f"'{name}' is a link, and a joint of that name carries link '{link}'"
+        raise ModelFileError(what, f"{path}, closed_loop", "give one of them another name in the URDF")
+    return _place(reading, name, path)
 
 
 def _place(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
     found = reading.place(name)
     if found is None:
         links = [*reading.bodies, *reading.fixed, *(link for body in reading.bodies.values() for link in body.fixed)]
-        raise UnknownNameError("link or joint", name, links, str(path))
+        joints = [body.joints[-1] for body in reading.bodies.values()]
+        known = dict.fromkeys([*links, *joints, *reading.frames])
+        raise UnknownNameError("link or joint", name, known, str(path))
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
@@ -14,15 +14,14 @@ _FROM_FILES = ("mesh", "hfield", "sdf")
 #: Sections of an MJCF that a reading does not hold, and that name what is taken out.
 _SECTIONS = ("asset", "visual", "sensor", "statistic", "custom")
 #: Elements that read other files without an attribute `file`.
-_READERS = ("skin", "attach")
-_ATTACHED = (
-    "attach of model {}, the bodies of which are missing here: give the file that "
-    "mujoco.MjSpec.from_file(FILE).to_xml() makes of it"
-)
+_READERS = ("skin",)
 
 
-def without_meshes(root: ET.Element, form: str, where: str) -> list[Content]:
+def without_meshes(root: ET.Element, form: str, where: str, *, moving: Collection[str] = ()) -> list[Content]:
     """Takes them out of a model.
+
+    Args:
+        moving: What another model attaches of it, and may move: ``body``, ``worldbody``.
 
     Returns:
         What was taken out that has to do with mechanics.
@@ -30,7 +29,7 @@ def without_meshes(root: ET.Element, form: str, where: str) -> list[Content]:
     Raises:
         ModelFileError: Mass of a moving body would come from what is taken out.
     """
-    return _urdf(root) if form == "urdf" else _mjcf(root, where)
+    return _urdf(root) if form == "urdf" else _mjcf(root, where, moving)
 
 
 def _urdf(root: ET.Element) -> list[Content]:
@@ -51,27 +50,22 @@ def _urdf(root: ET.Element) -> list[Content]:
     return found + [Content("contacts of geoms", "collision", f" of link {name}") for name in names]
 
 
-def _mjcf(root: ET.Element, where: str) -> list[Content]:
+def _mjcf(root: ET.Element, where: str, moving: Collection[str]) -> list[Content]:
     said = list[Content]()
     for name in _SECTIONS:
         for section in root.findall(name):
             root.remove(section)
-    force = any(compiler.get("inertiafromgeom") == "true" for compiler in root.iterfind("compiler"))
-    classes = _classes(root)
-    for shape in list(_shapes(root)):
-        values = {**classes.get(shape.around, {}), **shape.geom.attrib}
-        if values.get("type") not in _FROM_FILES and not {"mesh", "hfield"} & values.keys():
-            continue
-        shape.parent.remove(shape.geom)
-        said.append(Content("contacts of geoms", "contacts of geoms"))
-        weightless = any(_is_zero(values.get(key)) for key in ("mass", "density"))
-        if weightless or not (force or shape.body.find("inertial") is None):
-            continue
+    for shape in weighs(root):
         what = f"mass of body {shape.body.get('name', '(unnamed)')}"
-        if shape.moves:
-            raise ModelFileError(f"{what} comes from meshes, which are not read", where, "give the body an <inertial>")
+        if shape.moves or shape.body.tag in moving:
+            remedy = "give the body an <inertial>, or have meshes read (--meshes of import and diagnose)"
+            raise ModelFileError(f"{what} comes from meshes, which are not read", where, remedy)
         if shape.body.tag == "body":
             said.append(Content("put in place", f"{what}, which is fixed and has it from meshes"))
+    classes = classes_of(root)
+    for shape in [shape for shape in shapes(root) if shape.from_file(classes)]:
+        shape.parent.remove(shape.geom)
+        said.append(Content("contacts of geoms", "contacts of geoms"))
     for default in root.iter("default"):
         for child in list(default):
             if child.tag in ("mesh", "material"):
@@ -83,15 +77,9 @@ def _mjcf(root: ET.Element, where: str) -> list[Content]:
         element.attrib.pop("material", None)
         for child in [child for child in element if "file" in child.attrib or child.tag in _READERS]:
             element.remove(child)
-            said.append(_removed(child))
+            said.append(Content(kind_of(child.tag), f"{child.tag} {child.get('name', '')}".rstrip()))
     said += _pairs(root)
     return list(dict.fromkeys(said))
-
-
-def _removed(element: ET.Element) -> Content:
-    if element.tag == "attach":
-        return Content("attached models", _ATTACHED.format(element.get("model", "")))
-    return Content(kind_of(element.tag), f"{element.tag} {element.get('name', '')}".rstrip())
 
 
 def _pairs(root: ET.Element) -> Iterator[Content]:
@@ -106,6 +94,17 @@ def _pairs(root: ET.Element) -> Iterator[Content]:
                 section.remove(row)
 
 
+def weighs(root: ET.Element) -> list[Shape]:
+    """Geoms of meshes and the like from which bodies of an MJCF have mass."""
+    force = any(compiler.get("inertiafromgeom") == "true" for compiler in root.iterfind("compiler"))
+    classes, found = classes_of(root), []
+    for shape in shapes(root):
+        weightless = any(_is_zero(shape.values(classes).get(key)) for key in ("mass", "density"))
+        if shape.from_file(classes) and not weightless and (force or shape.body.find("inertial") is None):
+            found.append(shape)
+    return found
+
+
 def _is_zero(value: str | None) -> bool:
     try:
         return value is not None and float(value) == 0.0
@@ -114,7 +113,7 @@ def _is_zero(value: str | None) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class _Shape:
+class Shape:
     """A geom: the body that it belongs to, the element that it is in, the class that counts, whether it moves."""
 
     geom: ET.Element
@@ -123,8 +122,17 @@ class _Shape:
     around: str
     moves: bool
 
+    def values(self, classes: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+        """Its attributes, those of its class among them."""
+        return {**classes.get(self.around, {}), **self.geom.attrib}
 
-def _shapes(root: ET.Element) -> Iterator[_Shape]:
+    def from_file(self, classes: Mapping[str, Mapping[str, str]]) -> bool:
+        """Whether it is that of a mesh, or of something else in a file."""
+        values = self.values(classes)
+        return values.get("type") in _FROM_FILES or bool({"mesh", "hfield"} & values.keys())
+
+
+def shapes(root: ET.Element) -> Iterator[Shape]:
     """Every geom of an MJCF."""
     waiting = [(world, world, "", False) for world in root.iterfind("worldbody")]
     while waiting:
@@ -132,14 +140,14 @@ def _shapes(root: ET.Element) -> Iterator[_Shape]:
         for element in parent:
             inner = element.get("childclass", around)
             if element.tag == "geom":
-                yield _Shape(element, body, parent, element.get("class", around), moves)
+                yield Shape(element, body, parent, element.get("class", around), moves)
             elif element.tag == "body":
                 waiting.append((element, element, inner, moves or bool(joints_in(element))))
             elif element.tag in ("frame", "replicate"):
                 waiting.append((body, element, inner, moves))
 
 
-def _classes(root: ET.Element) -> dict[str, dict[str, str]]:
+def classes_of(root: ET.Element) -> dict[str, dict[str, str]]:
     """Class -> attributes that its geoms have by default; the outermost one is also called by the empty name."""
     found: dict[str, dict[str, str]] = {}
     outermost = root.findall("default")

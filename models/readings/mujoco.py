@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +14,7 @@ from screwgauge.models.mjcf import POWERS
 from screwgauge.models.principal import without_stand_ins
 from screwgauge.models.readings.assemble import Assembly, Link, assemble, matrix, screw
 from screwgauge.models.readings.compiled import content, other_equality, single_joint
+from screwgauge.models.readings.compiler import compiled, heard
 from screwgauge.models.readings.reading import ClosureReading, CouplingReading, JointReading, Reading
 from screwgauge.models.readings.source import Source
 from screwgauge.models.readings.tendons import coupling_of, tendon_equality
@@ -28,13 +27,6 @@ _KINDS = ("free", "ball", "slide", "hinge")
 _CONNECT, _WELD, _JOINT, _TENDON = range(4)
 #: Stages that go with all constraints.
 _CONSTRAINTS = ("EQUALITY", "FRICTIONLOSS", "LIMIT")
-#: What MuJoCo says of a file that others may take -> what to do.
-_REMEDIES = {
-    "larger than mjMINVAL": "give that link a share of its neighbour's mass (1e-6 of it), or let Pinocchio read it",
-    "positive eigenvalues": "give that link a tensor with three positive principal moments, or let Pinocchio read it",
-    "A + B >= C": "give that link the tensor of a body that can be, or let Pinocchio read it",
-    "top level": "let Pinocchio read it: MuJoCo lets only bodies of the world float",
-}
 
 
 def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
@@ -80,52 +72,7 @@ def loaded(source: Source) -> Any:
     Raises:
         ModelFileError: MuJoCo refuses it.
     """
-    import mujoco
-
-    try:
-        spec = mujoco.MjSpec.from_string(source.text)
-        spec.compiler.fusestatic = False  # bodies keep their names; MuJoCo 4.0.0 merges those of a URDF alike
-        _name_joints(spec)
-        return spec.compile()
-    except (ValueError, mujoco.FatalError) as error:
-        said = " ".join(str(error).removeprefix("Error: ").split())
-        remedy = next((remedy for sign, remedy in _REMEDIES.items() if sign in said), "mend the file")
-        raise ModelFileError(f"MuJoCo refuses it ({said})", str(source.path), remedy) from None
-
-
-def _name_joints(spec: Any) -> None:
-    """Names those that MuJoCo itself makes of a composite or flex, as those of a file are named."""
-    taken = {joint.name for joint in spec.joints}
-    for joint in [joint for joint in spec.joints if not joint.name]:
-        name = f"{joint.parent.name}_joint"
-        k = 1
-        while (wanted := f"{name}_{k}" if k > 1 else name) in taken:
-            k += 1
-        joint.name = wanted
-        taken.add(wanted)
-
-
-@contextmanager
-def warned() -> Iterator[list[str]]:
-    """MuJoCo's warnings as a list: its own handler writes MUJOCO_LOG.TXT into the working directory."""
-    import mujoco
-
-    said: list[str] = []
-    mujoco.set_mju_user_warning(said.append)
-    try:
-        yield said
-    finally:
-        mujoco.set_mju_user_warning(None)
-
-
-@contextmanager
-def heard() -> Iterator[list[str]]:
-    """What MuJoCo and its Python package warn of, as phrases, known after it."""
-    phrases: list[str] = []
-    with warned() as said, warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        yield phrases
-    phrases += [f"what MuJoCo warns of: {text}" for text in (*said, *(warning.message for warning in caught))]
+    return compiled(source.text, str(source.path), source.models)
 
 
 def _disabled(model: Any, flag: str) -> bool:

@@ -9,9 +9,12 @@ from xml.etree import ElementTree as ET
 NUMBERED = re.compile(r"[a-z]+_\d+_*")
 
 
-def name_all(root: ET.Element) -> None:
-    """Names bodies, joints, equality constraints and actuators: ``body_2``, ``arm_joint``, ``connect_1``."""
-    taken = {element.get("name") for element in root.iter()}
+def name_all(root: ET.Element, taken: set[str | None]) -> None:
+    """Names bodies, joints, equality constraints and actuators: ``body_2``, ``arm_joint``, ``connect_1``.
+
+    Args:
+        taken: Names that are not given; those that are given are added.
+    """
 
     def name(element: ET.Element, wanted: str) -> None:
         if "name" in element.attrib:

@@ -32,7 +32,11 @@ def libraries_for(path: Path) -> tuple[str, ...]:
     Raises:
         ScrewgaugeError: It is no model, or one that is refused before a library sees it.
     """
-    form = prepare(path).form
+    return libraries_of(prepare(path).form)
+
+
+def libraries_of(form: str) -> tuple[str, ...]:
+    """Installed libraries that read a format, its own first."""
     able = [name for name, (forms, _) in LIBRARIES.items() if form in forms and find_spec(name)]
     return tuple(sorted(able, key=lambda name: LIBRARIES[name][0].index(form)))
 
@@ -51,8 +55,12 @@ def read(path: Path, library: str, *, home: Mapping[str, float] | None = None, f
     """
     if library not in LIBRARIES:
         raise UnknownNameError("library", library, LIBRARIES)
-    forms, reader = LIBRARIES[library]
-    source = prepare(path, floating=floating)
+    return read_source(prepare(path, floating=floating), library, home=home)
+
+
+def read_source(source: Source, library: str, *, home: Mapping[str, float] | None = None) -> Reading:
+    """The same of a file that is prepared."""
+    (forms, reader), path = LIBRARIES[library], source.path
     if source.form not in forms:
         raise ModelFileError(f"{library} reads no {source.form.upper()}", str(path), "take another library")
     try:
@@ -62,7 +70,7 @@ def read(path: Path, library: str, *, home: Mapping[str, float] | None = None, f
             f"{library} cannot be loaded ({error})", str(path), "install it, or take another"
         ) from None
     _check(reading, str(path))
-    return replace(reading, form=source.form, content=unread(source, reading))
+    return replace(reading, form=source.form, content=unread(source, reading), frames=source.fixed_joints)
 
 
 def _check(reading: Reading, where: str) -> None:

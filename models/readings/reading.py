@@ -129,6 +129,7 @@ class Reading:
         medium: Density [kg/m^3] and viscosity [Pa s] of what is around.
         content: What the file says beyond that, and what the library does not make anything of.
         form: ``urdf`` or ``mjcf``; empty of a description.
+        frames: Joint of the file that is none of `joints`, being fixed, say -> link that it carries.
     """
 
     name: str
@@ -143,6 +144,7 @@ class Reading:
     medium: tuple[float, float] = (0.0, 0.0)
     content: tuple[Content, ...] = ()
     form: str = ""
+    frames: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def ignored(self) -> tuple[str, ...]:
@@ -150,15 +152,29 @@ class Reading:
         return phrases(self.content)
 
     def place(self, name: str) -> tuple[str, Array] | None:
-        """Body (or ground) that a link, or the link that a joint carries, is part of, and its frame there, (4, 4)."""
-        if name in self.fixed:
-            return GROUND, self.fixed[name]
+        """Body (or ground) that a link, or else the link that a joint carries, is part of, and its frame there, (4, 4).
+
+        None where there is neither.
+        """
+        return self._place(name) or self._place(self.carried(name))
+
+    def _place(self, link: str) -> tuple[str, Array] | None:
+        if link in self.fixed:
+            return GROUND, self.fixed[link]
         for whole, body in self.bodies.items():
-            if name in body.fixed:
-                return whole, body.fixed[name]
-            if name == whole or name == body.joints[-1]:
-                return whole, body.fixed[body.first] if body.first and name != whole else np.eye(4)
+            if link == whole or link in body.fixed:
+                return whole, np.eye(4) if link == whole else body.fixed[link]
         return None
+
+    def has_link(self, name: str) -> bool:
+        """Whether there is a link of that name."""
+        return self._place(name) is not None
+
+    def carried(self, joint: str) -> str:
+        """The link that a joint carries; empty if there is no such joint, or it is not the last one before a link."""
+        if joint in self.frames:
+            return self.frames[joint]
+        return next((body.first or name for name, body in self.bodies.items() if body.joints[-1] == joint), "")
 
     def moved_by(self, joint: str) -> str:
         """The body that a joint moves, alone or with others."""

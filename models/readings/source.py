@@ -2,25 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from screwgauge.models.content import Content
-from screwgauge.models.readings.checks import MAKERS, check_names, check_numbers, check_tree, number, root_link, world
+from screwgauge.models.readings.checks import (
+    MAKERS,
+    carried_link,
+    check_names,
+    check_numbers,
+    check_tree,
+    number,
+    root_link,
+    world,
+)
+from screwgauge.models.readings.files import Part, parts
 from screwgauge.models.readings.markup import parse
 from screwgauge.models.readings.meshes import without_meshes
 from screwgauge.models.readings.naming import joints_in, name_all
 from screwgauge.models.readings.reading import CouplingReading
+from screwgauge.models.readings.weights import weigh
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import check_count
+from screwgauge.reference.wording import first_few
 
 #: Root element -> format.
 FORMATS = {"robot": "urdf", "mujoco": "mjcf"}
 #: Name of the joint of a base that floats, as Pinocchio calls its own.
 FLOATING = "root_joint"
+#: Bodies that a sentence names.
+_NAMED = 6
 #: Coefficients of `<mimic>`, lowest first, and what they are where the file does not say.
 _MIMIC = (("offset", 0.0), ("multiplier", 1.0))
 
@@ -33,12 +49,16 @@ class Source:
         form: ``urdf`` or ``mjcf``.
         root: All of it that a library is to see.
         content: What was taken out or changed.
+        attached: File of an MJCF that another one attaches, by a name of its own -> what a library is to see of it.
+        resolved: What MuJoCo does with the file before a library reads it, a sentence each.
     """
 
     path: Path
     form: str
     root: ET.Element
     content: tuple[Content, ...] = ()
+    attached: Mapping[str, ET.Element] = field(default_factory=dict)
+    resolved: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -49,6 +69,11 @@ class Source:
     def text(self) -> str:
         """As XML."""
         return ET.tostring(self.root, encoding="unicode")
+
+    @property
+    def models(self) -> dict[str, str]:
+        """File that the text attaches -> its text."""
+        return {file: ET.tostring(root, encoding="unicode") for file, root in self.attached.items()}
 
     @property
     def root_link(self) -> str:
@@ -69,6 +94,12 @@ class Source:
                 )
         return found
 
+    @property
+    def fixed_joints(self) -> dict[str, str]:
+        """Fixed joint of a URDF -> link that it carries; none of an MJCF."""
+        joints = self.root.iterfind("joint[@type='fixed']") if self.form == "urdf" else ()
+        return {joint.get("name", ""): carried_link(joint) for joint in joints}
+
     def names(self, what: str) -> list[str]:
         """Names of its links, bodies or moving joints; of an MJCF without those of which copies are made."""
         if self.form == "urdf":
@@ -86,11 +117,12 @@ class Source:
         return []
 
 
-def prepare(path: Path, *, floating: bool = False) -> Source:
+def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Source:
     """Reads a model file and takes out what a library must not see.
 
     Args:
         floating: The base of a URDF moves freely.
+        meshes: MuJoCo computes mass and inertia of bodies of an MJCF from their meshes, if these lie in its folder.
 
     Raises:
         ScrewgaugeError: It cannot be read, is no model, or asks for what is not done here; says what to do.
@@ -103,53 +135,87 @@ def prepare(path: Path, *, floating: bool = False) -> Source:
         what = f"is no model: its root element is <{root.tag}>"
         raise ModelFileError(what, str(path), "give a URDF (<robot>) or an MJCF (<mujoco>)")
     form = FORMATS[root.tag]
-    said = _include(root, path) if form == "mjcf" else []
-    check_count(sum(element.tag in ("link", "body") for element in root.iter()), "links", str(path))
-    check_numbers(root, str(path))
-    said += without_meshes(root, form, str(path))
-    if form == "mjcf":
-        name_all(root)
-    elif "name" not in root.attrib:
-        root.set("name", path.stem)  # which some readers refuse to do without
-        said.append(Content("put in place", "no name of the robot: it has that of the file"))
-    check_names(root, form, str(path))
-    if form == "urdf":
-        check_tree(root, str(path))
+    source = _mjcf(root, path, meshes) if form == "mjcf" else _urdf(root, path)
     if floating:
         _float(root, form, path)
-    return Source(path, form, root, tuple(said))
+    return source
 
 
-def _include(root: ET.Element, path: Path) -> list[Content]:
-    """Puts the elements of included files in the place of ``<include>``, as MuJoCo does."""
-    folder, waiting, seen = path.parent.resolve(), [root], list[str]()
-    while waiting:
-        element = waiting.pop()
-        i = 0
-        while i < len(element):
-            if element[i].tag != "include":
-                i += 1
-                continue
-            name = element[i].get("file", "")
-            file = _resolved(folder / name)
-            if file is None or not file.is_relative_to(folder):
-                what = f"includes '{name}', which lies outside its folder"
-                raise ModelFileError(what, str(path), "copy that file beside it")
-            if name in seen:
-                raise ModelFileError(f"includes '{name}' twice", str(path), "include it once")
-            seen.append(name)
-            element[i : i + 1] = [*parse(file)]
-        waiting += element
-    said = (f"include {name}, put in its place before a library reads it" for name in seen)
-    return [Content("put in place", text) for text in said]
+def _urdf(root: ET.Element, path: Path) -> Source:
+    check_count(len(root.findall("link")), "links", str(path))
+    check_numbers(root, str(path))
+    said = without_meshes(root, "urdf", str(path))
+    if "name" not in root.attrib:
+        root.set("name", path.stem)  # which some readers refuse to do without
+        said.append(Content("put in place", "no name of the robot: it has that of the file"))
+    check_names(root, "urdf", str(path))
+    check_tree(root, str(path))
+    return Source(path, "urdf", root, tuple(said))
 
 
-def _resolved(path: Path) -> Path | None:
-    """The path without links; None if there can be no such file."""
-    try:
-        return path.resolve()
-    except (OSError, RuntimeError, ValueError):  # too long, links in a circle
+def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:
+    files = parts(root, path)
+    included = (name for part in files for name in part.included)
+    said = [Content("put in place", f"include {name}, put in its place before a library reads it") for name in included]
+    taken = {element.get("name") for part in files for element in part.root.iter()}
+    keys = {part.path: f"{i + 1}.xml" for i, part in enumerate(files)}
+    whole = any("body" not in attach.attrib for part in files for attach in part.root.iter("attach"))
+    resolved, attached = list[str](), dict[str, ET.Element]()
+    for part in files:
+        where, own = str(part.path), part.root is root
+        check_numbers(part.root, where)
+        name_all(part.root, taken)
+        if meshes and (weighed := weigh(part.root, part.path, path.parent.resolve())):
+            names = first_few(weighed, _NAMED)
+            resolved.append(f"Mass and inertia of {names} are those that MuJoCo computes from the meshes.")
+        moving = () if own else ("body", "worldbody") if whole else ("body",)
+        said += without_meshes(part.root, "mjcf", where, moving=moving)
+        check_names(part.root, "mjcf", where)
+        _attach(part, keys)
+        if not own:
+            attached[keys[part.path]] = part.root
+    if attached:
+        resolved.append(f"Models are attached by MuJoCo: {', '.join(part.path.name for part in files[:-1])}.")
+    return Source(path, "mjcf", root, tuple(said), attached, tuple(resolved))
+
+
+def weighed_copy(path: Path, folder: Path) -> Path | None:
+    """A copy of an MJCF, and of what it attaches, whose bodies say the mass and inertia that they have from meshes.
+
+    Args:
+        folder: Where to write it.
+
+    Returns:
+        The copy; None where no mass comes from meshes.
+
+    Raises:
+        ScrewgaugeError: See `prepare`.
+    """
+    root = parse(path)
+    if FORMATS.get(root.tag) != "mjcf":
         return None
+    files, home = parts(root, path), path.parent.resolve()
+    taken = {element.get("name") for part in files for element in part.root.iter()}
+    found = list[str]()
+    for part in files:
+        name_all(part.root, taken)
+        found += weigh(part.root, part.path, home)
+        at = path.name if part.root is root else part.path.relative_to(home)
+        for model in part.root.iterfind("asset/model"):  # without links, of which the copy has none
+            file = part.models[model.get("name", "")]
+            model.set("file", os.path.relpath(file, part.path.resolve().parent))
+        copy = folder / at
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_text(ET.tostring(part.root, encoding="unicode"), encoding="utf-8")
+    return folder / path.name if found else None
+
+
+def _attach(part: Part, keys: Mapping[Path, str]) -> None:
+    """Names the models that a file attaches by the keys of theirs."""
+    if part.models:
+        asset = ET.SubElement(part.root, "asset")
+        for name, file in part.models.items():
+            ET.SubElement(asset, "model", {"file": keys[file], **({"name": name} if name else {})})
 
 
 def _float(root: ET.Element, form: str, path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain
 from xml.etree import ElementTree as ET
 
 from screwgauge.models.content import Content, Values, kind_of
@@ -22,12 +23,13 @@ def unread(source: Source, reading: Reading) -> tuple[Content, ...]:
     Of an MJCF that MuJoCo has compiled nothing is looked for in the text: its arrays have all that it says.
     """
     known = source.form == "mjcf" and reading.library == "mujoco"
-    extras = [] if known else beyond_reading(source.root, source.form, reading.library)
+    roots = () if known else (source.root, *source.attached.values())
+    extras = chain.from_iterable(beyond_reading(root, source.form, reading.library) for root in roots)
     said = [_content(source, extra) for extra in extras]
     if source.form == "mjcf" and source.root.find("worldbody//geom") is not None:
         said.append(Content("contacts of geoms", "contacts of geoms"))
     own = (each for each in reading.content if source.form == "mjcf" or each.kind != "force limits")
-    return (*_dropped(source, reading), *_prepared(source, reading), *own, *said)
+    return (*dropped(source, reading), *_prepared(source, reading), *own, *said)
 
 
 def _content(source: Source, extra: Extra) -> Content:
@@ -68,15 +70,17 @@ def _prepared(source: Source, reading: Reading) -> Iterator[Content]:
         yield replace(each, kind="put in place") if idle else each
 
 
-def _dropped(source: Source, reading: Reading) -> Iterator[Content]:
-    """Links and moving joints of the file that the library has not made anything of."""
+def dropped(source: Source, reading: Reading) -> list[Content]:
+    """Links, moving joints and attached models of the file that the library has not made anything of."""
     fixed = (name for body in reading.bodies.values() for name in body.fixed)
     joints = {joint.removesuffix(end) for joint in reading.joints for end in ("", "_TX", "_TY", "_RZ")}
+    lost = source.attached and reading.library != "mujoco"
+    said = [f"attached models, which {reading.library} drops"] if lost else []
     for what, known in (
         ("link" if source.form == "urdf" else "body", {*reading.bodies, *reading.fixed, *fixed}),
         ("joint", joints),
     ):
         names = [name for name in source.names(what) if name not in known]
         if names:
-            said = f"{what} {first_few(names, _NAMED)}, which {reading.library} drops"
-            yield Content("dropped by the library", said)
+            said.append(f"{what} {first_few(names, _NAMED)}, which {reading.library} drops")
+    return [Content("dropped by the library", phrase) for phrase in said]

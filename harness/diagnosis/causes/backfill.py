@@ -25,7 +25,8 @@ from screwgauge.reference.outputs import stamped
 
 #: A file that is read again leaves at most so much, scaled: numbers of 17 digits, MuJoCo's principal axes.
 RELOADED = 10 * ROUNDING
-
+#: Files that an MJCF includes or attaches.
+_NAMED = r"<(include|model)\s[^>]*file\s*=\s*[\"']([^\"']*)[\"']"
 
 T = TypeVar("T")
 
@@ -104,28 +105,34 @@ def reread(file: Path, text: str, read: Callable[[Path], T]) -> T:
 
 
 def _bring(source: Path, folder: Path, text: str) -> None:
-    """Copies what an MJCF includes, and what that includes, if it lies in the folder of the file."""
-    waiting = re.findall(r"<include\s[^>]*file\s*=\s*[\"']([^\"']*)[\"']", text)
-    seen = set[str]()
+    """Copies what an MJCF includes or attaches, and what that does, if it lies in the folder of the file."""
+    home, target = source.resolve(), folder.resolve()
+    waiting = [(Path(), *found) for found in re.findall(_NAMED, text)]  # looked for where, by which element, its name
+    seen = set[Path]()
     while waiting:
-        name = waiting.pop()
-        origin, copy = (source / name).resolve(), (folder / name).resolve()
-        inside = origin.is_relative_to(source.resolve()) and copy.is_relative_to(folder.resolve())
-        if name in seen or not inside or not is_file(origin):
+        base, tag, name = waiting.pop()
+        origin, copy = ((root / base / name).resolve() for root in (home, target))
+        inside = origin.is_relative_to(home) and copy.is_relative_to(target)
+        if copy in seen or not inside or not is_file(origin):
             continue
-        seen.add(name)
+        seen.add(copy)
         copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(origin, copy)
-        waiting += re.findall(r"<include\s[^>]*file\s*=\s*[\"']([^\"']*)[\"']", read_file(origin))
+        # what is included is looked for beside the whole, what is attached beside the model that does so
+        base = base if tag == "include" else (base / name).parent
+        waiting += [(base, *found) for found in re.findall(_NAMED, read_file(origin))]
 
 
-def write_fix(out: Path, text: str, b: Path) -> None:
+def write_fix(out: Path, text: str, b: Path, own: Path | None = None) -> None:
     """Writes the changed file, whole or not at all.
+
+    Args:
+        own: The user's file, where B is a copy of it.
 
     Raises:
         OutputError: It is B's own, has the ending of another format, or cannot be written.
     """
-    if os.path.exists(out) and os.path.samefile(out, b):
+    if os.path.exists(out) and os.path.samefile(out, own or b):
         raise OutputError("is B itself, which is never overwritten", str(out), "choose another --fix")
     if os.path.isdir(out):
         raise OutputError("is a folder", str(out), "name a file")

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
+from screwgauge.diagnosis.model import Weighed, weighed
 from screwgauge.models.importing.convert import Imported
-from screwgauge.models.importing.model import Options, import_model
+from screwgauge.models.importing.model import Options, import_model, scratch_folder
 from screwgauge.models.readings.loops import with_loops
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import Reading
@@ -87,6 +88,25 @@ def read_apart(path: Path, library: str, floating: bool = False) -> Reading:
     if isinstance(found, Failure):
         raise LoaderError(f"{library} does not survive it ({found.reason})", str(path), "let another library read it")
     return found
+
+
+def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
+    """Both sides of a diagnosis, with mass and inertia from meshes if that is asked for; see `diagnosis.model.weighed`.
+
+    Raises:
+        ScrewgaugeError: Meshes cannot be read, or lie outside the folder of the file.
+        LoaderError: MuJoCo crashed or met a limit.
+    """
+    if not meshes:
+        return a, b
+    found = list[Weighed]()
+    for each in (a, b):
+        one = unwatched_apart({"meshes": partial(weighed, each, scratch_folder())}, LOADING)["meshes"]
+        if isinstance(one, Failure):
+            what = f"mujoco does not survive its meshes ({one.reason})"
+            raise LoaderError(what, each, "give its bodies an <inertial>")
+        found.append(one)
+    return found[0], found[1]
 
 
 def import_apart(path: Path, options: Options | None = None) -> Imported:

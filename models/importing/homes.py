@@ -1,0 +1,217 @@
+"""Poses in which all loops of a reading are closed, and the one of them that makes the best home."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.models.importing.closing import Loops
+from screwgauge.reference.errors import ClosureError
+from screwgauge.reference.linear import EPS, ROUNDED
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.wording import first_few
+
+#: Where Newton's method begins beside home, and how far from it at most [rad or lengths of the model]; after every
+#: second of these once anywhere within the limits.
+STARTS, FARTHEST, EVERY = 40, np.pi, 2
+ENOUGH = 8  # closed poses within limits, where none is well conditioned
+#: Residual up to which loops of few printed digits count as closed [rad or lengths]: the rest is the file's rounding.
+ROUNDING = 1e-5
+#: Smallest singular value of the loop equations that is far from singular; below the second it is a redundant equation.
+REGULAR, REDUNDANT = 2e-3, 1e-8
+#: The one that is well conditioned: rounding of these equations is multiplied by the cube of its inverse on the way to
+#: accelerations, and is then still below 1e-11, to which engines are compared.
+WELL = float(np.cbrt(ROUNDED * EPS / 1e-11))
+#: Room that coordinates keep to their limits, as a share of the range and at most [rad]: a motion needs some.
+MARGIN, ROOM = 0.15, 0.3
+CENTRINGS = 40
+#: How many closures or joints a sentence names.
+SHOWN = 5
+OWN = "the file's own home"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Home:
+    """A closed pose.
+
+    Attributes:
+        start: Where it was found from, in words.
+        q: Coordinates. Shape (n_coordinate,).
+        error: Largest residual of the loop equations [rad or lengths of the model].
+        rank: Of the loop equations.
+        least: Their smallest singular value, redundant equations aside; infinite without loops.
+        beyond: Joints outside their limits.
+        distance: From the file's own home, hinges and slides only, without dimension.
+    """
+
+    start: str
+    q: Array
+    error: float
+    rank: int
+    least: float
+    beyond: tuple[str, ...]
+    distance: float
+
+    @property
+    def good(self) -> bool:
+        """Whether there is no need to look for another one."""
+        return not self.beyond and self.least > WELL
+
+    def key(self) -> tuple[int, bool, int, float, float]:
+        """What makes it a better home than another one, the smaller the better."""
+        singular = self.least <= REGULAR
+        return -self.rank, singular, len(self.beyond), -min(self.least, WELL), self.distance
+
+
+def chosen(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], where: str) -> tuple[Home, tuple[str, ...]]:
+    """The best closed pose: regular, within limits, well conditioned, near. That of the file, if it is closed already.
+
+    Args:
+        keyframes: Further poses of the file, name -> joint -> coordinate [rad or m].
+
+    Returns:
+        It, and why it is not the one next to the file's own home, a sentence.
+
+    Raises:
+        ClosureError: Some loops do not close from any start.
+    """
+    found, nearest, tried = list[Home](), (loops.home, np.inf), 0
+    for start, begin in _starts(loops, keyframes):
+        tried += 1
+        q, error = loops.newton(begin)
+        nearest = min(nearest, (q, error), key=lambda pair: pair[1])
+        if not error <= ROUNDING:
+            continue
+        found.append(one := _home(loops, start, *_centred(loops, q, error)))
+        kept = begin is loops.home and q is begin  # closed as it is
+        fine = [each for each in found if not each.beyond and each.least > REGULAR]
+        if one.good or (kept and one in fine) or len(fine) == ENOUGH:
+            break
+    if not found:
+        open_by = some(loops.gaps(nearest[0], ROUNDING))
+        what = f"loops do not close from any of {tried} starts: nearest are {open_by}"
+        raise ClosureError(what, where, "check the frames that they join, or name fewer loops")
+    best = min(found, key=Home.key)
+    return best, tuple(_why(best, found))
+
+
+def _why(best: Home, found: Sequence[Home]) -> Iterator[str]:
+    """Why it is the best one, if it is not the one that is found from the file's own home."""
+    if best.start == OWN:
+        return
+    what = "nearest well-conditioned" if best.least > WELL else "best-conditioned"
+    inside = "" if best.beyond else " within the limits"
+    said = f"Of {len(found)} closed poses it is the {what} one{inside}, found from {best.start}: the smallest singular"
+    said = f"{said} value of its loop equations is {best.least:.2g}."
+    if (own := found[0]).start != OWN:
+        yield f"{said} From {OWN} loops do not close."
+        return
+    kept = f", with {some(own.beyond)} beyond limits" if own.beyond else ""
+    yield f"{said} From {OWN} they close where it is {own.least:.2g}{kept}."
+
+
+def _starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, Array]]:
+    """Coordinates from which loops may close, with a name; whatever is on no loop stays."""
+    yield OWN, loops.home
+    for name, pose in keyframes.items():
+        q = loops.home.copy()
+        for joint, place in loops.tree.places.items():
+            if joint in pose and place.stop - place.start == 1:
+                q[place] = pose[joint]
+        yield f"keyframe '{name}'", q
+    bounded = [name for name, (low, high) in limits(loops) if low < high and np.isfinite([low, high]).all()]
+    bounded = [name for name in bounded if loops.closing[loops.tree.freedoms[name]].any()]
+    near, inside = np.random.default_rng(0), np.random.default_rng(1)
+    if bounded:
+        yield "the middle of the limits", _between(loops, bounded, np.full(len(bounded), 0.5))
+    for i in range(1, STARTS):
+        step = FARTHEST * i / (STARTS - 1) * near.uniform(-1.0, 1.0, len(loops.closing))
+        yield "a random pose near the file's own", loops.stepped(loops.home, loops.closing * step)
+        if bounded and i % EVERY == 0:
+            yield "a random pose within the limits", _between(loops, bounded, inside.uniform(size=len(bounded)))
+
+
+def _between(loops: Loops, names: Sequence[str], share: Array) -> Array:
+    """Home with some joints at a share of the way from their lower to their upper limit. `share`: shape (n,)."""
+    q = loops.home.copy()
+    for name, part in zip(names, share, strict=True):
+        low, high = loops.reading.joints[name].limits
+        q[loops.tree.places[name]] = low + part * (high - low)
+    return q
+
+
+def _home(loops: Loops, start: str, q: Array, error: float) -> Home:
+    rank, least = _rank(loops, q)
+    return Home(start, q, error, rank, least, tuple(beyond(loops, q)), _distance(loops, q))
+
+
+def _rank(loops: Loops, q: Array) -> tuple[int, float]:
+    """Of the loop equations, and their smallest singular value that is not that of a redundant equation."""
+    s = np.linalg.svd(loops.system(q)[1], compute_uv=False)
+    rank = int(np.sum(s > REDUNDANT))
+    return rank, float(s[rank - 1]) if rank else np.inf
+
+
+def limits(loops: Loops) -> list[tuple[str, tuple[float, float]]]:
+    """Of all joints."""
+    return [(name, joint.limits) for name, joint in loops.reading.joints.items()]
+
+
+def beyond(loops: Loops, q: Array) -> list[str]:
+    """Joints that are outside their limits."""
+    at = loops.values(q)
+    return [name for name, (low, high) in limits(loops) if name in at and low < high and not low <= at[name] <= high]
+
+
+def some(phrases: Sequence[str]) -> str:
+    """The first of some phrases, and how many more there are."""
+    return first_few(phrases, SHOWN)
+
+
+def _distance(loops: Loops, q: Array) -> float:
+    home, parts = loops.values(loops.home), loops.tree.freedoms
+    way = [(value - home[name]) / loops.size[parts[name]][0] for name, value in loops.values(q).items()]
+    return float(np.linalg.norm(way))
+
+
+def _centred(loops: Loops, q: Array, error: float) -> tuple[Array, float]:
+    """Coordinates moved, with the loops closed, until they have room to their limits, as far as they can."""
+    for _ in range(CENTRINGS):
+        wish = _wish(loops, q)
+        if not wish.any():
+            break
+        rank, least = _rank(loops, q)
+        if rank:
+            Vt = np.linalg.svd(loops.system(q)[1])[2]
+            wish = Vt[rank:].T @ (Vt[rank:] @ wish)
+        wish *= min(1.0, 0.3 / max(float(np.abs(wish).max()), 1e-300))
+        if np.abs(wish).max() < 1e-6:
+            break
+        trial, left = loops.newton(loops.stepped(q, wish))
+        # within the limits room is worth less than a good condition
+        floor = REGULAR if beyond(loops, q) else min(least, WELL)
+        worse = rank and _rank(loops, trial)[1] < floor
+        if not left <= max(error, 1e-9) or worse or _lack(loops, trial) >= _lack(loops, q):
+            break
+        q, error = trial, left
+    return q, error
+
+
+def _wish(loops: Loops, q: Array) -> Array:
+    """The step by which all coordinates would have room to their limits, without dimension. Shape (n,)."""
+    wish = np.zeros(len(loops.size))
+    for name, x in loops.values(q).items():
+        joint = loops.reading.joints[name]
+        low, high = joint.limits
+        if not low < high:
+            continue
+        room = MARGIN * (high - low)
+        room = room if joint.kind == "slide" and np.isfinite(room) else min(room, ROOM)
+        wish[loops.tree.freedoms[name]] = float(np.clip(x, low + room, high - room)) - x
+    return wish / loops.size
+
+
+def _lack(loops: Loops, q: Array) -> float:
+    return float(np.linalg.norm(_wish(loops, q)))

@@ -1,0 +1,274 @@
+"""What XML alone does not show is resolved by MuJoCo: models that are attached, masses that come from meshes."""
+
+from __future__ import annotations
+
+import os
+import struct
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.cli import main
+from screwgauge.models.importing.model import Options, import_model
+from screwgauge.models.readings.compiler import warned
+from screwgauge.models.readings.read import read, read_source
+from screwgauge.models.readings.source import prepare
+from screwgauge.reference.errors import ModelFileError, ScrewgaugeError
+
+INERTIAL = '<inertial pos="0.1 0.02 0" mass="0.{0}333333333333333" diaginertia="0.01 0.02 0.025"/>'
+#: An arm that attaches a hand and, turned, the same hand again; the hand attaches fingers. Some have no names.
+ARM = f"""<mujoco model="arm"><compiler angle="radian"/>
+<asset><model name="hand" file="parts/hand.xml"/></asset>
+<worldbody><body name="upper"><joint name="shoulder" axis="0 1 0"/>{INERTIAL.format(3)}
+  <body pos="0.3 0 0"><joint axis="0 0 1" damping="0.2"/>{INERTIAL.format(2)}
+    <attach model="hand" body="palm" prefix="left_"/>
+    <frame pos="0 0.1 0.2" euler="0.3 0.2 0"><attach model="hand" body="palm" prefix="right_"/></frame>
+  </body></body></worldbody></mujoco>"""
+HAND = f"""<mujoco model="hand"><compiler angle="degree"/><option wind="1 0 0"/>
+<asset><model file="finger.xml"/></asset><include file="more.xml"/>
+<worldbody><body name="palm" pos="0.2 0 0"><joint name="wrist" axis="1 0 0" range="-60 60"/>{INERTIAL.format(1)}
+  <attach model="finger" prefix="f_"/></body></worldbody></mujoco>"""
+MORE = '<mujoco><actuator><motor joint="wrist" gear="3"/></actuator></mujoco>'
+FINGER = f"""<mujoco model="finger">
+<worldbody><body pos="0.1 0 0.05"><joint axis="0 1 0"/>{INERTIAL.format(4)}</body></worldbody></mujoco>"""
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    (tmp_path / "parts").mkdir()
+    for name, text in (("arm", ARM), ("parts/hand", HAND), ("parts/more", MORE), ("parts/finger", FINGER)):
+        (tmp_path / f"{name}.xml").write_text(text, encoding="utf-8")
+    return tmp_path / "arm.xml"
+
+
+def by_mujoco(path: Path) -> Any:
+    """The model as MuJoCo itself opens it; its warnings would be written into the working directory."""
+    with warned():
+        return mujoco.MjModel.from_xml_path(str(path))
+
+
+def test_what_is_attached_is_read_with_all_that_it_has(arm):
+    reading, model = read(arm, "mujoco"), by_mujoco(arm)
+    assert len(reading.joints) == model.njnt == 6
+    assert len(reading.bodies) == model.nbody - 1 == 6
+    assert {"left_wrist", "right_wrist"} < reading.joints.keys()
+    assert reading.joints["right_wrist"].limits == pytest.approx((-np.pi / 3, np.pi / 3), rel=1e-15, abs=0)
+    assert sorted(gear for _, gear in reading.actuators.values()) == [3.0, 3.0]
+    # to the last digit, of which XML that MuJoCo writes keeps six
+    masses = [body.mass for body in reading.bodies.values()]
+    assert masses == model.body_mass[1:].tolist()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    places = [body.pose[:3, 3] for body in reading.bodies.values()]
+    assert np.array_equal(places, data.xpos[1:])
+    assert "option wind" in reading.ignored
+
+
+def test_an_arm_is_imported_with_its_limbs_and_moves(arm, tmp_path):
+    imported = import_model(arm)
+    assert len(imported.mechanism.independent) == 6
+    assert imported.mechanism.mass == pytest.approx(read(arm, "mujoco").mass, rel=1e-15, abs=0)
+    assert "Models are attached by MuJoCo: finger.xml, hand.xml." in imported.remarks
+    scene = screwgauge.load_scene(arm)
+    assert screwgauge.run(scene.at(scene.t[[3, 50]])).ok
+    assert main(["diagnose", str(arm), str(arm), "--out", str(tmp_path / "out")]) in (0, 1)
+
+
+def test_a_library_that_drops_what_is_attached_is_not_imported_from(arm):
+    assert read(arm, "pinocchio").ignored[0] == "attached models, which pinocchio drops"
+    with pytest.raises(ModelFileError, match="attached models, which pinocchio drops; let another library read it"):
+        import_model(arm, Options(library="pinocchio"))
+
+
+REFUSED = {
+    "outside": ('file="parts/hand.xml"', 'file="../hand.xml"', "attaches '../hand.xml', which lies outside its folder"),
+    "absolute": ('file="parts/hand.xml"', 'file="/etc/hosts"', "attaches '/etc/hosts', which lies outside its folder"),
+    "by a link": ('file="parts/hand.xml"', 'file="link.xml"', "attaches 'link.xml', which lies outside its folder"),
+    "missing": ('file="parts/hand.xml"', 'file="no.xml"', "cannot be read (it does not exist)"),
+    "no MJCF": ('file="parts/hand.xml"', 'file="robot.urdf"', "attaches 'robot.urdf', which is no MJCF"),
+    "itself": ('file="parts/hand.xml"', 'file="arm.xml"', "attaches itself by 'arm.xml'"),
+    "other name": ('model="hand" body', 'model="foot" body', "MuJoCo refuses it ("),
+    "no such body": ('body="palm" prefix="left_"', 'body="fist" prefix="left_"', "MuJoCo refuses it ("),
+    "same prefix": ('prefix="left_"', 'prefix="right_"', "MuJoCo refuses it ("),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_attached_is_refused_in_one_sentence(case, arm, tmp_path, capsys):
+    old, new, said = REFUSED[case]
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    folder = tmp_path / "robot"
+    folder.mkdir()
+    for name in ("arm.xml", "parts"):
+        (tmp_path / name).rename(folder / name)
+    (outside / "hand.xml").write_text(HAND, encoding="utf-8")
+    os.symlink(outside / "hand.xml", folder / "link.xml")
+    (folder / "robot.urdf").write_text('<robot name="r"><link name="a"/></robot>', encoding="utf-8")
+    (folder / "arm.xml").write_text(ARM.replace(old, new), encoding="utf-8")
+    assert main(["import", str(folder / "arm.xml"), "-o", str(tmp_path / "arm.toml")]) == 2
+    told = capsys.readouterr().err
+    assert said in told
+    assert told.count("\n") == 1
+    assert not (tmp_path / "arm.toml").exists()
+
+
+def test_models_that_attach_each_other_without_end_are_refused(tmp_path):
+    for i in range(12):
+        asset = f'<asset><model name="m" file="{i + 1}.xml"/></asset>' if i < 11 else ""
+        attach = '<attach model="m" prefix="a_"/><attach model="m" prefix="b_"/>' if i < 11 else ""
+        body = f'<body name="b{i}"><joint name="j{i}"/>{INERTIAL.format(1)}{attach}</body>'
+        text = f'<mujoco model="m{i}">{asset}<worldbody>{body}</worldbody></mujoco>'
+        (tmp_path / f"{i}.xml").write_text(text, encoding="utf-8")
+    with pytest.raises(ScrewgaugeError, match="11 nested models, more than 10"):
+        read(tmp_path / "0.xml", "mujoco")
+
+
+def test_what_is_attached_many_times_counts_as_often(tmp_path):
+    """Each model has the next one 20 times: 8421 bodies in all."""
+    for i in range(4):
+        asset = f'<asset><model name="m" file="{i + 1}.xml"/></asset>' if i < 3 else ""
+        attach = "".join(f'<attach model="m" prefix="{k}_"/>' for k in range(20)) if i < 3 else ""
+        body = f'<body name="b"><joint name="j"/>{INERTIAL.format(1)}{attach}</body>'
+        text = f'<mujoco model="m{i}">{asset}<worldbody>{body}</worldbody></mujoco>'
+        (tmp_path / f"{i}.xml").write_text(text, encoding="utf-8")
+    assert len(read(tmp_path / "1.xml", "mujoco").bodies) == 421
+    with pytest.raises(ScrewgaugeError, match="8421 links, more than 2000"):
+        prepare(tmp_path / "0.xml")
+
+
+def test_bodies_without_names_of_their_own_are_refused(tmp_path):
+    flex = '<flexcomp type="grid" count="3 3 1" spacing=".1 .1 .1" name="f" dim="2" radius=".01" mass="1"/>'
+    body = f'<body name="a"><joint name="j"/>{INERTIAL.format(1)}</body>'
+    path = tmp_path / "cloth.xml"
+    path.write_text(f"<mujoco><worldbody>{body}{flex}</worldbody></mujoco>", encoding="utf-8")
+    with pytest.raises(ModelFileError, match="MuJoCo makes 27 of its 28 joints without a name; leave out what is made"):
+        import_model(path)
+
+
+def test_frames_and_copies_are_imported_whole(tmp_path):
+    body = f'<body name="{{}}" pos="0.1 0 0"><joint axis="0 0 1"/>{INERTIAL.format(1)}</body>'
+    text = f'{body.format("o")}<frame euler="10 20 30">{body.format("a")}</frame>'
+    text += f'<replicate count="3" offset="0 1 0">{body.format("b")}</replicate>'
+    path = tmp_path / "copies.xml"
+    path.write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>", encoding="utf-8")
+    assert [*import_model(path).mechanism.body_index][1:] == ["o", "a", "b0", "b1", "b2"]
+    with pytest.raises(ModelFileError, match="which pinocchio drops"):
+        import_model(path, Options(library="pinocchio"))
+
+
+def stl(size: float) -> bytes:
+    """A tetrahedron."""
+    points = size * np.array([[0.0, 0.0, 0.0], [1.0, 0.1, 0.0], [0.2, 1.0, 0.0], [0.1, 0.3, 1.0]])
+    faces = (points[list(face)] for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)))
+    rows = (struct.pack("<12fH", 0, 0, 0, *face.ravel(), 0) for face in faces)
+    return bytes(80) + struct.pack("<I", 4) + b"".join(rows)
+
+
+#: Bodies that weigh what their meshes do: by a class, by a density, together with a sphere, as a fixed part.
+MESHES = """<mujoco model="shells"><compiler meshdir="meshes" angle="radian"{0}/>
+<default><mesh scale="2 2 2"/><default class="shell"><geom type="mesh" mesh="big" density="300"/></default></default>
+<asset><mesh name="big" file="BIG.stl"/><mesh file="small.stl" scale="1 -1 1"/>
+<mesh name="lost" file="gone.stl"/></asset>
+<worldbody><geom type="mesh" mesh="lost" mass="3"/>
+<body name="a"><joint name="j" axis="0 1 0"/><geom class="shell" pos="0.1 0 0"/>
+  <body name="b" pos="0.2 0 0"><joint name="k" axis="0 0 1"/><geom type="mesh" mesh="small" euler="0.1 0.2 0.3"/>
+    <geom size="0.05" pos="0 0.1 0"/><geom type="mesh" mesh="lost" mass="0"/>
+    <body name="c"><geom type="mesh" mesh="small" mass="0.4"/></body>
+    <body name="d"><inertial pos="0 0 1" mass="2" diaginertia="1 1 1"/><geom size="0.1"/></body></body></body>
+</worldbody></mujoco>"""
+
+
+@pytest.fixture
+def shells(tmp_path: Path) -> Path:
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "BIG.stl").write_bytes(stl(0.2))
+    (tmp_path / "meshes" / "small.stl").write_bytes(stl(0.1))
+    (tmp_path / "shells.xml").write_text(MESHES.format(""), encoding="utf-8")
+    return tmp_path / "shells.xml"
+
+
+@pytest.mark.parametrize("compiler", ["", ' inertiafromgeom="true"', ' settotalmass="5"', ' boundmass="0.3"'])
+def test_mass_and_inertia_of_meshes_are_those_of_mujoco(compiler, shells):
+    shells.write_text(MESHES.format(compiler), encoding="utf-8")
+    (shells.parent / "meshes" / "gone.stl").write_bytes(stl(0.1))
+    model = by_mujoco(shells)
+    (shells.parent / "meshes" / "gone.stl").unlink()  # it weighs nothing that moves
+    source = prepare(shells, meshes=True)
+    whole = sum(read_source(source, "mujoco").bodies[name].mass for name in "ab")
+    assert whole == pytest.approx(model.body_mass[1:].sum(), rel=1e-15, abs=0)
+    for element in source.root.iter("body"):
+        own, i = element.find("inertial"), model.body(element.get("name")).id
+        scale = model.body("a").mass[0] / float(source.root.find(".//body[@name='a']/inertial").get("mass"))
+        if own is not None:
+            assert float(own.get("mass")) * scale == pytest.approx(model.body_mass[i], rel=1e-14, abs=0)
+            assert [*map(float, own.get("pos").split())] == pytest.approx(model.body_ipos[i], rel=1e-13, abs=1e-16)
+    two = read_source(source, "pinocchio")  # which reads no settotalmass
+    if not compiler:
+        assert sum(body.mass for body in two.bodies.values()) == pytest.approx(whole, rel=1e-13, abs=0)
+
+
+def test_meshes_are_read_on_request_only(shells, tmp_path, capsys):
+    out = str(tmp_path / "shells.toml")
+    assert main(["import", str(shells), "-o", out]) == 2
+    told = capsys.readouterr().err
+    assert "mass of body a comes from meshes, which are not read; give the body an <inertial>" in told
+    assert "or have meshes read (--meshes of import and diagnose)" in told
+    assert main(["import", str(shells), "-o", out, "--meshes"]) == 0
+    assert "Mass and inertia of a, b, c are those that MuJoCo computes from the meshes." in capsys.readouterr().out
+    mass = import_model(shells, Options(meshes=True)).mechanism.mass
+    assert screwgauge.load_scene(out).mechanism.mass == pytest.approx(mass, rel=1e-15, abs=0)
+
+
+def test_meshes_of_what_is_attached_are_read_too(shells, tmp_path):
+    text = f"""<mujoco><asset><model name="s" file="shells.xml"/></asset><worldbody><body name="top">
+    <joint name="t"/>{INERTIAL.format(1)}<attach model="s" body="a" prefix="x_"/></body></worldbody></mujoco>"""
+    path = tmp_path / "top.xml"
+    path.write_text(text, encoding="utf-8")
+    alone, whole = (read_source(prepare(each, meshes=True), "mujoco") for each in (shells, path))
+    for name in "ab":
+        one, two = alone.bodies[name], whole.bodies[f"x_{name}"]
+        assert (one.mass, one.com.tolist(), one.inertia.tolist()) == (two.mass, two.com.tolist(), two.inertia.tolist())
+    with pytest.raises(ModelFileError, match=r"shells.xml: mass of body a comes from meshes"):
+        read(path, "mujoco")
+
+
+@pytest.mark.parametrize("way", ["../BIG.stl", "/etc/hostname", "link.stl", "pipe.stl"])
+def test_no_mesh_outside_the_folder_is_opened(way, shells, tmp_path):
+    folder = tmp_path / "robot"
+    folder.mkdir()
+    for name in ("shells.xml", "meshes"):
+        (tmp_path / name).rename(folder / name)
+    (tmp_path / "secret.stl").write_bytes(stl(0.2))
+    os.symlink(tmp_path / "secret.stl", folder / "meshes" / "link.stl")
+    os.mkfifo(folder / "meshes" / "pipe.stl")
+    (folder / "shells.xml").write_text(MESHES.format("").replace("BIG.stl", way), encoding="utf-8")
+    said = "it is no regular file" if "pipe" in way else "cannot be read" if "BIG" in way else "which lies outside its"
+    with pytest.raises(ScrewgaugeError, match=said):
+        prepare(folder / "shells.xml", meshes=True)
+
+
+def test_a_mesh_that_is_none_is_refused(shells):
+    (shells.parent / "meshes" / "BIG.stl").write_bytes(b"no mesh at all")
+    with pytest.raises(ModelFileError, match="MuJoCo refuses it"):
+        prepare(shells, meshes=True)
+
+
+def test_a_diagnosis_reads_meshes_and_proves_what_differs(shells, tmp_path, capsys):
+    other = tmp_path / "other.xml"
+    other.write_text(MESHES.format("").replace('density="300"', 'density="330"'), encoding="utf-8")
+    fixed, out = tmp_path / "fixed.xml", ["--out", str(tmp_path / "out")]
+    assert main(["diagnose", str(shells), str(other), *out]) == 2
+    assert "or have meshes read (--meshes of import and diagnose)" in capsys.readouterr().err
+    assert main(["diagnose", str(shells), str(other), *out, "--meshes", "--fix", str(fixed)]) == 1
+    told = capsys.readouterr().out
+    assert "a: mass" in told
+    assert "+10.00 %" in told
+    assert str(tmp_path / "other.xml") in (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
+    assert main(["diagnose", str(shells), str(fixed), *out, "--meshes"]) == 0
+    assert main(["diagnose", str(shells), str(other), *out, "--meshes", "--fix", str(other)]) == 2
+    assert "is B itself, which is never overwritten" in capsys.readouterr().err
