@@ -269,7 +269,8 @@ def test_a_loops_file_of_our_own_says_what_the_mjcf_says(name, tmp_path: Path):
 @pytest.mark.parametrize("kind", ["SPHERICAL", "UJOINT_ZY", "FIXED"])
 def test_a_diagnosis_asks_the_library_about_the_joints_that_it_knows(kind, write):
     """Its own inverse dynamics know nothing of the types in a file beside the URDF."""
-    urdf, loops = write("robot.urdf", TURNED), write("robot.yaml", LOOP.format("elbow", kind))
+    types = LOOP.format("elbow", kind).partition("joint_name")
+    urdf, loops = write("robot.urdf", TURNED), write("robot.yaml", "".join(types[1:]))
     found = screwgauge.diagnose(urdf, urdf, loops=loops)
     assert [(each.failed, each.agrees) for each in found.witnesses] == [("", True)] * 2
     assert found.exit_status == 0

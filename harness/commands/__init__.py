@@ -74,7 +74,7 @@ def import_(options: argparse.Namespace) -> int:
     check_free(out, filter(None, (options.file, options.loops)), force=options.force)
     found = import_apart(options.file, choice)
     written = write_imported(found, out, force=options.force)
-    for said in (*map(str, written), *notes(found), *indexed(options.file, found)):
+    for said in (*map(str, written), *notes(found), *indexed(options.file, found, meshes=options.meshes)):
         say(said)
     return 0
 

@@ -19,7 +19,7 @@ from screwgauge.models.loops import read_loops
 from screwgauge.models.readings.loops import OWN, loops_for, with_loops
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
 from screwgauge.models.readings.reading import Reading
-from screwgauge.models.readings.source import prepare, weighed_copy
+from screwgauge.models.readings.source import form_of, weighed_copy
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.files import digest, is_file, read_file
 from screwgauge.reference.mechanism import Mechanism
@@ -143,7 +143,7 @@ def loaded(given: str | Path | Weighed, load: Read = in_process, loops: Path | N
         return _described(text)
     file = given.copy if isinstance(given, Weighed) else own
     library = library or libraries_for(file)[0]
-    content, form = read_file(own), prepare(file).form
+    content, form = read_file(own), form_of(file)
     model = Model(str(given), file, library, load(file, library, False), False, digits_of(content), _digest(content))
     model = replace(model, own=own if file != own else None)
     if (loops := loops_for(own, loops)) is None:
@@ -197,7 +197,7 @@ def _is_description(text: str, library: str) -> bool:
 
 def _is_urdf(given: str | Path | Weighed) -> bool:
     text, library = _asked(given)
-    return not _is_description(text, library) and prepare(Path(text)).form == "urdf"
+    return not _is_description(text, library) and form_of(Path(text)) == "urdf"
 
 
 def _digest(text: str) -> str:

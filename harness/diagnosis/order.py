@@ -60,14 +60,17 @@ def between(models: tuple[Model, Model], pairing: Pairing, seed: int) -> Order |
     return compared(a, (first, second), phrases, seed)
 
 
-def indexed(file: Path, imported: Imported) -> tuple[str, ...]:
+def indexed(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[str, ...]:
     """That libraries order the joints of a model file otherwise, which its description cannot show; nothing if not.
+
+    Args:
+        meshes: It was imported with mass from meshes.
 
     Raises:
         ScrewgaugeError: The file cannot be read.
     """
     gravity = STANDARD if imported.gravity is None else imported.gravity
-    source, reading = prepare(file), expected_reading(imported.mechanism, "full", gravity)
+    source, reading = prepare(file, meshes=meshes), expected_reading(imported.mechanism, "full", gravity)
     orders = [[imported.names.get(name, name) for name in order(source)] for order in (by_name, in_file)]
     first, second = (tuple(name for name in order if name in reading.joints) for order in orders)
     k = _apart(first, second)

@@ -176,8 +176,9 @@ def _components(
         worst = float(difference[i, k]) if known[i, k] else float("nan")
         about = {"quantity": quantity, "component": component, "unit": unit, "a": a.engine, "b": b.engine}
         size = {"max_abs": worst, "rms": float(rms[k]), "max_scaled": worst / scale, "scale": scale}
-        # what conditions explain counts where it is needed
-        limit = usual if worst / scale <= usual + admitted[i] else float(limits[rows[i]])
+        # what conditions explain is the tolerance only where it is needed and suffices at all samples
+        enough = worst / scale <= usual + admitted[i] or beyond[:, k].max() > 0.0
+        limit = usual if enough else float(limits[rows[i]])
         held = {"worst_t": float(t[rows[i]]), "tolerance": float(limit + admitted[i])}
         ok = worst / scale <= held["tolerance"]
         yield {**about, **size, **held, "integration": grown.reason(worst / scale, int(rows[i]), ok=ok, usual=limit)}

@@ -18,7 +18,7 @@ from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.plain_yaml import read_yaml
 from screwgauge.models.readings.reading import ClosureReading, Reading, couplings_of
 from screwgauge.models.readings.retyped import retyped
-from screwgauge.models.readings.source import prepare
+from screwgauge.models.readings.source import form_of
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
 from screwgauge.reference.files import is_file
 from screwgauge.reference.rotations import Array
@@ -58,7 +58,7 @@ def loops_for(path: Path, given: Path | None = None) -> Path | None:
     Raises:
         ScrewgaugeError: The model says itself what closes its loops, or cannot be read.
     """
-    if prepare(path).form != "urdf":
+    if form_of(path) != "urdf":
         if given is not None:
             raise ModelFileError("says itself what closes its loops", str(path), "leave --loops out")
         return None

@@ -18,7 +18,6 @@ from screwgauge.models.readings.compiler import compiled, heard
 from screwgauge.models.readings.reading import ClosureReading, CouplingReading, JointReading, Reading
 from screwgauge.models.readings.source import Source
 from screwgauge.models.readings.tendons import coupling_of, tendon_equality
-from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 

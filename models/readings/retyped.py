@@ -10,6 +10,7 @@ from itertools import permutations
 import numpy as np
 from numpy.polynomial import polynomial
 
+from screwgauge.models.content import Content
 from screwgauge.models.readings.assemble import Link, assemble, screw
 from screwgauge.models.readings.reading import CouplingReading, JointReading, Reading
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
@@ -45,8 +46,9 @@ def retyped(reading: Reading, types: Mapping[str, str], where: str) -> Reading:
         if kind not in KNOWN:
             raise UnknownNameError(f"type of joint '{name}',", kind, KNOWN, f"{where}, joint_type")
     frames = {name: link for name in types if (link := reading.carried(name))}
-    ignored = (phrase for name, kind in types.items() for phrase in _lost(reading.joints[name], name, kind))
-    reading = replace(reading, frames={**reading.frames, **frames}, ignored=(*reading.ignored, *ignored))
+    lost = (phrase for name, kind in types.items() for phrase in _lost(reading.joints[name], name, kind))
+    content = (Content("read otherwise by the library", phrase, values=()) for phrase in lost)
+    reading = replace(reading, frames={**reading.frames, **frames}, content=(*reading.content, *content))
     for name, kind in types.items():
         if kind != FIXED:
             _check_free(reading, name, kind, where)

@@ -141,6 +141,15 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
     return source
 
 
+def form_of(path: Path) -> str:
+    """``urdf`` or ``mjcf``, by the root element; empty of anything else.
+
+    Raises:
+        ScrewgaugeError: It cannot be read, or is no XML.
+    """
+    return FORMATS.get(parse(path).tag, "")
+
+
 def _urdf(root: ET.Element, path: Path) -> Source:
     check_count(len(root.findall("link")), "links", str(path))
     check_numbers(root, str(path))

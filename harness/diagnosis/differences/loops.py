@@ -68,7 +68,7 @@ def at_home(models: tuple[Model, Model]) -> tuple[Model, Model]:
         system = closing.Loops(plant(rehomed(model.reading, model.home)[0]))
         gaps = system.gaps(system.home, HOME)
         try:
-            assemble(model.reading, model.label) if gaps else None
+            assemble(model.reading, model.label, {}) if gaps else None
             found.append(replace(model, open_by=some(gaps)))
         except ClosureError as error:
             refused.append(error)
