@@ -34,6 +34,16 @@ if kind == "campaign":
 
     work = partial(bad_works.campaign_hangs, folder=folder)
     campaign(2, folder / "rows.csv", work=work, columns=("family", "seed"))
+elif kind == "program":
+    import subprocess
+    from concurrent.futures import ThreadPoolExecutor
+
+    from screwgauge.study.lifeline import tied
+
+    code = f"import bad_works; from pathlib import Path; bad_works.spins_in_c(None, Path({str(folder)!r}))"
+    with ThreadPoolExecutor(2) as pool:
+        for _ in range(2):
+            pool.submit(subprocess.run, [sys.executable, "-c", code], preexec_fn=tied())
 else:
     from screwgauge.study.apart import Limits, apart
 
@@ -60,7 +70,7 @@ def alive(pid: int) -> bool:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="looks for processes as Linux shows them")
-@pytest.mark.parametrize("kind", ["spins", "spins_in_c", "waits", "campaign"])
+@pytest.mark.parametrize("kind", ["spins", "spins_in_c", "waits", "campaign", "program"])
 def test_what_runs_for_a_parent_that_is_killed_ends(kind, tmp_path):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     parent = subprocess.Popen([sys.executable, "-c", PARENT, kind, str(tmp_path)], env=environment)

@@ -196,6 +196,7 @@ def _serve(text: bytes, port: int) -> int:
 def _mujoco(mechanism: Mechanism) -> int:
     """Opens MuJoCo's own viewer on the MJCF of the mechanism, and waits for its end."""
     from screwgauge.models.generate import write_models
+    from screwgauge.study.lifeline import tied
 
     if find_spec("mujoco") is None:
         raise DescriptionError("MuJoCo is not installed", "view --mujoco", "run pip install mujoco")
@@ -205,7 +206,7 @@ def _mujoco(mechanism: Mechanism) -> int:
     with TemporaryDirectory() as folder:
         write_models(mechanism, Path(folder), include=frozenset({"geoms"}))
         file = Path(folder) / f"{mechanism.name}.xml"
-        done = subprocess.run([sys.executable, "-m", "mujoco.viewer", f"--mjcf={file}"], check=False)
+        done = subprocess.run([sys.executable, "-m", "mujoco.viewer", f"--mjcf={file}"], check=False, preexec_fn=tied())
     if done.returncode:
         raise OutputError(
             f"MuJoCo's viewer ended with status {done.returncode}", "view --mujoco", "use the page instead"

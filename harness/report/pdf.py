@@ -9,6 +9,7 @@ import tempfile
 from pathlib import Path
 
 from screwgauge.reference.errors import OutputError
+from screwgauge.study.lifeline import tied
 
 PDF = "report.pdf"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
@@ -39,7 +40,11 @@ def print_page(html: Path, pdf: Path) -> None:
         command = [browser(), *FLAGS, f"--user-data-dir={folder}/profile", f"--print-to-pdf={made}"]
         try:
             done = subprocess.run(
-                [*command, html.absolute().as_uri()], capture_output=True, timeout=LONGEST, check=False
+                [*command, html.absolute().as_uri()],
+                capture_output=True,
+                timeout=LONGEST,
+                check=False,
+                preexec_fn=tied(),
             )
             why = f"status {done.returncode}"
         except subprocess.TimeoutExpired:

@@ -147,7 +147,8 @@ def _unwatched(work: Callable[[], T], progress: Progress) -> T:
 def _begin(line: Connection) -> None:
     """What a process does first: it ends with its parent, and what is printed there stands in nobody's output."""
     hold(line)
-    os.dup2(2, 1)
+    with suppress(OSError):  # there is no standard error
+        os.dup2(2, 1)
 
 
 def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits, own: float, file: Path) -> T | Failure:

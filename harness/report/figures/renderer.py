@@ -113,14 +113,14 @@ class Renderer:
 
 
 def _error(why: str) -> DrawingError:
-    return DrawingError(why, "", "its numbers are there")
+    return DrawingError(why, "", "draw it where there is more memory, or report this")
 
 
 def _ending(process: subprocess.Popen[bytes]) -> str:
     """How the process ended, and what may have been the cause."""
     status = process.wait()
     if status == -signal.SIGKILL:
-        how = f"was killed, by whom it had not enough memory for, or after {LONGEST:g} s"
+        how = f"was killed: memory ran out, or it took more than {LONGEST:g} s"
     else:
         how = f"got {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
     space, _ = resource.getrlimit(resource.RLIMIT_AS)

@@ -28,6 +28,7 @@ from screwgauge.casebook.book import CASES, reproduce
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.study.gate.row import EXIT, JUDGE
+from screwgauge.study.lifeline import tied
 from screwgauge.study.table import added_to, columns_of, rows_in
 
 #: What pin before 4 was built with and asks for in any version: newer ones have no libtinyxml2.so.10 or
@@ -187,7 +188,7 @@ def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[in
     more = {"PYTHONPATH": str(folder / "package")} if folder else {}
     ask = partial(subprocess.run, capture_output=True, text=True, errors="replace", check=False, timeout=LIMIT)
     try:
-        done = ask(command, cwd=folder, env={**kept, **more})
+        done = ask(command, cwd=folder, env={**kept, **more}, preexec_fn=tied())
     except (OSError, subprocess.TimeoutExpired) as error:
         raise CannotError(f"{type(error).__name__}: {error}") from None
     if ends and done.returncode not in ends:
