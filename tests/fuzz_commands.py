@@ -11,6 +11,7 @@ tenth case; libraries read models in the same process, and in one of their own o
 from __future__ import annotations
 
 import argparse
+import atexit
 import importlib
 import json
 import os
@@ -91,6 +92,7 @@ def _child(case: Case, folder: Path, *, separate: bool, draws: bool) -> None:
 
             chart.picture = lambda *arguments, **more: writing.Picture("x", "x", "<svg ></svg>")
         status = command(list(case.command))
+        atexit._run_exitfuncs()  # as Python does when it ends
         sys.stdout.flush()
         sys.stderr.flush()
     except BaseException:
@@ -141,30 +143,37 @@ def _there(work: Path) -> dict[str, Any]:
 
 def outcome(case: Case, *, separate: bool = False, draws: bool = False) -> str:
     """How the command ended, ``exit N``; or ``WRONG`` and what happened."""
-    with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
-        folder = Path(name)
-        for each in ("work", "home", "tmp"):
-            (folder / each).mkdir()
-        case.write(folder / "work")
-        before = _there(folder / "work")
-        if not (child := os.fork()):
-            _child(case, folder, separate=separate, draws=draws)
-        status, memory = _ended(child)
-        if status is not None and os.WIFSIGNALED(status) and not separate:
-            return outcome(case, separate=True, draws=draws)  # in processes of their own, libraries may crash
-        said = [(folder / each).read_text(encoding="utf-8", errors="replace") for each in ("stdout", "stderr")]
-        outside = (folder / "outside").read_text() if (folder / "outside").exists() else ""
-        after, left = _there(folder / "work"), [path.name for path in (folder / "tmp").iterdir()]
-        found = _judged(case, status, *said)
-        if memory > MEMORY:
-            found = f"WRONG {memory:.1f} GB"
-        elif outside or after != before:
-            changed = [each for each in {*after, *before} if after.get(each) != before.get(each)]
-            found = f"WRONG written: {outside} {sorted(changed)}"
-        elif left and found.startswith("exit") and not separate:
-            found = f"WRONG left in the folder for temporary files: {left}"
-        shutil.rmtree(folder / "tmp")
-        return found
+    # one that goes away by itself would do so at the end of the child, too
+    folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
+    try:
+        found = _outcome(case, folder, separate=separate, draws=draws)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    if found.startswith("WRONG signal") and not separate:
+        return outcome(case, separate=True, draws=draws)  # in processes of their own, libraries may crash
+    return found
+
+
+def _outcome(case: Case, folder: Path, *, separate: bool, draws: bool) -> str:
+    for each in ("work", "home", "tmp"):
+        (folder / each).mkdir()
+    case.write(folder / "work")
+    before = _there(folder / "work")
+    if not (child := os.fork()):
+        _child(case, folder, separate=separate, draws=draws)
+    status, memory = _ended(child)
+    said = [(folder / each).read_text(encoding="utf-8", errors="replace") for each in ("stdout", "stderr")]
+    outside = (folder / "outside").read_text() if (folder / "outside").exists() else ""
+    after, left = _there(folder / "work"), [path.name for path in (folder / "tmp").iterdir()]
+    if memory > MEMORY:
+        return f"WRONG {memory:.1f} GB"
+    if outside or after != before:
+        changed = [each for each in {*after, *before} if after.get(each) != before.get(each)]
+        return f"WRONG written: {outside} {sorted(changed)}"
+    found = _judged(case, status, *said)
+    if left and found.startswith("exit") and not separate:
+        return f"WRONG left in the folder for temporary files: {left}"
+    return found
 
 
 def _judged(case: Case, status: int | None, out: str, errors: str) -> str:

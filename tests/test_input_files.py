@@ -129,6 +129,22 @@ def test_a_csv_with_too_many_columns_is_refused(folder):
         load_scene(folder / "scene.toml")
 
 
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("0,0,0,0\n" + "," * 1_000_000, "1e+06 CSV columns, more than 1000"),
+        ("," * 1_000_000, "1e+06 CSV columns, more than 1000"),
+        ('"\n",' * 100_000, "a text in quotes goes over several lines"),
+        ("0,0,0,0,0\n", "the rows have more fields than the header"),
+    ],
+)
+def test_a_row_with_too_many_fields_is_refused_at_once(rows, said, folder):
+    """Pandas took a minute for a first row of a million fields."""
+    (folder / "motion.csv").write_text(f"t,x,xd,xdd\n{rows}", encoding="utf-8")
+    with pytest.raises(DescriptionError, match=re.escape(said)):
+        load_scene(folder / "scene.toml")
+
+
 @pytest.mark.parametrize("what", ["bodies", "joints"])
 def test_a_mechanism_of_too_many_parts_is_refused(what, folder):
     more = "\n".join(f"{what}.x{i} = {{}}" for i in range(LIMITS[what]))

@@ -168,7 +168,18 @@ def test_results_that_do_not_fit_are_not_taken_over(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", ["a,b\n1,2,3\n", 'a,b\n"x', "b,a\n", "a,b\n1\n", "\x00", "a,b\n" + "x" * 200_000 + ",1"]
+    "text",
+    [
+        "a,b\n1,2,3\n",
+        'a,b\n"x',
+        "b,a\n",
+        "a,b\n1\n",
+        "\x00",
+        "\ufeff",
+        "a,b",
+        "a,b\n1,2",
+        "a,b\n" + "x" * 200_000 + ",1",
+    ],
 )
 def test_an_odd_table_of_rows_is_refused(text, tmp_path):
     (tmp_path / "rows.csv").write_text(text)

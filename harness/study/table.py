@@ -54,13 +54,17 @@ def rows_in(
     """
     if not os.path.lexists(file):
         return []
-    lines = csv.reader(read_file(file, "MB of CSV").splitlines(keepends=True), strict=True)
+    text = read_file(file, "MB of CSV")
+    if not text and not os.path.getsize(file):
+        return []
     try:
-        head, *rows = list(lines) or [[*columns]]
+        head, *rows = list(csv.reader(text.splitlines(keepends=True), strict=True)) or [[]]
     except csv.Error:  # a field of a megabyte, quotes within quotes
         head, rows = [], []
+    if not text.endswith("\n"):  # a row that is added would be part of the last
+        head = []
     if tuple(head) != tuple(columns) or any(len(row) != len(columns) for row in rows):
-        said = f"is no table of {what}, or one of another version"
+        said = f"is no table of {what}, is of another version, or was cut short"
         raise OutputError(said, str(file), "move it, or choose another --out")
     found = [dict(zip(columns, row, strict=True)) for row in rows]
     for name, holds in [*zip(whole, repeat(_is_whole)), *zip(sizes, repeat(_is_size))]:
