@@ -61,6 +61,10 @@ def row(seed: int, folder: Path) -> dict[str, object]:
             return found | {"verdict": "failed", "reason": said}
         if not results.ok:
             bad = results.pairs[~results.pairs["ok"].astype(bool)]
+            if bad.empty:  # engines agree, and the judge finds the equations of one beyond tolerance
+                fault = results.judge[~results.judge["ok"].astype(bool)].iloc[0]
+                size = f"{fault['max_scaled']:.2g} of {fault['tolerance']:.2g}, {fault['reason']}"
+                return found | {"verdict": "judge", "reason": f"{fault['residual']}: {fault['engine']} {size}"}
             worst = bad.loc[(bad["max_scaled"] / bad["tolerance"]).idxmax()]
             size = f"{worst['max_scaled']:.2g} of {worst['tolerance']:.2g}"
             said = f"{worst['quantity']}: {worst['a']} - {worst['b']} {size}"
