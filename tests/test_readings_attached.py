@@ -270,4 +270,4 @@ def test_a_diagnosis_reads_meshes_and_proves_what_differs(shells, tmp_path, caps
     assert str(tmp_path / "other.xml") in (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
     assert main(["diagnose", str(shells), str(fixed), *out, "--meshes"]) == 0
     assert main(["diagnose", str(shells), str(other), *out, "--meshes", "--fix", str(other)]) == 2
-    assert "is B itself, which is never overwritten" in capsys.readouterr().err
+    assert "is what the command reads; name another file" in capsys.readouterr().err

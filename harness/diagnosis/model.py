@@ -50,6 +50,7 @@ class Model:
         own: The user's file, where `file` is a copy of it that says mass and inertia of meshes.
         as_read: What the library itself has of the file, without these and without joints of which a file beside it
             changes the types; None where that is the reading.
+        retyped: Whether a file beside it changes types of joints, of which the library knows nothing.
         open_by: How far its loops are open at home as written, in words; empty where they are closed.
         never_closed: Which loops close from no start, in words; empty where all do.
         says_closures: Whether its files can say what closes loops; a URDF alone cannot.
@@ -66,6 +67,7 @@ class Model:
     parts: tuple[Copy, ...] = ()
     as_read: Reading | None = None
     own: Path | None = None
+    retyped: bool = False
     open_by: str = ""
     never_closed: str = ""
     loops_sha256: str = ""
@@ -149,8 +151,9 @@ def loaded(given: str | Path | Weighed, load: Read = in_process, loops: Path | N
     if (loops := loops_for(own, loops)) is None:
         return replace(model, says_closures=form != "urdf")
     reading = with_loops(model.reading, loops)
-    as_read = None if _kinds(reading) == _kinds(model.reading) else model.reading
-    return replace(model, loops=loops, reading=reading, as_read=as_read, loops_sha256=_digest(read_file(loops)))
+    retyped = _kinds(reading) != _kinds(model.reading)
+    model = replace(model, as_read=model.reading if retyped else None, retyped=retyped)
+    return replace(model, loops=loops, reading=reading, loops_sha256=_digest(read_file(loops)))
 
 
 def _kinds(reading: Reading) -> dict[str, str]:

@@ -108,7 +108,7 @@ def together(models: tuple[Model, Model], common: Common, seed: int) -> tuple[To
 
 def _side(model: Model, common: Common, side: str) -> _Side:
     reading = common.a if side == "A" else common.b
-    whole = weighed(model.as_read or model.reading)
+    whole = weighed(model.reading if model.retyped else model.as_read or model.reading)
     first = [common.own["joints"].get(name, name) if side == "B" else name for name in reading.joints]
     tree = plant(reading)
     own = plant(ordered(whole, [*first, *(name for name in whole.joints if name not in first)]))
@@ -158,7 +158,7 @@ def _torques(first: _Side, second: _Side, seed: int) -> tuple[Array, Array, Arra
 def _tau(side: _Side, states: States) -> Array:
     """All that motors have to give, along the velocities of the common joints. Shape (n, n_freedom)."""
     tree, model = side.own, side.model
-    if model.library in ASKED and model.file is not None:
+    if model.library in ASKED and model.file is not None and not model.retyped:
         said = answers(model.file, model.library, tree, states, floating=model.floating, whole=True)
         left_out = [part for name, part in passive_parts(tree, states).items() if name not in said.covers]
         tau = said.tau + sum(left_out, np.zeros_like(said.tau))
