@@ -14,7 +14,8 @@ from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map
 from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.models.importing import closing
-from screwgauge.models.importing.assemble import assemble, some
+from screwgauge.models.importing.assemble import assemble
+from screwgauge.models.importing.homes import some
 from screwgauge.models.kinematics.closing import equations
 from screwgauge.models.kinematics.home import rehomed
 from screwgauge.models.kinematics.tree import States, Tree, draw, plant
