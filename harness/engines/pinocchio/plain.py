@@ -23,14 +23,37 @@ def ask(
     model = loaded(source)
     data = model.createData()
     q, v, a, B = _states(model, source, joints)
+    B, turning = _planar(model, q, v, B)
     frames = [model.getFrameId(name, pin.FrameType.BODY) for name in bodies]
-    found = [_sample(model, data, frames, (q[k], B @ v[k], B @ a[k])) for k in range(len(q))]
+    states = zip(q, (B @ v[..., None])[..., 0], (B @ a[..., None])[..., 0] + turning, strict=True)
+    found = [_sample(model, data, frames, state) for state in states]
     tau, M, bias, gravity, velocity, acceleration = (np.array(each) for each in zip(*found, strict=True))
-    return Answers(frozenset({"armature"}), tau @ B, B.T @ M @ B, bias @ B, gravity @ B, velocity, acceleration)
+    bias = bias + (M @ turning[..., None])[..., 0]
+    tau, bias, gravity = ((each[:, None] @ B)[:, 0] for each in (tau, bias, gravity))
+    return Answers(frozenset({"armature"}), tau, B.swapaxes(1, 2) @ M @ B, bias, gravity, velocity, acceleration)
+
+
+def _planar(model: Any, q: Array, v: Array, B: Array) -> tuple[Array, Array]:
+    """The map of velocities at each sample, and what its rate adds to accelerations. Shapes (n, n_v, m), (n, n_v).
+
+    Pinocchio counts the linear velocity of a planar joint along the axes of the body that it carries, while its parts,
+    two slides and then a hinge, have theirs along those of the body before.
+    """
+    maps, turning = np.tile(B, (len(q), 1, 1)), np.zeros((len(q), model.nv))
+    for joint in model.joints:
+        if joint.shortname() == "JointModelPlanar":
+            c, s = q[:, joint.idx_q + 2], q[:, joint.idx_q + 3]
+            ways = slice(joint.idx_v, joint.idx_v + 2)
+            rate = (v @ B[joint.idx_v + 2])[:, None]
+            linear = v @ B[ways].T
+            maps[:, ways] = np.stack([np.stack([c, s], axis=1), np.stack([-s, c], axis=1)], axis=1) @ B[ways]
+            turned = np.stack([np.stack([-s, c], axis=1), np.stack([-c, -s], axis=1)], axis=1)
+            turning[:, ways] = rate * (turned @ linear[..., None])[..., 0]
+    return maps, turning
 
 
 def _states(model: Any, source: Any, joints: Mapping[str, JointStates]) -> tuple[Array, Array, Array, Array]:
-    """Coordinates, velocities and accelerations of the reading, and its velocities -> Pinocchio's."""
+    """Coordinates, velocities and accelerations of the reading, and its velocities -> Pinocchio's at home."""
     n = len(next(iter(joints.values())).q)
     q = np.tile(start(model), (n, 1))
     data = model.createData()
