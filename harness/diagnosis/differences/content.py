@@ -39,8 +39,8 @@ def beyond(common: Common) -> Beyond:
     named_alike = all(name == other for name, other in common.own["joints"].items())
     fates: dict[str, list[tuple[str, Content]]] = {"withheld": [], "aside": []}
     found = list[Difference]()
-    lost = {*common.a.joints} ^ {*common.b.joints}  # which is said of the joints themselves
-    for a, b in _pairs(*(_kept(each.content, lost) for each in (common.a, common.b))):
+    both = {*common.a.joints} & {*common.b.joints}
+    for a, b in _pairs(*(_kept(each.content, both) for each in (common.a, common.b))):
         fate = _fate(a, b, (common.a, common.b), named_alike=named_alike)
         sides = [(side, each) for side, each in zip("AB", (a, b), strict=True) if each is not None]
         if fate == "differs":
@@ -50,9 +50,14 @@ def beyond(common: Common) -> Beyond:
     return Beyond(tuple(found), *(tuple(_sided(fates[fate])) for fate in ("withheld", "aside")))
 
 
-def _kept(content: Iterable[Content], lost: Collection[str]) -> list[Content]:
-    """Without what acts on joints alone that one of the models does not have."""
-    return [each for each in content if not each.of or any(name not in lost for _, name, _ in each.of)]
+def _kept(content: Iterable[Content], joints: Collection[str]) -> list[Content]:
+    """Without what acts on other joints alone, which one of the models does not have: that is said of the joints."""
+    kept = []
+    for each in content:
+        acts = {name for room, name, _ in each.of if room == "joints"}
+        if not acts or acts & {*joints}:
+            kept.append(each)
+    return kept
 
 
 def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Pair]:
