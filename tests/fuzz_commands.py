@@ -75,6 +75,7 @@ def _child(case: Case, folder: Path, *, separate: bool, draws: bool) -> None:
     status = 99
     try:
         work = folder / "work"
+        sys.dont_write_bytecode = True  # what is imported late may have its place elsewhere
         os.chdir(work)
         os.environ |= {"HOME": str(folder / "home"), "TMPDIR": str(folder / "tmp"), "PYTHONDONTWRITEBYTECODE": "1"}
         tempfile.tempdir = None
