@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import arm
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from screwgauge.diagnosis import known
+from screwgauge.diagnosis.diagnose import diagnose
 from screwgauge.diagnosis.differences.change import Change, applied
 from screwgauge.diagnosis.differences.static import differences
 from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
@@ -18,6 +20,8 @@ from screwgauge.diagnosis.mechanics.reshape import held, placed
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import paired
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.generate import write_models
 from screwgauge.models.kinematics.home import rehomed
 from screwgauge.models.kinematics.tree import draw, plant
 from screwgauge.models.readings.assemble import matrix
@@ -208,3 +212,23 @@ def test_a_tensor_that_mujoco_turns_inexactly_is_told_as_such(arms, angle, statu
     (said,) = known.compiled(models, found(a, b))
     assert (said.what, said.kind) == ("inertia", kind)
     assert ("casebook: mj-axes-before-3.14" in said.sentence) == (kind == "digits")
+
+
+def test_limits_of_a_description_are_compared_where_the_model_file_has_some(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = """name = "arm"
+    independent.a = "a"
+    bodies.one = { mass = 1, com = [0.1, 0, 0], inertia = { xx = 1e-2, yy = 1e-2, zz = 1e-2 } }
+    [joints]
+    a = { kind = "R", parent = "ground", child = "one", axes = [[0, 1, 0]], actuated = true, limits = [[-1, 1]] }
+    """
+    Path("arm.toml").write_text(text, encoding="utf-8")
+    mechanism = load_mechanism("arm.toml")
+    for include in (frozenset[str](), frozenset({"limits"})):
+        write_models(mechanism, tmp_path, include=include)
+        assert diagnose("arm.toml", "arm.urdf").same
+    urdf = Path("arm.urdf").read_text(encoding="utf-8")
+    Path("other.urdf").write_text(urdf.replace('upper="1"', 'upper="0.5"'), encoding="utf-8")
+    found = diagnose("arm.toml", "other.urdf")
+    assert not found.same
+    assert found.verdict.startswith("a: limits (-1, 0.5")

@@ -35,6 +35,7 @@ from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.kinematics.tree import draw
 from screwgauge.models.readings.plausible import implausible
 from screwgauge.models.readings.reading import Reading
+from screwgauge.models.urdf import WIDE
 from screwgauge.reference.errors import DescriptionError, OutputError, check_seed
 
 
@@ -260,10 +261,16 @@ def _by_joint(asked: Torques, b: Reading, changes: Sequence[Change]) -> tuple[tu
 
 
 def _said(found: Sequence[Difference], a: Model, b: Model, bound: Loops | None) -> list[Difference]:
-    """Without what one of the formats cannot say, limits of a description; and without other points of one axis, where
-    loops leave the same.
+    """Without limits that a description or a model file beside it does not say; and without other points of one axis,
+    where loops leave the same.
     """
-    silent = {"limits"} if "screwgauge" in (a.library, b.library) else set[str]()
     points = {name for model in (a, b) for part in model.parts for name in part.points if bound and bound.alike}
     found = [each for each in found if each.what not in BINDING or not points & {each.item_a, each.item_b}]
-    return [each for each in found if each.what not in silent]
+    described = "screwgauge" in (a.library, b.library)
+    return [each for each in found if not (described and each.what == "limits" and _of_one_alone(each))]
+
+
+def _of_one_alone(limits: Difference) -> bool:
+    """Whether one of the two models has no limits there: model files are written without those of a description."""
+    sides = (np.abs(np.asarray(side, float)) for side in (limits.a, limits.b) if side is not None)
+    return any(bool(np.all(side >= WIDE)) for side in sides)

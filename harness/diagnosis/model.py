@@ -215,7 +215,12 @@ def _described(name: str) -> Model:
 
 
 def _expected(mechanism: Mechanism, cut: str, gravity: Array | None) -> Reading:
-    return replace(expected_reading(mechanism, cut, STANDARD), gravity=gravity)
+    reading = expected_reading(mechanism, cut, STANDARD)
+    limits = {
+        name: said for joint in mechanism.joints for name, said in zip(joint.coordinates, joint.limits, strict=True)
+    }
+    joints = {name: replace(joint, limits=limits.get(name, joint.limits)) for name, joint in reading.joints.items()}
+    return replace(reading, joints=joints, gravity=gravity)
 
 
 def alike(a: Model, b: Model, load: Read = in_process) -> tuple[Model, Model]:

@@ -102,8 +102,8 @@ def together(models: tuple[Model, Model], common: Common, seed: int) -> tuple[To
     ours, theirs = both if first is a else both[::-1]
     row = row_of("torques of the libraries", ours, theirs, components(common.a), whole)
     units = np.array([unit == row.unit for _, unit in components(common.a)])
-    calls = CALLS.get(models[0].library, ""), CALLS.get(models[1].library, "")
-    return Together(row, float(np.abs(whole[:, units]).max(initial=0.0)), calls, len(ours)), ""
+    calls = ["" if model.retyped else CALLS.get(model.library, "") for model in models]
+    return Together(row, float(np.abs(whole[:, units]).max(initial=0.0)), (calls[0], calls[1]), len(ours)), ""
 
 
 def _side(model: Model, common: Common, side: str) -> _Side:

@@ -146,7 +146,7 @@ def _alike(models: tuple[Model, Model], why: Attribution, beyond: Beyond, both: 
     if both is not None and not both.agrees:
         suspects = f" What is not compared could be the cause: {_listed(beyond.withheld)}." if beyond.withheld else ""
         return f"{_as_loaded(both)}{suspects} All else is the same: {agree}.{outside}"
-    if both is not None:
+    if both is not None and any(both.calls):
         agree += f", those of the libraries as loaded to {both.row.scaled:.1g}"
     if beyond.withheld:
         return f"Not all compared: {_listed(beyond.withheld)}. All else is the same: {agree}.{outside}"
