@@ -189,8 +189,6 @@ def _pair(rows: Sequence[Row]) -> Row:
     every, rows = rows, [row for row in rows if not row["ok"]] or rows
     sizes = np.array([row["max_scaled"] for row in rows])
     lost = ~np.isfinite(sizes)
-    over = np.where([row["ok"] for row in rows], -np.inf, sizes)  # tolerances of components may differ
-    sizes = sizes if lost.any() or over.max() == -np.inf else over
     worst = rows[int(np.argmax(lost if lost.any() else sizes >= ALIKE * sizes.max()))]
     reason = "" if np.isfinite(worst["max_scaled"]) else f"not a number at t = {worst['worst_t']:g} s"
     return {
