@@ -17,6 +17,7 @@ import json
 import os
 import re
 import resource
+import select
 import shutil
 import signal
 import sys
@@ -119,14 +120,13 @@ def _watch(folder: Path) -> None:
 
 def _ended(child: int) -> tuple[int | None, float]:
     """Status of a process, None if it took too long and was stopped; and the memory that it needed [GB]."""
-    until = time.monotonic() + LIMIT
-    while time.monotonic() < until:
-        done, status, used = os.wait4(child, os.WNOHANG)
-        if done:
-            return status, used.ru_maxrss * 1024 / 1e9
-        time.sleep(0.003)
-    os.kill(child, signal.SIGKILL)
-    return None, os.wait4(child, 0)[2].ru_maxrss * 1024 / 1e9
+    descriptor = os.pidfd_open(child)
+    ended = select.select([descriptor], [], [], LIMIT)[0]
+    os.close(descriptor)
+    if not ended:
+        os.kill(child, signal.SIGKILL)
+    _, status, used = os.wait4(child, 0)
+    return status if ended else None, used.ru_maxrss * 1024 / 1e9
 
 
 def _there(work: Path) -> dict[str, Any]:
