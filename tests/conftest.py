@@ -11,6 +11,7 @@ from screwgauge.threads import ONE
 os.environ.update(ONE)
 
 import gc
+import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,6 +21,7 @@ from typing import NamedTuple
 
 import pandas as pd
 import pytest
+from gates import repository
 
 from screwgauge.cli import main
 from screwgauge.engines.registry import ENGINES
@@ -98,6 +100,21 @@ def bench_of_all() -> Bench:
 def no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     """Long work says nothing of its progress, however slow the machine is."""
     monkeypatch.setattr("screwgauge.report.progress.QUIET", float("inf"))
+
+
+@pytest.fixture(scope="session")
+def their_repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A repository of somebody's, see `gates.repository`; tests work on a copy of it."""
+    return repository(tmp_path_factory.mktemp("theirs"))
+
+
+@pytest.fixture
+def theirs(their_repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of somebody's repository, and the working folder."""
+    folder = tmp_path / "theirs"
+    shutil.copytree(their_repository, folder)
+    monkeypatch.chdir(folder)
+    return folder
 
 
 @pytest.fixture

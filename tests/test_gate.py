@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 import bad_engines
 import pytest
-from gates import edited, repository, scene, tell
+from gates import edited, scene, tell
 
 import screwgauge
 from screwgauge.cli import main
@@ -23,20 +23,6 @@ from screwgauge.study.gate import run as gate_run
 from screwgauge.study.gate.items import Item
 from screwgauge.study.gate.measure import Settings
 from screwgauge.study.gate.run import NAME, check_items
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory) -> Path:
-    return repository(tmp_path_factory.mktemp("theirs"))
-
-
-@pytest.fixture
-def theirs(made, tmp_path, monkeypatch) -> Path:
-    """A copy of the repository, and the working folder."""
-    folder = tmp_path / "theirs"
-    shutil.copytree(made, folder)
-    monkeypatch.chdir(folder)
-    return folder
 
 
 def worse(text: str, by: float) -> str:

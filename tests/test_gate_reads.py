@@ -9,26 +9,12 @@ import shutil
 from pathlib import Path
 
 import pytest
-from gates import repository, scene
+from gates import scene
 
 import screwgauge
 from screwgauge.cli import main
 from screwgauge.engines.tree.closure import Loops
 from screwgauge.judging import compare as comparing
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory) -> Path:
-    return repository(tmp_path_factory.mktemp("theirs"))
-
-
-@pytest.fixture
-def theirs(made, tmp_path, monkeypatch) -> Path:
-    """A copy of the repository, and the working folder."""
-    folder = tmp_path / "theirs"
-    shutil.copytree(made, folder)
-    monkeypatch.chdir(folder)
-    return folder
 
 
 def test_a_model_of_an_engine_that_does_not_run_keeps_a_gate_from_passing(theirs, capsys):
