@@ -43,6 +43,22 @@ from screwgauge.study.bench.registry import contestants
 from screwgauge.study.bench.run import Bench, Plan, bench
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """What campaigns take."""
+    group = parser.getgroup("campaigns", "campaigns (-m campaign)")
+    group.addoption("--count", type=int, metavar="N", help="rows of each campaign (those of the report that is kept)")
+    group.addoption("--reports", type=Path, metavar="DIR", help="folder of their reports (one that goes away)")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Campaigns take hours: they run where ``-m`` names them, and nowhere else."""
+    if "campaign" in config.getoption("markexpr"):
+        return
+    campaigns = [item for item in items if item.get_closest_marker("campaign")]
+    config.hook.pytest_deselected(items=campaigns)
+    items[:] = [item for item in items if item not in {*campaigns}]
+
+
 def pytest_collection_finish() -> None:
     """What is there by now stays: the garbage collector need not go through it again and again."""
     gc.freeze()

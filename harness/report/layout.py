@@ -58,7 +58,7 @@ class Report:
     ``{# Title}`` stands for what the section of that title says.
 
     Attributes:
-        text: Name of the file in ``texts/``.
+        text: Name of the file in ``texts/``, or the path of another one, without its ``.md``.
         banner: Verdict in a sentence, then warnings.
         data: File name -> what it holds. The record of the machine is added: of what was found, else of now.
         values: Name -> value; computed when a text asks for it. Other names are attributes of what was found (``a.b``:

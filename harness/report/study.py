@@ -14,7 +14,7 @@ import pandas as pd
 from screwgauge.report.blocks import LONG, Banner, Block, Folded, Heading, Picture, table
 from screwgauge.report.console import console
 from screwgauge.report.formatting import Row, grouped
-from screwgauge.report.layout import Report, Value
+from screwgauge.report.layout import TEXTS, Report, Value
 from screwgauge.report.progress import Progress
 from screwgauge.study.campaigns.imports import Public, listed_models, models_in
 
@@ -26,11 +26,16 @@ def study(
     kept: Collection[str] = (),
     draw: Callable[[pd.DataFrame], Sequence[Picture]] = lambda found: (),
     grown: bool = True,
+    texts: Path = TEXTS,
     **values: Value,
 ) -> Report:
-    """A report whose text has the name of the table's file; `kept`: columns of the file, all by default."""
+    """A report whose text, in the folder `texts`, has the name of the table's file.
+
+    Args:
+        kept: Columns of the file, all by default.
+    """
     return Report(
-        text=Path(file).stem,
+        text=str(texts / Path(file).stem),
         banner=banner,
         data={file: lambda found: found[[*kept]] if kept else found},
         values={

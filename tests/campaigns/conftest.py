@@ -1,0 +1,46 @@
+"""Campaigns: what tests the product at large and writes a report of it, on request.
+
+pytest -m campaign --reports reports                       # all of them, as many rows as a report is kept with
+pytest -m campaign -k random --count 50 --reports DIR      # one of them, smaller, elsewhere
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from screwgauge.commands.carrying import carry_out
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """How large a campaign is to be, and where its report goes.
+
+    Attributes:
+        count: Rows asked for by ``--count``, None for those that the kept report has.
+        reports: Folder of all reports: that of ``--reports``, else one that goes away.
+    """
+
+    count: int | None
+    reports: Path
+
+    def carry_out(self, page: Any, name: str, work: Callable[[Any], Any], again: str = "") -> Any:
+        """Works and writes the report ``reports/NAME``; returns what was found.
+
+        Args:
+            page: Its `Report`.
+            work: Takes the progress, ``(step, share)``.
+            again: Table in the report's folder that a later run adds rows to.
+        """
+        return carry_out(page, self.reports / name, work, again=again, force=True)
+
+
+@pytest.fixture
+def campaign(request: pytest.FixtureRequest, tmp_path: Path) -> Campaign:
+    """What the command line asks of a campaign."""
+    reports = request.config.getoption("--reports")
+    return Campaign(request.config.getoption("--count"), tmp_path if reports is None else Path(reports).absolute())
