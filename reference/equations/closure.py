@@ -1,0 +1,240 @@
+"""What closes the loops: constraints of the cut joints, couplings, and the coordinates that are given.
+
+``M qd = [0; 0; yd]`` over the coordinates of the tree stands for the chains of eqs. (15), (25), (26): a cut joint
+constrains its bodies by the wrenches of eq. (8), so that its own coordinates are no unknowns. The transpose of M is the
+balance of forces, ``M^T [constraint forces; coupling forces; Q] = tau``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference.equations.joint_types import (
+    JointPose,
+    Value,
+    closure_residual,
+    components,
+    constraint_wrenches,
+    cut_coordinates,
+    dual_wrenches,
+)
+from screwgauge.reference.equations.kinematics import Coordinates, TreePose, joint_bias, joint_screws, tree_pose
+from screwgauge.reference.equations.ops import Block, Ops
+from screwgauge.reference.equations.screws import Array, join, lie_bracket, power, powers, scale, times
+from screwgauge.reference.pose import Layout, length
+
+
+class CutJoint:
+    """A cut joint at a pose.
+
+    Attributes:
+        at: Its frames.
+        W: Its constraint wrenches. Shape (..., m, 6).
+        parent, child: Its bodies.
+    """
+
+    def __init__(self, at: JointPose, parent: int, child: int, fold: Any, ops: Ops) -> None:
+        """`fold`: see `cut_coordinates`."""
+        self.at, self.parent, self.child, self.fold, self.ops = at, parent, child, fold, ops
+        self.W = constraint_wrenches(at)
+
+    @cached_property
+    def values(self) -> list[Value]:
+        """Its coordinates."""
+        return cut_coordinates(self.at, self.fold, self.ops.sqrt)
+
+    @cached_property
+    def S(self) -> Array:
+        """Its unit screws. Shape (..., f, 6)."""
+        screws = joint_screws(self.at.joint, self.at.R_parent, self.at.p_parent, self.values)[0]
+        return np.stack(np.broadcast_arrays(*screws), axis=-2)
+
+    @cached_property
+    def D(self) -> Array:
+        """What reads its rates and drives its freedoms. Shape (..., f, 6)."""
+        return dual_wrenches(self.at, self.S)
+
+    def rates(self, V: Array) -> Array:
+        """Its rates, from the twists of the bodies. Shape (..., b, 6) -> (..., f)."""
+        return np.asarray(power(self.D, (V[..., self.child, :] - V[..., self.parent, :])[..., None, :]))
+
+    def acceleration(self, V: Array, A: Array, *, own: bool) -> Array:
+        """Acceleration screw of child less parent that is not due to its second derivatives, eq. (44). Shape (..., 6).
+
+        Args:
+            V, A: Of all bodies. Shape (..., b, 6).
+            own: Whether to take brackets of its screws with each other into account.
+        """
+        before, relative = V[..., self.parent, :], A[..., self.child, :] - A[..., self.parent, :]
+        if not own:
+            return relative - lie_bracket(before, V[..., self.child, :] - before)
+        w = self.rates(V)
+        return relative - joint_bias(before, [scale(w[..., i], self.S[..., i, :]) for i in range(w.shape[-1])])
+
+    def accelerations(self, V: Array, A: Array) -> Array:
+        """Second derivatives of its coordinates. Shape (..., f)."""
+        return np.asarray(power(self.D, self.acceleration(V, A, own=True)[..., None, :]))
+
+
+class Loops:
+    """The loops of a layout, whatever the pose.
+
+    Attributes:
+        fixed: Columns of coordinates that never move on the assembly mode of home.
+        columns: Those of the tree, the fixed ones last; unknowns are in this order.
+        moving: How many of these move.
+        names: Label and unit of the constraint wrenches of cut joints, row after row.
+        ends: Rows of cut joint j are ``ends[j]:ends[j + 1]``.
+        given: Rows of the given coordinates.
+        unit, size: Of rows and of unknowns: 1 for angles, the length of the mechanism for distances.
+    """
+
+    def __init__(self, lay: Layout, fixed: Sequence[int] = ()) -> None:
+        self.lay, self.fixed, mechanism = lay, [*fixed], lay.mechanism
+        self.columns = [c for c in lay.tree_columns if c not in self.fixed] + self.fixed
+        self.moving, self.length = len(self.columns) - len(self.fixed), length(lay)
+        self.place = {c: i for i, c in enumerate(self.columns)}
+        self.sizes = np.where(lay.turns, 1.0, self.length).astype(lay.path.dtype)
+        self.size = self.sizes[self.columns]
+        self.cuts, self.couplings = lay.tree.cuts, mechanism.coupling_rows
+        self.y_columns = mechanism.independent_columns
+        counts = [len(components(joint)) for joint in self.cuts]
+        self.names = [pair for joint in self.cuts for pair in components(joint)]
+        self.ends = np.cumsum([0, *counts]).tolist()
+        first = self.ends[-1] + len(self.couplings)
+        self.given = slice(first, first + len(self.y_columns))
+        lengths = [self.length if unit == "N" else 1.0 for _, unit in self.names]
+        self.unit = np.concatenate([lengths, self.sizes[[*self.couplings.columns, *self.y_columns]]])
+        tree = np.array(self.columns, dtype=int)
+        self.around = [(tree[signs != 0.0], signs[signs != 0.0]) for signs in -lay.loop[:, tree]]
+        self.owner = {c: (j, i) for j, joint in enumerate(self.cuts) for i, c in enumerate(lay.columns[joint.name])}
+
+    def derivatives(self, q: Array, order: int) -> list[tuple[int, int | None, Any]]:
+        """Of each coupling ``q_i = p(q_j)``: columns i and j, and a derivative of p at q_j."""
+        found = []
+        for coupling, (i, j) in zip(self.couplings.couplings, self.couplings.pairs, strict=True):
+            value: Any = 0.0
+            for coefficient in coupling.derivative(order)[::-1].tolist():
+                value = coefficient if j is None else value * q[..., j] + coefficient
+            found.append((i, j, value))
+        return found
+
+    def folds(self, q: Array) -> list[Array]:
+        """Which of its two triples of angles each cut joint has, see `cut_coordinates`. Shape (..., n_q) -> (...)."""
+        middle = [self.lay.columns[joint.name][1] if sum(turning(joint)) == 3 else None for joint in self.cuts]
+        return [np.where(np.cos(0.0 if c is None else q[..., c]) < 0.0, -1.0, 1.0) for c in middle]
+
+
+def turning(joint: Any) -> list[bool]:
+    """Which freedoms of a joint turn."""
+    return [turns for turns, _ in joint.freedoms]
+
+
+class Closed:
+    """The closing system at one pose, and the motion that it leaves."""
+
+    def __init__(self, loops: Loops, at: Coordinates, folds: Sequence[Any], ops: Ops) -> None:
+        """`folds`: of each cut joint, see `cut_coordinates`."""
+        self.loops, self.at, self.q, self.ops = loops, at, at.q, ops
+        self.pose: TreePose = tree_pose(loops.lay, at)
+        index = loops.lay.mechanism.body_index
+        self.cuts = [
+            CutJoint(self.pose.joint(joint), index[joint.parent], index[joint.child], fold, ops)
+            for joint, fold in zip(loops.cuts, folds, strict=True)
+        ]
+
+    def rates_around(self, j: int, W: Array) -> tuple[list[int], Array]:
+        """Power of wrenches of cut joint j per rate of each coordinate around its loop: places, (..., m, c)."""
+        columns, signs = self.loops.around[j]
+        return [self.loops.place[c] for c in columns], powers(W, self.pose.S[..., columns, :]) * signs
+
+    def reading(self, column: int) -> tuple[list[int], Array]:
+        """Rate of any coordinate per rate of the tree's: places, (..., 1, c)."""
+        if column in self.loops.place:
+            return [self.loops.place[column]], np.ones((1, 1), dtype=self.loops.lay.path.dtype)
+        j, i = self.loops.owner[column]
+        return self.rates_around(j, self.cuts[j].D[..., i : i + 1, :])
+
+    @cached_property
+    def blocks(self) -> list[Block]:
+        """The matrix M: reciprocal products of eq. (8), slopes of couplings, selection of y."""
+        loops, one = self.loops, np.ones((1, 1), dtype=self.loops.lay.path.dtype)
+        found: list[Block] = [
+            (slice(loops.ends[j], loops.ends[j + 1]), *self.rates_around(j, cut.W)) for j, cut in enumerate(self.cuts)
+        ]
+        for row, (i, of, slope) in enumerate(loops.derivatives(self.q, 1), loops.ends[-1]):
+            found.append((slice(row, row + 1), [loops.place[i]], one))
+            if of is not None:
+                found.append((slice(row, row + 1), [loops.place[of]], -np.asarray(slope)[..., None, None]))
+        for row, column in enumerate(loops.y_columns, loops.given.start):
+            found.append((slice(row, row + 1), *self.reading(column)))
+        return found
+
+    @cached_property
+    def system(self) -> Any:
+        """M, ready to be solved, see `ops.System`."""
+        loops = self.loops
+        return self.ops.system(self.blocks, loops.unit, loops.size, loops.moving, self.q.shape[:-1])
+
+    def residual(self, y: Array) -> Array:
+        """By how much cut joints, couplings and given coordinates are off. Shape (..., m) [m or rad]."""
+        found = [closure_residual(cut.at) for cut in self.cuts]
+        found += [np.asarray(self.q[..., i] - p)[..., None] for i, _, p in self.loops.derivatives(self.q, 0)]
+        found += [np.asarray(self._off(column, y[..., k]))[..., None] for k, column in enumerate(self.loops.y_columns)]
+        return join(*found)
+
+    def _off(self, column: int, y: Any) -> Any:
+        """A coordinate less its given value."""
+        if column in self.loops.place:
+            return self.q[..., column] - y
+        j, i = self.loops.owner[column]
+        value, cosine = self.cuts[j].values[i]
+        return value - y if cosine is None else value * self.ops.cos(y) - cosine * self.ops.sin(y)
+
+    def newton_step(self, y: Array) -> Array:
+        """Change of all coordinates by a step of Newton's method. Shape (..., n_q)."""
+        return self.spread(self.system.solve(-self.residual(y)))
+
+    def spread(self, x: Array) -> Array:
+        """Unknowns that move, among all coordinates. Shape (..., moving) -> (..., n_q)."""
+        found = np.zeros(x.shape[:-1] + self.q.shape[-1:], dtype=x.dtype)
+        found[..., self.loops.columns[: self.loops.moving]] = x
+        return found
+
+    def solve(self, given: Array, above: Array | None = None) -> Array:
+        """Coordinates of the tree from the right side of M: zero, or `above`, over what y is given. Shape (..., n_q)."""
+        n = self.loops.given.start
+        top = np.zeros(given.shape[:-1] + (n,), dtype=given.dtype) if above is None else above
+        return self.spread(self.system.solve(join(top, given)))
+
+    @cached_property
+    def K(self) -> Array:
+        """Velocity map of the tree's coordinates, a row ``dq/dy_k`` for each of y, eq. (26). Shape (..., k, n_q)."""
+        eye = np.eye(len(self.loops.y_columns), dtype=self.loops.lay.path.dtype)
+        return np.stack([self.solve(np.broadcast_to(row, self.q.shape[:-1] + row.shape)) for row in eye], axis=-2)
+
+    def velocities(self, yd: Array) -> Array:
+        """Rates of the tree's coordinates, eq. (26). Shape (..., n_q)."""
+        return times(self.K.swapaxes(-1, -2), yd)
+
+    def accelerations(self, ydd: Array, w: Array, V: Array, A: Array) -> Array:
+        """Second derivatives of the tree's coordinates, eq. (48). Shape (..., n_q).
+
+        Args:
+            w, V, A: Rates, twists, and `bias_screws`.
+        """
+        above, given = list[Array](), ydd + 0.0
+        for cut in self.cuts:
+            bias = cut.acceleration(V, A, own=not cut.at.type.idle)
+            above.append(-np.asarray(power(cut.W, bias[..., None, :])))
+        for _, j, curvature in self.loops.derivatives(self.q, 2):
+            above.append(np.asarray(0.0 * w[..., 0] if j is None else curvature * w[..., j] * w[..., j])[..., None])
+        for k, column in enumerate(self.loops.y_columns):
+            if column in self.loops.owner:
+                j, i = self.loops.owner[column]
+                given[..., k] = given[..., k] - self.cuts[j].accelerations(V, A)[..., i]
+        return self.solve(given, join(*above) if above else None)

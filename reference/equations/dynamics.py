@@ -1,0 +1,318 @@
+"""Forces of a closed mechanism in motion (section 5 of the paper): Newton-Euler, virtual power, all reactions.
+
+Corrected against the paper: gravity as ``m (a - g)``, lever arms from the centre of mass to the point of action, the
+moment of the U-joint's wrist and ``(O - P) x F_S`` are in, and the sign of the load says who exerts it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.equations.applied_forces import Exerted, exerted
+from screwgauge.reference.equations.closure import Closed, Loops
+from screwgauge.reference.equations.joint_types import forbidden_twists
+from screwgauge.reference.equations.kinematics import (
+    Coordinates,
+    bias_screws,
+    forces_along,
+    transmitted,
+    twists,
+    zeros,
+)
+from screwgauge.reference.equations.ops import Ops, absent
+from screwgauge.reference.equations.reactions import by_role, reaction_names
+from screwgauge.reference.equations.screws import (
+    Array,
+    acceleration_at,
+    couple,
+    cross,
+    force,
+    join,
+    power,
+    powers,
+    scale,
+    stack,
+    times,
+    transpose,
+)
+from screwgauge.reference.mechanism import Mechanism
+
+
+class Motion(Closed):
+    """Velocities and accelerations at a closed pose; each is worked out when it is first asked for.
+
+    Attributes:
+        yd: Rates of the independent coordinates. Shape (..., k).
+    """
+
+    def __init__(
+        self, loops: Loops, at: Coordinates, yd: Array, ydd: Array, folds: Sequence[Any], ops: Ops
+    ) -> None:
+        """`ydd`: second derivatives of the independent coordinates. Shape (..., k)."""
+        super().__init__(loops, at, folds, ops)
+        self.yd, self._ydd = yd, ydd
+
+    @property
+    def mechanism(self) -> Mechanism:
+        return self.loops.lay.mechanism
+
+    @property
+    def ydd(self) -> Array:
+        """Second derivatives of the independent coordinates. Shape (..., k)."""
+        return self._ydd
+
+    @cached_property
+    def w(self) -> Array:
+        """Rates of the tree's coordinates, eq. (26). Shape (..., n_q)."""
+        return self.velocities(self.yd)
+
+    @cached_property
+    def V(self) -> Array:
+        """Twists of the bodies, eq. (15). Shape (..., b, 6)."""
+        return twists(self.pose, self.w)
+
+    @cached_property
+    def bias(self) -> Array:
+        """Their acceleration screws without joint accelerations. Shape (..., b, 6)."""
+        return bias_screws(self.pose, self.w, self.V)
+
+    @cached_property
+    def beta(self) -> Array:
+        """Second derivatives of the tree's coordinates, eq. (48). Shape (..., n_q)."""
+        return self.accelerations(self.ydd, self.w, self.V, self.bias)
+
+    @cached_property
+    def A(self) -> Array:
+        """Acceleration screws of the bodies, eq. (44). Shape (..., b, 6)."""
+        return self.bias + twists(self.pose, self.beta)
+
+    @cached_property
+    def com(self) -> Array:
+        """Centres of mass. Shape (..., b - 1, 3)."""
+        own = np.array([body.com for body in self.mechanism.bodies])
+        return self.pose.p[..., 1:, :] + times(self.pose.R[..., 1:, :, :], own)
+
+    @cached_property
+    def com_acceleration(self) -> Array:
+        """Their accelerations, eqs. (49)-(50). Shape (..., b - 1, 3)."""
+        return acceleration_at(self.V[..., 1:, :], self.A[..., 1:, :], self.com)
+
+    @cached_property
+    def joint_position(self) -> Array:
+        """Coordinates of all joints; angles of cut joints within half a turn. Shape (..., n_q)."""
+        return self._with_cuts(
+            self.q, lambda cut: [s if c is None else self.ops.atan2(s, c) for s, c in cut.values]
+        )
+
+    @cached_property
+    def joint_velocity(self) -> Array:
+        """Rates of all joints. Shape (..., n_q)."""
+        return self._with_cuts(self.w, lambda cut: np.moveaxis(cut.rates(self.V), -1, 0))
+
+    @cached_property
+    def joint_acceleration(self) -> Array:
+        """Second derivatives of the coordinates of all joints. Shape (..., n_q)."""
+        return self._with_cuts(self.beta, lambda cut: np.moveaxis(cut.accelerations(self.V, self.A), -1, 0))
+
+    def _with_cuts(self, tree: Array, own: Any) -> Array:
+        """Numbers of all coordinates from those of the tree, and of each cut joint from its own two bodies."""
+        found = tree + 0.0
+        for cut in self.cuts:
+            for column, x in zip(self.loops.lay.columns[cut.at.joint.name], own(cut), strict=True):
+                found[..., column] = x
+        return found
+
+
+class Dynamics(Motion):
+    """Forces at a closed pose in motion.
+
+    Attributes:
+        applied: Gravity, loads, springs, dampers and motors.
+        axial: Whether redundant actuators obey the rule of eq. (56), else that of the smallest norm.
+    """
+
+    def __init__(
+        self,
+        loops: Loops,
+        at: Coordinates,
+        yd: Array,
+        ydd: Array,
+        folds: Sequence[Any],
+        ops: Ops,
+        applied: Applied,
+        *,
+        t: Any = 0.0,
+        axial: bool = False,
+    ) -> None:
+        """`t`: time [s], which motors go by. Shape (...)."""
+        super().__init__(loops, at, yd, ydd, folds, ops)
+        self.applied, self.t, self.axial = applied, t, axial
+
+    # what bodies need, and what is exerted on them
+
+    def inertia(self, V: Array, A: Array) -> Array:
+        """Wrenches that bodies need for a motion and against gravity, eqs. (51)-(55). Shape (..., b, 6)."""
+        R, V, A, mechanism = self.pose.R[..., 1:, :, :], V[..., 1:, :], A[..., 1:, :], self.mechanism
+        J = np.array([body.inertia for body in mechanism.bodies])
+        F = mechanism.masses[:, None] * (acceleration_at(V, A, self.com) - self.applied.g)
+        w, beta = (times(transpose(R), X[..., :3]) for X in (V, A))  # in the axes of the body, eq. (52)
+        T = times(R, times(J, beta) + cross(w, times(J, w)))
+        found = zeros(F[..., 0], F.shape[-2] + 1, 6)
+        found[..., 1:, :] = force(F, self.com) + couple(T)
+        return found
+
+    @cached_property
+    def required(self) -> Array:
+        """The same for the motion itself. Shape (..., b, 6)."""
+        return self.inertia(self.V, self.A)
+
+    @cached_property
+    def exerted(self) -> Exerted:
+        """What loads, springs, dampers and motors exert."""
+        return exerted(self)
+
+    def along_tree(self, along: Array) -> Array:
+        """Forces along the tree's coordinates that have the power of forces along all joints. (..., n_q) -> (..., n)."""
+        found = along[..., self.loops.columns]
+        for column in self.loops.owner:
+            if not absent(along[..., column]):
+                places, row = self.reading(column)
+                found[..., places] = found[..., places] + scale(along[..., column], row[..., 0, :])
+        return found
+
+    def demand(self, V: Array, A: Array) -> Array:
+        """Forces along the tree's coordinates that actuators and constraints have to make up. Shape (..., n)."""
+        need = self.inertia(V, A) - self.exerted.wrenches
+        return forces_along(self.pose, need)[..., self.loops.columns] - self.along_tree(self.exerted.along)
+
+    @cached_property
+    def tau(self) -> Array:
+        """The same for the motion itself. Shape (..., n)."""
+        return self.demand(self.V, self.A)
+
+    def virtual_power(self, tau: Array) -> Array:
+        """What forces along the tree do along y, ``K^T tau``: good next to constraint singularities, too. (..., k)."""
+        return times(self.K[..., self.loops.columns], tau)
+
+    @cached_property
+    def generalized_force(self) -> Array:
+        """What actuators must deliver along each independent coordinate, unique whatever the preload. (..., k)."""
+        return self.virtual_power(self.tau)
+
+    # actuators
+
+    @cached_property
+    def B(self) -> Array:
+        """Rates of the actuated coordinates per rate of each independent one. Shape (..., n_act, k)."""
+        K, found = self.K[..., self.loops.columns], list[Array]()
+        for column in self.mechanism.actuated_columns:
+            places, row = self.reading(column)
+            found.append(times(K[..., places], row[..., 0, :]))
+        return np.stack(np.broadcast_arrays(*found), axis=-2)
+
+    @cached_property
+    def actuator_force(self) -> Array:
+        """Actuator forces f with ``B^T f = Q``: of smallest norm, or by the rule of eq. (56). Shape (..., n_act)."""
+        BT, Q = transpose(self.B), self.generalized_force
+        if self.axial and self.mechanism.axial:
+            rows, right = self._across_line(*self.mechanism.axial)
+            return self.ops.solve(stack(BT, rows), join(Q, right))
+        if BT.shape[-1] == BT.shape[-2]:
+            return self.ops.solve(BT, Q)
+        return times(self.B, self.ops.solve(BT @ self.B, Q))
+
+    def _across_line(self, name: str, direction: Array) -> tuple[Array, Array]:
+        """Force of a joint across a direction of its child per actuator force, and what these have to undo, eq. (56)."""
+        n, child = len(self.mechanism.actuators), self.mechanism.joint(name).child
+        R = self.pose.R[..., self.mechanism.body_index[child], :, :]
+        across = np.linalg.svd(direction[None])[2][1:] @ transpose(R)
+        names = [component for component, _ in reaction_names(self.mechanism)]
+        own = [names.index(f"{name}.f{axis}") for axis in "xyz"]
+        without, *unit = (times(across, self.reactions(f)[..., own]) for f in (np.zeros(n), *np.eye(n)))
+        return np.stack([force - without for force in unit], axis=-1), -without
+
+    # reactions
+
+    @cached_property
+    def reaction(self) -> Array:
+        """All reaction components, eqs. (57)-(58), in the order of `reaction_names`. Shape (..., r)."""
+        return self.reactions(self.actuator_force)
+
+    def reactions(self, f: Array) -> Array:
+        """The same for given actuator forces. Shape (..., n_act) -> (..., r).
+
+        ``M^T x = tau`` gives those of cut joints, and what is then transmitted all others. Where constraints are
+        redundant, of all answers that of smallest norm, moments over the length of the mechanism.
+        """
+        driven = zeros(self.q, self.q.shape[-1]) + 0.0 * f[..., :1]
+        driven[..., self.mechanism.actuated_columns] = driven[..., self.mechanism.actuated_columns] + f
+        x = self.system.solve_transposed(self.tau - self.along_tree(driven))
+        null = self.system.null()
+        need, along = self.required - self.exerted.wrenches, self.exerted.along + driven
+        found = self._components(stack(x[..., None, :], null), need, along)
+        if not null.shape[-2]:
+            return np.asarray(found[..., 0, :])
+        length = self.loops.length
+        arms = np.array([length if unit == "N m" else 1.0 for _, unit in reaction_names(self.mechanism)])
+        scaled = found * (1.0 / arms)
+        N = scaled[..., 1:, :]
+        share = self.ops.solve(N @ transpose(N), times(N, scaled[..., 0, :]))
+        return np.asarray(found[..., 0, :] - times(transpose(found[..., 1:, :]), share))
+
+    def _components(self, cases: Array, need: Array, along: Array) -> Array:
+        """All reaction components from those of cut joints and couplings. Shape (..., s, m) -> (..., s, r).
+
+        Args:
+            cases: Constraint forces along the rows of M: of the motion first, then some that balance.
+            need, along: Wrenches that bodies need, and forces along all coordinates, in the first case.
+        """
+        loops, found = self.loops, dict[str, Array]()
+        total = zeros(cases, *need.shape[-2:])
+        total[..., 0, :, :] = need
+        for j, cut in enumerate(self.cuts):
+            found[cut.at.joint.name] = cases[..., loops.ends[j] : loops.ends[j + 1]]
+            W, own = found[cut.at.joint.name] @ cut.W, loops.lay.columns[cut.at.joint.name]
+            if not absent(along[..., own]):
+                W[..., 0, :] = W[..., 0, :] + (along[..., None, own] @ cut.D)[..., 0, :]
+            total[..., cut.child, :] = total[..., cut.child, :] - W
+            total[..., cut.parent, :] = total[..., cut.parent, :] + W
+        for name, W in transmitted(loops.lay, total).items():
+            found[name] = powers(W, forbidden_twists(self.pose.joint(self.mechanism.joint(name))))
+        couplings = cases[..., loops.ends[-1] : loops.given.start]
+        return join(*(found[joint.name] for joint in by_role(self.mechanism)), couplings)
+
+    def open_tree_force(self, shares: Array) -> Array:
+        """Forces along all coordinates that inertia and gravity ask of an open tree. Shape (..., n_q).
+
+        Args:
+            shares: How much of each body is carried by each coordinate, with its sign. Shape (b, n_q).
+        """
+        S = self.pose.S + 0.0
+        for cut in self.cuts:
+            for column, screw in zip(
+                self.loops.lay.columns[cut.at.joint.name], np.moveaxis(cut.S, -2, 0), strict=True
+            ):
+                S[..., column, :] = screw
+        return np.asarray(power(transpose(shares) @ self.required[..., 1:, :], S))
+
+
+QUANTITIES: Mapping[str, Any] = {
+    "joint_position": lambda at: at.joint_position,
+    "joint_velocity": lambda at: at.joint_velocity,
+    "joint_acceleration": lambda at: at.joint_acceleration,
+    "body_angular_velocity": lambda at: _flat(at.V[..., 1:, :3]),
+    "body_angular_acceleration": lambda at: _flat(at.A[..., 1:, :3]),
+    "com_acceleration": lambda at: _flat(at.com_acceleration),
+    "generalized_force": lambda at: at.generalized_force,
+    "actuator_force": lambda at: at.actuator_force,
+    "reaction": lambda at: at.reaction,
+}
+
+
+def _flat(x: Array) -> Array:
+    return x.reshape(*x.shape[:-2], -1)

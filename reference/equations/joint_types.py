@@ -1,0 +1,246 @@
+"""The joint types, one table: what follows from a joint's kind follows from its entry here.
+
+A joint transmits the wrenches that have no power on its freedoms (eq. 8). These close the loop of a cut joint, and are
+the components of its reaction. Their directions are orthonormal and act at the joint's point of the child, so that a
+component is also the power of the joint's whole wrench on the unit twist that it forbids. Wrenches dual to its freedoms
+read its rates and drive it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference.equations.screws import (
+    Array,
+    couple,
+    cross,
+    dot,
+    force,
+    join,
+    prismatic,
+    revolute,
+    scale,
+    stack,
+    times,
+    transpose,
+)
+from screwgauge.reference.mechanism import Frame, Joint
+from screwgauge.reference.rotations import triad
+
+Value = tuple[Any, Any]
+"""Of an angle its sine and cosine; of a slide its length and None."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointPose:
+    """World frames of a joint on its parent and on its child. Shapes (..., 3, 3), (..., 3)."""
+
+    joint: Joint
+    R_parent: Array
+    p_parent: Array
+    R_child: Array
+    p_child: Array
+
+    @cached_property
+    def type(self) -> JointType:
+        return TYPES[self.joint.kind]
+
+    @cached_property
+    def first(self) -> Array:
+        """Its first axis, carried by the parent."""
+        return times(self.R_parent, self.joint.axes[0])
+
+    @cached_property
+    def last(self) -> Array:
+        """Its last axis, carried by the child."""
+        return times(self.R_child, self.joint.axes[-1])
+
+
+def placed(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
+    """Pose of a frame that is fixed in a body."""
+    return (R, p) if frame.is_identity else (R @ frame.R, p + times(R, frame.p))
+
+
+def unplaced(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
+    """Pose of the body in which a frame of known pose is fixed."""
+    if frame.is_identity:
+        return R, p
+    R = R @ frame.R.T
+    return R, p - times(R, frame.p)
+
+
+# Directions of constraint wrenches, (..., m, 3) in the world.
+
+
+def _none(at: JointPose) -> Array:
+    return np.zeros((0, 3))
+
+
+def _world(at: JointPose) -> Array:
+    return np.eye(3, dtype=at.joint.axes.dtype)
+
+
+def _child(at: JointPose) -> Array:
+    """The axes of the joint's frame on the child."""
+    return transpose(at.R_child)
+
+
+def _across(at: JointPose) -> Array:
+    """Two directions across the axis, carried by the child."""
+    return np.asarray(_beside(at.joint)[1] @ transpose(at.R_child))
+
+
+def _normal(at: JointPose) -> Array:
+    """Normal to both axes."""
+    return cross(at.first, at.last)[..., None, :]
+
+
+def _beside(joint: Joint) -> tuple[Sequence[str], Array]:
+    """Labels and directions across the axis: axes of the joint frame where the joint's is one of these."""
+    axis = joint.axes[0]
+    k = int(np.argmax(np.abs(axis)))
+    others = [i for i in range(3) if i != k]
+    if abs(axis[k]) == 1.0:
+        return ["xyz"[i] for i in others], np.eye(3, dtype=axis.dtype)[others]
+    first = np.cross(axis, np.eye(3, dtype=axis.dtype)[others[0]])
+    first = first / np.linalg.norm(first)
+    return "12", np.array([first, np.cross(axis, first)])
+
+
+# Small rotations by which a cut joint is open along its constraint moments, (..., 3) in the world.
+
+
+def _tilt(at: JointPose) -> Array:
+    """The axes on both sides should coincide."""
+    return cross(at.first, at.last)
+
+
+def _turn(at: JointPose) -> Array:
+    """The frames on both sides should be parallel."""
+    M = at.R_child @ transpose(at.R_parent)
+    twice = M - transpose(M)
+    return np.asarray(0.5 * np.stack([twice[..., 2, 1], twice[..., 0, 2], twice[..., 1, 0]], axis=-1))
+
+
+def _skew(at: JointPose) -> Array:
+    """The axes should be at right angles."""
+    return -scale(dot(at.first, at.last), cross(at.first, at.last))
+
+
+# Angles about the first axes of an orthogonal triad from ``M = Rot(x, q1) Rot(y, q2) Rot(z, q3)``.
+
+Angles = Callable[[Array, Any, Callable[[Any], Any]], list[Value]]
+"""M, the sign of cos q2, and the square root -> sines and cosines."""
+
+
+def _no_angle(M: Array, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value]:
+    return []
+
+
+def _one_angle(M: Array, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value]:
+    return [(M[..., 2, 1], M[..., 2, 2])]
+
+
+def _two_angles(M: Array, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value]:
+    return [(M[..., 2, 1], M[..., 1, 1]), (M[..., 0, 2], M[..., 0, 0])]
+
+
+def _three_angles(M: Array, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value]:
+    c = fold * sqrt(M[..., 1, 2] * M[..., 1, 2] + M[..., 2, 2] * M[..., 2, 2])
+    k = 1.0 / c
+    return [(-k * M[..., 1, 2], k * M[..., 2, 2]), (M[..., 0, 2], c), (-k * M[..., 0, 1], k * M[..., 0, 0])]
+
+
+@dataclass(frozen=True)
+class JointType:
+    """What a kind of joint is.
+
+    Attributes:
+        freedoms: In order, whether each turns.
+        forces, moments: Directions of its constraint forces and moments.
+        open: Small rotation by which it is open along the moments when it is cut.
+        angles: Its angles when it is cut.
+        idle: Whether brackets of its own screws have no power with its constraint wrenches, so that its own rates do
+            not matter to eq. (48).
+    """
+
+    freedoms: tuple[bool, ...]
+    forces: Callable[[JointPose], Array]
+    moments: Callable[[JointPose], Array]
+    open: Callable[[JointPose], Array] | None
+    angles: Angles
+    idle: bool = True
+
+
+TYPES = {
+    "R": JointType((True,), _world, _across, _tilt, _one_angle),
+    "P": JointType((False,), _across, _child, _turn, _no_angle),
+    "U": JointType((True, True), _world, _normal, _skew, _two_angles, idle=False),
+    "S": JointType((True, True, True), _world, _none, None, _three_angles),
+    "C": JointType((True, False), _across, _across, _tilt, _one_angle),
+    "F": JointType((False, False, False, True, True, True), _none, _none, None, _no_angle),
+}
+
+
+def components(joint: Joint) -> list[tuple[str, str]]:
+    """Label and unit of each constraint wrench: ``fx`` and N, ``m1`` and N m."""
+    kind, beside = TYPES[joint.kind], _beside(joint)[0]
+    labels: dict[Any, Sequence[str]] = {_world: "xyz", _child: "xyz", _across: beside, _normal: [""], _none: ""}
+    forces = [(f"f{label}", "N") for label in labels[kind.forces]]
+    return forces + [(f"m{label}", "N m") for label in labels[kind.moments]]
+
+
+def constraint_wrenches(at: JointPose) -> Array:
+    """Wrenches by which the parent constrains the child, eq. (8). Shape (..., m, 6)."""
+    return stack(force(at.type.forces(at), at.p_child[..., None, :]), couple(at.type.moments(at)))
+
+
+def forbidden_twists(at: JointPose) -> Array:
+    """The unit twists of the child that these forbid; powers on them are reaction components. Shape (..., m, 6)."""
+    return stack(prismatic(at.type.forces(at)), revolute(at.type.moments(at), at.p_child[..., None, :]))
+
+
+def closure_residual(at: JointPose) -> Array:
+    """By how much a cut joint is open along each constraint wrench, m and rad; powers are its rates. Shape (..., m)."""
+    kind, shift = at.type, at.p_child - at.p_parent
+    if not all(kind.freedoms):
+        shift = shift - scale(dot(at.first, shift), at.first)
+    found = times(kind.forces(at), shift)
+    return found if kind.open is None else join(found, times(kind.moments(at), kind.open(at)))
+
+
+def dual_wrenches(at: JointPose, S: Array) -> Array:
+    """Wrenches of unit power on one freedom of a joint and none on the others.
+
+    Args:
+        S: Its unit screws. Shape (..., f, 6).
+
+    Returns:
+        Shape (..., f, 6).
+    """
+    turns = sum(at.type.freedoms)
+    axes = S[..., :turns, :3]
+    if turns == 3:  # no orthogonal triad
+        faces = cross(axes[..., [1, 2, 0], :], axes[..., [2, 0, 1], :])
+        axes = faces / np.asarray(dot(axes[..., 0, :], faces[..., 0, :]))[..., None, None]
+    return stack(couple(axes), force(S[..., turns:, 3:], at.p_child[..., None, :]))
+
+
+def cut_coordinates(at: JointPose, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value]:
+    """The coordinates of a cut joint, from the frames on both sides, eqs. (19)-(24) solved for them.
+
+    Args:
+        fold: +1 or -1, the sign of the cosine of a spherical joint's middle angle: a rotation has two triples of angles.
+    """
+    A = triad(at.joint.axes)
+    handed = float(np.sign(np.linalg.det(A.astype(float))))
+    M = A @ (transpose(at.R_parent) @ at.R_child) @ A.T
+    found: list[Value] = [(handed * sine, cosine) for sine, cosine in at.type.angles(M, fold, sqrt)]
+    if not all(at.type.freedoms):
+        found.append((dot(at.first, at.p_child - at.p_parent), None))
+    return found

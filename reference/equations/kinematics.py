@@ -1,0 +1,193 @@
+"""Poses, twists and acceleration screws of the bodies along a spanning tree (sections 3 and 4 of the paper)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from screwgauge.reference.equations.joint_types import JointPose, Value, placed, unplaced
+from screwgauge.reference.equations.ops import Ops
+from screwgauge.reference.equations.screws import (
+    Array,
+    lie_bracket,
+    power,
+    prismatic,
+    revolute,
+    rotation,
+    scale,
+    times,
+)
+from screwgauge.reference.graph import Edge
+from screwgauge.reference.mechanism import Joint
+from screwgauge.reference.pose import Layout
+
+
+class Coordinates(NamedTuple):
+    """Joint coordinates with the sines and cosines of the angles among them. Shape (..., n_q) each."""
+
+    q: Array
+    sine: Array
+    cosine: Array
+
+
+def coordinates(q: Array, ops: Ops) -> Coordinates:
+    """Coordinates whose sines and cosines follow from them."""
+    return Coordinates(q, ops.sin(q), ops.cos(q))
+
+
+class Step(NamedTuple):
+    """An edge of a spanning tree as it is walked from ground.
+
+    Attributes:
+        near, far: Bodies before and after the joint, 0 being ground.
+        columns: Its coordinates.
+        sign: -1 where the joint is entered from its child.
+    """
+
+    edge: Edge
+    near: int
+    far: int
+    columns: list[int]
+    sign: float
+
+
+def walk(lay: Layout) -> list[Step]:
+    """The edges of the tree from ground outward."""
+    if "walk" not in lay.kept:
+        index = lay.mechanism.body_index
+        lay.kept["walk"] = [
+            Step(e, index[e.near], index[e.far], lay.columns[e.joint.name], -1.0 if e.reverse else 1.0)
+            for e in lay.tree.edges
+        ]
+    steps: list[Step] = lay.kept["walk"]
+    return steps
+
+
+@dataclass(frozen=True, eq=False)
+class TreePose:
+    """Where all bodies are by the joints of the tree; body 0 is ground.
+
+    Attributes:
+        R, p: Orientation and origin of each body. Shapes (..., b, 3, 3), (..., b, 3).
+        S: Unit screws of the tree's coordinates, child relative to parent; zero for those of cut joints. (..., n_q, 6).
+    """
+
+    lay: Layout
+    R: Array
+    p: Array
+    S: Array
+
+    def joint(self, joint: Joint) -> JointPose:
+        """The frames of a joint on its two bodies."""
+        index = self.lay.mechanism.body_index
+        sides = [
+            placed(self.R[..., index[body], :, :], self.p[..., index[body], :], frame) for body, frame in joint.sides
+        ]
+        return JointPose(joint, *sides[0], *sides[1])
+
+
+def zeros(like: Array, *shape: int) -> Array:
+    """Zeros for each sample of vectors. Shape (..., n) -> (..., *shape)."""
+    return np.zeros(like.shape[:-1] + shape, dtype=like.dtype)
+
+
+def joint_screws(
+    joint: Joint, R: Array, p: Array, values: Sequence[Value], *, reverse: bool = False
+) -> tuple[list[Array], Array, Array]:
+    """Unit screws of a joint's freedoms, eqs. (18)-(20), and its frame beyond them, eq. (24).
+
+    Args:
+        R, p: Its frame on the side from which it is entered.
+        values: Of each freedom.
+        reverse: Whether it is entered from its child.
+    """
+    screws, freedoms = list[Array](), [*zip(joint.freedoms, values, strict=True)]
+    for (turns, axis), (value, cosine) in freedoms[::-1] if reverse else freedoms:
+        e, value = times(R, axis), -value if reverse else value
+        screws.append(revolute(e, p) if turns else prismatic(e))
+        if turns:
+            R = R @ rotation(axis, value, cosine)
+        else:
+            p = p + scale(value, e)
+    return screws[::-1] if reverse else screws, R, p
+
+
+def tree_pose(lay: Layout, at: Coordinates) -> TreePose:
+    """The pose of all bodies by the joints of the tree, eq. (24)."""
+    n = len(lay.mechanism.body_index)
+    R, p, S = zeros(at.q, n, 3, 3), zeros(at.q, n, 3), zeros(at.q, at.q.shape[-1], 6)
+    R[..., 0, :, :] = np.eye(3)
+    for edge, near, far, columns, _ in walk(lay):
+        joint = edge.joint
+        (_, start), (_, end) = joint.sides[::-1] if edge.reverse else joint.sides
+        values = [
+            (at.sine[..., c], at.cosine[..., c]) if turns else (at.q[..., c], None)
+            for c, (turns, _) in zip(columns, joint.freedoms, strict=True)
+        ]
+        entered = placed(R[..., near, :, :], p[..., near, :], start)
+        screws, R_end, p_end = joint_screws(joint, *entered, values, reverse=edge.reverse)
+        for c, screw in zip(columns, screws, strict=True):
+            S[..., c, :] = screw
+        R[..., far, :, :], p[..., far, :] = unplaced(R_end, p_end, end)
+    return TreePose(lay, R, p, S)
+
+
+def twists(at: TreePose, w: Array) -> Array:
+    """Twists of the bodies, sums of ``S_i w_i`` along their paths, eqs. (4), (15). Shape (..., b, 6).
+
+    Args:
+        w: Rates of the tree's coordinates. Shape (..., n_q).
+    """
+    V = zeros(w, len(at.lay.mechanism.body_index), 6)
+    for _, near, far, columns, sign in walk(at.lay):
+        V[..., far, :] = V[..., near, :] + times(sign * at.S[..., columns, :].swapaxes(-1, -2), w[..., columns])
+    return V
+
+
+def bias_screws(at: TreePose, w: Array, V: Array) -> Array:
+    """Acceleration screws of the bodies without joint accelerations, ``w^T S_L w`` of eqs. (44), (48). (..., b, 6).
+
+    The sum over i < j of [S_i w_i, S_j w_j] is the sum over j of [V before j, S_j w_j].
+    """
+    A = zeros(w, V.shape[-2], 6)
+    for edge, near, far, columns, sign in walk(at.lay):
+        terms = [scale(sign * w[..., c], at.S[..., c, :]) for c in columns]
+        A[..., far, :] = A[..., near, :] + joint_bias(V[..., near, :], terms[::-1] if edge.reverse else terms)
+    return A
+
+
+def joint_bias(V: Array, terms: Sequence[Array]) -> Any:
+    """The part of one joint in that sum. `V`: twist of the body before it; `terms`: ``S_j w_j`` of its freedoms."""
+    found: Any = 0.0
+    for term in terms:
+        found = found + lie_bracket(V, term)
+        V = V + term
+    return found
+
+
+def transmitted(lay: Layout, wrenches: Array) -> dict[str, Array]:
+    """Wrench of parent on child that each joint of the tree transmits so that bodies get theirs.
+
+    Args:
+        wrenches: What each body needs. Shape (..., b, 6).
+
+    Returns:
+        Joint -> shape (..., 6).
+    """
+    total, found = wrenches.copy(), dict[str, Array]()
+    for edge, near, far, _, sign in reversed(walk(lay)):
+        found[edge.joint.name] = sign * total[..., far, :]
+        total[..., near, :] = total[..., near, :] + total[..., far, :]
+    return found
+
+
+def forces_along(at: TreePose, wrenches: Array) -> Array:
+    """Forces along the tree's coordinates that give bodies these wrenches, by virtual power. (..., b, 6) -> (..., n_q)."""
+    tau = zeros(wrenches[..., 0], at.S.shape[-2])
+    for name, W in transmitted(at.lay, wrenches).items():
+        for c in at.lay.columns[name]:
+            tau[..., c] = power(W, at.S[..., c, :])
+    return tau

@@ -1,0 +1,165 @@
+"""What depends on the kind of number: functions of one number, and how a linear system is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any, Protocol
+
+import numpy as np
+
+from screwgauge.reference import linear
+from screwgauge.reference.equations.screws import Array, times, transpose
+from screwgauge.reference.traced.elimination import Factors
+from screwgauge.reference.traced.vectors import apply
+
+Block = tuple[slice, Sequence[int], Array]
+"""Rows, columns and entries, shape (..., r, c), of a part of a matrix."""
+
+
+class System(Protocol):
+    """``A x = b`` with a matrix (..., m, n) of full column rank, m >= n, and consistent right sides.
+
+    The first columns belong to unknowns that move; the others, at rest, matter to the transposed system alone.
+    """
+
+    def solve(self, b: Array) -> Array:
+        """Unknowns that move. Shape (..., m) -> (..., moving)."""
+
+    def solve_transposed(self, tau: Array) -> Array:
+        """One x of ``A^T x = tau``. Shape (..., n) -> (..., m)."""
+
+    def null(self) -> Array:
+        """Rows that span all x of ``A^T x = 0``. Shape (..., m - n, m)."""
+
+
+@dataclass(frozen=True)
+class Ops:
+    """Functions of one kind of number.
+
+    Attributes:
+        system: Makes a `System` from blocks, units of the rows, sizes of the unknowns, how many of these move, and the
+            leading shape.
+    """
+
+    sin: Callable[[Any], Any]
+    cos: Callable[[Any], Any]
+    sqrt: Callable[[Any], Any]
+    atan2: Callable[[Any, Any], Any]
+    system: Callable[[Sequence[Block], Array, Array, int, tuple[int, ...]], Any]
+
+    def solve(self, A: Array, b: Array) -> Array:
+        """Solves a small square system. Shapes (..., n, n), (..., n)."""
+        n = A.shape[-1]
+        found: Array = self.system([(slice(0, n), range(n), A)], np.ones(n), np.ones(n), n, b.shape[:-1]).solve(b)
+        return found
+
+
+class Dense:
+    """A system of floats, each sample solved for itself.
+
+    Attributes:
+        A: The matrix without dimension. Shape (..., m, n).
+    """
+
+    def __init__(
+        self, blocks: Sequence[Block], unit: Array, size: Array, moving: int, lead: tuple[int, ...] = ()
+    ) -> None:
+        lead = np.broadcast_shapes(lead, *(block.shape[:-2] for _, _, block in blocks))
+        dtype = np.result_type(unit, *(block for _, _, block in blocks))
+        self.A = np.zeros((*lead, len(unit), len(size)), dtype=dtype)
+        for rows, columns, block in blocks:
+            self.A[..., rows, list(columns)] = block
+        self.unit, self.size, self.moving = unit, size, moving
+        self.A *= size / unit[:, None]
+
+    @cached_property
+    def _inverted(self) -> tuple[Array, Array]:
+        return linear.inverted(self.A[..., : self.moving])
+
+    @property
+    def inverse(self) -> Array:
+        """Inverse without dimension over unknowns that move. Shape (..., moving, m)."""
+        return self._inverted[0]
+
+    @property
+    def condition(self) -> Array:
+        """Condition number of the same. Shape (...)."""
+        return self._inverted[1]
+
+    @cached_property
+    def whole(self) -> Array:
+        """Inverse over all unknowns. Shape (..., n, m)."""
+        return self.inverse if self.moving == len(self.size) else linear.inverted(self.A)[0]
+
+    def solve(self, b: Array) -> Array:
+        return times(self.inverse, b / self.unit) * self.size[: self.moving]
+
+    def solve_transposed(self, tau: Array) -> Array:
+        return times(transpose(self.whole), tau * self.size) / self.unit
+
+    def null(self) -> Array:
+        m, n = self.A.shape[-2:]
+        if m == n:
+            return np.zeros((*self.A.shape[:-2], 0, m), dtype=self.A.dtype)
+        return transpose(np.linalg.qr(self.A, mode="complete")[0][..., n:]) / self.unit
+
+
+class Sparse:
+    """A system of objects, by elimination in an order that is chosen once, see `Factors`."""
+
+    def __init__(
+        self, blocks: Sequence[Block], unit: Array, size: Array, moving: int, lead: tuple[int, ...] = ()
+    ) -> None:
+        entries = {
+            (row, column): block[i, k]
+            for rows, columns, block in blocks
+            for i, row in enumerate(range(rows.start, rows.stop))
+            for k, column in enumerate(columns)
+            if not is_zero(block[i, k])
+        }
+        stages = [range(moving), range(moving, len(size))]
+        self.factors, self.moving = Factors(entries, unit.tolist(), size.tolist(), stages), moving
+
+    def solve(self, b: Array) -> Array:
+        found = self.factors.solve([*b], self.moving)
+        return _objects(found[i] for i in range(self.moving))
+
+    def solve_transposed(self, tau: Array) -> Array:
+        return _objects(self.factors.solve_transposed(dict(enumerate(tau))))
+
+    def null(self) -> Array:
+        zero = dict.fromkeys(range(len(self.factors.pivots)), 0.0)
+        rows = [_objects(self.factors.solve_transposed(zero, {row: 1.0})) for row in self.factors.spare]
+        return np.array(rows, dtype=object).reshape(len(rows), len(self.factors.unit))
+
+
+def _objects(values: Any) -> Array:
+    return np.array([*values], dtype=object)
+
+
+def is_zero(x: Any) -> bool:
+    """Whether a number is zero by structure, whatever the inputs of a trace are."""
+    return isinstance(x, float | int) and x == 0.0
+
+
+def absent(x: Array) -> bool:
+    """Whether all numbers are zero: by structure, or at every sample."""
+    return all(map(is_zero, x.flat)) if x.dtype == object else not x.any()
+
+
+def each(function: Callable[..., Any], arguments: int = 1) -> Callable[..., Any]:
+    """A function of single objects, on arrays of them."""
+    applied: Callable[..., Any] = np.frompyfunc(function, arguments, 1)
+    return applied
+
+
+NUMPY = Ops(np.sin, np.cos, np.sqrt, np.arctan2, Dense)
+TRACE = Ops(
+    each(partial(apply, "sin")),
+    each(partial(apply, "cos")),
+    each(partial(apply, "sqrt")),
+    each(partial(apply, "atan2"), 2),
+    Sparse,
+)

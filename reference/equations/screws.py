@@ -1,0 +1,108 @@
+"""Vectors, twists and wrenches (section 2.1 of the paper).
+
+A twist is ``[angular; linear at O]``, a wrench ``[force; moment about O]`` (eq. 9), in world axes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
+"""Floats of any precision, or objects that compute."""
+
+_NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
+_SWAPPED = [3, 4, 5, 0, 1, 2]
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Vector product. Shape (..., 3)."""
+    return np.asarray(a[..., _NEXT] * b[..., _AFTER] - a[..., _AFTER] * b[..., _NEXT])
+
+
+def dot(a: Array, b: Array) -> Any:
+    """Scalar product along the last axis."""
+    return (a * b).sum(-1)
+
+
+def scale(s: Any, v: Array) -> Array:
+    """Vectors times numbers, one each. Shapes (...), (..., m)."""
+    return np.asarray(np.asarray(s)[..., None] * v)
+
+
+def times(M: Array, v: Array) -> Array:
+    """Matrix times vector. Shapes (..., m, n), (..., n)."""
+    return np.asarray((M @ v[..., None])[..., 0])
+
+
+def transpose(M: Array) -> Array:
+    """Matrices with rows and columns exchanged."""
+    return M.swapaxes(-1, -2)
+
+
+def join(*parts: Array) -> Array:
+    """Vectors of different lengths, one after the other. Shapes (..., m_i) -> (..., sum m_i)."""
+    lead = np.broadcast_shapes(*(x.shape[:-1] for x in parts))
+    return np.concatenate([np.broadcast_to(x, lead + x.shape[-1:]) for x in parts], axis=-1)
+
+
+def stack(*parts: Array) -> Array:
+    """Rows of matrices, one below the other. Shapes (..., m_i, n) -> (..., sum m_i, n)."""
+    lead = np.broadcast_shapes(*(x.shape[:-2] for x in parts))
+    return np.concatenate([np.broadcast_to(x, lead + x.shape[-2:]) for x in parts], axis=-2)
+
+
+def rotation(axis: Array, sine: Any, cosine: Any) -> Array:
+    """Rodrigues' formula, ``e e^T + cos (1 - e e^T) + sin [e x]``, of which eqs. (19)-(21) are cases. (..., 3, 3)."""
+    (x, y, z), E = axis, np.outer(axis, axis)
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]], dtype=axis.dtype)
+    s, c = (np.asarray(value)[..., None, None] for value in (sine, cosine))
+    return np.asarray(E + c * (np.eye(3, dtype=axis.dtype) - E) + s * K)
+
+
+def revolute(e: Array, r: Array) -> Array:
+    """Unit screw of a rotation about the axis `e` through the point `r`, eq. (2). Shape (..., 6)."""
+    return join(e, cross(r, e))
+
+
+def prismatic(e: Array) -> Array:
+    """Unit screw of a translation along `e`, the third column of eq. (18). Shape (..., 6)."""
+    return join(0.0 * e, e)
+
+
+def force(f: Array, r: Array) -> Array:
+    """Wrench of a force `f` that acts at the point `r`, eq. (9). Shape (..., 6)."""
+    return join(f, cross(r, f))
+
+
+def couple(m: Array) -> Array:
+    """Wrench of a moment `m`. Shape (..., 6)."""
+    return join(0.0 * m, m)
+
+
+def power(W: Array, V: Array) -> Any:
+    """Power of a wrench on a twist, their reciprocal product, eq. (8)."""
+    return dot(W, V[..., _SWAPPED])
+
+
+def powers(W: Array, V: Array) -> Array:
+    """Power of each of m wrenches on each of n twists. Shapes (..., m, 6), (..., n, 6) -> (..., m, n)."""
+    return np.asarray(W @ transpose(V[..., _SWAPPED]))
+
+
+def lie_bracket(X: Array, Y: Array) -> Array:
+    """Lie bracket of two twists, eq. (36) with its first row mended: ``[w1 x w2; w1 x v2 - w2 x v1]``."""
+    w1, w2 = X[..., :3], Y[..., :3]
+    return join(cross(w1, w2), cross(w1, Y[..., 3:]) - cross(w2, X[..., 3:]))
+
+
+def velocity_at(V: Array, r: Array) -> Array:
+    """Velocity [m/s] of the point of a body at `r`."""
+    return np.asarray(V[..., 3:] + cross(V[..., :3], r))
+
+
+def acceleration_at(V: Array, A: Array, r: Array) -> Array:
+    """Acceleration [m/s^2] of the point of a body at `r`, eqs. (49)-(50) with ``v_C = v_O + w x r_C``."""
+    return velocity_at(A, r) + cross(V[..., :3], velocity_at(V, r))
