@@ -50,9 +50,7 @@ class Motion(Closed):
         yd: Rates of the independent coordinates. Shape (..., k).
     """
 
-    def __init__(
-        self, loops: Loops, at: Coordinates, yd: Array, ydd: Array, folds: Sequence[Any], ops: Ops
-    ) -> None:
+    def __init__(self, loops: Loops, at: Coordinates, yd: Array, ydd: Array, folds: Sequence[Any], ops: Ops) -> None:
         """`ydd`: second derivatives of the independent coordinates. Shape (..., k)."""
         super().__init__(loops, at, folds, ops)
         self.yd, self._ydd = yd, ydd
@@ -105,9 +103,7 @@ class Motion(Closed):
     @cached_property
     def joint_position(self) -> Array:
         """Coordinates of all joints; angles of cut joints within half a turn. Shape (..., n_q)."""
-        return self._with_cuts(
-            self.q, lambda cut: [s if c is None else self.ops.atan2(s, c) for s, c in cut.values]
-        )
+        return self._with_cuts(self.q, lambda cut: [s if c is None else self.ops.atan2(s, c) for s, c in cut.values])
 
     @cached_property
     def joint_velocity(self) -> Array:
@@ -244,47 +240,88 @@ class Dynamics(Motion):
         return self.reactions(self.actuator_force)
 
     def reactions(self, f: Array) -> Array:
-        """The same for given actuator forces. Shape (..., n_act) -> (..., r).
+        """The same for given actuator forces. Shape (..., n_act) -> (..., r)."""
+        x, wrenches = self.constraint_forces(f)
+        return self.components(wrenches, x)
+
+    def constraint_forces(self, f: Array) -> tuple[Array, dict[str, Array]]:
+        """Forces along the rows of M, and the wrenches of all joints, see `transmitted`.
 
         ``M^T x = tau`` gives those of cut joints, and what is then transmitted all others. Where constraints are
         redundant, of all answers that of smallest norm, moments over the length of the mechanism.
         """
         driven = zeros(self.q, self.q.shape[-1]) + 0.0 * f[..., :1]
         driven[..., self.mechanism.actuated_columns] = driven[..., self.mechanism.actuated_columns] + f
-        x = self.system.solve_transposed(self.tau - self.along_tree(driven))
-        null = self.system.null()
         need, along = self.required - self.exerted.wrenches, self.exerted.along + driven
-        found = self._components(stack(x[..., None, :], null), need, along)
-        if not null.shape[-2]:
-            return np.asarray(found[..., 0, :])
-        length = self.loops.length
-        arms = np.array([length if unit == "N m" else 1.0 for _, unit in reaction_names(self.mechanism)])
-        scaled = found * (1.0 / arms)
-        N = scaled[..., 1:, :]
-        share = self.ops.solve(N @ transpose(N), times(N, scaled[..., 0, :]))
-        return np.asarray(found[..., 0, :] - times(transpose(found[..., 1:, :]), share))
+        x = self.system.solve_transposed(self.tau - self.along_tree(driven))
+        if null := self._redundant:
+            N = np.stack(np.broadcast_arrays(*(scaled for _, scaled in null)), axis=-2)
+            own = times(N, self.components(self.transmitted(x, need, along), x) / self._arms)
+            share = self.ops.solve(N @ transpose(N), own)
+            x = x - sum(scale(share[..., i], row) for i, (row, _) in enumerate(null))
+        return x, self.transmitted(x, need, along)
 
-    def _components(self, cases: Array, need: Array, along: Array) -> Array:
-        """All reaction components from those of cut joints and couplings. Shape (..., s, m) -> (..., s, r).
+    @cached_property
+    def imbalance(self) -> Array:
+        """What reactions and actuator forces leave along the coordinates of the tree. Shape (..., n)."""
+        f = self.actuator_force
+        driven = self.exerted.along + 0.0 * f[..., :1]
+        driven[..., self.mechanism.actuated_columns] = driven[..., self.mechanism.actuated_columns] + f
+        x, wrenches = self.constraint_forces(f)
+        left = zeros(self.q, self.q.shape[-1]) + driven
+        for row, (i, of, slope) in enumerate(self.loops.derivatives(self.q, 1), self.loops.ends[-1]):
+            left[..., i] = left[..., i] + x[..., row]
+            if of is not None:
+                left[..., of] = left[..., of] - slope * x[..., row]
+        for edge in self.loops.lay.tree.edges:
+            for c in self.loops.lay.columns[edge.joint.name]:
+                left[..., c] = left[..., c] - power(wrenches[edge.joint.name], self.pose.S[..., c, :])
+        return left[..., self.loops.columns]
+
+    @cached_property
+    def _arms(self) -> Array:
+        return np.array([self.loops.length if unit == "N m" else 1.0 for _, unit in reaction_names(self.mechanism)])
+
+    @cached_property
+    def _redundant(self) -> list[tuple[Array, Array]]:
+        """Forces along the rows of M that balance among themselves, and their components over units of size one."""
+        null = self.system.null()
+        nothing, rest = 0.0 * self.required, zeros(self.q, self.q.shape[-1])
+        rows = [null[..., i, :] for i in range(null.shape[-2])]
+        return [(x, self.components(self.transmitted(x, nothing, rest), x) / self._arms) for x in rows]
+
+    def transmitted(self, x: Array, need: Array, along: Array) -> dict[str, Array]:
+        """Wrench of parent on child of every joint, its own drive included. Joint -> shape (..., 6).
 
         Args:
-            cases: Constraint forces along the rows of M: of the motion first, then some that balance.
-            need, along: Wrenches that bodies need, and forces along all coordinates, in the first case.
+            x: Forces along the rows of M. Shape (..., m).
+            need, along: Wrenches that bodies need, and forces along all coordinates. Shapes (..., b, 6), (..., n_q).
         """
-        loops, found = self.loops, dict[str, Array]()
-        total = zeros(cases, *need.shape[-2:])
-        total[..., 0, :, :] = need
+        loops, total, found = self.loops, need + 0.0 * x[..., :1, None], dict[str, Array]()
         for j, cut in enumerate(self.cuts):
-            found[cut.at.joint.name] = cases[..., loops.ends[j] : loops.ends[j + 1]]
-            W, own = found[cut.at.joint.name] @ cut.W, loops.lay.columns[cut.at.joint.name]
+            W = times(transpose(cut.W), x[..., loops.ends[j] : loops.ends[j + 1]])
+            own = loops.lay.columns[cut.at.joint.name]
             if not absent(along[..., own]):
-                W[..., 0, :] = W[..., 0, :] + (along[..., None, own] @ cut.D)[..., 0, :]
+                W = W + times(transpose(cut.D), along[..., own])
             total[..., cut.child, :] = total[..., cut.child, :] - W
             total[..., cut.parent, :] = total[..., cut.parent, :] + W
-        for name, W in transmitted(loops.lay, total).items():
-            found[name] = powers(W, forbidden_twists(self.pose.joint(self.mechanism.joint(name))))
-        couplings = cases[..., loops.ends[-1] : loops.given.start]
-        return join(*(found[joint.name] for joint in by_role(self.mechanism)), couplings)
+            found[cut.at.joint.name] = W
+        return found | transmitted(loops.lay, total)
+
+    def components(self, wrenches: Mapping[str, Array], x: Array) -> Array:
+        """Reaction components: powers on the twists that joints forbid, and forces of couplings. Shape (..., r)."""
+        found = [
+            x[..., self._rows_of[joint.name]]
+            if joint.name in self._rows_of
+            else powers(wrenches[joint.name][..., None, :], forbidden_twists(self.pose.joint(joint)))[..., 0, :]
+            for joint in by_role(self.mechanism)
+        ]
+        return join(*found, x[..., self.loops.ends[-1] : self.loops.given.start])
+
+    @cached_property
+    def _rows_of(self) -> dict[str, slice]:
+        ends = self.loops.ends
+        return {joint.name: slice(ends[j], ends[j + 1]) for j, joint in enumerate(self.loops.cuts)}
 
     def open_tree_force(self, shares: Array) -> Array:
         """Forces along all coordinates that inertia and gravity ask of an open tree. Shape (..., n_q).
@@ -294,9 +331,7 @@ class Dynamics(Motion):
         """
         S = self.pose.S + 0.0
         for cut in self.cuts:
-            for column, screw in zip(
-                self.loops.lay.columns[cut.at.joint.name], np.moveaxis(cut.S, -2, 0), strict=True
-            ):
+            for column, screw in zip(self.loops.lay.columns[cut.at.joint.name], np.moveaxis(cut.S, -2, 0), strict=True):
                 S[..., column, :] = screw
         return np.asarray(power(transpose(shares) @ self.required[..., 1:, :], S))
 

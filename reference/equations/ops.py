@@ -33,6 +33,12 @@ class System(Protocol):
     def null(self) -> Array:
         """Rows that span all x of ``A^T x = 0``. Shape (..., m - n, m)."""
 
+    def response(self, unit: Array, *, whole: bool = False) -> Array:
+        """Squares of what errors of `unit` in the rows, shape (m,), make of each unknown, summed up. Shape (..., n).
+
+        Of unknowns that move only, unless `whole`. Exact for floats, else estimated from `PROBES` patterns of errors.
+        """
+
 
 @dataclass(frozen=True)
 class Ops:
@@ -47,6 +53,7 @@ class Ops:
     cos: Callable[[Any], Any]
     sqrt: Callable[[Any], Any]
     atan2: Callable[[Any, Any], Any]
+    maximum: Callable[[Any, Any], Any]
     system: Callable[[Sequence[Block], Array, Array, int, tuple[int, ...]], Any]
 
     def solve(self, A: Array, b: Array) -> Array:
@@ -105,6 +112,10 @@ class Dense:
             return np.zeros((*self.A.shape[:-2], 0, m), dtype=self.A.dtype)
         return transpose(np.linalg.qr(self.A, mode="complete")[0][..., n:]) / self.unit
 
+    def response(self, unit: Array, *, whole: bool = False) -> Array:
+        back = self.whole if whole else self.inverse
+        return ((back * (unit / self.unit)) ** 2).sum(-1) * self.size[: back.shape[-2]] ** 2
+
 
 class Sparse:
     """A system of objects, by elimination in an order that is chosen once, see `Factors`."""
@@ -134,6 +145,16 @@ class Sparse:
         rows = [_objects(self.factors.solve_transposed(zero, {row: 1.0})) for row in self.factors.spare]
         return np.array(rows, dtype=object).reshape(len(rows), len(self.factors.unit))
 
+    def response(self, unit: Array, *, whole: bool = False) -> Array:
+        columns, m = range(len(self.factors.pivots) if whole else self.moving), len(unit)
+        solved = [self.factors.solve([*(pattern * unit)], len(columns)) for pattern in patterns(m)]
+        return _objects(sum((x[i] * x[i] for x in solved), start=0.0) * (1.0 / len(solved)) for i in columns)
+
+
+def patterns(m: int) -> Array:
+    """Errors of size one in m rows, in general position: a mean of squares over many would be a sum over the rows."""
+    return np.asarray(np.sqrt(2.0) * np.cos(1.0 + np.outer([2.4, 1.3], np.arange(m)) + np.array([[0.0], [0.7]])))
+
 
 def _objects(values: Any) -> Array:
     return np.array([*values], dtype=object)
@@ -155,11 +176,12 @@ def each(function: Callable[..., Any], arguments: int = 1) -> Callable[..., Any]
     return applied
 
 
-NUMPY = Ops(np.sin, np.cos, np.sqrt, np.arctan2, Dense)
+NUMPY = Ops(np.sin, np.cos, np.sqrt, np.arctan2, np.maximum, Dense)
 TRACE = Ops(
     each(partial(apply, "sin")),
     each(partial(apply, "cos")),
     each(partial(apply, "sqrt")),
     each(partial(apply, "atan2"), 2),
+    each(partial(apply, "max"), 2),
     Sparse,
 )

@@ -16,9 +16,7 @@ def by_role(mechanism: Mechanism) -> list[Joint]:
 def reaction_names(mechanism: Mechanism) -> list[tuple[str, str]]:
     """Name and unit of every component: ``leg1.base.fx`` and N; of couplings, along their coordinates."""
     units = {name: "N m" if unit == "rad" else "N" for name, unit in _units(mechanism)}
-    of_joints = [
-        (f"{joint.name}.{label}", unit) for joint in by_role(mechanism) for label, unit in components(joint)
-    ]
+    of_joints = [(f"{joint.name}.{label}", unit) for joint in by_role(mechanism) for label, unit in components(joint)]
     return of_joints + [(component_name(one), units[one.coordinate]) for one in mechanism.couplings]
 
 

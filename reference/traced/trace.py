@@ -51,27 +51,29 @@ class Node:
         """Its value at the samples that the trace was made at; it chooses pivots and nothing else. Shape (n,)."""
         return self.trace.value(self.index)
 
+    # an array on the other side works element by element, and comes back with one of its numbers
+
     def __add__(self, other: Scalar) -> Scalar:
-        return self.trace.add(self, other)
+        return NotImplemented if isinstance(other, np.ndarray) else self.trace.add(self, other)
 
     __radd__ = __add__
 
     def __sub__(self, other: Scalar) -> Scalar:
-        return self.trace.sub(self, other)
+        return NotImplemented if isinstance(other, np.ndarray) else self.trace.sub(self, other)
 
     def __rsub__(self, other: Scalar) -> Scalar:
-        return self.trace.sub(other, self)
+        return NotImplemented if isinstance(other, np.ndarray) else self.trace.sub(other, self)
 
     def __mul__(self, other: Scalar) -> Scalar:
-        return self.trace.mul(self, other)
+        return NotImplemented if isinstance(other, np.ndarray) else self.trace.mul(self, other)
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Scalar) -> Scalar:
-        return self.trace.div(self, other)
+        return NotImplemented if isinstance(other, np.ndarray) else self.trace.div(self, other)
 
     def __rtruediv__(self, other: Scalar) -> Scalar:
-        return self.trace.div(other, self)
+        return NotImplemented if isinstance(other, np.ndarray) else self.trace.div(other, self)
 
     def __neg__(self) -> Scalar:
         return self.trace.neg(self)

@@ -1,31 +1,31 @@
-"""Traces a question: which quantities, as which outputs of a program."""
+"""Programs of inverse dynamics: the equations of motion, recorded for some quantities of one mechanism."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from screwgauge.reference.applied import Load
+from screwgauge.reference.applied import Applied, Load
+from screwgauge.reference.equations.closed_form import closed_form
+from screwgauge.reference.equations.closure import Closed, Loops
+from screwgauge.reference.equations.dynamics import QUANTITIES, Dynamics
+from screwgauge.reference.equations.kinematics import Coordinates, coordinates
+from screwgauge.reference.equations.ops import TRACE
+from screwgauge.reference.equations.rounding import chart_gain, drive_gain, gain, squares
+from screwgauge.reference.equations.screws import Array
 from screwgauge.reference.extent import extent
-from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.closing import Row
-from screwgauge.reference.traced.constraints import Constraints
-from screwgauge.reference.traced.crossing import Coordinates, Wrench
-from screwgauge.reference.traced.equations import Closed, Dynamics, Question, coordinates, measured, newton
-from screwgauge.reference.traced.legs import closed_coordinates, has_closed_form
 from screwgauge.reference.traced.program import Program, program
 from screwgauge.reference.traced.trace import Trace
-from screwgauge.reference.traced.tree import NOTHING, TreeAt, plus
-from screwgauge.reference.traced.vectors import Scalar, apply
 
-#: Emitted with every sample, as squares: gain of the closing system, without and with coordinates that rest; what the
-#: actuators' system was divided by; how far Newton's method went; residual of the loops, and of the balance of all
-#: bodies; worst orientation of a cut joint; rates; accelerations.
-CHECKS = ("gain", "whole_gain", "drive", "moved", "closing", "balance", "charts", "speed", "rush")
+#: Emitted with every sample, as squares: gain of the closing system, without and with coordinates at rest, and of the
+#: actuators; how far Newton's method went; residual of the loops, and of the balance of all bodies; charts of cut
+#: joints; rates; accelerations; wrenches that bodies need.
+CHECKS = ("gain", "whole_gain", "drive", "moved", "closing", "balance", "charts", "speed", "rush", "load")
 NEWTON = 2
-Further = Callable[[Mapping[str, Sequence[Scalar]]], Mapping[str, list[Scalar]]]
+Further = Callable[[Mapping[str, Sequence[Any]]], Mapping[str, list[Any]]]
 """Quantities and checks of a trace -> other outputs."""
 
 
@@ -44,19 +44,35 @@ class Traced:
     predicted: tuple[int, ...]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Wanted:
+    """What a program computes.
+
+    Attributes:
+        quantities: Names.
+        axial: Whether redundant actuators obey the rule of eq. (56).
+        shares: How much of each body each coordinate of the open tree carries. Shape (b, n_q).
+        tree: Coordinates of that tree.
+        loaded: Whether the loads are inputs, the last: force and torque of each.
+    """
+
+    quantities: Collection[str]
+    axial: bool = False
+    shares: Array | None = None
+    tree: Sequence[int] = ()
+    loaded: bool = False
+
+
 def traced(
-    question: Question,
-    wanted: Collection[str],
+    loops: Loops,
+    applied: Applied,
+    wanted: Wanted,
     samples: tuple[Array, Array, Array, Array],
-    *,
-    loaded: bool = False,
     further: Further = lambda outputs: {},
 ) -> Traced:
-    """Traces a question.
+    """Traces inverse dynamics.
 
     Args:
-        wanted: Names of quantities.
-        loaded: Whether the loads are inputs, the last: force and torque of each.
         samples: y, yd, ydd, shape (n, k) each, and all joint coordinates, shape (n, n_q), where pivots are chosen.
         further: What else is to be put out, from all of it: it stands before the checks; ``first`` is only computed,
             in this order, before all others.
@@ -64,128 +80,91 @@ def traced(
     Raises:
         NotTraceableError: The mechanism or the question is beyond this.
     """
-    trace, lay = Trace(), question.lay
-    y, yd, ydd = ([trace.input(column) for column in array.T] for array in samples[:3])
-    given = dict(zip(lay.mechanism.independent_columns, y, strict=True))
-    predicted: tuple[int, ...] = ()
-    moved: Scalar = 0.0
-    if has_closed_form(lay, question.fixed):
-        q, pairs = closed_coordinates(lay, given)
-        values = given | dict(q.slide) | pairs
-    else:
-        predicted = tuple(question.dependent)
-        guess = {c: trace.input(samples[3][:, c]) for c in predicted}
-        found = newton(question, given | rest(question), guess, NEWTON if lay.tree.cuts else 0)
-        q, values = coordinates(lay, found | rest(question)), dict(found)
-        moved = measured({c: found[c] - guess[c] for c in predicted}, extent(lay).size.tolist())
-    if loaded:
-        question = replace(question, loads=tuple(_given(trace, load, len(samples[0])) for load in question.loads))
-    dynamics = Dynamics(question, q, yd, ydd)
-    reached = [values[c] for c in predicted] + [dynamics.v[c] for c in predicted]
-    outputs = {"reached": reached} | everything(dynamics, wanted, values | rest(question))
-    residuals = Closed(question, TreeAt(lay, q, closed=not predicted)).rows
-    left: Scalar = 0.0
-    if "reaction" in wanted:
-        constraints = Constraints(dynamics)
-        outputs["reaction"], left = constraints.values, balance_left(dynamics, constraints)
-    said = checks(dynamics, moved, left, residuals)
-    more = dict(further({**outputs, **said}))
+    trace = Trace()
+    y, yd, ydd = (np.array([trace.input(x) for x in array.T], dtype=object) for array in samples[:3])
+    folds = [float(x.flat[0]) for x in loops.folds(samples[3])]
+    at, guess = closed_form_of(loops, y), dict[int, Any]()
+    if at is None:
+        guess = {c: trace.input(samples[3][:, c]) for c in dependent(loops)}
+        at = _closed(loops, y, guess, folds)
+    if wanted.loaded:
+        loads = tuple(_given(trace, load, len(samples[0])) for load in applied.loads)
+        applied = replace(applied, loads=loads)
+    found = Dynamics(loops, at, yd, ydd, folds, TRACE, applied, axial=wanted.axial)
+    reached = [at.q[c] for c in guess] + [found.w[c] for c in guess]
+    outputs = {"reached": reached} | quantities(found, wanted)
+    checks = _checks(found, y, guess, outputs)
+    more = dict(further({**outputs, **checks}))
     first = more.pop("first", [])
-    outputs |= more | said
-    places, flat = dict[str, slice](), list[Scalar]()
-    for name, numbers in outputs.items():
+    places, flat = dict[str, slice](), list[Any]()
+    for name, numbers in (outputs | more | checks).items():
         places[name] = slice(len(flat), len(flat) + len(numbers))
         flat += numbers
-    return Traced(program(len(trace.inputs), flat, len(CHECKS), first), places, predicted)
+    return Traced(program(len(trace.inputs), flat, len(CHECKS), first), places, tuple(guess))
 
 
-def rest(question: Question) -> dict[int, float]:
-    """Coordinates that keep their home value."""
-    return {c: float(question.lay.mechanism.home[c]) for c in question.fixed}
+def dependent(loops: Loops) -> list[int]:
+    """Coordinates of the tree that follow from those given."""
+    return [c for c in loops.columns[: loops.moving] if c not in loops.y_columns]
+
+
+def closed_form_of(loops: Loops, y: Array) -> Coordinates | None:
+    """The closed form, if the assembly mode of home is what it gives."""
+    chosen = {*loops.y_columns}
+    driver = next((columns for columns in loops.lay.columns.values() if chosen <= {*columns}), [])
+    return closed_form(loops.lay, y, TRACE) if {*driver} - chosen <= {*loops.fixed} else None
+
+
+def _closed(loops: Loops, y: Array, guess: Mapping[int, Any], folds: Sequence[float]) -> Coordinates:
+    """Coordinates after some steps of Newton's method."""
+    q = loops.lay.mechanism.home.astype(object)
+    for c, value in (*guess.items(), *zip(loops.y_columns, y, strict=True)):
+        q[c] = value
+    for _ in range(NEWTON if loops.cuts or len(loops.couplings) else 0):
+        q = q + Closed(loops, coordinates(q, TRACE), folds, TRACE).newton_step(y)
+    return coordinates(q, TRACE)
 
 
 def _given(trace: Trace, load: Load, n: int) -> Load:
     """A load whose force and torque are inputs."""
-    force, torque = ([trace.input(np.full(n, x)) for x in vector] for vector in (load.force, load.torque))
-    return replace(load, force=force, torque=torque)  # type: ignore[arg-type]
-
-
-def everything(found: Dynamics, wanted: Collection[str], tree: Mapping[int, Scalar]) -> dict[str, list[Scalar]]:
-    """Quantity -> its numbers, in the order of its components; of constraint forces, see `Constraints`.
-
-    Args:
-        tree: Tree coordinates, or their (sine, cosine).
-    """
-    lay = found.lay
-    count = range(len(lay.mechanism.coordinates))
-    cut = found.cut_values if lay.tree.cuts else {}
-
-    def position(c: int) -> Scalar:
-        value = cut[c][0] if c in cut else tree[c]
-        return apply("atan2", *value) if isinstance(value, tuple) else value
-
-    made: dict[str, Callable[[], list[Scalar]]] = {
-        "joint_position": lambda: [position(c) for c in count],
-        "joint_velocity": lambda: [cut[c][1] if c in cut else found.v[c] for c in count],
-        "joint_acceleration": lambda: [cut[c][2] if c in cut else found.a[c] for c in count],
-        "body_angular_velocity": lambda: found.bodies("w"),
-        "body_angular_acceleration": lambda: found.bodies("b"),
-        "com_acceleration": lambda: found.bodies("a"),
-        "tree_force": lambda: open_forces(found),
-        "tree_force_soft": lambda: open_forces(found),
-        "generalized_force": lambda: found.generalized,
-        "actuator_force": lambda: found.forces,
-    }
-    return {name: numbers() for name, numbers in made.items() if name in wanted}
-
-
-def balance_left(found: Dynamics, constraints: Constraints) -> Scalar:
-    """Square of what is left along the tree's coordinates when actuators and constraint forces act."""
-    left = dict(constraints.rest)
-    for row, force in zip(found.drives, found.forces, strict=True):
-        if len(row) == 1:
-            (i,) = row
-            left[i] = left[i] - force
-    return measured(left, found.question.size)
-
-
-def checks(found: Dynamics, moved: Scalar, left: Scalar, residuals: Sequence[Row]) -> dict[str, list[Scalar]]:
-    """What every sample says of itself, see `CHECKS`."""
-    size, by = found.question.size, extent(found.lay)
-    charts = 0.0
-    for cut in found.at.cuts:
-        if cut.joint.kind == "S":
-            c = cut.chart().pairs[1][1]
-            charts = charts + 1.0 / (c * c)
-    numbers = (
-        *found.pose.gains(by),
-        found.drive,
-        moved,
-        measured({i: row.residual for i, row in enumerate(residuals)}, found.pose.unit),
-        left,
-        charts,
-        measured(found.v, size),
-        measured(found.a, size),
+    force, torque = (
+        np.array([trace.input(np.full(n, x)) for x in vector], dtype=object) for vector in (load.force, load.torque)
     )
-    return {name: [number] for name, number in zip(CHECKS, numbers, strict=True)}
+    return replace(load, force=force, torque=torque)
 
 
-def open_forces(found: Dynamics) -> list[Scalar]:
-    """Forces along the coordinates of the open tree, from inertia and gravity alone."""
-    question, lay = found.question, found.lay
-    angle = dict(found.at.q.angle)
-    slide = dict(found.at.q.slide)
-    for cut in found.at.cuts:
-        chart, columns = cut.chart(), lay.columns[cut.joint.name]
-        angle |= dict(zip(columns, chart.pairs, strict=False))
-        if cut.slides:
-            slide[columns[-1]] = chart.slide()
-    at = TreeAt(lay, Coordinates(slide, angle, {}, {}))
-    total, torques = dict[str, Wrench](), dict[int, Scalar]()
-    for body, share, edge in reversed(question.open):
-        own = plus(total.get(edge.far, NOTHING), found.inertia[body], share)
-        for step in reversed(at.across_joint(edge.joint, reverse=edge.reverse)):
-            own = step.inward(own, torques)
-        total[edge.near] = plus(total.get(edge.near, NOTHING), own)
-    torques.pop(-1, None)
-    return [torques[i] for i in sorted(torques)]
+def quantities(at: Dynamics, wanted: Wanted) -> dict[str, list[Any]]:
+    """Quantity -> its numbers, in the order of its components."""
+    found = {}
+    for name in wanted.quantities:
+        if name in QUANTITIES:
+            found[name] = [*QUANTITIES[name](at)]
+        elif wanted.shares is not None:
+            found[name] = [*at.open_tree_force(wanted.shares)[[*wanted.tree]]]
+    return found
+
+
+def _checks(
+    at: Dynamics, y: Array, guess: Mapping[int, Any], outputs: Mapping[str, Sequence[Any]]
+) -> dict[str, list[Any]]:
+    """Per-sample diagnostics, see `CHECKS`."""
+    loops, by = at.loops, extent(at.loops.lay)
+    driven, reacted = {"actuator_force", "reaction"} & outputs.keys(), "reaction" in outputs
+    loaded = outputs.keys() - {"reached", "joint_position", "joint_velocity", "joint_acceleration"}
+    moved = np.array([at.q[c] - x for c, x in guess.items()], dtype=object)
+    moving = loops.columns[: loops.moving]
+    numbers = {
+        "gain": gain(at),
+        "whole_gain": gain(at, whole=True) if reacted and loops.fixed else gain(at),
+        "drive": drive_gain(at) if driven and at.mechanism.actuators else 0.0,
+        "moved": squares(moved, by.size[[*guess]]),
+        "closing": squares(at.residual(y), loops.unit),
+        "balance": squares(at.imbalance, loops.size) if reacted else 0.0,
+        "charts": chart_gain(at),
+        "speed": squares(at.w[moving], loops.sizes[moving]),
+        "rush": squares(at.beta[moving], loops.sizes[moving]),
+        "load": squares(at.required.reshape(-1), np.resize([1.0] * 3 + [loops.length] * 3, at.required.size))
+        if loaded
+        else 0.0,
+    }
+    return {name: [numbers[name]] for name in CHECKS}

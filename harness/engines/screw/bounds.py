@@ -21,8 +21,8 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.tracing import CHECKS
 from screwgauge.reference.traced.vectors import Scalar, apply
 
-#: Worst case over these samples.
-SAFETY = 1.5
+#: Gains are estimated; the norm of the equations themselves, without dimension, is of this size.
+SAFETY, CONDITION = 1.5, 4.0
 #: Closure residual beyond which Newton's method has not arrived, for one row; what all bodies' balance may leave.
 ARRIVED, BALANCED = 32 * linear.EPS, 1e-9
 #: How far Newton's method may go, times the gain: as long as that is small, no other assembly lies between.
@@ -38,22 +38,10 @@ def roots(checks: Iterable[Scalar]) -> dict[str, Scalar]:
     return {name: apply("sqrt", x) for name, x in zip(CHECKS, checks, strict=True)}
 
 
-@dataclass(frozen=True, slots=True)
-class Ratios:
-    """What turns the cheap bounds into what the array solver says, at worst over some samples."""
-
-    gain: float = 1.0
-    condition: float = 1.0
-    reaction: float = 1.0
-    drive: float = 1.0
-    load: float = 1.0
-
-
 class Bounds:
     """How the numbers of a program are read.
 
     Attributes:
-        ratio: See `compare`.
         weights: A sample whose checks, times these, add up to more than 1 may be doubtful.
     """
 
@@ -66,43 +54,23 @@ class Bounds:
         self.spare_charts = max(sum(joint.kind == "S" for joint in lay.tree.cuts) - 1, 0)
         # largest closure residual that rounding makes of all rows
         self.arrived = float(ARRIVED * max(6 * len(lay.tree.cuts), 1) ** 0.5)
-        self.ratio = Ratios()
-        self.weights = self._weights()
-
-    def compare(self, out: Numbers, trust: Trust) -> None:
-        """Fits the bounds to what the array solver says of the same samples."""
-        cheap = self.trust(out)
-
-        def ratio(mine: Array | float, theirs: Array | float) -> float:
-            with np.errstate(all="ignore"):
-                found = np.asarray(theirs, dtype=float) / np.asarray(mine, dtype=float)
-            return SAFETY * float(np.max(found[np.isfinite(found)], initial=0.0)) or 1.0
-
-        own = {name: cheap.forces.get(name, np.ones(1)) for name in ("reaction", "actuator_force")}
-        self.ratio = Ratios(
-            ratio(cheap.gain, trust.gain),
-            ratio(trust.gain, trust.condition) / SAFETY,
-            ratio(own["reaction"], trust.forces.get("reaction", 0.0)),
-            ratio(own["actuator_force"], trust.forces.get("actuator_force", 0.0)),
-            ratio(cheap.load, trust.load),
-        )
+        self.bodies = len(lay.mechanism.bodies)
         self.weights = self._weights()
 
     def trust(self, out: Numbers) -> Trust:
         """What the numbers of a program rest on."""
-        ratio = self.ratio
-        gain = ratio.gain * apply("max", out["gain"], 1e-300)
+        gain = SAFETY * apply("max", out["gain"], 1e-300)
         speed = out["speed"]
         rush = apply("max", speed * speed, out["rush"])
-        load = self.weight + self.mass * self.length * rush
+        load = self.weight + self.bodies**0.5 * out["load"]
         charts = apply("sqrt", apply("max", out["charts"] * out["charts"] - float(self.spare_charts), 1.0))
         forces = dict[str, Scalar]()
         if "reaction" in self.wanted:
-            forces["reaction"] = ratio.reaction * out["whole_gain"] * out["whole_gain"]
+            forces["reaction"] = SAFETY * out["whole_gain"] * out["whole_gain"]
         if forces or "actuator_force" in self.wanted:
-            forces["actuator_force"] = ratio.drive * out["drive"]
-        numbers = charts, forces, speed, rush, ratio.load * load, out["closing"], self.stretch
-        return Trust(ratio.condition * gain, gain, *numbers)
+            forces["actuator_force"] = SAFETY * apply("max", out["drive"], 1.0)
+        numbers = charts, forces, speed, rush, load, out["closing"], self.stretch
+        return Trust(CONDITION * gain, gain, *numbers)
 
     def estimated(
         self, out: Numbers, values: Mapping[str, Sequence[Scalar]], units: Mapping[str, Sequence[str]]
@@ -129,22 +97,21 @@ class Bounds:
         return sums, errors
 
     def _weights(self) -> Array:
-        ratio, most = self.ratio, SAFETY * CLEAR
         limits = {
-            "gain": (most / ratio.gain) ** 2,
-            "whole_gain": SAFETY * CLEAR_FORCES / ratio.reaction if "reaction" in self.wanted else np.inf,
-            "drive": (SAFETY * CLEAR_FORCES / ratio.drive) ** 2,
-            "moved": (NEAR / most) ** 2,
+            "gain": CLEAR**2,
+            "whole_gain": CLEAR_FORCES if "reaction" in self.wanted else np.inf,
+            "drive": CLEAR_FORCES**2,
+            "moved": (NEAR / (SAFETY * CLEAR)) ** 2,
             "closing": self.arrived**2,
-            "balance": max(BALANCED * ratio.load * self.weight, 1e-150) ** 2,  # without weight nothing is sure to load
-            "charts": most**2,
+            "balance": max(BALANCED * self.weight, 1e-150) ** 2,  # without weight nothing is sure to load
+            "charts": (SAFETY * CLEAR) ** 2,
         }
-        free = 1.0 - self.spare_charts / most**2
+        free = 1.0 - self.spare_charts / (SAFETY * CLEAR) ** 2
         return np.array([1.0 / (free * limits.get(name, np.inf)) for name in CHECKS])
 
     def near(self, out: Numbers) -> NDArray[np.bool_]:
         """Whether Newton's method stayed on its assembly. Shape (n,)."""
-        return np.asarray(out["moved"] * self.ratio.gain * out["gain"] <= NEAR)
+        return np.asarray(out["moved"] * SAFETY * out["gain"] <= NEAR)
 
     def left(self, out: Numbers, trust: Trust, counts: Counter[str]) -> Rows:
         """Samples for the array solver; `counts` says how many for which reason."""

@@ -14,17 +14,16 @@ from screwgauge.problem import InitialValue, Problem
 from screwgauge.reference.closed.branch import BEND, Branch
 from screwgauge.reference.closed.continuation import OPEN, ROUNDING
 from screwgauge.reference.closed.resting import home_equations
+from screwgauge.reference.equations.closure import Loops
 from screwgauge.reference.linear import SINGULAR
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.equations import Question
 from screwgauge.reference.traced.forward import forward_programs
 from screwgauge.reference.traced.native import Native
 from screwgauge.reference.traced.scalars import Scalars
 from screwgauge.reference.traced.stages import Buffers, Limits
 from screwgauge.reference.traced.steps import GROW, LAST, SIZE, STEPS, TAKEN, TRIED, UNTIL, Stages, T
 from screwgauge.reference.traced.trace import NotTraceableError
-from screwgauge.reference.traced.vectors import vector
 from screwgauge.solution import Stopwatch
 
 #: Steps of Newton's method, and the square of one, without dimension, after which the next would be rounding.
@@ -69,9 +68,7 @@ class TracedForward:
     def _make(self) -> None:
         """Makes the programs, pivots being chosen at the poses that are known to matter."""
         clock, lay, system = Stopwatch(), self.lay, home_equations(self.lay)
-        sizes = [*map(float, system.size)]
-        question = Question(lay, system.fixed, sizes, system.length, vector(self.applied.g), ())
-        programs = forward_programs(question, self.applied, np.array(self.poses))
+        programs = forward_programs(Loops(lay, system.fixed), self.applied, np.array(self.poses))
         (close, said), (respond, _) = (runner(p, self.backend, Scalars) for p in (programs.close, programs.respond))
         self.said = f"{said}; " if said else ""
         self.operations = len(programs.close.code) + len(programs.respond.code)

@@ -6,29 +6,29 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.estimate import Part, Trust, vanishing
+from screwgauge.engines.estimate import Part, vanishing
 from screwgauge.engines.parts import assemble
 from screwgauge.engines.screw.array_work import filled, under
 from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.prediction import CHARTED, Predictor, closer, single
-from screwgauge.engines.screw.programs import Bound, check_traceable, flat, open_links, runner
+from screwgauge.engines.screw.programs import Bound, check_traceable, flat, runner
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed.resting import home_equations
+from screwgauge.reference.equations.closure import Loops
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
-from screwgauge.reference.traced.equations import Question
 from screwgauge.reference.traced.lanes import columns
 from screwgauge.reference.traced.trace import NotTraceableError
-from screwgauge.reference.traced.tracing import CHECKS, traced
-from screwgauge.reference.traced.vectors import Scalar, vector
+from screwgauge.reference.traced.tracing import CHECKS, Wanted, traced
+from screwgauge.reference.traced.vectors import Scalar
 from screwgauge.solution import Clock, Solution
 
 #: Samples of the motion at which pivots are chosen, and the cheap bounds compared with what the array solver says.
@@ -71,11 +71,11 @@ class TracedWork:
         self.outputs = [*self.wanted, *(["error"] if estimates else [])]
         system, self.bounds = home_equations(lay), Bounds(lay, problem, self.length)
         with self.clock.stage("tracing"):
-            some, trust, q = self._anchors(motion)
-            applied, size = problem.applied, [*map(float, system.size)]
-            question = Question(lay, system.fixed, size, self.length, vector(applied.g), applied.loads, open_links(lay))
+            some, q = self._anchors(motion)
+            shares, tree = open_tree(lay)
+            wanted = Wanted(self.wanted, problem.rule == "spherical_axial", shares, tree, loaded)
             samples = (some.y, some.yd, some.ydd, q)
-            self.traced = traced(question, self.wanted, samples, loaded=loaded, further=partial(self._further, trust))
+            self.traced = traced(Loops(lay, system.fixed), problem.applied, wanted, samples, self._further)
         with self.clock.stage("compiling"):
             self.runner, self.said = runner(self.traced.program, backend)
         self.single = single(self.runner, self.traced)
@@ -83,18 +83,15 @@ class TracedWork:
         self.by_array: Counter[str] = Counter()
         self.bound: Bound | None = None
 
-    def _further(self, trust: Trust, outputs: Mapping[str, Sequence[Scalar]]) -> Mapping[str, list[Scalar]]:
-        """Compares the checks with what the array solver says, and estimates errors if they are wanted."""
-        said = [outputs[name][0] for name in CHECKS]
-        n = len(trust.gain)
-        self.bounds.compare(roots(np.broadcast_to(getattr(x, "value", x), n) for x in said), trust)
+    def _further(self, outputs: Mapping[str, Sequence[Scalar]]) -> Mapping[str, list[Scalar]]:
+        """Estimates errors if they are wanted."""
         if "error" not in self.outputs:
             return {}
-        sums, errors = self.bounds.estimated(roots(said), outputs, self.units)
+        sums, errors = self.bounds.estimated(roots(outputs[name][0] for name in CHECKS), outputs, self.units)
         return {"first": sums, "error": errors}
 
-    def _anchors(self, motion: GivenMotion) -> tuple[GivenMotion, Trust, Array]:
-        """Well-conditioned samples, what the array solver's numbers there rest on, and all joint coordinates.
+    def _anchors(self, motion: GivenMotion) -> tuple[GivenMotion, Array]:
+        """Well-conditioned samples, and all joint coordinates there.
 
         Raises:
             NotTraceableError: There is none.
@@ -106,7 +103,7 @@ class TracedWork:
         clear = np.setdiff1d(np.arange(len(some)), trust.doubtful())
         if not clear.size:
             raise NotTraceableError("the motion is badly conditioned", self.lay.mechanism.name, "use backend array")
-        return some.part(clear), trust.rows(clear), work.assembly[0][clear]
+        return some.part(clear), work.assembly[0][clear]
 
     def again(self) -> TracedWork:
         """The same for another thread: with buffers, predictions and counts of its own."""

@@ -1,0 +1,105 @@
+"""Closed-form inverse kinematics of U-P-S and U-P-U legs, for the pose of the body that they carry."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference.equations.joint_types import Value, placed, unplaced
+from screwgauge.reference.equations.kinematics import Coordinates, coordinates, joint_screws, zeros
+from screwgauge.reference.equations.ops import NUMPY, Ops
+from screwgauge.reference.equations.screws import Array, cross, dot, times, transpose
+from screwgauge.reference.graph import Edge, serial_chains
+from screwgauge.reference.mechanism import Joint
+from screwgauge.reference.pose import Layout
+
+#: Home is given to ten digits; another branch is farther away.
+HOME = 1e-8
+
+
+def closed_form(lay: Layout, y: Array, ops: Ops) -> Coordinates | None:
+    """Coordinates of the tree where every leg has a closed form, its wrist being cut, and home is on that branch.
+
+    The output body is placed by the joint that carries the independent coordinates, the others of that joint being as
+    at home; where a leg forbids that, the loops stay open by that much and Newton's method goes on from here.
+
+    Args:
+        y: Independent coordinates [rad or m]. Shape (..., k).
+
+    Returns:
+        Those of cut joints are as at home.
+    """
+    found = _legs(lay)
+    if found is None:
+        return None
+    at_home = _coordinates(lay, *found, lay.mechanism.home[lay.mechanism.independent_columns], NUMPY)
+    tree = lay.tree_columns
+    close = max(HOME, 64 * float(np.finfo(lay.path.dtype).eps))  # single precision has no 1e-8
+    if not np.abs(at_home.q - lay.mechanism.home)[tree].max() < close:
+        return None
+    return _coordinates(lay, *found, y, ops)
+
+
+def _legs(lay: Layout) -> tuple[Joint, list[list[Joint]]] | None:
+    """The joint that carries the output body, and the legs, if all of them have a closed form."""
+    mechanism = lay.mechanism
+    chains = serial_chains(mechanism)
+    drivers = [chain[0].joint for chain in chains if len(chain) == 1 and not chain[0].reverse]
+    legs = [chain for chain in chains if len(chain) > 1]
+    if mechanism.couplings or len(drivers) != 1 or len(legs) != len(chains) - 1:
+        return None
+    if sum(map(len, chains)) != len(mechanism.joints) or not all(map(_has_closed_form, legs)):
+        return None
+    chosen, wrists = {*mechanism.independent.values()}, {chain[-1].joint.name for chain in legs}
+    if not chosen <= {*drivers[0].coordinates} or wrists != {joint.name for joint in lay.tree.cuts}:
+        return None
+    return drivers[0], [[edge.joint for edge in chain] for chain in legs]
+
+
+def _has_closed_form(chain: tuple[Edge, ...]) -> bool:
+    """U-P-U or U-P-S with the slide through both centres, along the normal of the first U's axes."""
+    kinds = "".join(edge.joint.kind for edge in chain)
+    if kinds not in ("UPU", "UPS") or any(edge.reverse for edge in chain):
+        return False
+    base, slide, wrist = (edge.joint for edge in chain)
+    coincide = (base.child_frame, slide.parent_frame, slide.child_frame, wrist.parent_frame)
+    normal = np.cross(base.axes[0], base.axes[1])
+    return all(frame.is_identity for frame in coincide) and bool(
+        np.abs(slide.axes[0] - normal).max() <= 64 * np.finfo(normal.dtype).eps
+    )
+
+
+def _coordinates(lay: Layout, driver: Joint, legs: list[list[Joint]], y: Array, ops: Ops) -> Coordinates:
+    q = zeros(y, len(lay.mechanism.coordinates)) + lay.mechanism.home
+    q[..., lay.mechanism.independent_columns] = y
+    at = coordinates(q, ops)
+    columns = lay.columns[driver.name]
+    values = [
+        (at.sine[..., c], at.cosine[..., c]) if turns else (q[..., c], None)
+        for c, (turns, _) in zip(columns, driver.freedoms, strict=True)
+    ]
+    eye, origin = zeros(y, 3, 3) + np.eye(3), zeros(y, 3)
+    _, R, p = joint_screws(driver, *placed(eye, origin, driver.parent_frame), values)
+    platform = unplaced(R, p, driver.child_frame)
+    for base, slide, wrist in legs:
+        for c, (value, cosine) in zip(
+            (*lay.columns[base.name], *lay.columns[slide.name]),
+            _leg(base, placed(*platform, wrist.child_frame)[1], ops),
+            strict=True,
+        ):
+            q[..., c] = value if cosine is None else ops.atan2(value, cosine)
+            if cosine is not None:
+                at.sine[..., c], at.cosine[..., c] = value, cosine
+    return at
+
+
+def _leg(base: Joint, centre: Array, ops: Ops) -> list[Value]:
+    """Angles of the base and length of the slide of a leg whose wrist is at a point, eqs. (19), (24). (..., 3)."""
+    x, y = base.axes
+    AC = times(transpose(base.parent_frame.R), centre - base.parent_frame.p)
+    u, v, w = (dot(AC, axis) for axis in (x, y, np.cross(x, y)))
+    across: Any = v * v + w * w
+    h, length = ops.sqrt(across), ops.sqrt(u * u + across)
+    over_h, over_length = 1.0 / h, 1.0 / length
+    return [(-(v * over_h), w * over_h), (u * over_length, h * over_length), (length, None)]

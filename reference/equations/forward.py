@@ -1,0 +1,95 @@
+"""Forward dynamics: accelerations for given forces, on the independent coordinates, ``M ydd = Q - h``."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference.applied import JointSpring
+from screwgauge.reference.equations.applied_forces import line, load_wrench, motor_force
+from screwgauge.reference.equations.dynamics import Dynamics
+from screwgauge.reference.equations.kinematics import twists, zeros
+from screwgauge.reference.equations.screws import Array, dot, power, times, transpose, velocity_at
+from screwgauge.reference.mechanism import GROUND
+
+
+class Forward(Dynamics):
+    """Motion that follows from the forces at a closed pose; `Dynamics` of the accelerations found."""
+
+    @cached_property
+    def _partial(self) -> tuple[Array, Array]:
+        """Velocities of centres of mass, and angular velocities in body axes, per rate of each y. (..., k, b - 1, 3)."""
+        each = [twists(self.pose, self.K[..., j, :])[..., 1:, :] for j in range(self.K.shape[-2])]
+        turn = transpose(self.pose.R[..., 1:, :, :])
+        return (
+            np.stack([velocity_at(V, self.com) for V in each], axis=-3),
+            np.stack([times(turn, V[..., :3]) for V in each], axis=-3),
+        )
+
+    @cached_property
+    def inertia_matrix(self) -> Array:
+        """M of the kinetic energy ``yd M yd / 2``: partial motions against each other. Shape (..., k, k)."""
+        (v, w), mechanism = self._partial, self.mechanism
+        mv = mechanism.masses[:, None] * v
+        Jw = times(np.array([body.inertia for body in mechanism.bodies]), w)
+        k = v.shape[-3]
+        M = zeros(self.K[..., 0], k, k)
+        for i in range(k):
+            for j in range(i + 1):
+                pair = dot(mv[..., i, :, :], v[..., j, :, :]) + dot(Jw[..., i, :, :], w[..., j, :, :])
+                M[..., i, j] = M[..., j, i] = pair.sum(-1)
+        return M
+
+    @property
+    def ydd(self) -> Array:
+        """Second derivatives of the independent coordinates. Shape (..., k)."""
+        return self._response
+
+    @cached_property
+    def _response(self) -> Array:
+        still = self.accelerations(0.0 * self.yd, self.w, self.V, self.bias)
+        tau = self.demand(self.V, self.bias + twists(self.pose, still))
+        d = self._sizes
+        M = self.inertia_matrix / (d[..., :, None] * d[..., None, :])
+        return self.ops.solve(M, -self.virtual_power(tau) / d) / d
+
+    @cached_property
+    def _sizes(self) -> Array:
+        """What coordinates in rad and m are divided by for ones on the diagonal of M. Shape (..., k)."""
+        return np.stack([self.ops.sqrt(self.inertia_matrix[..., j, j]) for j in range(self.K.shape[-2])], axis=-1)
+
+    @cached_property
+    def inertia_gain(self) -> Any:
+        """What accelerations amplify: the trace of the inverse of M, ones on its diagonal, or 1 over one entry. (...).
+
+        That entry counts against all mass at the mechanism's length.
+        """
+        d, k = self._sizes, self.K.shape[-2]
+        if k == 1:
+            size = self.loops.sizes[self.loops.y_columns[0]]
+            return self.mechanism.mass * (self.loops.length / size) ** 2 / self.inertia_matrix[..., 0, 0]
+        M = self.inertia_matrix / (d[..., :, None] * d[..., None, :])
+        return sum(self.ops.solve(M, np.broadcast_to(row, d.shape))[..., i] for i, row in enumerate(np.eye(k)))
+
+    @property
+    def input_power(self) -> Any:
+        """Power of motors, loads and dampers, which store no energy [W]. Shape (...)."""
+        mechanism, total = self.mechanism, 0.0 * self.yd[..., 0]
+        index = mechanism.body_index
+        for load in self.applied.loads:
+            if load.body != GROUND:
+                total = total + power(load_wrench(self, load), self.V[..., index[load.body], :])
+        for motor in self.applied.motors:
+            total = total + motor_force(self, motor) * self.joint_rate(motor.coordinate)
+        for spring in self.applied.springs:
+            joint = isinstance(spring, JointSpring)
+            rate = self.joint_rate(spring.coordinate) if joint else line(self, spring)[2]
+            total = total - spring.damping * rate * rate
+        return total
+
+    def joint_rate(self, coordinate: str) -> Any:
+        """Rate of a joint coordinate. Shape (...)."""
+        c = self.mechanism.coordinates.index(coordinate)
+        return (self.joint_velocity if c in self.loops.owner else self.w)[..., c]
