@@ -13,13 +13,16 @@ import tolerances
 import screwgauge
 from screwgauge.engines.registry import get_engine
 from screwgauge.engines.screw.model import LONG, ScrewModel, Settings
+from screwgauge.engines.screw.programs import check_traceable
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.problem import GivenMotion, ModelFiles
 from screwgauge.quantities import GIVEN
+from screwgauge.reference.applied import JointSpring, Motor
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import rotation
+from screwgauge.reference.traced.trace import NotTraceableError
 
 needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason="llvmlite is not installed")
 BACKENDS = ("numpy", pytest.param("llvm", marks=needs_llvm))
@@ -203,18 +206,39 @@ def test_a_prediction_from_afar_is_left_to_the_array_solver(monkeypatch):
     assert np.abs(part.values["joint_position"] - expected).max() <= tolerances.READ
 
 
+def under(**applied):
+    return lambda scene: scene.under(**applied)
+
+
 @pytest.mark.parametrize(
-    ("scene", "reason"),
+    ("name", "change"),
     [
-        (lambda s: replace(s, rule="spherical_axial"), "the rule is spherical_axial"),
-        (lambda s: s.under(springs=(screwgauge.reference.applied.JointSpring("leg1.q3", 1e3, 0.6),)), "springs"),
+        ("3ups-upu-s", lambda scene: replace(scene, rule="spherical_axial")),
+        ("3ups-upu-s", under(springs=(JointSpring("leg1.q3", 1e3, 0.6, 20.0),))),
+        ("3ups-upu-s", under(springs=(JointSpring("leg2.q4", 30.0, 0.1, 2.0),))),
+        ("bennett", under(springs=(JointSpring("j4", 5.0, 0.1, 0.2),))),
+        ("five-bar", under(motors=(Motor("tip", np.array([0.3, 0.2]), np.array([[4.0, 0.5, 0.1]])),))),
+        ("planetary-gear", lambda scene: scene),
+        ("screw-press", lambda scene: scene),
     ],
 )
-def test_what_cannot_be_traced_is_said(scene, reason):
-    asked = scene(screwgauge.load_scene("3ups-upu-s").at([0.5, 1.0]))
-    found = solved(asked, "numpy")
-    assert any(reason in note for note in found.notes)
-    assert worst(found, solved(asked, "array"))[1] == 0.0
+def test_programs_answer_to_rules_springs_motors_and_couplings(name, change):
+    scene = change(screwgauge.load_scene(name))
+    scene = scene.at(np.linspace(0.3, 1.3, 7))
+    found = solved(scene, "numpy")
+    assert by_program(found) >= 6
+    _, error = worst(found, solved(scene, "array"))
+    assert error < SAME * (1e3 if scene.rule == "spherical_axial" else 1.0)
+
+
+def test_fewer_actuators_than_freedoms_are_left_to_the_arrays():
+    scene = screwgauge.load_scene("five-bar")
+    joints = tuple(
+        replace(joint, actuated=False) if joint.name == "left" else joint for joint in scene.mechanism.joints
+    )
+    lay = layout(replace(scene.mechanism, joints=joints))
+    with pytest.raises(NotTraceableError, match="fewer actuators than freedoms"):
+        check_traceable(lay, scene.problem(["actuator_force"]))
 
 
 def test_long_motions_are_traced_unless_the_arrays_are_asked_for():

@@ -14,7 +14,7 @@ import numpy as np
 
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.equations.applied_forces import Exerted, exerted
-from screwgauge.reference.equations.closure import Closed, Loops
+from screwgauge.reference.equations.closure import Closed, CutJoint, Loops
 from screwgauge.reference.equations.joint_types import forbidden_twists
 from screwgauge.reference.equations.kinematics import (
     Coordinates,
@@ -48,12 +48,14 @@ class Motion(Closed):
 
     Attributes:
         yd: Rates of the independent coordinates. Shape (..., k).
+        near: Column of a cut joint's angle -> what it is to be near to, among all that mean the same; else it is within
+            half a turn.
     """
 
     def __init__(self, loops: Loops, at: Coordinates, yd: Array, ydd: Array, folds: Sequence[Any], ops: Ops) -> None:
         """`ydd`: second derivatives of the independent coordinates. Shape (..., k)."""
         super().__init__(loops, at, folds, ops)
-        self.yd, self._ydd = yd, ydd
+        self.yd, self._ydd, self.near = yd, ydd, dict[int, Any]()
 
     @property
     def mechanism(self) -> Mechanism:
@@ -102,8 +104,21 @@ class Motion(Closed):
 
     @cached_property
     def joint_position(self) -> Array:
-        """Coordinates of all joints; angles of cut joints within half a turn. Shape (..., n_q)."""
-        return self._with_cuts(self.q, lambda cut: [s if c is None else self.ops.atan2(s, c) for s, c in cut.values])
+        """Coordinates of all joints, see `near`. Shape (..., n_q)."""
+        return self._with_cuts(self.q, self._cut_position)
+
+    def _cut_position(self, cut: CutJoint) -> list[Any]:
+        found, atan2 = list[Any](), self.ops.atan2
+        for column, (x, cosine) in zip(self.loops.lay.columns[cut.at.joint.name], cut.values, strict=True):
+            if cosine is None:
+                found.append(x)
+            elif column in self.near:
+                angle = self.near[column]
+                s, c = self.ops.sin(angle), self.ops.cos(angle)
+                found.append(angle + atan2(x * c - cosine * s, cosine * c + x * s))
+            else:
+                found.append(atan2(x, cosine))
+        return found
 
     @cached_property
     def joint_velocity(self) -> Array:
@@ -215,15 +230,19 @@ class Dynamics(Motion):
     def actuator_force(self) -> Array:
         """Actuator forces f with ``B^T f = Q``: of smallest norm, or by the rule of eq. (56). Shape (..., n_act)."""
         BT, Q = transpose(self.B), self.generalized_force
-        if self.axial and self.mechanism.axial:
-            rows, right = self._across_line(*self.mechanism.axial)
+        if self.line is not None:
+            rows, right = self.line
             return self.ops.solve(stack(BT, rows), join(Q, right))
         if BT.shape[-1] == BT.shape[-2]:
             return self.ops.solve(BT, Q)
         return times(self.B, self.ops.solve(BT @ self.B, Q))
 
+    @cached_property
+    def line(self) -> tuple[Array, Array] | None:
+        """Eq. (56), if it is the rule: force of a joint across its line per actuator force, and what these undo."""
+        return self._across_line(*self.mechanism.axial) if self.axial and self.mechanism.axial else None
+
     def _across_line(self, name: str, direction: Array) -> tuple[Array, Array]:
-        """Force of a joint across a direction of its child per actuator force, and what these have to undo, eq. (56)."""
         n, child = len(self.mechanism.actuators), self.mechanism.joint(name).child
         R = self.pose.R[..., self.mechanism.body_index[child], :, :]
         across = np.linalg.svd(direction[None])[2][1:] @ transpose(R)

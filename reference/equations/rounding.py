@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import reduce
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from screwgauge.reference.equations.closure import Closed
 from screwgauge.reference.equations.dynamics import Dynamics
-from screwgauge.reference.equations.screws import Array, transpose
+from screwgauge.reference.equations.screws import Array, stack, transpose
 from screwgauge.reference.extent import extent
 
 
@@ -31,12 +32,17 @@ def gain(at: Closed, *, whole: bool = False) -> Any:
 
 
 def drive_gain(at: Dynamics) -> Any:
-    """Square of the norm of the map from rates of the actuators to those of y, without dimension. Shape (...)."""
+    """Square of the norm of what solves for the actuator forces, without dimension. Shape (...)."""
     sizes, mechanism = at.loops.sizes, at.mechanism
-    B = at.B * (sizes[mechanism.independent_columns] / sizes[mechanism.actuated_columns][:, None])
-    gram = transpose(B) @ B
-    eye = np.eye(gram.shape[-1])
-    return sum(at.ops.solve(gram, np.broadcast_to(row, gram.shape[:-1]))[..., i] for i, row in enumerate(eye))
+    BT = transpose(at.B) * (sizes[mechanism.independent_columns][:, None] / sizes[mechanism.actuated_columns])
+    if at.line is None:  # the trace of the inverse of B^T B is the square of the norm of its pseudo-inverse
+        return sum(x[..., i] for i, x in enumerate(_columns(at, BT @ transpose(BT))))
+    return sum((x * x).sum(-1) for x in _columns(at, stack(BT, at.line[0])))
+
+
+def _columns(at: Dynamics, A: Array) -> Iterator[Array]:
+    """Columns of the inverse of a square matrix."""
+    return (at.ops.solve(A, np.broadcast_to(row, A.shape[:-1])) for row in np.eye(A.shape[-1], dtype=float))
 
 
 def chart_gain(at: Closed) -> Any:

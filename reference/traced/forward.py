@@ -15,8 +15,8 @@ from screwgauge.reference.equations.ops import TRACE
 from screwgauge.reference.equations.rounding import squares
 from screwgauge.reference.equations.screws import Array
 from screwgauge.reference.traced.program import Program, program
-from screwgauge.reference.traced.trace import Trace
-from screwgauge.reference.traced.tracing import dependent
+from screwgauge.reference.traced.trace import NotTraceableError, Trace
+from screwgauge.reference.traced.tracing import dependent, sprung_cuts
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,8 +49,11 @@ def forward_programs(loops: Loops, applied: Applied, q: Array) -> Forward:
         q: Joint coordinates of closed poses where pivots are chosen. Shape (n, n_q).
 
     Raises:
-        NotTraceableError: The mechanism is beyond this.
+        NotTraceableError: The mechanism or what acts on it is beyond this.
     """
+    if sprung := sprung_cuts(loops, applied):
+        name = loops.lay.mechanism.coordinates[sprung[0]]
+        raise NotTraceableError("a spring acts on an angle of a joint that closes a loop", name, "use backend array")
     columns, folds = dependent(loops), [float(x.flat[0]) for x in loops.folds(q)]
     return Forward(_close(loops, q, columns, folds), _respond(loops, applied, q, columns, folds), tuple(columns))
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.reference.applied import Applied, Load
+from screwgauge.reference.applied import Applied, JointSpring, Load
 from screwgauge.reference.equations.closed_form import closed_form
 from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.dynamics import QUANTITIES, Dynamics
@@ -37,11 +37,15 @@ class Traced:
         places: Quantity, or one of `CHECKS`, -> its outputs; and those of ``reached``: what became of the prediction,
             and its rates.
         predicted: Tree coordinates that it starts from, inputs after y, yd and ydd; none in closed form.
+        near: Angles of cut joints that have to be known to less than half a turn, the next inputs.
+        timed: Whether time is the next one.
     """
 
     program: Program
     places: Mapping[str, slice]
     predicted: tuple[int, ...]
+    near: tuple[int, ...]
+    timed: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,10 +91,14 @@ def traced(
     if at is None:
         guess = {c: trace.input(samples[3][:, c]) for c in dependent(loops)}
         at = _closed(loops, y, guess, folds)
+    near = {c: trace.input(samples[3][:, c]) for c in sprung_cuts(loops, applied)}
+    timed = not all(motor.constant for motor in applied.motors)
+    t = trace.input(np.zeros(len(samples[0]))) if timed else 0.0
     if wanted.loaded:
         loads = tuple(_given(trace, load, len(samples[0])) for load in applied.loads)
         applied = replace(applied, loads=loads)
-    found = Dynamics(loops, at, yd, ydd, folds, TRACE, applied, axial=wanted.axial)
+    found = Dynamics(loops, at, yd, ydd, folds, TRACE, applied, t=t, axial=wanted.axial)
+    found.near = near
     reached = [at.q[c] for c in guess] + [found.w[c] for c in guess]
     outputs = {"reached": reached} | quantities(found, wanted)
     checks = _checks(found, y, guess, outputs)
@@ -100,7 +108,13 @@ def traced(
     for name, numbers in (outputs | more | checks).items():
         places[name] = slice(len(flat), len(flat) + len(numbers))
         flat += numbers
-    return Traced(program(len(trace.inputs), flat, len(CHECKS), first), places, tuple(guess))
+    return Traced(program(len(trace.inputs), flat, len(CHECKS), first), places, tuple(guess), tuple(near), timed)
+
+
+def sprung_cuts(loops: Loops, applied: Applied) -> list[int]:
+    """Angles of cut joints that springs act on."""
+    columns = [*loops.lay.mechanism.columns([x.coordinate for x in applied.springs if isinstance(x, JointSpring)])]
+    return [c for c in dict.fromkeys(columns) if c in loops.owner and loops.lay.turns[c]]
 
 
 def dependent(loops: Loops) -> list[int]:

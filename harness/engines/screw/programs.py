@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import is_
@@ -13,9 +12,7 @@ import numpy as np
 from numpy import ndarray
 
 from screwgauge import __version__
-from screwgauge.models.layout import lay_out
 from screwgauge.problem import Problem
-from screwgauge.reference.graph import Edge
 from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.lanes import Lanes
@@ -93,37 +90,15 @@ def runner(program: Program, backend: str, plain: Callable[[Program], Runner] = 
 
 
 def check_traceable(lay: Layout, problem: Problem) -> None:
-    """Refuses what is beyond the traced equations.
+    """Refuses what no program answers.
 
     Raises:
         NotTraceableError: With the reason.
     """
-    mechanism, wanted = lay.mechanism, problem.wanted
-    forces = {"actuator_force", "reaction", "generalized_force"} & wanted
-    reasons = {
-        "coordinates are coupled": bool(getattr(mechanism, "couplings", ())),
-        "an independent coordinate belongs to a joint that closes a loop": bool(
-            {*mechanism.independent_columns} & {*lay.cut_columns}
-        ),
-        "springs, dampers or motors act": bool(forces and (problem.applied.springs or problem.applied.motors)),
-        "the rule is spherical_axial": bool(forces and problem.rule == "spherical_axial"),
-        "there are fewer actuators than freedoms": bool(
-            {"actuator_force", "reaction"} & wanted and len(mechanism.actuators) < len(mechanism.independent)
-        ),
-    }
-    for reason, applies in reasons.items():
-        if applies:
-            raise NotTraceableError(reason, mechanism.name, "the array solver answers it")
-
-
-def open_links(lay: Layout) -> tuple[tuple[str, float, Edge], ...]:
-    """Links of the open tree: body, its share, and the edge that leads from one link to another."""
-    links = lay_out(lay.mechanism, "minimal").links
-    parts = Counter(link.original for link in links)
-    return tuple(
-        (link.original, 1.0 / parts[link.original], Edge(link.joint, link.near, link.name, link.reverse))
-        for link in links
-    )
+    mechanism = lay.mechanism
+    if {"actuator_force", "reaction"} & problem.wanted and len(mechanism.actuators) < len(mechanism.independent):
+        reason = "there are fewer actuators than freedoms"
+        raise NotTraceableError(reason, mechanism.name, "the array solver answers it")
 
 
 def flat(arrays: Mapping[str, Array]) -> bool:

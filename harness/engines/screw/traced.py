@@ -115,10 +115,13 @@ class TracedWork:
 
     def _predictor(self) -> Predictor | None:
         """What predicts poses with this program, if it needs that."""
-        if not self.traced.predicted:
+        if not (self.traced.predicted or self.traced.near):
             return None
+        if not self.traced.predicted:  # only the turns of cut joints are to be known
+            return Predictor(self.lay, (), lambda y, rates, guess: None, cuts=True)
         close = closer(self.single, self.traced, self.bounds, len(self.lay.mechanism.independent_columns))
-        return Predictor(self.lay, self.traced.predicted, close, cuts=bool(CHARTED & {*self.wanted}))
+        cuts = bool(CHARTED & {*self.wanted} or self.traced.near)
+        return Predictor(self.lay, self.traced.predicted, close, cuts=cuts)
 
     def arrays(self, n: int) -> dict[str, Array]:
         """Arrays for `outputs` of n samples, (n, m) each; numbers of one component lie side by side."""
@@ -138,7 +141,8 @@ class TracedWork:
         """
         predicted, n = list(self.traced.predicted), len(motion)
         inputs = [np.ascontiguousarray(x.T) for x in (motion.y, motion.yd, motion.ydd)]
-        inputs += [np.ascontiguousarray(q[predicted]), loads]
+        inputs += [np.ascontiguousarray(q[predicted]), np.ascontiguousarray(q[[*self.traced.near]])]
+        inputs += [motion.t[None] if self.traced.timed else np.empty((0, n)), loads]
         reached, checks = np.empty((2 * len(predicted), n)), np.empty((len(CHECKS), n))
         outputs = [reached, *(values[name].T for name in self.outputs), checks]
         clear = self.runner.bind(inputs, outputs, self.bounds.weights)()
