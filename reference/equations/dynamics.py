@@ -24,7 +24,7 @@ from screwgauge.reference.equations.kinematics import (
     twists,
     zeros,
 )
-from screwgauge.reference.equations.ops import Ops, absent
+from screwgauge.reference.equations.ops import Ops, System, absent
 from screwgauge.reference.equations.reactions import by_role, reaction_names
 from screwgauge.reference.equations.screws import (
     Array,
@@ -227,15 +227,25 @@ class Dynamics(Motion):
         return np.stack(np.broadcast_arrays(*found), axis=-2)
 
     @cached_property
+    def drive(self) -> System:
+        """What solves for the actuator forces: ``B^T`` over the rule of eq. (56), or ``B^T B`` of redundant ones."""
+        BT = transpose(self.B)
+        if self.line is not None:
+            return self.ops.square(stack(BT, self.line[0]))
+        return self.ops.square(BT @ self.B if self.redundant else BT)
+
+    @property
+    def redundant(self) -> bool:
+        """Whether there are more actuators than freedoms, and the smallest forces are wanted."""
+        return self.line is None and len(self.mechanism.actuators) > len(self.mechanism.independent)
+
+    @cached_property
     def actuator_force(self) -> Array:
         """Actuator forces f with ``B^T f = Q``: of smallest norm, or by the rule of eq. (56). Shape (..., n_act)."""
-        BT, Q = transpose(self.B), self.generalized_force
+        Q = self.generalized_force
         if self.line is not None:
-            rows, right = self.line
-            return self.ops.solve(stack(BT, rows), join(Q, right))
-        if BT.shape[-1] == BT.shape[-2]:
-            return self.ops.solve(BT, Q)
-        return times(self.B, self.ops.solve(BT @ self.B, Q))
+            return self.drive.solve(join(Q, self.line[1]))
+        return times(self.B, self.drive.solve(Q)) if self.redundant else self.drive.solve(Q)
 
     @cached_property
     def line(self) -> tuple[Array, Array] | None:
@@ -276,7 +286,7 @@ class Dynamics(Motion):
         if null := self._redundant:
             N = np.stack(np.broadcast_arrays(*(scaled for _, scaled in null)), axis=-2)
             own = times(N, self.components(self.transmitted(x, need, along), x) / self._arms)
-            share = self.ops.solve(N @ transpose(N), own)
+            share = self.ops.square(N @ transpose(N)).solve(own)
             x = x - sum(scale(share[..., i], row) for i, (row, _) in enumerate(null))
         return x, self.transmitted(x, need, along)
 

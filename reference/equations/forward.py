@@ -11,6 +11,7 @@ from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.equations.applied_forces import line, load_wrench, motor_force
 from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.kinematics import twists, zeros
+from screwgauge.reference.equations.ops import System
 from screwgauge.reference.equations.screws import Array, dot, power, times, transpose, velocity_at
 from screwgauge.reference.mechanism import GROUND
 
@@ -51,27 +52,26 @@ class Forward(Dynamics):
     def _response(self) -> Array:
         still = self.accelerations(0.0 * self.yd, self.w, self.V, self.bias)
         tau = self.demand(self.V, self.bias + twists(self.pose, still))
+        return self._masses.solve(-self.virtual_power(tau) / self._sizes) / self._sizes
+
+    @cached_property
+    def _masses(self) -> System:
+        """M with ones on its diagonal, as coordinates may be in rad and m."""
         d = self._sizes
-        M = self.inertia_matrix / (d[..., :, None] * d[..., None, :])
-        return self.ops.solve(M, -self.virtual_power(tau) / d) / d
+        return self.ops.square(self.inertia_matrix / (d[..., :, None] * d[..., None, :]))
 
     @cached_property
     def _sizes(self) -> Array:
-        """What coordinates in rad and m are divided by for ones on the diagonal of M. Shape (..., k)."""
+        """Roots of the diagonal of M. Shape (..., k)."""
         return np.stack([self.ops.sqrt(self.inertia_matrix[..., j, j]) for j in range(self.K.shape[-2])], axis=-1)
 
     @cached_property
     def inertia_gain(self) -> Any:
-        """What accelerations amplify: the trace of the inverse of M, ones on its diagonal, or 1 over one entry. (...).
-
-        That entry counts against all mass at the mechanism's length.
-        """
-        d, k = self._sizes, self.K.shape[-2]
-        if k == 1:
+        """By how much M amplifies, ones on its diagonal; of one coordinate over all mass at the full length. (...)."""
+        if self.K.shape[-2] == 1:
             size = self.loops.sizes[self.loops.y_columns[0]]
             return self.mechanism.mass * (self.loops.length / size) ** 2 / self.inertia_matrix[..., 0, 0]
-        M = self.inertia_matrix / (d[..., :, None] * d[..., None, :])
-        return sum(self.ops.solve(M, np.broadcast_to(row, d.shape))[..., i] for i, row in enumerate(np.eye(k)))
+        return self._masses.response(np.ones(self.K.shape[-2])).sum(-1)
 
     @property
     def input_power(self) -> Any:

@@ -36,7 +36,8 @@ class System(Protocol):
     def response(self, unit: Array, *, whole: bool = False) -> Array:
         """Squares of what errors of `unit` in the rows, shape (m,), make of each unknown, summed up. Shape (..., n).
 
-        Of unknowns that move only, unless `whole`. Exact for floats, else estimated from `PROBES` patterns of errors.
+        Of unknowns that move only, unless `whole`. Of floats exact; else what the pivots say, half to twice as much
+        where that of the given coordinates is added.
         """
 
 
@@ -56,11 +57,10 @@ class Ops:
     maximum: Callable[[Any, Any], Any]
     system: Callable[[Sequence[Block], Array, Array, int, tuple[int, ...]], Any]
 
-    def solve(self, A: Array, b: Array) -> Array:
-        """Solves a small square system. Shapes (..., n, n), (..., n)."""
+    def square(self, A: Array) -> Any:
+        """A small square system without units. Shape (..., n, n)."""
         n = A.shape[-1]
-        found: Array = self.system([(slice(0, n), range(n), A)], np.ones(n), np.ones(n), n, b.shape[:-1]).solve(b)
-        return found
+        return self.system([(slice(0, n), range(n), A)], np.ones(n), np.ones(n), n, A.shape[:-2])
 
 
 class Dense:
@@ -146,14 +146,9 @@ class Sparse:
         return np.array(rows, dtype=object).reshape(len(rows), len(self.factors.unit))
 
     def response(self, unit: Array, *, whole: bool = False) -> Array:
-        columns, m = range(len(self.factors.pivots) if whole else self.moving), len(unit)
-        solved = [self.factors.solve([*(pattern * unit)], len(columns)) for pattern in patterns(m)]
-        return _objects(sum((x[i] * x[i] for x in solved), start=0.0) * (1.0 / len(solved)) for i in columns)
-
-
-def patterns(m: int) -> Array:
-    """Errors of size one in m rows, in general position: a mean of squares over many would be a sum over the rows."""
-    return np.asarray(np.sqrt(2.0) * np.cos(1.0 + np.outer([2.4, 1.3], np.arange(m)) + np.array([[0.0], [0.7]])))
+        pairs = [*zip(self.factors.pivots, self.factors.inverse, strict=True)]
+        by_column = {column: x * x * unit[row] ** 2 for (row, column), x in pairs[: None if whole else self.moving]}
+        return _objects(by_column[column] for column in sorted(by_column))
 
 
 def _objects(values: Any) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import reduce
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from screwgauge.reference.equations.closure import Closed
 from screwgauge.reference.equations.dynamics import Dynamics
-from screwgauge.reference.equations.screws import Array, stack, transpose
+from screwgauge.reference.equations.screws import Array
 from screwgauge.reference.extent import extent
 
 
@@ -26,23 +25,16 @@ def gain(at: Closed, *, whole: bool = False) -> Any:
     chosen = [*loops.couplings.columns, *loops.y_columns]
     squares = at.system.response(np.concatenate([of_cuts, by.size[chosen]]), whole=whole)
     columns = loops.columns[: squares.shape[-1]]
-    squares = squares * by.size[columns] ** -2.0
+    K = at.K[..., columns] * by.size[loops.y_columns][:, None]
+    squares = (squares + (K * K).sum(-2)) * by.size[columns] ** -2.0
     owners = by.owner[columns]
     return reduce(at.ops.maximum, [squares[..., owners == loop].sum(-1) for loop in dict.fromkeys(owners.tolist())])
 
 
 def drive_gain(at: Dynamics) -> Any:
-    """Square of the norm of what solves for the actuator forces, without dimension. Shape (...)."""
-    sizes, mechanism = at.loops.sizes, at.mechanism
-    BT = transpose(at.B) * (sizes[mechanism.independent_columns][:, None] / sizes[mechanism.actuated_columns])
-    if at.line is None:  # the trace of the inverse of B^T B is the square of the norm of its pseudo-inverse
-        return sum(x[..., i] for i, x in enumerate(_columns(at, BT @ transpose(BT))))
-    return sum((x * x).sum(-1) for x in _columns(at, stack(BT, at.line[0])))
-
-
-def _columns(at: Dynamics, A: Array) -> Iterator[Array]:
-    """Columns of the inverse of a square matrix."""
-    return (at.ops.solve(A, np.broadcast_to(row, A.shape[:-1])) for row in np.eye(A.shape[-1], dtype=float))
+    """Square of the norm of what solves for the actuator forces, coordinates in their units. Shape (...)."""
+    squares = at.drive.response(np.ones(len(at.mechanism.independent if at.redundant else at.mechanism.actuators)))
+    return at.ops.sqrt(squares.sum(-1)) if at.redundant else squares.sum(-1)
 
 
 def chart_gain(at: Closed) -> Any:

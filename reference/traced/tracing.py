@@ -22,9 +22,11 @@ from screwgauge.reference.traced.trace import Trace
 
 #: Emitted with every sample, as squares: gain of the closing system, without and with coordinates at rest, and of the
 #: actuators; how far Newton's method went; residual of the loops, and of the balance of all bodies; charts of cut
-#: joints; rates; accelerations; wrenches that bodies need.
-CHECKS = ("gain", "whole_gain", "drive", "moved", "closing", "balance", "charts", "speed", "rush", "load")
+#: joints; rates; accelerations.
+CHECKS = ("gain", "whole_gain", "drive", "moved", "closing", "balance", "charts", "speed", "rush")
 NEWTON = 2
+#: Quantities that know the charts of joints that close loops.
+CHARTED = {"joint_position", "joint_velocity", "joint_acceleration", "tree_force", "tree_force_soft"}
 Further = Callable[[Mapping[str, Sequence[Any]]], Mapping[str, list[Any]]]
 """Quantities and checks of a trace -> other outputs."""
 
@@ -164,7 +166,7 @@ def _checks(
     """Per-sample diagnostics, see `CHECKS`."""
     loops, by = at.loops, extent(at.loops.lay)
     driven, reacted = {"actuator_force", "reaction"} & outputs.keys(), "reaction" in outputs
-    loaded = outputs.keys() - {"reached", "joint_position", "joint_velocity", "joint_acceleration"}
+    charted = CHARTED & outputs.keys()
     moved = np.array([at.q[c] - x for c, x in guess.items()], dtype=object)
     moving = loops.columns[: loops.moving]
     numbers = {
@@ -172,13 +174,10 @@ def _checks(
         "whole_gain": gain(at, whole=True) if reacted and loops.fixed else gain(at),
         "drive": drive_gain(at) if driven and at.mechanism.actuators else 0.0,
         "moved": squares(moved, by.size[[*guess]]),
-        "closing": squares(at.residual(y), loops.unit),
+        "closing": squares(at.residual(y), loops.unit) if guess else 0.0,
         "balance": squares(at.imbalance, loops.size) if reacted else 0.0,
-        "charts": chart_gain(at),
+        "charts": chart_gain(at) if charted else 1.0,
         "speed": squares(at.w[moving], loops.sizes[moving]),
         "rush": squares(at.beta[moving], loops.sizes[moving]),
-        "load": squares(at.required.reshape(-1), np.resize([1.0] * 3 + [loops.length] * 3, at.required.size))
-        if loaded
-        else 0.0,
     }
     return {name: [numbers[name]] for name in CHECKS}

@@ -22,7 +22,7 @@ from screwgauge.reference.traced.tracing import CHECKS
 from screwgauge.reference.traced.vectors import Scalar, apply
 
 #: Gains are estimated; the norm of the equations themselves, without dimension, is of this size.
-SAFETY, CONDITION = 1.5, 4.0
+SAFETY, CONDITION = 2.0, 4.0
 #: Closure residual beyond which Newton's method has not arrived, for one row; what all bodies' balance may leave.
 ARRIVED, BALANCED = 32 * linear.EPS, 1e-9
 #: How far Newton's method may go, times the gain: as long as that is small, no other assembly lies between.
@@ -54,7 +54,6 @@ class Bounds:
         self.spare_charts = max(sum(joint.kind == "S" for joint in lay.tree.cuts) - 1, 0)
         # largest closure residual that rounding makes of all rows
         self.arrived = float(ARRIVED * max(6 * len(lay.tree.cuts), 1) ** 0.5)
-        self.bodies = len(lay.mechanism.bodies)
         self.weights = self._weights()
 
     def trust(self, out: Numbers) -> Trust:
@@ -62,7 +61,7 @@ class Bounds:
         gain = SAFETY * apply("max", out["gain"], 1e-300)
         speed = out["speed"]
         rush = apply("max", speed * speed, out["rush"])
-        load = self.weight + self.bodies**0.5 * out["load"]
+        load = self.weight + self.mass * self.length * rush
         charts = apply("sqrt", apply("max", out["charts"] * out["charts"] - float(self.spare_charts), 1.0))
         forces = dict[str, Scalar]()
         if "reaction" in self.wanted:

@@ -18,7 +18,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.program import only
 from screwgauge.reference.traced.scalars import Scalars
-from screwgauge.reference.traced.tracing import CHECKS, Traced
+from screwgauge.reference.traced.tracing import CHARTED, CHECKS, Traced
 
 #: From one closed pose to the next: at most so many samples, and so far in y [rad or lengths of the mechanism].
 EVERY, STEP = 64, 0.08
@@ -31,8 +31,6 @@ FARTHEST = 2000
 EVEN = 1e-4
 #: How often the program is run on one pose until its loops close.
 AGAIN = 3
-#: Quantities that know the charts of joints that close loops.
-CHARTED = {"joint_position", "joint_velocity", "joint_acceleration", "tree_force", "tree_force_soft"}
 
 Close = Callable[[Array, Array, Array], tuple[Array, Array] | None]
 """Closes one pose: y, their derivatives and a guess of the dependent coordinates -> these and their derivatives, or

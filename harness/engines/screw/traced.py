@@ -16,7 +16,7 @@ from screwgauge.engines.parts import assemble
 from screwgauge.engines.screw.array_work import filled, under
 from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
 from screwgauge.engines.screw.inverse import Work
-from screwgauge.engines.screw.prediction import CHARTED, Predictor, closer, single
+from screwgauge.engines.screw.prediction import Predictor, closer, single
 from screwgauge.engines.screw.programs import Bound, check_traceable, flat, runner
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress
@@ -27,7 +27,7 @@ from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
 from screwgauge.reference.traced.lanes import columns
 from screwgauge.reference.traced.trace import NotTraceableError
-from screwgauge.reference.traced.tracing import CHECKS, Wanted, traced
+from screwgauge.reference.traced.tracing import CHARTED, CHECKS, Wanted, traced
 from screwgauge.reference.traced.vectors import Scalar
 from screwgauge.solution import Clock, Solution
 
