@@ -9,7 +9,7 @@ import numpy as np
 from screwgauge.reference.equations.joint_types import Value, placed, unplaced
 from screwgauge.reference.equations.kinematics import Coordinates, coordinates, joint_screws, zeros
 from screwgauge.reference.equations.ops import NUMPY, Ops
-from screwgauge.reference.equations.screws import Array, cross, dot, times, transpose
+from screwgauge.reference.equations.screws import Array, dot, times, transpose
 from screwgauge.reference.graph import Edge, serial_chains
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.pose import Layout

@@ -352,17 +352,22 @@ class Dynamics(Motion):
         ends = self.loops.ends
         return {joint.name: slice(ends[j], ends[j + 1]) for j, joint in enumerate(self.loops.cuts)}
 
+    @cached_property
+    def screws(self) -> Array:
+        """Unit screws of all joints. Shape (..., n_q, 6)."""
+        S = self.pose.S + 0.0
+        for cut in self.cuts:
+            for i, column in enumerate(self.loops.lay.columns[cut.at.joint.name]):
+                S[..., column, :] = cut.S[..., i, :]
+        return S
+
     def open_tree_force(self, shares: Array) -> Array:
         """Forces along all coordinates that inertia and gravity ask of an open tree. Shape (..., n_q).
 
         Args:
-            shares: How much of each body is carried by each coordinate, with its sign. Shape (b, n_q).
+            shares: How much of each body is carried by each coordinate, with its sign. Shape (b - 1, n_q).
         """
-        S = self.pose.S + 0.0
-        for cut in self.cuts:
-            for column, screw in zip(self.loops.lay.columns[cut.at.joint.name], np.moveaxis(cut.S, -2, 0), strict=True):
-                S[..., column, :] = screw
-        return np.asarray(power(transpose(shares) @ self.required[..., 1:, :], S))
+        return np.asarray(power(transpose(shares) @ self.required[..., 1:, :], self.screws))
 
 
 QUANTITIES: Mapping[str, Any] = {

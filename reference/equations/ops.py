@@ -22,7 +22,12 @@ class System(Protocol):
     """``A x = b`` with a matrix (..., m, n) of full column rank, m >= n, and consistent right sides.
 
     The first columns belong to unknowns that move; the others, at rest, matter to the transposed system alone.
+
+    Attributes:
+        exact: Whether `response` is.
     """
+
+    exact: bool
 
     def solve(self, b: Array) -> Array:
         """Unknowns that move. Shape (..., m) -> (..., moving)."""
@@ -70,6 +75,8 @@ class Dense:
         A: The matrix without dimension. Shape (..., m, n).
     """
 
+    exact = True
+
     def __init__(
         self, blocks: Sequence[Block], unit: Array, size: Array, moving: int, lead: tuple[int, ...] = ()
     ) -> None:
@@ -96,9 +103,18 @@ class Dense:
         return self._inverted[1]
 
     @cached_property
+    def _whole(self) -> tuple[Array, Array]:
+        return self._inverted if self.moving == len(self.size) else linear.inverted(self.A)
+
+    @property
     def whole(self) -> Array:
         """Inverse over all unknowns. Shape (..., n, m)."""
-        return self.inverse if self.moving == len(self.size) else linear.inverted(self.A)[0]
+        return self._whole[0]
+
+    @property
+    def whole_condition(self) -> Array:
+        """Condition number over all unknowns. Shape (...)."""
+        return self._whole[1]
 
     def solve(self, b: Array) -> Array:
         return times(self.inverse, b / self.unit) * self.size[: self.moving]
@@ -119,6 +135,8 @@ class Dense:
 
 class Sparse:
     """A system of objects, by elimination in an order that is chosen once, see `Factors`."""
+
+    exact = False
 
     def __init__(
         self, blocks: Sequence[Block], unit: Array, size: Array, moving: int, lead: tuple[int, ...] = ()

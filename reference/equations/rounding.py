@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.reference.equations.closure import Closed
+from screwgauge.reference.equations.closure import Closed, CutJoint
 from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.screws import Array
 from screwgauge.reference.extent import extent
@@ -25,8 +25,10 @@ def gain(at: Closed, *, whole: bool = False) -> Any:
     chosen = [*loops.couplings.columns, *loops.y_columns]
     squares = at.system.response(np.concatenate([of_cuts, by.size[chosen]]), whole=whole)
     columns = loops.columns[: squares.shape[-1]]
-    K = at.K[..., columns] * by.size[loops.y_columns][:, None]
-    squares = (squares + (K * K).sum(-2)) * by.size[columns] ** -2.0
+    if not at.system.exact:
+        K = at.K[..., columns] * by.size[loops.y_columns][:, None]
+        squares = squares + (K * K).sum(-2)
+    squares = squares * by.size[columns] ** -2.0
     owners = by.owner[columns]
     return reduce(at.ops.maximum, [squares[..., owners == loop].sum(-1) for loop in dict.fromkeys(owners.tolist())])
 
@@ -35,6 +37,14 @@ def drive_gain(at: Dynamics) -> Any:
     """Square of the norm of what solves for the actuator forces, coordinates in their units. Shape (...)."""
     squares = at.drive.response(np.ones(len(at.mechanism.independent if at.redundant else at.mechanism.actuators)))
     return at.ops.sqrt(squares.sum(-1)) if at.redundant else squares.sum(-1)
+
+
+def chart_condition(cut: CutJoint) -> Any:
+    """Condition number of the angles of a cut joint, 1 where they are good, infinite in gimbal lock. Shape (...)."""
+    if sum(cut.at.type.freedoms) < 3:
+        return 1.0
+    cosine = cut.values[1][1]
+    return np.sqrt((1.0 + 2.0 / (cosine * cosine)) / 3.0)
 
 
 def chart_gain(at: Closed) -> Any:

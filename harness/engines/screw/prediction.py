@@ -18,7 +18,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.program import only
 from screwgauge.reference.traced.scalars import Scalars
-from screwgauge.reference.traced.tracing import CHARTED, CHECKS, Traced
+from screwgauge.reference.traced.tracing import CHECKS, Traced
 
 #: From one closed pose to the next: at most so many samples, and so far in y [rad or lengths of the mechanism].
 EVERY, STEP = 64, 0.08
