@@ -14,8 +14,8 @@ from screwgauge.engines.screw.inverse import solve_motion
 from screwgauge.judging.coverage import NOTHING, coverage
 from screwgauge.problem import quiet
 from screwgauge.quantities import FLOOR, SOLVED, natural_scales
-from screwgauge.reference import screws
 from screwgauge.reference.applied import Applied, JointSpring, Load, hold
+from screwgauge.reference.equations import dynamics
 from screwgauge.reference.mechanism import Body
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import layout, pose
@@ -124,7 +124,7 @@ def test_the_share_of_a_term_is_what_is_lost_without_it(name, monkeypatch):
         *("gravity", "inertial forces", "gyroscopic moments", "the Lie bracket"),
     ]
     assert shares(alone, "generalized_force", "inertial") == pytest.approx(1.0, abs=0.1)
-    monkeypatch.setattr(screws, "lie_bracket", lambda first, second: np.zeros_like(first))
+    monkeypatch.setattr(dynamics, "bias_screws", lambda at, w, V: np.zeros_like(V))
     lost("bracket", scene)
 
 

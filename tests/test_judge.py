@@ -12,7 +12,8 @@ from screwgauge.judging.answer import answer_at
 from screwgauge.judging.compare import compare
 from screwgauge.judging.judge import judge
 from screwgauge.quantities import natural_scales
-from screwgauge.reference import dynamics, screws
+from screwgauge.reference import screws
+from screwgauge.reference.equations import closure, dynamics, joint_types, kinematics
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import layout, pose
 from screwgauge.solution import Solution, Values
@@ -43,20 +44,29 @@ def test_nothing_is_found_where_nothing_is_wrong(scene):
     assert screwgauge.run(scene, engines=["screw"]).ok
 
 
+def exchange(monkeypatch, name, wrong):
+    """Puts another function in the place of one wherever the equations use it."""
+    for module in (joint_types, kinematics, closure, dynamics):
+        if hasattr(module, name):
+            monkeypatch.setattr(module, name, wrong)
+
+
 def test_sign_of_the_lie_bracket(scene, monkeypatch):
-    right = screws.lie_bracket
-    monkeypatch.setattr(screws, "lie_bracket", lambda first, second: -right(first, second))
+    exchange(monkeypatch, "lie_bracket", lambda first, second: -screws.lie_bracket(first, second))
     assert "loop_acceleration" in faults(scene)
 
 
 def test_dropped_gyroscopic_term(scene, monkeypatch):
-    right = dynamics.required_wrench
+    right = dynamics.Dynamics.inertia
 
-    def without(lay, at, motion, gravity, loads):
-        F, T = right(lay, at, motion, gravity, loads)
-        return F, T - np.cross(motion.omega, (motion.J @ motion.omega[..., None])[..., 0])
+    def without(self, V, A):
+        R, w = self.pose.R[:, 1:], V[:, 1:, :3]
+        J = R @ np.array([body.inertia for body in self.mechanism.bodies]) @ R.swapaxes(-1, -2)
+        found = right(self, V, A)
+        found[:, 1:, 3:] -= np.cross(w, (J @ w[..., None])[..., 0])
+        return found
 
-    monkeypatch.setattr(dynamics, "required_wrench", without)
+    monkeypatch.setattr(dynamics.Dynamics, "inertia", without)
     found = set(faults(scene))
     assert {"newton_euler", "virtual_work"} <= found
     assert "power_balance" not in found  # w x J w does no work: power alone would not have told
@@ -69,22 +79,21 @@ def test_point_accelerations_as_eq_49_prints_them(scene, monkeypatch):
         w, beta = twist[..., :3], acceleration[..., :3]
         return acceleration[..., 3:] + np.cross(beta, r) + np.cross(w, np.cross(w, r))
 
-    monkeypatch.setattr(screws, "acceleration_at", printed)
+    exchange(monkeypatch, "acceleration_at", printed)
     assert "body_motion" in faults(scene)
 
 
 def test_lever_arms_with_the_sign_of_eq_55(scene, monkeypatch):
     """Lever arms from the joint to the centre of mass, as the subscripts of eq. (55) say."""
-    right = dynamics.force_matrix
+    right = dynamics.Dynamics.inertia
 
-    def printed(lay, at, com, reactions):
-        c = right(lay, at, com, reactions).copy()
-        platform = 6 * (lay.mechanism.body_index["platform"] - 1)
-        forces = [k for k, unit in enumerate(reactions.units) if unit == "N"]
-        c[:, platform + 3 : platform + 6, forces] *= -1.0
-        return c
+    def printed(self, V, A):
+        found = right(self, V, A)
+        platform = self.mechanism.body_index["platform"]
+        found[:, platform, 3:] -= 2.0 * np.cross(self.com[:, platform - 1], found[:, platform, :3])
+        return found
 
-    monkeypatch.setattr(dynamics, "force_matrix", printed)
+    monkeypatch.setattr(dynamics.Dynamics, "inertia", printed)
     assert faults(scene)["newton_euler"].startswith("platform.m")
 
 
@@ -94,7 +103,7 @@ def test_lever_arms_with_the_sign_of_eq_55(scene, monkeypatch):
         ("joint_position", "leg3.q2", "loop_closure", "leg3.wrist"),
         ("joint_velocity", "leg4.q3", "loop_rate", "leg4.wrist"),
         ("joint_acceleration", "leg2.q1", "loop_acceleration", "leg2.wrist"),
-        ("joint_position", "s.q1", "loop_closure", "a as asked"),
+        ("joint_position", "s.q1", "loop_closure", ("a as asked", "s.")),
         ("com_acceleration", "leg1.upper.y", "body_motion", "leg1.upper.y"),
         ("body_angular_velocity", "leg2.lower.x", "body_motion", "leg2.lower.x"),
         ("reaction", "leg4.slide.mx", "newton_euler", "leg4."),

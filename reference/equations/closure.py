@@ -206,9 +206,9 @@ class Closed:
         return found
 
     def solve(self, given: Array, above: Array | None = None) -> Array:
-        """Coordinates of the tree from the right side of M: zero, or `above`, over what y is given. Shape (..., n_q)."""
+        """Coordinates of the tree from the right side of M: zero, or `above`, over that of y. Shape (..., n_q)."""
         n = self.loops.given.start
-        top = np.zeros(given.shape[:-1] + (n,), dtype=given.dtype) if above is None else above
+        top = np.zeros((*given.shape[:-1], n), dtype=given.dtype) if above is None else above
         return self.spread(self.system.solve(join(top, given)))
 
     @cached_property

@@ -188,7 +188,7 @@ class Dynamics(Motion):
         return exerted(self)
 
     def along_tree(self, along: Array) -> Array:
-        """Forces along the tree's coordinates that have the power of forces along all joints. (..., n_q) -> (..., n)."""
+        """Forces along the tree that have the power of forces along all joints. Shape (..., n_q) -> (..., n)."""
         found = along[..., self.loops.columns]
         for column in self.loops.owner:
             if not absent(along[..., column]):
@@ -224,28 +224,35 @@ class Dynamics(Motion):
         for column in self.mechanism.actuated_columns:
             places, row = self.reading(column)
             found.append(times(K[..., places], row[..., 0, :]))
+        if not found:
+            return zeros(self.q, 0, len(self.loops.y_columns))
         return np.stack(np.broadcast_arrays(*found), axis=-2)
 
     @cached_property
     def drive(self) -> System:
-        """What solves for the actuator forces: ``B^T`` over the rule of eq. (56), or ``B^T B`` of redundant ones."""
+        """What solves for the actuator forces: ``B^T`` over the rule of eq. (56), or the smaller of its squares."""
         BT = transpose(self.B)
         if self.line is not None:
             return self.ops.square(stack(BT, self.line[0]))
-        return self.ops.square(BT @ self.B if self.redundant else BT)
+        return self.ops.square(BT if not self.surplus else BT @ self.B if self.surplus > 0 else self.B @ BT)
 
     @property
-    def redundant(self) -> bool:
-        """Whether there are more actuators than freedoms, and the smallest forces are wanted."""
-        return self.line is None and len(self.mechanism.actuators) > len(self.mechanism.independent)
+    def surplus(self) -> int:
+        """Actuators beyond the freedoms, of which the smallest forces are wanted; none under the rule of eq. (56)."""
+        return 0 if self.line is not None else len(self.mechanism.actuators) - len(self.mechanism.independent)
 
     @cached_property
     def actuator_force(self) -> Array:
-        """Actuator forces f with ``B^T f = Q``: of smallest norm, or by the rule of eq. (56). Shape (..., n_act)."""
+        """Actuator forces f with ``B^T f = Q``: of smallest norm, or by the rule of eq. (56). Shape (..., n_act).
+
+        Too few of them come as near to Q as they can.
+        """
         Q = self.generalized_force
         if self.line is not None:
             return self.drive.solve(join(Q, self.line[1]))
-        return times(self.B, self.drive.solve(Q)) if self.redundant else self.drive.solve(Q)
+        if self.surplus > 0:
+            return times(self.B, self.drive.solve(Q))
+        return self.drive.solve(times(self.B, Q) if self.surplus else Q)
 
     @cached_property
     def line(self) -> tuple[Array, Array] | None:
@@ -258,8 +265,10 @@ class Dynamics(Motion):
         across = np.linalg.svd(direction[None])[2][1:] @ transpose(R)
         names = [component for component, _ in reaction_names(self.mechanism)]
         own = [names.index(f"{name}.f{axis}") for axis in "xyz"]
-        without, *unit = (times(across, self.reactions(f)[..., own]) for f in (np.zeros(n), *np.eye(n)))
-        return np.stack([force - without for force in unit], axis=-1), -without
+        without, *unit = (
+            times(across, self.reactions(f, idle=f.any())[..., own]) for f in (np.zeros(n), *np.eye(n, dtype=float))
+        )
+        return np.stack(unit, axis=-1), -without
 
     # reactions
 
@@ -268,21 +277,26 @@ class Dynamics(Motion):
         """All reaction components, eqs. (57)-(58), in the order of `reaction_names`. Shape (..., r)."""
         return self.reactions(self.actuator_force)
 
-    def reactions(self, f: Array) -> Array:
-        """The same for given actuator forces. Shape (..., n_act) -> (..., r)."""
-        x, wrenches = self.constraint_forces(f)
+    def reactions(self, f: Array, *, idle: bool = False) -> Array:
+        """The same for given actuator forces. Shape (..., n_act) -> (..., r). `idle`: where nothing else acts."""
+        x, wrenches = self.constraint_forces(f, idle=idle)
         return self.components(wrenches, x)
 
-    def constraint_forces(self, f: Array) -> tuple[Array, dict[str, Array]]:
+    def _lead(self, f: Array) -> tuple[int, ...]:
+        return np.broadcast_shapes(self.q.shape[:-1], f.shape[:-1])
+
+    def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[Array, dict[str, Array]]:
         """Forces along the rows of M, and the wrenches of all joints, see `transmitted`.
 
         ``M^T x = tau`` gives those of cut joints, and what is then transmitted all others. Where constraints are
         redundant, of all answers that of smallest norm, moments over the length of the mechanism.
         """
-        driven = zeros(self.q, self.q.shape[-1]) + 0.0 * f[..., :1]
-        driven[..., self.mechanism.actuated_columns] = driven[..., self.mechanism.actuated_columns] + f
-        need, along = self.required - self.exerted.wrenches, self.exerted.along + driven
-        x = self.system.solve_transposed(self.tau - self.along_tree(driven))
+        along = np.array(np.broadcast_to(zeros(self.q, self.q.shape[-1]), (*self._lead(f), self.q.shape[-1])))
+        along[..., self.mechanism.actuated_columns] = along[..., self.mechanism.actuated_columns] + f
+        tau, need = -self.along_tree(along), 0.0 * self.required
+        if not idle:
+            tau, need, along = tau + self.tau, self.required - self.exerted.wrenches, along + self.exerted.along
+        x = self.system.solve_transposed(tau)
         if null := self._redundant:
             N = np.stack(np.broadcast_arrays(*(scaled for _, scaled in null)), axis=-2)
             own = times(N, self.components(self.transmitted(x, need, along), x) / self._arms)
@@ -294,10 +308,10 @@ class Dynamics(Motion):
     def imbalance(self) -> Array:
         """What reactions and actuator forces leave along the coordinates of the tree. Shape (..., n)."""
         f = self.actuator_force
-        driven = self.exerted.along + 0.0 * f[..., :1]
+        driven = self.exerted.along + 0.0
         driven[..., self.mechanism.actuated_columns] = driven[..., self.mechanism.actuated_columns] + f
         x, wrenches = self.constraint_forces(f)
-        left = zeros(self.q, self.q.shape[-1]) + driven
+        left = driven + 0.0
         for row, (i, of, slope) in enumerate(self.loops.derivatives(self.q, 1), self.loops.ends[-1]):
             left[..., i] = left[..., i] + x[..., row]
             if of is not None:

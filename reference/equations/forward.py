@@ -21,7 +21,7 @@ class Forward(Dynamics):
 
     @cached_property
     def _partial(self) -> tuple[Array, Array]:
-        """Velocities of centres of mass, and angular velocities in body axes, per rate of each y. (..., k, b - 1, 3)."""
+        """Velocities of centres of mass, and angular ones in body axes, per rate of each y. (..., k, b - 1, 3)."""
         each = [twists(self.pose, self.K[..., j, :])[..., 1:, :] for j in range(self.K.shape[-2])]
         turn = transpose(self.pose.R[..., 1:, :, :])
         return (

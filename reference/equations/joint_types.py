@@ -235,7 +235,7 @@ def cut_coordinates(at: JointPose, fold: Any, sqrt: Callable[[Any], Any]) -> lis
     """The coordinates of a cut joint, from the frames on both sides, eqs. (19)-(24) solved for them.
 
     Args:
-        fold: +1 or -1, the sign of the cosine of a spherical joint's middle angle: a rotation has two triples of angles.
+        fold: Sign of the cosine of a spherical joint's middle angle: a rotation has two triples of angles.
     """
     A = triad(at.joint.axes)
     handed = float(np.sign(np.linalg.det(A.astype(float))))

@@ -185,7 +185,7 @@ def transmitted(lay: Layout, wrenches: Array) -> dict[str, Array]:
 
 
 def forces_along(at: TreePose, wrenches: Array) -> Array:
-    """Forces along the tree's coordinates that give bodies these wrenches, by virtual power. (..., b, 6) -> (..., n_q)."""
+    """Forces along the tree that give bodies these wrenches, by virtual power. (..., b, 6) -> (..., n_q)."""
     tau = zeros(wrenches[..., 0], at.S.shape[-2])
     for name, W in transmitted(at.lay, wrenches).items():
         for c in at.lay.columns[name]:

@@ -35,8 +35,9 @@ def gain(at: Closed, *, whole: bool = False) -> Any:
 
 def drive_gain(at: Dynamics) -> Any:
     """Square of the norm of what solves for the actuator forces, coordinates in their units. Shape (...)."""
-    squares = at.drive.response(np.ones(len(at.mechanism.independent if at.redundant else at.mechanism.actuators)))
-    return at.ops.sqrt(squares.sum(-1)) if at.redundant else squares.sum(-1)
+    m = min(len(at.mechanism.actuators), len(at.mechanism.independent)) if at.surplus else len(at.mechanism.actuators)
+    squares = at.drive.response(np.ones(m)).sum(-1)
+    return at.ops.sqrt(squares) if at.surplus else squares
 
 
 def chart_condition(cut: CutJoint) -> Any:

@@ -30,6 +30,7 @@ from screwgauge.reference.precision import wide_force_matrix
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution, Stopwatch, Values
 
+_JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration"})
 _TREE = frozenset({"tree_force", "tree_force_soft"})
 
 
@@ -110,9 +111,10 @@ class Work:
         if name in _TREE:
             return np.ascontiguousarray(at.open_tree_force(self.path)[:, self.tree])
         found = np.array(QUANTITIES[name](at))
-        if name in ("joint_velocity", "joint_acceleration"):  # in gimbal lock those of that joint are no numbers
+        if name in _JOINTS:  # in gimbal lock the joint's angles are what they were followed as, its rates no numbers
             for cut, locked in zip(at.cuts, ~(charts.T <= linear.SINGULAR), strict=False):
-                found[np.ix_(locked, self.lay.columns[cut.at.joint.name])] = np.nan
+                some = np.ix_(locked, self.lay.columns[cut.at.joint.name])
+                found[some] = at.q[some] if name == "joint_position" else np.nan
         return found
 
     def _load(self, at: Dynamics) -> Array:
