@@ -93,11 +93,17 @@ def verdicts_of(results: Any) -> Iterator[Row]:
     yield from facts_of(results)
 
 
-def facts_of(results: Any) -> Iterator[Row]:
-    """What is counted of the mechanism, and sentences."""
+def counted(results: Any) -> Iterator[Row]:
+    """What is counted of the mechanism, and how many forces are not unique."""
     unique = results.mobility["unique forces"]
-    counts = {name: count for name, count in results.mobility.items() if not isinstance(count, dict)}
-    yield "mobility", text(f"{counts}; not unique: {[name for name in unique if not unique[name]]}")
+    counts = [count for count in results.mobility.values() if not isinstance(count, dict)]
+    yield "mobility", text(f"{counts}, not unique: {sum(not each for each in unique.values())}")
+
+
+def facts_of(results: Any) -> Iterator[Row]:
+    """The same, with names, and sentences."""
+    yield from counted(results)
+    yield "not unique", text(", ".join(name for name, each in results.mobility["unique forces"].items() if not each))
     words: Mapping[str, Iterable[Any]] = {
         "warnings": results.warnings,
         "undetermined": results.undetermined,
@@ -111,10 +117,14 @@ def facts_of(results: Any) -> Iterator[Row]:
 
 
 def measured(table: Any, names: list[str], scaled: str, size: str) -> Iterator[Row]:
-    """Rows of a table: what each is of, and its scaled and its plain size, where that is no rounding."""
+    """Rows of a table: what each is of, and its scaled and its plain size and worst component, if that is no rounding."""
     for row in table.to_dict("records"):
         key = " ".join(str(row[name]) for name in names)
-        yield key, sized(row[scaled], row[size]) if row[scaled] > ROUNDING else text(row[scaled] <= ROUNDING)
+        if row[scaled] <= ROUNDING:
+            yield key, text("rounding")
+            continue
+        yield key, sized(row[scaled], row[size])
+        yield f"{key} is worst", text(row["worst_component"])
 
 
 def sized(*numbers: float) -> Fact:

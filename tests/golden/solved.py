@@ -16,6 +16,7 @@ from golden.answers import (
     Row,
     by_component,
     by_unit,
+    counted,
     fact,
     facts_of,
     largest,
@@ -114,8 +115,8 @@ def wrong(name: str) -> Iterator[Row]:
     forces = [quantity for quantity in right.values if quantity.endswith("force") or quantity == "reaction"]
     tables = {which: _off(right, whole.t, names) for which, names in (("all", [*right.values]), ("forces", forces))}
     results = screwgauge.run(whole.beside(**tables), ("screw", *tables))
-    yield from measured(results.pairs, ["a", "b", "quantity", "unit", "worst_component"], "max_scaled", "rms")
-    yield from measured(results.judge, ["engine", "residual", "unit", "worst_component"], "max_scaled", "max_abs")
+    yield from measured(results.pairs, ["a", "b", "quantity", "unit"], "max_scaled", "rms")
+    yield from measured(results.judge, ["engine", "residual", "unit"], "max_scaled", "max_abs")
     yield "exit status", text(results.exit_status)
 
 
@@ -175,7 +176,7 @@ def _drawn(seed: int, engines: tuple[str, ...]) -> Iterator[Row]:
     yield from values_of(results, by_unit)
     yield from said_of_errors(results.solutions["screw"])
     yield "verdict", text(results.exit_status)
-    yield from facts_of(results)
+    yield from counted(results)
 
 
 @cache
