@@ -67,7 +67,11 @@ def said_of_errors(solution: Any) -> Iterator[Row]:
     """Estimates, admitted errors, conditions and radii, largest of each quantity in turn."""
     name, conditions = solution.engine, [solution.condition, *solution.conditions.values()]
     admitted = [size for sizes in solution.tolerances.values() for size in sizes.values()]
-    for what, arrays in (("estimates", solution.estimate.values()), ("tolerances", admitted), ("conditions", conditions)):
+    for what, arrays in (
+        ("estimates", solution.estimate.values()),
+        ("tolerances", admitted),
+        ("conditions", conditions),
+    ):
         if arrays:
             yield f"{name} {what}", logarithms([float(np.max(each)) for each in arrays])
     if solution.radius:

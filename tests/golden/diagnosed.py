@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import screwgauge
 from campaigns.edits import KINDS, NoPlaceError
 from golden.answers import Row
 from golden.facts import Fact, text
 from golden.solved import models
+
+import screwgauge
 
 ROBOTS = Path(__file__).parent / "robots"
 OWN = ("arm.urdf", "arm.xml", "hand.xml", "hand.urdf")

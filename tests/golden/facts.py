@@ -129,4 +129,3 @@ def read(part: str) -> dict[str, dict[str, Fact]]:
 def text(words: object) -> Fact:
     """Words as a fact, on one line."""
     return Fact(words=" ".join(str(words).split()) or "-")
-

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import screwgauge
 from golden.answers import (
     Row,
     by_component,
@@ -27,6 +26,8 @@ from golden.answers import (
     verdicts_of,
 )
 from golden.facts import Fact, text
+
+import screwgauge
 from screwgauge.cli import main
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")

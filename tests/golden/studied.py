@@ -6,9 +6,10 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator
 
-import screwgauge
 from golden.answers import Row
 from golden.facts import Fact, text
+
+import screwgauge
 from screwgauge.study.bench.run import Plan, bench
 from screwgauge.study.cases.registry import CASES
 from screwgauge.study.stress import stress
