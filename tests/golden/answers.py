@@ -10,7 +10,7 @@ import numpy as np
 from golden.facts import ROUNDING, Fact, text
 
 LEAST, SLACK = 1e-13, 10.0
-#: Share that estimates, tolerances and conditions may be off by: they depend on rounding where a number nearly vanishes.
+#: Decades that estimates, tolerances and conditions may be off by, which depend on rounding.
 ESTIMATED = 0.02
 
 Row = tuple[str, Fact]
@@ -67,11 +67,8 @@ def said_of_errors(solution: Any) -> Iterator[Row]:
     """Estimates, admitted errors, conditions and radii, largest of each quantity in turn."""
     name, conditions = solution.engine, [solution.condition, *solution.conditions.values()]
     admitted = [size for sizes in solution.tolerances.values() for size in sizes.values()]
-    for what, arrays in (
-        ("estimates", solution.estimate.values()),
-        ("tolerances", admitted),
-        ("conditions", conditions),
-    ):
+    sizes = {"estimates": [*solution.estimate.values()], "tolerances": admitted, "conditions": conditions}
+    for what, arrays in sizes.items():
         if arrays:
             yield f"{name} {what}", logarithms([float(np.max(each)) for each in arrays])
     if solution.radius:
@@ -121,7 +118,7 @@ def facts_of(results: Any) -> Iterator[Row]:
 
 
 def measured(table: Any, names: list[str], scaled: str, size: str) -> Iterator[Row]:
-    """Rows of a table: what each is of, and its scaled and its plain size and worst component, if that is no rounding."""
+    """Rows of a table: what each is of, and its sizes and worst component where these are no rounding."""
     for row in table.to_dict("records"):
         key = " ".join(str(row[name]) for name in names)
         if row[scaled] <= ROUNDING:

@@ -1,4 +1,4 @@
-"""Golden numbers of diagnoses: pairs of models that say the same, and edits of small robots and of built-in mechanisms."""
+"""Golden numbers of diagnoses: pairs of models, and edits of small robots and of built-in mechanisms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Makes the golden tables anew: ``python tests/golden/make.py [PART ...]``. The difference of the tables is the review."""
+"""Makes the golden tables anew: ``python tests/golden/make.py [PART ...]``; their difference is the review."""
 
 from __future__ import annotations
 
