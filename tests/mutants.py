@@ -156,7 +156,7 @@ def execute(folder: Path, *command: str) -> subprocess.CompletedProcess[str] | N
 
 
 def covering(folder: Path, *which: str) -> Callable[[Mutant], list[tuple[float, str]]]:
-    """Runs all tests, or some, once; gives those that execute the line of a mutant, the shortest first, with their times [s].
+    """Runs all tests, or some, once; gives those that execute the line of a mutant with their times [s], shortest first.
 
     What a fixture executes is seen by all tests of its file.
     """

@@ -10,8 +10,9 @@ import numpy as np
 from golden.facts import ROUNDING, Fact, text
 
 LEAST, SLACK = 1e-13, 10.0
-#: Decades that estimates, tolerances and conditions may be off by, which depend on rounding.
-ESTIMATED = 0.02
+#: Decades that estimates and conditions may be off by, and sizes that are seen where rounding is left.
+ESTIMATED, MEASURED = 0.02, 0.3
+PROVED = 1e-30  # radii below are as small as precision made them
 
 Row = tuple[str, Fact]
 
@@ -69,16 +70,18 @@ def said_of_errors(solution: Any) -> Iterator[Row]:
     admitted = [size for sizes in solution.tolerances.values() for size in sizes.values()]
     sizes = {"estimates": [*solution.estimate.values()], "tolerances": admitted, "conditions": conditions}
     for what, arrays in sizes.items():
+        off = MEASURED if what == "tolerances" and name.startswith("mujoco") else ESTIMATED
         if arrays:
-            yield f"{name} {what}", logarithms([float(np.max(each)) for each in arrays])
+            yield f"{name} {what}", logarithms([float(np.max(each)) for each in arrays], off)
     if solution.radius:
-        yield f"{name} radii", Fact(logarithms([float(np.max(each)) for each in solution.radius.values()]).numbers, 0.5)
+        radii = [max(PROVED, float(np.max(each))) for each in solution.radius.values()]
+        yield f"{name} radii", logarithms(radii, 0.5)
 
 
-def logarithms(numbers: list[float]) -> Fact:
+def logarithms(numbers: list[float], off: float = ESTIMATED) -> Fact:
     """Sizes that vary by orders of magnitude, as decades."""
     with np.errstate(all="ignore"):
-        return Fact(tuple(float(x) for x in np.log10(np.abs(numbers))), ESTIMATED)
+        return Fact(tuple(float(x) for x in np.log10(np.abs(numbers))), off)
 
 
 def verdicts_of(results: Any) -> Iterator[Row]:
@@ -90,7 +93,8 @@ def verdicts_of(results: Any) -> Iterator[Row]:
             if len(bad):
                 who = bad[["a", "b", "unit"] if kind == "pair" else ["engine", "unit"]].to_numpy().tolist()
                 yield f"{kind} {quantity} not ok", text("; ".join(" ".join(map(str, each)) for each in who))
-            yield f"{kind} {quantity} tolerances", logarithms(sorted({*some["tolerance"].dropna()}))
+            off = ESTIMATED if quantity != "tree_force_soft" else MEASURED
+            yield f"{kind} {quantity} tolerances", logarithms([*some["tolerance"].dropna()], off)
     yield from facts_of(results)
 
 
@@ -110,11 +114,16 @@ def facts_of(results: Any) -> Iterator[Row]:
         "undetermined": results.undetermined,
         "refusals": [one.sentence for one in results.refusals],
         "failures": [f"{name}: {one.reason}" for name, one in results.failures.items()],
-        **{f"{name} notes": one.notes for name, one in results.solutions.items()},
+        **{f"{name} notes": one.notes for name, one in results.solutions.items() if noted(one)},
     }
     for name, sentences in words.items():
         if sentences:
             yield name, text(" | ".join(sentences))
+
+
+def noted(solution: Any) -> bool:
+    """Whether its notes are the same anywhere: steps and times of a simulation are not, nor radii."""
+    return solution.cost is None and not solution.radius
 
 
 def measured(table: Any, names: list[str], scaled: str, size: str) -> Iterator[Row]:
@@ -125,9 +134,9 @@ def measured(table: Any, names: list[str], scaled: str, size: str) -> Iterator[R
             yield key, text("rounding")
             continue
         yield key, sized(row[scaled], row[size])
-        yield f"{key} is worst", text(row["worst_component"])
+        yield f"{key} is worst", text(str(row["worst_component"]).removesuffix(" by actuators"))
 
 
 def sized(*numbers: float) -> Fact:
     """Sizes of errors that were made on purpose, as decades."""
-    return Fact(logarithms(list(map(float, numbers))).numbers, 1e-6)
+    return logarithms(list(map(float, numbers)), 1e-6)

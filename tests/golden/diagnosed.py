@@ -104,9 +104,11 @@ def _parts(found: Any) -> Iterator[Row]:
     """Numbers of what was compared, and of the attribution."""
     for row in found.rows:
         yield f"row {row.quantity}", _size(_numbers(row))
-    for name in ("loops", "growth", "together", "order"):
+    for name in ("loops", "growth", "order"):
         if part := getattr(found, name):
             yield name, _size(_numbers(part))
+    if (both := found.together) is not None:  # of what is rounding the unit may be either
+        yield "together", text("the same") if both.agrees else _size(_numbers(both))
     for name in ("attribution", "soft"):
         if (part := getattr(found, name)) is not None:
             yield name, _size([*_numbers(part.before), *_numbers(part.left)])

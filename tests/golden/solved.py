@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from golden.answers import (
+    MEASURED,
     Row,
     by_component,
     by_unit,
@@ -25,7 +26,7 @@ from golden.answers import (
     values_of,
     verdicts_of,
 )
-from golden.facts import Fact, text
+from golden.facts import text
 
 import screwgauge
 from screwgauge.cli import main
@@ -105,7 +106,7 @@ def simulated(name: str) -> Iterator[Row]:
     yield from values_of(results, by_component, INTEGRATED * max(steps.rtol, steps.atol))
     energy = results.judge[results.judge["residual"] == "energy_balance"]
     for row in energy.to_dict("records") if steps.rtol > 1e-9 else ():
-        yield f"{row['engine']} energy", Fact(logarithms([row["max_abs"], row["max_scaled"]]).numbers, 0.05)
+        yield f"{row['engine']} energy", logarithms([row["max_abs"], row["max_scaled"]], 0.05)
     yield from verdicts_of(results)
 
 
@@ -146,9 +147,9 @@ def covered(name: str) -> Iterator[Row]:
     yield "untested", text(", ".join(cover.untested) + "; absent: " + ", ".join(cover.absent))
     shares = [[row["quantity"], row["unit"], row["term"], row["share"]] for row in cover.shares]
     for quantity, unit, term, share in shares:
-        yield f"share {quantity} [{unit}] {term}", fact([share], 1e-8)
+        yield f"share {quantity} [{unit}] {term}", fact([share], 1e-6)
     for row in cover.parameters:
-        yield f"effect {row['parameter']}", fact([row["effect"]], 1e-8 * max(1.0, row["effect"]))
+        yield f"effect {row['parameter']}", fact([row["effect"]], 1e-6 * max(1.0, row["effect"]))
     yield from values_of(results, by_unit)
 
 
@@ -214,6 +215,6 @@ def compiled(case: str) -> Iterator[Row]:
             key = f"{quantity}{' under other loads' if load is not None else ''}"
             yield key, fact([np.sqrt(np.mean(array**2)), np.mean(weights * array), size], off * size)
         for quantity, estimate in answer.estimate.items() if load is None else ():
-            yield f"estimate of {quantity}", logarithms([float(x) for x in estimate.max(axis=0)])
+            yield f"estimate of {quantity}", logarithms([float(x) for x in estimate.max(axis=0)], MEASURED)
         yield "by array", text(answer.by_array)
     yield "notes", text(solver.notes)

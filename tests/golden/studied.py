@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator
+from typing import Any
 
 from golden.answers import Row
 from golden.facts import Fact, text
@@ -14,7 +15,7 @@ from screwgauge.study.bench.run import Plan, bench
 from screwgauge.study.cases.registry import CASES
 from screwgauge.study.stress import stress
 
-#: Digits beyond these are rounding; a digit more or less is none, and two near a singular pose.
+#: Digits beyond these are rounding, and so is one more or less.
 KNOWN, OFF = 12.0, 1.0
 DECADE = 0.3  # of a condition number
 ENGINES = ("screw", "pinocchio", "mujoco")
@@ -30,17 +31,18 @@ def rung(case: str) -> Iterator[Row]:
     """What every engine makes of every quantity on a rung: ``CASE SEVERITY`` of a full run, ``... quick``."""
     name, severity, *quick = case.split()
     found = stress([name], quick=bool(quick), severities=[float(severity)])
-    reasons = defaultdict[tuple[str, str], list[str]](list)
+    by_engine, reasons = defaultdict[str, list[Any]](list), defaultdict[str, list[str]](list)
     for row in found.rows:
-        engine, quantity = row.engine, row.quantity
-        yield f"{engine} {quantity}", text(row.verdict)
-        yield f"{engine} {quantity} digits", Fact((min(row.digits, KNOWN),), OFF)
-        if math.isfinite(row.condition):
-            yield f"{engine} condition", Fact((math.log10(max(row.condition, 1.0)),), DECADE)
+        by_engine[row.engine].append(row)
         if row.reason:
-            reasons[engine, row.reason].append(quantity)
-    for i, ((engine, reason), quantities) in enumerate(reasons.items()):
-        yield f"reason {i}", text(f"{engine}, {', '.join(quantities)}: {reason}")
+            reasons[f"{row.engine}: {row.reason}"].append(row.quantity)
+    for engine, rows in by_engine.items():
+        yield f"{engine} verdicts", text(", ".join(f"{row.quantity} {row.verdict}" for row in rows))
+        yield f"{engine} digits", Fact(tuple(min(row.digits, KNOWN) for row in rows), OFF)
+        if math.isfinite(rows[0].condition):
+            yield f"{engine} condition", Fact((math.log10(max(rows[0].condition, 1.0)),), DECADE)
+    for i, (reason, quantities) in enumerate(reasons.items()):
+        yield f"reason {i}", text(f"{', '.join(quantities)} of {reason}")
 
 
 def left_out(engine: str) -> Iterator[Row]:
