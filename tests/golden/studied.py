@@ -1,0 +1,55 @@
+"""Golden numbers of studies: rungs of the stress cases, and what leaving out changes."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import Any
+
+from golden.answers import Row
+from golden.facts import Fact, text
+
+import screwgauge
+from screwgauge.study.bench.run import Plan, bench
+from screwgauge.study.cases.registry import CASES
+from screwgauge.study.stress import stress
+
+#: Digits beyond these are rounding, and so is one more or less.
+KNOWN, OFF = 12.0, 1.0
+DECADE = 0.3  # of a condition number
+ENGINES = ("screw", "pinocchio", "mujoco")
+
+
+def rungs() -> list[str]:
+    """All of quick runs, and of full ones."""
+    quick = [f"{name} {severity:.17g} quick" for name, case in CASES.items() for severity in case.quick]
+    return quick + [f"{name} {severity:.17g}" for name, case in CASES.items() for severity in case.full]
+
+
+def rung(case: str) -> Iterator[Row]:
+    """What every engine makes of every quantity on a rung: ``CASE SEVERITY`` of a full run, ``... quick``."""
+    name, severity, *quick = case.split()
+    found = stress([name], quick=bool(quick), severities=[float(severity)])
+    by_engine, reasons = defaultdict[str, list[Any]](list), defaultdict[str, list[str]](list)
+    for row in found.rows:
+        by_engine[row.engine].append(row)
+        if row.reason:
+            reasons[f"{row.engine}: {row.reason}"].append(row.quantity)
+    for engine, rows in by_engine.items():
+        yield f"{engine} verdicts", text(", ".join(f"{row.quantity} {row.verdict}" for row in rows))
+        yield f"{engine} digits", Fact(tuple(min(row.digits, KNOWN) for row in rows), OFF)
+        if math.isfinite(rows[0].condition):
+            yield f"{engine} condition", Fact((math.log10(max(rows[0].condition, 1.0)),), DECADE)
+    for i, (reason, quantities) in enumerate(reasons.items()):
+        yield f"reason {i}", text(f"{', '.join(quantities)} of {reason}")
+
+
+def left_out(engine: str) -> Iterator[Row]:
+    """What leaving out changes."""
+    plan = Plan(samples=3, rounds=1, budget=math.inf, quick=True)
+    table = bench(screwgauge.load_scene("3ups-upu-s-fast"), plan=plan, contestants=["leaving-out"]).leaving_out
+    for row in table[table["engine"] == engine].to_dict("records"):
+        key = f"{row['group']}, {row['setting']}"
+        yield key, text(f"{row['status']}, unchanged: {row['unchanged']} {row['reason']}")
+        yield f"{key}, changes", Fact((float(row["max_difference"]),), 1e-12)
