@@ -6,7 +6,6 @@ The loops of any graph stand for the chains of the paper: ``G w = 0`` says for e
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,16 +13,16 @@ from numpy.typing import NDArray
 
 from screwgauge.reference import linear, screws
 from screwgauge.reference.chains import closed_form
-from screwgauge.reference.closed.continuation import OPEN, newton, velocity_map
+from screwgauge.reference.closed.continuation import OPEN, newton
 from screwgauge.reference.closed.following import Follower
 from screwgauge.reference.closed.loops import LoopEquations, Rates, loop_equations
 from screwgauge.reference.closed.resting import home_equations
+from screwgauge.reference.equations.dynamics import Motion
+from screwgauge.reference.equations.kinematics import Bracket, coordinates
+from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.pose import Layout, Pose, constraint_matrix
 from screwgauge.reference.rotations import Array
-
-Bracket = Callable[[Array, Array], Array]
-"""Takes two twists, shape (..., 6), and returns a third."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,23 +101,23 @@ def _system(lay: Layout, at: Pose) -> LoopEquations:
     return system if (at.q[:, fixed] == lay.mechanism.home[fixed]).all() else loop_equations(lay)
 
 
+def _motion(system: LoopEquations, q: Array, yd: Array, ydd: Array) -> Motion:
+    return Motion(system.loops, coordinates(q, NUMPY), yd, ydd, system.loops.folds(q), NUMPY)
+
+
 def velocities(lay: Layout, at: Pose, yd: Array) -> Velocities:
     """Velocities from the closed loops and those given of y. `yd`: shape (n, k) [rad/s or m/s].
 
-    The tree's follow from the reciprocal wrenches of the cut joints, those of a cut joint from its own two bodies.
+    In gimbal lock those of a cut joint are not numbers.
     """
     system = _system(lay, at)
-    A = system.matrix(at)
-    K = np.zeros((len(at.q), at.q.shape[1], yd.shape[1]), dtype=at.q.dtype)
-    found = velocity_map(A, yd.shape[1]) / system.size[lay.mechanism.independent_columns]
-    K[:, system.unknown] = found * system.size[system.unknown][:, None]
-    rows, orientation = system.cut_rows(at)
-    K[:, lay.cut_columns] = rows @ K
-    w = (K @ yd[..., None])[..., 0]
-    # twists follow from the tree alone: in gimbal lock the velocities of a cut joint are not numbers
-    tree = lay.tree_columns
-    V = np.einsum("bi,ni,nix->nbx", lay.path[:, tree], w[:, tree], at.S[:, tree])
-    return Velocities(at, K, A, w, V, system, orientation)
+    motion, charts = _motion(system, at.q, yd, 0.0 * yd), system.chart_conditions(at.q)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        K, w = motion.joint_map, motion.joint_velocity
+    for cut, locked in zip(motion.cuts, ~(charts.T <= linear.SINGULAR), strict=True):
+        some = np.ix_(locked, lay.columns[cut.at.joint.name])
+        w[some], K[some] = np.nan, np.nan
+    return Velocities(at, K, system.matrix_of(motion), w, motion.V, system, charts)
 
 
 def chain_velocities(S: Array, V: Array) -> tuple[Array, Array]:
@@ -158,42 +157,6 @@ def chain_acceleration(S: Array, w: Array, beta: Array) -> Array:
     return np.asarray(np.einsum("nxi,ni->nx", S, beta) + np.einsum("ni,nijx,nj->nx", w, lie_matrix(S), w))
 
 
-def _biases(lay: Layout, rate: Velocities, bracket: Bracket) -> tuple[Array, Array]:
-    """The terms ``w^T S_L w`` of eq. (44), of every body, and of every cut joint: its child by
-    the tree less its child across the joint.
-
-    Summed along the chain: sum over i < j of [S_i w_i, S_j w_j] = sum over j of [V before j, S_j w_j].
-
-    Returns:
-        Shapes (n, n_body + 1, 6) and (n, n_cut, 6).
-    """
-    index = lay.mechanism.body_index
-    terms = rate.pose.S * rate.w[..., None]
-    body = np.zeros_like(rate.V)
-    for edge in lay.tree.edges:
-        sign = -1.0 if edge.reverse else 1.0
-        columns = lay.columns[edge.joint.name]
-        far = _bias_across(
-            terms, columns[::-1] if edge.reverse else columns, rate.V[:, index[edge.near]], sign, bracket
-        )
-        body[:, index[edge.far]] = body[:, index[edge.near]] + far
-    loop = np.zeros((len(terms), len(lay.tree.cuts), 6), dtype=terms.dtype)
-    for c, joint in enumerate(lay.tree.cuts):
-        parent, child = index[joint.parent], index[joint.child]
-        via = body[:, parent] + _bias_across(terms, lay.columns[joint.name], rate.V[:, parent], 1.0, bracket)
-        loop[:, c] = body[:, child] - via
-    return body, loop
-
-
-def _bias_across(terms: Array, columns: list[int], V: Array, sign: float, bracket: Bracket) -> Array:
-    bias = np.zeros_like(V)
-    for column in columns:
-        term = sign * terms[:, column]
-        bias = bias + bracket(V, term)
-        V = V + term
-    return bias
-
-
 def accelerations(lay: Layout, rate: Velocities, ydd: Array, bracket: Bracket | None = None) -> tuple[Array, Array]:
     """Joint accelerations and acceleration screws of all bodies, eqs. (44), (48).
 
@@ -205,20 +168,11 @@ def accelerations(lay: Layout, rate: Velocities, ydd: Array, bracket: Bracket | 
     Returns:
         Joint accelerations [rad/s^2 or m/s^2], shape (n, n_q), and screws, shape (n, n_body + 1, 6).
     """
-    body, loop = _biases(lay, rate, bracket or screws.lie_bracket)
-    system, at = rate.system, rate.pose
-    columns = lay.mechanism.independent_columns
-    readers = system.readers(at)[0]
-    goal = ydd.copy()
-    for k, column in enumerate(columns):
-        if column not in system.unknown:
-            place = lay.cut_columns.index(column)
-            goal[:, k] -= np.sum(readers[:, place] * loop[:, system.cut.owner[place]], axis=1)
-    right = np.concatenate([-system.bias(at, rate.w, rate.V, body), goal / system.size[columns]], axis=1)
-    beta = np.zeros_like(at.q)
-    beta[:, system.unknown] = linear.solve(rate.A, right[..., None])[..., 0] * system.size[system.unknown]
-    A = np.einsum("bi,ni,nix->nbx", lay.path, beta, at.S) + body
-    (parents, _, _), (children, _, _) = lay.sides
-    own = loop + (A - body)[:, children] - (A - body)[:, parents]
-    beta[:, lay.cut_columns] = np.sum(readers * own[:, system.cut.owner], axis=2)
-    return beta, A
+    motion = _motion(rate.system, rate.pose.q, (rate.w[:, lay.mechanism.independent_columns]), ydd)
+    if bracket is not None:
+        motion.bracket = bracket
+    with np.errstate(divide="ignore", invalid="ignore"):
+        beta = motion.joint_acceleration
+    for cut, locked in zip(motion.cuts, ~(rate.orientation.T <= linear.SINGULAR), strict=True):
+        beta[np.ix_(locked, lay.columns[cut.at.joint.name])] = np.nan
+    return beta, motion.A

@@ -32,7 +32,7 @@ def near_singularity(lay: Layout, at: Pose) -> str:
     coordinates = [lay.mechanism.coordinates[i] for i in _large(motion)]
     bodies = _moved(lay, system, at, motion * system.size)
     chosen = ", ".join(lay.mechanism.independent)
-    names = [*system.kinds.names, *(component_name(coupling) for coupling in lay.mechanism.couplings)]
+    names = [*system.names, *(component_name(coupling) for coupling in lay.mechanism.couplings)]
     lost = [names[i] for i in _large(U[: len(names), -1], 0.3)]
     joints = list(dict.fromkeys(name.rsplit(".", 1)[0] for name in lost))
     constraint = f"; the constraint of {_named(joints)} is lost" if lost else ""

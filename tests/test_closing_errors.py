@@ -16,7 +16,7 @@ from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.equations.joint_types import JointPose, closure_residual, constraint_wrenches
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import layout, tree_pose
+from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import rotation
 from screwgauge.reference.screws import reciprocal_product
 from screwgauge.study.method import Method
@@ -66,15 +66,14 @@ def test_all_samples_close_to_rounding(tmp_path):
     motion = scene.at(np.linspace(scene.t[0], scene.t[-1], 300)).motion
     lay = layout(scene.mechanism)
     at, system = positions(lay, motion.y, motion.t, (motion.yd, motion.ydd)), home_equations(lay)
-    assert np.abs(system.residuals(system.rows(at.R, at.p))).max() < 1e-14
+    assert np.abs(system.closed(at.q).residual(motion.y)).max() < 1e-14
 
 
 def test_coordinates_of_the_cut_joint_are_read_from_its_two_bodies(cut):
     equations, q = cut
     lay, guess = equations.lay, q.copy()
     guess[:, lay.cut_columns] += 0.3
-    R, p, _ = tree_pose(lay, q)
-    assert np.abs(read(lay, equations.cut, R, p, guess) - q).max() < LINEAR
+    assert np.abs(read(lay, guess) - q).max() < LINEAR
     assert np.abs(q[:, lay.cut_columns]).max() > 1e-3
 
 

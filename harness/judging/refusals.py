@@ -73,7 +73,7 @@ def _reason(mechanism: Mechanism, rule: str, quantities: list[str], y: Array) ->
     system = loop_equations(lay)
     if not linear.condition(system.matrix(at))[0] < NEAR:
         return near_singularity(lay, at)
-    orientations = system.readers(at)[1][0]  # condition numbers of the cut joints' coordinates
+    orientations = system.chart_conditions(at.q)[0]  # condition numbers of the cut joints' coordinates
     if orientations.size and not orientations.max() < NEAR:
         return gimbal_lock(lay, int(np.argmax(np.where(np.isnan(orientations), np.inf, orientations))))
     if rule != "min_norm" and all(QUANTITIES[name].ruled for name in quantities):

@@ -193,7 +193,10 @@ class Closed:
             return self.q[..., column] - y
         j, i = self.loops.owner[column]
         value, cosine = self.cuts[j].values[i]
-        return value - y if cosine is None else value * self.ops.cos(y) - cosine * self.ops.sin(y)
+        if cosine is None:
+            return value - y
+        sine_y, cosine_y = self.ops.sin(y), self.ops.cos(y)
+        return self.ops.atan2(value * cosine_y - cosine * sine_y, cosine * cosine_y + value * sine_y)
 
     def newton_step(self, y: Array) -> Array:
         """Change of all coordinates by a step of Newton's method. Shape (..., n_q)."""

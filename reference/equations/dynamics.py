@@ -17,6 +17,7 @@ from screwgauge.reference.equations.applied_forces import Exerted, exerted
 from screwgauge.reference.equations.closure import Closed, CutJoint, Loops
 from screwgauge.reference.equations.joint_types import forbidden_twists
 from screwgauge.reference.equations.kinematics import (
+    Bracket,
     Coordinates,
     bias_screws,
     forces_along,
@@ -33,6 +34,7 @@ from screwgauge.reference.equations.screws import (
     cross,
     force,
     join,
+    lie_bracket,
     power,
     powers,
     scale,
@@ -50,7 +52,10 @@ class Motion(Closed):
         yd: Rates of the independent coordinates. Shape (..., k).
         near: Column of a cut joint's angle -> what it is to be near to, among all that mean the same; else it is within
             half a turn.
+        bracket: In place of the Lie bracket, to see what a part of it does.
     """
+
+    bracket: Bracket = staticmethod(lie_bracket)
 
     def __init__(self, loops: Loops, at: Coordinates, yd: Array, ydd: Array, folds: Sequence[Any], ops: Ops) -> None:
         """`ydd`: second derivatives of the independent coordinates. Shape (..., k)."""
@@ -77,9 +82,18 @@ class Motion(Closed):
         return twists(self.pose, self.w)
 
     @cached_property
+    def joint_map(self) -> Array:
+        """Velocity map of all joints. Shape (..., n_q, k)."""
+        found = []
+        for j in range(self.K.shape[-2]):
+            V = twists(self.pose, self.K[..., j, :])
+            found.append(self._with_cuts(self.K[..., j, :], lambda cut, V=V: np.moveaxis(cut.rates(V), -1, 0)))
+        return np.stack(found, axis=-1)
+
+    @cached_property
     def bias(self) -> Array:
         """Their acceleration screws without joint accelerations. Shape (..., b, 6)."""
-        return bias_screws(self.pose, self.w, self.V)
+        return bias_screws(self.pose, self.w, self.V, self.bracket)
 
     @cached_property
     def beta(self) -> Array:

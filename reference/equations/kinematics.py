@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -23,6 +23,9 @@ from screwgauge.reference.equations.screws import (
 from screwgauge.reference.graph import Edge
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.pose import Layout
+
+Bracket = Callable[[Array, Array], Array]
+"""Takes two twists, shape (..., 6), and returns a third."""
 
 
 class Coordinates(NamedTuple):
@@ -147,23 +150,27 @@ def twists(at: TreePose, w: Array) -> Array:
     return V
 
 
-def bias_screws(at: TreePose, w: Array, V: Array) -> Array:
+def bias_screws(at: TreePose, w: Array, V: Array, bracket: Bracket = lie_bracket) -> Array:
     """Acceleration screws of the bodies without joint accelerations, ``w^T S_L w`` of eqs. (44), (48). (..., b, 6).
 
     The sum over i < j of [S_i w_i, S_j w_j] is the sum over j of [V before j, S_j w_j].
+
+    Args:
+        bracket: In place of the Lie bracket, to see what a part of it does.
     """
     A = zeros(w, V.shape[-2], 6)
     for edge, near, far, columns, sign in walk(at.lay):
         terms = [scale(sign * w[..., c], at.S[..., c, :]) for c in columns]
-        A[..., far, :] = A[..., near, :] + joint_bias(V[..., near, :], terms[::-1] if edge.reverse else terms)
+        own = joint_bias(V[..., near, :], terms[::-1] if edge.reverse else terms, bracket)
+        A[..., far, :] = A[..., near, :] + own
     return A
 
 
-def joint_bias(V: Array, terms: Sequence[Array]) -> Any:
+def joint_bias(V: Array, terms: Sequence[Array], bracket: Bracket = lie_bracket) -> Any:
     """The part of one joint in that sum. `V`: twist of the body before it; `terms`: ``S_j w_j`` of its freedoms."""
     found: Any = 0.0
     for term in terms:
-        found = found + lie_bracket(V, term)
+        found = found + bracket(V, term)
         V = V + term
     return found
 

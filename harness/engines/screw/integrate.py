@@ -22,7 +22,7 @@ from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
 from screwgauge.reference.forward import Forces, energy, forward, power
 from screwgauge.reference.kinematics import Velocities, velocities
-from screwgauge.reference.pose import Layout, Pose, pose, tree_pose
+from screwgauge.reference.pose import Layout, Pose, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
 from screwgauge.solution import Cost, Stopwatch
@@ -264,8 +264,7 @@ def _whole(lay: Layout, run: _Run, begin: Array) -> Velocities:
     """
     t, q, yd = (np.array(column) for column in zip(*run.passed, strict=True))
     if run.traced is not None and lay.tree.cuts:
-        cut = home_equations(lay).cut
-        q = read(lay, cut, *tree_pose(lay, q)[:2], q)
+        q = read(lay, q)
         rate = velocities(lay, pose(lay, q), yd)
         for c, joint in enumerate(lay.tree.cuts):
             columns = [i for i in lay.columns[joint.name] if lay.turns[i]]

@@ -14,6 +14,7 @@ from screwgauge.engines.estimate import Part, Trust, examined
 from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
+from screwgauge.quantities import GIVEN
 from screwgauge.reference import dynamics, linear
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.equations.closure import Loops
@@ -95,7 +96,7 @@ class Work:
                 with self.clock.stage("accelerations"):
                     rush = np.maximum(speed**2, np.abs(at.beta / loops.sizes)[:, moving].max(axis=1))
             with self.clock.stage("forces" if self.depth == "f" else "accelerations"):
-                for name in sorted(problem.wanted):
+                for name in (one for one in GIVEN if one in problem.wanted):
                     out[name] = self._value(at, name, charts)
                 if self.depth == "f" or problem.wanted & _TREE:
                     load = self._load(at)
