@@ -9,8 +9,8 @@ import numpy as np
 
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.graph import POINTS, Edge, spanning_tree
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
-from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
 
 #: minimal: the smallest tree, its left-out joints closed by points. full: every joint is in the tree; a joint

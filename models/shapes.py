@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
-from screwgauge.reference.pose import Pose, layout, length, pose
+from screwgauge.reference.pose import Pose, length, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.suspicious import suspicious
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.reference.pose import Layout, Pose
+from screwgauge.reference.layout import Layout
+from screwgauge.reference.pose import Pose
 from screwgauge.reference.reactions import joint_point
 from screwgauge.reference.rotations import Array, cross
 

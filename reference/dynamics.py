@@ -15,7 +15,8 @@ from screwgauge.reference import linear, screws
 from screwgauge.reference.along import joint_wrenches
 from screwgauge.reference.applied import Load
 from screwgauge.reference.kinematics import Velocities
-from screwgauge.reference.pose import Layout, Pose, centres_of_mass
+from screwgauge.reference.layout import Layout
+from screwgauge.reference.pose import Pose, centres_of_mass
 from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
 from screwgauge.reference.rotations import Array, cross
 

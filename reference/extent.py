@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.reference.pose import Layout, length, tree_pose
+from screwgauge.reference.layout import Layout
+from screwgauge.reference.pose import length, tree_pose
 from screwgauge.reference.rotations import Array, widest
 
 

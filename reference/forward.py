@@ -25,8 +25,9 @@ from screwgauge.reference.dynamics import (
 )
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.kinematics import Velocities, accelerations
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Layout, centres_of_mass, constraint_matrix
+from screwgauge.reference.pose import centres_of_mass, constraint_matrix
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.reference.springs import check_springs, spring_energy, spring_forces
 

@@ -6,22 +6,25 @@ The loops of any graph stand for the chains of the paper: ``G w = 0`` says for e
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference import linear, screws
-from screwgauge.reference.chains import closed_form
 from screwgauge.reference.closed.continuation import OPEN, newton
+from screwgauge.reference.closed.cut_coordinates import read
 from screwgauge.reference.closed.following import Follower
 from screwgauge.reference.closed.loops import LoopEquations, Rates, loop_equations
 from screwgauge.reference.closed.resting import home_equations
+from screwgauge.reference.equations import closed_form as forms
 from screwgauge.reference.equations.dynamics import Motion
 from screwgauge.reference.equations.kinematics import Bracket, coordinates
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.pose import Layout, Pose, constraint_matrix
+from screwgauge.reference.layout import Layout
+from screwgauge.reference.pose import Pose, constraint_matrix
 from screwgauge.reference.rotations import Array
 
 
@@ -73,7 +76,7 @@ def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None, *, pa
         ClosureError: A loop cannot close, or there is no way but over a singular pose.
     """
     system = home_equations(lay)
-    start = _closed_form(lay, system.fixed, y)
+    start = closed_form(lay, y, system.fixed)
     if start is None:
         return system.follow(path or system.follower(), y, t, rates)
     z, _, error = newton(
@@ -84,14 +87,10 @@ def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None, *, pa
     return system.fill(z, start)
 
 
-def _closed_form(lay: Layout, fixed: tuple[int, ...], y: Array) -> Array | None:
-    """Joint coordinates in closed form, where no other coordinate of the joint that is driven ever moves.
-
-    Then the branch of home has no end but where a leg locks or has no length, and all of it is what the form gives.
-    """
-    chosen = set(lay.mechanism.independent_columns)
-    driver = next((columns for columns in lay.columns.values() if chosen <= set(columns)), [])
-    return closed_form(lay, y) if set(driver) - chosen <= set(fixed) else None
+def closed_form(lay: Layout, y: Array, fixed: Collection[int] | None = None) -> Array | None:
+    """Joint coordinates in closed form, if there is one, see `equations.closed_form`. Shape (n, k) -> (n, n_q)."""
+    found = forms.closed_form(lay, y, NUMPY, fixed)
+    return None if found is None else read(lay, found.q)
 
 
 def _system(lay: Layout, at: Pose) -> LoopEquations:

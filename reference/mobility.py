@@ -11,17 +11,9 @@ from screwgauge.reference.dynamics import force_matrix, joint_reactions
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import serial_chains
 from screwgauge.reference.kinematics import closure_system
+from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.mechanism import KINDS
-from screwgauge.reference.pose import (
-    Layout,
-    Pose,
-    centres_of_mass,
-    chain_screws,
-    constraint_matrix,
-    layout,
-    length,
-    pose,
-)
+from screwgauge.reference.pose import Pose, centres_of_mass, chain_screws, constraint_matrix, length, pose
 from screwgauge.reference.rotations import Array
 
 

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import layout, tree_pose
+from screwgauge.reference.pose import tree_pose
 from screwgauge.reference.rotations import Array, widest
 from screwgauge.reference.wording import first_few
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
+from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.reference.crossing import Crossing, crossing
-from screwgauge.reference.graph import Edge, SpanningTree, spanning_tree
-from screwgauge.reference.mechanism import GROUND, Frame, Mechanism
-from screwgauge.reference.rotations import Array, cross, skew, times, vee, widest
+from screwgauge.reference.equations.kinematics import TreePose, coordinates, joint_screws, joint_values, tree_pose
+from screwgauge.reference.equations.ops import NUMPY
+from screwgauge.reference.graph import Edge
+from screwgauge.reference.layout import Layout
+from screwgauge.reference.mechanism import Joint, Mechanism
+from screwgauge.reference.rotations import Array, cross, times, vee, widest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,216 +41,24 @@ class Pose:
         return Pose(self.q[at], self.R[at], self.p[at], self.S[at], self.residual[at])
 
 
-@dataclass(frozen=True, eq=False)
-class Layout:
-    """A mechanism with its spanning tree and the paths that follow from it.
-
-    The tree keeps the joints of the independent coordinates, so that these are unknowns of the tree itself.
-
-    Attributes:
-        path: +1 or -1 where a coordinate lies on the tree path from ground to a body. Shape (n_body + 1, n_q).
-        loop: The same for the loop of each cut joint: parent's path + joint - child's path. (n_cut, n_q).
-        kept: What was made of it once, as by `loops.loop_equations`.
-        last: Coordinates of the tree, as bytes -> what `tree_pose` gave for these, of the last single pose.
-    """
-
-    mechanism: Mechanism
-    tree: SpanningTree
-    columns: dict[str, list[int]]
-    path: Array
-    loop: Array
-    kept: dict[tuple[int, ...] | str, Any] = field(default_factory=dict)
-    last: dict[bytes, tuple[Array, Array, Array]] = field(default_factory=dict)
-
-    @cached_property
-    def turns(self) -> NDArray[np.bool_]:
-        """Which coordinates are angles. Shape (n_q,)."""
-        return np.array([turn for joint in self.mechanism.joints for turn, _ in joint.freedoms])
-
-    @cached_property
-    def _turning(self) -> tuple[Array, Array]:
-        axes = np.array([axis for joint in self.mechanism.joints for _, axis in joint.freedoms])
-        K = skew(axes)
-        return K, K @ K
-
-    def moved(self, q: Array) -> tuple[Array, Array]:
-        """Rotation by each angle about its own axis, see `rotation`, and way along each slide, as they are walked over.
-
-        Args:
-            q: Joint coordinates. Shape (n, n_q).
-
-        Returns:
-            Shapes (n, n_q, 3, 3), one for slides, and (n, n_q), zero for angles.
-        """
-        (K, K2), walked = self._turning, self._sign * q
-        angle = np.where(self.turns, walked, 0.0)[..., None, None]
-        turned = np.eye(3, dtype=K.dtype) + np.sin(angle) * K + 2.0 * np.sin(0.5 * angle) ** 2 * K2
-        return turned, np.where(self.turns, 0.0, walked)
-
-    @cached_property
-    def _sign(self) -> Array:
-        """-1 for the coordinates of joints that the tree walks over from child to parent. Shape (n_q,)."""
-        sign = np.ones(len(self.turns), dtype=self.path.dtype)
-        for edge in self.tree.edges:
-            if edge.reverse:
-                sign[self.columns[edge.joint.name]] = -1.0
-        return sign
-
-    @cached_property
-    def crossings(self) -> tuple[Crossing, ...]:
-        """The joints of the tree, those first that are next to ground."""
-        depth, levels = {GROUND: 0}, dict[int, list[Edge]]()
-        for edge in self.tree.edges:
-            depth[edge.far] = depth[edge.near] + 1
-            levels.setdefault(depth[edge.far], []).append(edge)
-        return tuple(self._crossing(levels[level]) for level in sorted(levels))
-
-    @cached_property
-    def cut_crossing(self) -> Crossing:
-        """The cut joints."""
-        return self._crossing([Edge(joint, joint.parent, joint.child, False) for joint in self.tree.cuts])
-
-    def _crossing(self, edges: Sequence[Edge]) -> Crossing:
-        return crossing(edges, self.mechanism.body_index, self.columns, self.turns)
-
-    @cached_property
-    def cut_columns(self) -> list[int]:
-        """Coordinates of the cut joints, joint by joint."""
-        return [column for joint in self.tree.cuts for column in self.columns[joint.name]]
-
-    @cached_property
-    def tree_columns(self) -> list[int]:
-        """The other coordinates."""
-        return [column for column in range(self.path.shape[1]) if column not in self.cut_columns]
-
-    @cached_property
-    def sides(self) -> tuple[Side, Side]:
-        """Parent and child sides of the cut joints."""
-        index, cuts = self.mechanism.body_index, self.tree.cuts
-        return (
-            _side([index[j.parent] for j in cuts], [j.parent_frame for j in cuts]),
-            _side([index[j.child] for j in cuts], [j.child_frame for j in cuts]),
-        )
-
-
-#: Bodies of some joints, and the joints' frames in them: indices (c,), rotations (c, 3, 3), points (c, 3).
-Side = tuple[list[int], Array, Array]
-
-
-def _side(bodies: list[int], frames: Sequence[Frame]) -> Side:
-    R, p = np.array([f.R for f in frames]), np.array([f.p for f in frames])
-    return bodies, R.reshape(-1, 3, 3), p.reshape(-1, 3)
-
-
-def side_frames(side: Side, R: Array, p: Array) -> tuple[Array, Array]:
-    """World frames of the cut joints on one of their sides. Shapes (n, n_cut, 3, 3), (n, n_cut, 3)."""
-    body, R_joint, p_joint = side
-    R = np.asarray(R[:, body])
-    return R @ R_joint, p[:, body] + times(R, p_joint)
-
-
-def layout(mechanism: Mechanism, tree: SpanningTree | None = None) -> Layout:
-    """Spanning tree, paths and loops of a mechanism.
-
-    Args:
-        tree: Another one than that which keeps the joints of the independent coordinates.
-    """
-    if tree is None:
-        chosen = {*mechanism.independent.values()}
-        tree = spanning_tree(mechanism, [j.name for j in mechanism.joints if chosen & {*j.coordinates}])
-    index = mechanism.body_index
-    columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
-    path = tree_path(mechanism, tree)
-    loop = np.zeros((len(tree.cuts), path.shape[1]), dtype=path.dtype)
-    for row, joint in zip(loop, tree.cuts, strict=True):
-        row += path[index[joint.parent]] - path[index[joint.child]]
-        row[columns[joint.name]] = 1.0
-    return Layout(mechanism, tree, columns, path, loop)
-
-
-def tree_path(mechanism: Mechanism, tree: SpanningTree) -> Array:
-    """+1 or -1 where a coordinate lies on the way from ground to a body. Shape (n_body + 1, n_q)."""
-    index = mechanism.body_index
-    path = np.zeros((len(index), len(mechanism.coordinates)), dtype=mechanism.home.dtype)
-    for edge in tree.edges:
-        path[index[edge.far]] = path[index[edge.near]]
-        path[index[edge.far], mechanism.columns(edge.joint.coordinates)] = -1.0 if edge.reverse else 1.0
-    return path
-
-
-def place(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
-    """Pose of a frame that is fixed in a body. Shapes (..., 3, 3), (..., 3)."""
-    return R @ frame.R, p + R @ frame.p
-
-
-def unplace(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
-    """Pose of the body in which a frame of known pose is fixed, the inverse of `place`."""
-    R_body = R @ frame.R.T
-    return R_body, p - R_body @ frame.p
-
-
-def tree_pose(lay: Layout, q: Array) -> tuple[Array, Array, Array]:
-    """Orientations, origins and screws (see `Pose`) by the joints of the tree; screws of cut joints are zero.
-
-    Of a single pose they are kept: where Newton's method ends, velocities and accelerations are asked for next.
-    """
-    if len(q) > 1:
-        return _tree_pose(lay, q)
-    key = q[:, lay.tree_columns].tobytes()
-    made = lay.last.get(key)
-    if made is None:
-        made = _tree_pose(lay, q)
-        for array in made:
-            array.setflags(write=False)
-        lay.last.clear()
-        lay.last[key] = made
-    return made
-
-
-def _tree_pose(lay: Layout, q: Array) -> tuple[Array, Array, Array]:
-    n, n_body = len(q), len(lay.mechanism.body_index)
-    R = np.empty((n, n_body, 3, 3), dtype=q.dtype)
-    p = np.zeros((n, n_body, 3), dtype=q.dtype)
-    directions, points = np.zeros((2, n, q.shape[1], 3), dtype=q.dtype)
-    R[:, 0] = np.eye(3)
-    moved = lay.moved(q)
-    for joints in lay.crossings:
-        R[:, joints.far], p[:, joints.far] = joints.walk(R, p, moved, directions, points)
-    return R, p, _screws(lay, directions, points)
-
-
-def _screws(lay: Layout, directions: Array, points: Array) -> Array:
-    """Unit screws, eqs. (2), (18). Shapes (n, n_q, 3), (n, n_q, 3) -> (n, n_q, 6)."""
-    turns = lay.turns[None, :, None]
-    S = np.zeros((*directions.shape[:2], 6), dtype=directions.dtype)
-    S[..., :3] = np.where(turns, directions, 0.0)
-    S[..., 3:] = np.where(turns, cross(points, directions), directions)
-    return S
-
-
 def pose(lay: Layout, q: Array) -> Pose:
     """Poses and screws for joint coordinates `q`, shape (n, n_q); the loops need not be closed."""
-    return whole_pose(lay, q, *tree_pose(lay, q))
+    at = tree_pose(lay, coordinates(q, NUMPY))
+    residual = np.empty((len(q), len(lay.tree.cuts), 6), dtype=q.dtype)
+    for i, joint in enumerate(lay.tree.cuts):
+        residual[:, i], at.S[:, lay.columns[joint.name]] = _across(at, joint, q[:, lay.columns[joint.name]])
+    return Pose(q, at.R, at.p, at.S, residual)
 
 
-def whole_pose(lay: Layout, q: Array, R: Array, p: Array, S: Array) -> Pose:
-    """The same from what `tree_pose` gives, if that is known: adds the cut joints."""
-    n = len(q)
-    residual = np.empty((n, len(lay.tree.cuts), 6), dtype=q.dtype)
-    if not lay.tree.cuts:
-        return Pose(q, R, p, S, residual)
-    directions, points = np.zeros((2, n, q.shape[1], 3), dtype=q.dtype)
-    R_via, p_via = lay.cut_crossing.walk(R, p, lay.moved(q), directions, points)
-    cut = lay.cut_columns
-    S = S.copy()
-    S[:, cut] = _screws(lay, directions, points)[:, cut]
-    child, at_child = lay.sides[1][:3:2]
-    turn = vee(R_via @ R[:, child].swapaxes(-1, -2))
+def _across(at: TreePose, joint: Joint, q: Array) -> tuple[Array, Array]:
+    """Closure residual and screws of a cut joint, see `Pose`. Shape (n, f) -> (n, 6), (n, f, 6)."""
+    frames = at.joint(joint)
+    values = joint_values(joint, range(q.shape[1]), coordinates(q, NUMPY))
+    screws, R_via, p_via = joint_screws(joint, frames.R_parent, frames.p_parent, values)
+    turn = vee(R_via @ frames.R_child.swapaxes(-1, -2))
     # measured at the joint, where the lever arms are short, then moved to O
-    at = p[:, child] + times(R[:, child], at_child)
-    shift = p_via + times(R_via, at_child) - at
-    residual[..., :3], residual[..., 3:] = turn, shift - cross(turn, at)
-    return Pose(q, R, p, S, residual)
+    shift = p_via - frames.p_child
+    return np.concatenate([turn, shift - cross(turn, frames.p_child)], axis=-1), np.stack(screws, axis=1)
 
 
 def centres_of_mass(lay: Layout, at: Pose) -> Array:
@@ -271,8 +79,8 @@ def length(lay: Layout) -> float:
 
 def _length(lay: Layout) -> float:
     mechanism = lay.mechanism
-    R, p, _ = tree_pose(lay, mechanism.home[None])
-    index = mechanism.body_index
+    at = tree_pose(lay, coordinates(mechanism.home[None], NUMPY))
+    index, R, p = mechanism.body_index, at.R, at.p
     places = [(b.name, b.com) for b in mechanism.bodies]
     places += [(body, frame.p) for joint in mechanism.joints for body, frame in joint.sides]
     return widest([p[0, index[body]] + R[0, index[body]] @ point for body, point in places]) or 1.0

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import DTypeLike
 
-from screwgauge.reference.chains import closed_form
 from screwgauge.reference.dynamics import force_matrix, joint_reactions
+from screwgauge.reference.kinematics import closed_form
+from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.mechanism import Frame, Mechanism
-from screwgauge.reference.pose import Layout, centres_of_mass, layout, pose
+from screwgauge.reference.pose import centres_of_mass, pose
 from screwgauge.reference.rotations import Array
 
 if TYPE_CHECKING:

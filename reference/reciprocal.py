@@ -11,9 +11,10 @@ import numpy as np
 from screwgauge.reference import linear
 from screwgauge.reference.graph import coupled_joints, spanning_tree
 from screwgauge.reference.kinematics import velocities
+from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.mobility import in_lengths, reciprocal_screws
-from screwgauge.reference.pose import Layout, Pose, constraint_matrix, layout, length, pose
+from screwgauge.reference.pose import Pose, constraint_matrix, length, pose
 from screwgauge.reference.rotations import Array, cross, skew
 
 #: Pitches and distances below it, in lengths of the mechanism, are none; shares of a unit screw likewise.

@@ -10,7 +10,8 @@ from screwgauge.reference import screws
 from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.couplings import component_name
 from screwgauge.reference.graph import output_body
-from screwgauge.reference.pose import Layout, Pose, centres_of_mass
+from screwgauge.reference.layout import Layout
+from screwgauge.reference.pose import Pose, centres_of_mass
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.wording import first_few
 

@@ -10,8 +10,9 @@ from screwgauge.reference import screws
 from screwgauge.reference.applied import Applied, JointSpring, Load, PointSpring, Spring
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.kinematics import Velocities
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Layout, Pose
+from screwgauge.reference.pose import Pose
 from screwgauge.reference.rotations import Array
 
 

@@ -8,9 +8,10 @@ from itertools import combinations
 
 import numpy as np
 
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Body, Joint, Mechanism
 from screwgauge.reference.plausible import solids, too_wide
-from screwgauge.reference.pose import layout, length, tree_pose
+from screwgauge.reference.pose import length, tree_pose
 from screwgauge.reference.rotations import Array, cross, widest
 
 #: What is exactly zero but for rounding; below the other ones, an angle [rad] or a distance [lengths of the mechanism]

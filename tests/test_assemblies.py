@@ -12,7 +12,7 @@ from tolerances import ROUNDING
 import screwgauge
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.generate import write_models
-from screwgauge.reference.chains import closed_form
+from screwgauge.reference.kinematics import closed_form
 from screwgauge.reference.closed import following
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed.ways import straight_and_bent

@@ -6,7 +6,7 @@ import numpy as np
 from near import BASE, UPU
 
 import screwgauge
-from screwgauge.reference.chains import closed_form
+from screwgauge.reference.kinematics import closed_form
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import within_half_turn
 from screwgauge.scene.preflight import check_scene

@@ -12,8 +12,9 @@ from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress
 from screwgauge.quantities import FORCE, QUANTITIES
 from screwgauge.reference.dynamics import joint_reactions
 from screwgauge.reference.errors import ClosureError, ModelFileError
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
-from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Cost, Solution, Timing, Values
 

@@ -26,8 +26,8 @@ from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import positions
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution, Timing, Values, empty
 from screwgauge.truth import cache

@@ -17,8 +17,8 @@ from screwgauge.families.sketch import Sketch, Tables, described, shuffled, unus
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError, check_seed
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.exciting import stays_regular
 from screwgauge.scene.motion import read_drive

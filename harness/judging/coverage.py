@@ -18,9 +18,10 @@ from screwgauge.judging.visible import Visible
 from screwgauge.problem import GivenMotion, Problem
 from screwgauge.quantities import FLOOR, natural_scales
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
-from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution
 

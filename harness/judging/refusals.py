@@ -12,8 +12,8 @@ from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.kinematics import positions
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import gimbal_lock, near_singularity
 from screwgauge.solution import Solution

@@ -12,8 +12,8 @@ from screwgauge.problem import Problem
 from screwgauge.quantities import FORCE, QUANTITIES
 from screwgauge.reference import dynamics, linear
 from screwgauge.reference.kinematics import Velocities
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.mobility import Mobility
-from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array, cross
 
 _SOLVED = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs == "f")

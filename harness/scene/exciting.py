@@ -17,8 +17,9 @@ from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.dynamics import body_motion, partial_motion
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, check_seed
 from screwgauge.reference.kinematics import Velocities, velocities
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Layout, length, pose
+from screwgauge.reference.pose import length, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.wording import first_few
 from screwgauge.scene.motion import Drive, read_drive

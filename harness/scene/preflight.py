@@ -13,9 +13,10 @@ from screwgauge.reference import linear
 from screwgauge.reference.closed.anchor import PathEnd
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
+from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility, check_independent, mobility
-from screwgauge.reference.pose import Layout, Pose, layout, length, pose
+from screwgauge.reference.pose import Pose, length, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
 from screwgauge.scene.scene import Scene

@@ -9,7 +9,7 @@ from screwgauge.reference.closed.branch import Branch
 from screwgauge.reference.errors import DescriptionError, JointLimitError, ScrewgaugeError
 from screwgauge.reference.forward import Forces, forces_at, forward
 from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.pose import Layout
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.preflight import FARTHEST, beyond_limits, check_home, check_regular
 from screwgauge.scene.scene import Scene

@@ -12,8 +12,9 @@ from screwgauge.reference.applied import Load
 from screwgauge.reference.dynamics import joint_reactions
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.kinematics import positions
+from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Layout, Pose, layout, pose
+from screwgauge.reference.pose import Pose, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values

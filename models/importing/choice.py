@@ -9,9 +9,10 @@ import numpy as np
 
 from screwgauge.reference import linear
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import in_lengths
-from screwgauge.reference.pose import constraint_matrix, layout, pose
+from screwgauge.reference.pose import constraint_matrix, pose
 from screwgauge.reference.rotations import Array
 
 #: A coordinate that is preferred is taken as long as so much of it is its own.

@@ -9,7 +9,8 @@ from screwgauge.reference.closed.continuation import OPEN
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.pose import Layout, Pose, pose
+from screwgauge.reference.layout import Layout
+from screwgauge.reference.pose import Pose, pose
 from screwgauge.reference.rotations import Array
 
 STEP, SMALLEST = 0.1, 1e-5  # of the independent coordinates [rad or lengths of the mechanism]

@@ -8,7 +8,7 @@ from screwgauge.reference.equations.joint_types import JointPose
 from screwgauge.reference.equations.kinematics import coordinates, tree_pose
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.equations.screws import dot, transpose
-from screwgauge.reference.pose import Layout
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, triad, triad_angles
 
 

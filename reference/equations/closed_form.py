@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 
 from screwgauge.reference.equations.joint_types import Value, placed, unplaced
-from screwgauge.reference.equations.kinematics import Coordinates, coordinates, joint_screws, zeros
+from screwgauge.reference.equations.kinematics import Coordinates, coordinates, joint_screws, joint_values, zeros
 from screwgauge.reference.equations.ops import NUMPY, Ops
 from screwgauge.reference.equations.screws import Array, dot, times, transpose
 from screwgauge.reference.graph import Edge, serial_chains
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.pose import Layout
 
 #: Home is given to ten digits; another branch is farther away.
 HOME = 1e-8
 
 
-def closed_form(lay: Layout, y: Array, ops: Ops) -> Coordinates | None:
+def closed_form(lay: Layout, y: Array, ops: Ops, fixed: Collection[int] | None = None) -> Coordinates | None:
     """Coordinates of the tree where every leg has a closed form, its wrist being cut, and home is on that branch.
 
     The output body is placed by the joint that carries the independent coordinates, the others of that joint being as
@@ -26,12 +27,16 @@ def closed_form(lay: Layout, y: Array, ops: Ops) -> Coordinates | None:
 
     Args:
         y: Independent coordinates [rad or m]. Shape (..., k).
+        fixed: Coordinates that never move, if all others of the joint that carries the output body have to be among
+            them: then the assembly mode of home ends nowhere but where a leg locks or has no length.
 
     Returns:
         Those of cut joints are as at home.
     """
     found = _legs(lay)
     if found is None:
+        return None
+    if fixed is not None and not {*lay.columns[found[0].name]} - {*lay.mechanism.independent_columns} <= {*fixed}:
         return None
     at_home = _coordinates(lay, *found, lay.mechanism.home[lay.mechanism.independent_columns], NUMPY)
     tree = lay.tree_columns
@@ -74,11 +79,7 @@ def _coordinates(lay: Layout, driver: Joint, legs: list[list[Joint]], y: Array, 
     q = zeros(y, len(lay.mechanism.coordinates)) + lay.mechanism.home
     q[..., lay.mechanism.independent_columns] = y
     at = coordinates(q, ops)
-    columns = lay.columns[driver.name]
-    values = [
-        (at.sine[..., c], at.cosine[..., c]) if turns else (q[..., c], None)
-        for c, (turns, _) in zip(columns, driver.freedoms, strict=True)
-    ]
+    values = joint_values(driver, lay.columns[driver.name], at)
     eye, origin = zeros(y, 3, 3) + np.eye(3), zeros(y, 3)
     _, R, p = joint_screws(driver, *placed(eye, origin, driver.parent_frame), values)
     platform = unplaced(R, p, driver.child_frame)

@@ -25,7 +25,8 @@ from screwgauge.reference.equations.joint_types import (
 from screwgauge.reference.equations.kinematics import Coordinates, TreePose, joint_bias, joint_screws, tree_pose
 from screwgauge.reference.equations.ops import Block, Ops
 from screwgauge.reference.equations.screws import Array, join, lie_bracket, power, powers, scale, times
-from screwgauge.reference.pose import Layout, length
+from screwgauge.reference.layout import Layout
+from screwgauge.reference.pose import length
 
 
 class CutJoint:

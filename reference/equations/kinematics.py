@@ -21,8 +21,8 @@ from screwgauge.reference.equations.screws import (
     times,
 )
 from screwgauge.reference.graph import Edge
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.pose import Layout
 
 Bracket = Callable[[Array, Array], Array]
 """Takes two twists, shape (..., 6), and returns a third."""
@@ -97,6 +97,14 @@ def zeros(like: Array, *shape: int) -> Array:
     return np.zeros(like.shape[:-1] + shape, dtype=like.dtype)
 
 
+def joint_values(joint: Joint, columns: Sequence[int], at: Coordinates) -> list[Value]:
+    """The coordinates of one joint."""
+    return [
+        (at.sine[..., c], at.cosine[..., c]) if turns else (at.q[..., c], None)
+        for c, (turns, _) in zip(columns, joint.freedoms, strict=True)
+    ]
+
+
 def joint_screws(
     joint: Joint, R: Array, p: Array, values: Sequence[Value], *, reverse: bool = False
 ) -> tuple[list[Array], Array, Array]:
@@ -126,10 +134,7 @@ def tree_pose(lay: Layout, at: Coordinates) -> TreePose:
     for edge, near, far, columns, _ in walk(lay):
         joint = edge.joint
         (_, start), (_, end) = joint.sides[::-1] if edge.reverse else joint.sides
-        values = [
-            (at.sine[..., c], at.cosine[..., c]) if turns else (at.q[..., c], None)
-            for c, (turns, _) in zip(columns, joint.freedoms, strict=True)
-        ]
+        values = joint_values(joint, columns, at)
         entered = placed(R[..., near, :, :], p[..., near, :], start)
         screws, R_end, p_end = joint_screws(joint, *entered, values, reverse=edge.reverse)
         for c, screw in zip(columns, screws, strict=True):

@@ -17,8 +17,9 @@ from screwgauge.reference import screws
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.graph import Edge, serial_chains
 from screwgauge.reference.kinematics import positions
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.paper.twist import Drive, platform_screws
-from screwgauge.reference.pose import Layout, place, unplace
+from screwgauge.reference.pose import place, unplace
 from screwgauge.reference.rotations import Array, cross, skew
 
 Bracket = Callable[[Array, Array], Array]

@@ -7,11 +7,11 @@ from typing import Protocol
 
 import numpy as np
 
-from screwgauge.reference.chains import closed_form
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.graph import output_body
-from screwgauge.reference.kinematics import accelerations, chain_acceleration, positions, velocities
-from screwgauge.reference.pose import Layout, pose, tree_pose
+from screwgauge.reference.kinematics import accelerations, chain_acceleration, closed_form, positions, velocities
+from screwgauge.reference.layout import Layout
+from screwgauge.reference.pose import pose, tree_pose
 from screwgauge.reference.rotations import Array
 
 TWISTS = ("right", "printed", "literal")

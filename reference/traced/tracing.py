@@ -89,7 +89,7 @@ def traced(
     trace = Trace()
     y, yd, ydd = (np.array([trace.input(x) for x in array.T], dtype=object) for array in samples[:3])
     folds = [float(x.flat[0]) for x in loops.folds(samples[3])]
-    at, guess = closed_form_of(loops, y), dict[int, Any]()
+    at, guess = closed_form(loops.lay, y, TRACE, loops.fixed), dict[int, Any]()
     if at is None:
         guess = {c: trace.input(samples[3][:, c]) for c in dependent(loops)}
         at = _closed(loops, y, guess, folds)
@@ -122,13 +122,6 @@ def sprung_cuts(loops: Loops, applied: Applied) -> list[int]:
 def dependent(loops: Loops) -> list[int]:
     """Coordinates of the tree that follow from those given."""
     return [c for c in loops.columns[: loops.moving] if c not in loops.y_columns]
-
-
-def closed_form_of(loops: Loops, y: Array) -> Coordinates | None:
-    """The closed form, if the assembly mode of home is what it gives."""
-    chosen = {*loops.y_columns}
-    driver = next((columns for columns in loops.lay.columns.values() if chosen <= {*columns}), [])
-    return closed_form(loops.lay, y, TRACE) if {*driver} - chosen <= {*loops.fixed} else None
 
 
 def _closed(loops: Loops, y: Array, guess: Mapping[int, Any], folds: Sequence[float]) -> Coordinates:

@@ -14,7 +14,7 @@ from screwgauge.engines.screw.bounds import examined
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.problem import GivenMotion, Problem
 from screwgauge.reference.closed.resting import home_equations
-from screwgauge.reference.pose import Layout
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array
 
 

@@ -14,8 +14,8 @@ from screwgauge.problem import Problem, Rows
 from screwgauge.quantities import arm
 from screwgauge.reference import linear
 from screwgauge.reference.extent import extent
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.linear import ROUNDED
-from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.tracing import CHECKS
 from screwgauge.reference.traced.vectors import Scalar, apply

@@ -15,8 +15,8 @@ from screwgauge.reference.closed.branch import BEND, Branch
 from screwgauge.reference.closed.continuation import OPEN, ROUNDING
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.equations.closure import Loops
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.linear import SINGULAR
-from screwgauge.reference.pose import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.forward import forward_programs
 from screwgauge.reference.traced.native import Native

@@ -22,7 +22,8 @@ from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
 from screwgauge.reference.forward import Forces, energy, forward, power
 from screwgauge.reference.kinematics import Velocities, velocities
-from screwgauge.reference.pose import Layout, Pose, pose
+from screwgauge.reference.layout import Layout
+from screwgauge.reference.pose import Pose, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
 from screwgauge.solution import Cost, Stopwatch

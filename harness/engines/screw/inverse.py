@@ -26,7 +26,7 @@ from screwgauge.reference.equations.rounding import chart_condition, gain
 from screwgauge.reference.equations.screws import force, power
 from screwgauge.reference.extent import extent
 from screwgauge.reference.kinematics import accelerations, positions, velocities
-from screwgauge.reference.pose import Layout
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.precision import wide_force_matrix
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution, Stopwatch, Values

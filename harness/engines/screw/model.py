@@ -21,7 +21,8 @@ from screwgauge.reference.dynamics import joint_reactions
 from screwgauge.reference.errors import ModelFileError, check_choice
 from screwgauge.reference.forward import Forces, forces_at, forward, forward_dense
 from screwgauge.reference.kinematics import accelerations, velocities
-from screwgauge.reference.pose import Layout, layout, pose
+from screwgauge.reference.layout import Layout, layout
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.solution import Solution, Stopwatch, Values

@@ -13,7 +13,7 @@ from screwgauge.reference.closed.anchor import Anchor
 from screwgauge.reference.closed.between import Rows, interpolated, knots, predicted, slopes
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.pose import Layout
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.program import only

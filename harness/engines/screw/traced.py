@@ -23,7 +23,7 @@ from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.equations.closure import Loops
-from screwgauge.reference.pose import Layout
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
 from screwgauge.reference.traced.lanes import columns
 from screwgauge.reference.traced.trace import NotTraceableError

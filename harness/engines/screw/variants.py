@@ -16,13 +16,13 @@ from screwgauge import __version__
 from screwgauge.engines.parts import component_names
 from screwgauge.problem import GivenMotion, Problem, Progress, quiet
 from screwgauge.reference import dynamics, linear
-from screwgauge.reference.chains import closed_form
 from screwgauge.reference.closed.continuation import Evaluation, velocity_map
 from screwgauge.reference.closed.continuation import newton as newtons_method
 from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
-from screwgauge.reference.kinematics import accelerations, closure_system, positions, velocities
+from screwgauge.reference.kinematics import accelerations, closed_form, closure_system, positions, velocities
+from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.paper.scheme import PARTS, integrate
-from screwgauge.reference.pose import Layout, layout, pose
+from screwgauge.reference.pose import pose
 from screwgauge.reference.precision import in_precision, rounded
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values, empty

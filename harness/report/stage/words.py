@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from screwgauge.reference.pose import Layout, Pose
+from screwgauge.reference.layout import Layout
+from screwgauge.reference.pose import Pose
 from screwgauge.reference.reactions import joint_point
 from screwgauge.reference.reciprocal import Element, Held, idle_forces
 from screwgauge.reference.rotations import Array

@@ -25,8 +25,8 @@ from screwgauge.problem import GivenMotion, ModelFiles, Rows
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.kinematics import positions
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene

@@ -15,8 +15,8 @@ from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN
 from screwgauge.reference import linear
 from screwgauge.reference.kinematics import Velocities, positions, velocities
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene

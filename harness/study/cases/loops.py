@@ -9,8 +9,8 @@ from pathlib import Path
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.fourbars import four_bars
 from screwgauge.reference.kinematics import positions
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout
 from screwgauge.scene.read import load_scene
 from screwgauge.study.cases.asking import ACCELERATION, ENGINES, SCREW, loaded, push
 from screwgauge.study.cases.question import Question, put

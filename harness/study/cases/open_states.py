@@ -17,7 +17,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene

@@ -14,8 +14,9 @@ from screwgauge.reference import linear
 from screwgauge.reference.applied import GRAVITY, Applied, JointSpring
 from screwgauge.reference.forward import energy, forces_at, forward, inertia_matrix
 from screwgauge.reference.kinematics import Velocities, positions, velocities
+from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Layout, layout, pose
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.simulation import REACH, eigenvalues
