@@ -11,6 +11,7 @@ from typing import Any
 
 from screwgauge import __version__, commands
 from screwgauge.commands import gate, view
+from screwgauge.commands.ended import check_current
 from screwgauge.report.console import console, ended, say
 from screwgauge.threads import fix_threads
 
@@ -39,6 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _command(arguments: Sequence[str] | None) -> int:
     try:
+        check_current(sys.argv[1:] if arguments is None else arguments)
         options = _parser().parse_args(arguments)
     finally:
         say("", end="")  # what cannot be said is not begun
