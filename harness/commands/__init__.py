@@ -65,7 +65,7 @@ def import_(options: argparse.Namespace) -> int:
     from screwgauge.models.importing.convert import Wanted
     from screwgauge.models.importing.model import Options, notes
     from screwgauge.scene.imported import write_imported
-    from screwgauge.study.campaigns.loading import import_apart
+    from screwgauge.study.loading import import_apart
 
     independent, actuated = _names(options.independent), _names(options.actuated)
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
@@ -84,7 +84,7 @@ def imported(name: str) -> None:
     if is_model(name):
         from screwgauge.models.importing.model import keep, notes
         from screwgauge.reference.files import beside
-        from screwgauge.study.campaigns.loading import import_apart
+        from screwgauge.study.loading import import_apart
 
         for sentence in notes(keep(path := beside(Path(), name), import_apart(path))[1]):
             complain(f"screwgauge: {sentence}")
@@ -214,7 +214,7 @@ def diagnose(options: argparse.Namespace) -> int:
     from screwgauge.diagnosis.record import summary
     from screwgauge.environment import json_text
     from screwgauge.report.pages.diagnosis import PAGE as page
-    from screwgauge.study.campaigns.loading import read_apart, sides
+    from screwgauge.study.loading import read_apart, sides
 
     if options.b is None:
         raise DescriptionError(

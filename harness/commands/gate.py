@@ -86,7 +86,7 @@ def matrix(options: argparse.Namespace) -> int:
     from itertools import product
 
     from screwgauge.report.pages.matrix import PAGE as page
-    from screwgauge.study.campaigns.matrix import check_versions, matrix
+    from screwgauge.study.matrix import check_versions, matrix
 
     named = {"pin": options.pin, "mujoco": options.mujoco}
     versions = [check_versions((text or version(package)).split(","), package) for package, text in named.items()]
