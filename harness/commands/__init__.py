@@ -134,9 +134,7 @@ def _files(scene: Scene) -> list[Path]:
 
 
 def bench(options: argparse.Namespace) -> int:
-    """Error against run time of a scene, or engines on random mechanisms."""
-    if options.random is not None:
-        return _random(options)
+    """Error against run time of a scene."""
     from screwgauge.report.pages.bench import PAGE, SIMULATION
     from screwgauge.scene.read import load_scene
     from screwgauge.study.bench import forward_run
@@ -158,22 +156,6 @@ def bench(options: argparse.Namespace) -> int:
     more["journal"] = out / NAME
     asked = partial(given_run.bench, scene, **more)
     carry_out(PAGE, out, lambda progress: asked(progress=progress), again=NAME, force=options.force)
-    return 0
-
-
-def _random(options: argparse.Namespace) -> int:
-    """Random mechanisms of all families; those whose rows are there are not done again."""
-    from screwgauge.report.pages.random import PAGE as page
-    from screwgauge.study.campaigns.campaign import campaign
-
-    out, names = options.out or OUT / "random", _names(options.contestants)
-    carry_out(
-        page,
-        out,
-        lambda progress: campaign(options.random, out / page.NAME, seed=options.seed, only=names, progress=progress),
-        again=page.NAME,
-        force=options.force,
-    )
     return 0
 
 
