@@ -13,9 +13,13 @@ import screwgauge
 from screwgauge.families.draw import FAMILIES, families, pick
 from screwgauge.families.sketch import Sketch, described
 from screwgauge.models.catalog import load_mechanism
+from screwgauge.reference import linear
+from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import pose
+from screwgauge.reference.pose import layout, pose
+from screwgauge.scene.exciting import WORSE
 from screwgauge.scene.preflight import check_home
 from screwgauge.study.run import run
 
@@ -60,6 +64,19 @@ def test_the_solver_counts_the_freedoms_that_the_family_is_known_for(family, tmp
     counted = mobility(lay, pose(lay, lay.mechanism.home[None]))
     assert counted.mobility == freedoms
     assert counted.bodies == len(sketch.bodies)
+
+
+@pytest.mark.parametrize(
+    ("family", "seed"), [("6-rus", 63), ("6-rus", 67), ("delta", 2), ("geared-loop", 59), ("redundant", 50)]
+)
+def test_a_motion_stays_away_from_singular_poses_where_the_smallest_about_home_would_meet_one(family, seed):
+    scene = screwgauge.random(seed, family)
+    lay, motion = layout(scene.mechanism), scene.drive(np.linspace(0.0, 1.0, 401))
+    along = positions(lay, motion.y, motion.t, (motion.yd, motion.ydd))
+    home, *condition = linear.condition(
+        loop_equations(lay).matrix(pose(lay, np.vstack([scene.mechanism.home, along.q])))
+    )
+    assert max(condition) < 2.0 * WORSE * home  # at more poses than it was drawn by
 
 
 def answers(folder):

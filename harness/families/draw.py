@@ -79,7 +79,8 @@ def _folder() -> TemporaryDirectory[str]:
 def random(seed: int, family: str | None = None, folder: Path | None = None) -> Scene:
     """A random mechanism in a random motion that stays away from singular poses.
 
-    Lengths are about 1 m, masses about 1 kg, times within 1 s. Frames, inertias, names, loads, the direction of
+    Those are poses where the independent coordinates do not determine the motion; actuators may pass poses where they
+    do not. Lengths are about 1 m, masses about 1 kg, times within 1 s. Frames, inertias, names, loads, the direction of
     gravity, the order of all entries and the direction of every joint are random, too.
 
     Args:
@@ -188,11 +189,9 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
             rows = [[1.0 + 2.0 * abs(row[0]), size * row[1], size * row[2]] for row in (a, b)]
             motion[label] = {"offset": float(value), "harmonics": np.array(rows).tolist()}
         try:
-            regular = _regular(mechanism, motion)
-        except ScrewgaugeError:
-            # home is regular, as its screws say: whoever cannot move a little from there is to be found
-            regular = amplitude == AMPLITUDES[0]
-        if not regular:
+            if not _regular(mechanism, motion):
+                break
+        except ScrewgaugeError:  # it leads to a singular pose, or to where the loops do not close
             break
         found = motion
     return found and shuffled(rng, found)
