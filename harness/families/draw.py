@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from zlib import crc32
@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 import tomli_w
 
-from screwgauge.families import parallel, single
+from screwgauge.families.placed import FAMILIES
 from screwgauge.families.sketch import Sketch, Tables, described, shuffled, unused
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.quantities import GIVEN, QUANTITIES
@@ -24,40 +24,6 @@ from screwgauge.scene.exciting import stays_regular
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-
-
-def _any(s: Sketch, families: Iterable[Callable[[Sketch], int]]) -> int:
-    choice = list(families)
-    return choice[s.rng.integers(len(choice))](s)
-
-
-_UPS = {3: ("S", "UP"), 4: ("UPR",), 5: ("UPU",), 6: ("",)}
-
-#: Family -> draws on a sketch, and returns how many freedoms that is to have.
-FAMILIES: dict[str, Callable[[Sketch], int]] = {
-    **{f"planar-{n}": partial(single.planar, n=n) for n in (4, 5, 6)},
-    **{f"{kinds.lower()}": partial(single.loop, kinds=kinds) for kinds in ("RSSR", "RSUR", "RCCC", "RSCR", "RRSRR")},
-    "7r": partial(single.loop, kinds="RRRRRRR"),
-    "mixed-loop": single.mixed,
-    "bennett": single.bennett,
-    "sarrus": single.sarrus,
-    "spherical-loop": lambda s: single.spherical(s, int(s.rng.integers(4, 6))),
-    "ladder": lambda s: single.ladder(s, int(s.rng.integers(2, 9))),
-    "spatial-ladder": lambda s: single.spatial_ladder(s, int(s.rng.integers(2, 9))),
-    "serial": single.serial,
-    "n-ups": lambda s: _any(s, [partial(parallel.ups, n=n, middle=leg) for n, legs in _UPS.items() for leg in legs]),
-    "6-rus": parallel.six_rus,
-    "6-pus": parallel.six_pus,
-    "3-rrr": parallel.three_rrr,
-    "3-rrr-spherical": parallel.three_rrr_spherical,
-    "3-rps": parallel.three_rps,
-    "3-upu": parallel.three_upu,
-    "delta": parallel.delta,
-    "gear-train": single.gear_train,
-    "geared-loop": single.geared_loop,
-    "redundant": parallel.redundant,
-    "underactuated": lambda s: parallel.ups(s, int(s.rng.integers(3, 6)), ""),
-}
 
 SAMPLES = 5
 AMPLITUDES = (0.1, 0.2, 0.4, 0.8, 1.6)  # [rad or m] of the coordinate that moves most
@@ -109,11 +75,11 @@ def random(seed: int, family: str | None = None, folder: Path | None = None) -> 
 def _draw(rng: np.random.Generator, family: str, file: Path, redrawn: int) -> Scene | None:
     """One draw, None if it is not well conditioned at home or nowhere around."""
     sketch = Sketch(rng)
-    freedoms = FAMILIES[family](sketch)
+    FAMILIES[family](sketch)
     sketch.flip()
-    K = sketch.freedoms()
-    if K is None or K.shape[1] != freedoms:
+    if (K := sketch.freedoms()) is None:
         return None
+    freedoms = K.shape[1]
     chosen = pick(rng, K, range(len(K)))
     driven = _drive(sketch, K)
     strong = np.linalg.matrix_rank(K[driven], 1e-9) == freedoms

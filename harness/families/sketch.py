@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from string import ascii_letters
 from typing import Any
@@ -110,13 +110,25 @@ class Sketch:
         axes = self.axes(kind, axes) if axes is None or axes.ndim == 1 else axes
         self.joints.append(Placed(kind, a, b, point, axes, driven))
 
+    def between(self, a: str, b: str, n: int) -> list[str]:
+        """The bodies that n joints in a row join: a, some that are not there yet, and b."""
+        return [a, *(f"{len(self.joints)}-{i}" for i in range(n - 1)), b]
+
+    def place(
+        self, kinds: str, names: Sequence[str], places: Iterable[tuple[Array, Array | None]], driven: int | None = None
+    ) -> None:
+        """Joints in a row between bodies, at points and along axes, see `join`."""
+        for i, (kind, (point, axes)) in enumerate(zip(kinds, places, strict=False)):
+            self.join(kind, names[i], names[i + 1], point, axes, driven=i == driven)
+
     def chain(self, kinds: str, a: str, b: str, points: Array, *, driven: int | None = None) -> None:
-        """A serial chain from a to b through given points, each P along the way. Shape (n_joints, 3)."""
-        names = [a, *(f"{len(self.joints)}-{i}" for i in range(len(kinds) - 1)), b]
-        for i, kind in enumerate(kinds):
-            way = points[min(i + 1, len(kinds) - 1)] - points[max(i - 1, 0)]
-            axis = way / np.linalg.norm(way) if kind == "P" else self.beside(way) if way.any() else None
-            self.join(kind, names[i], names[i + 1], points[i], axis, driven=i == driven)
+        """Joints in a row from a to b through given points, each P along the way. Shape (n_joints, 3)."""
+        ways = [points[min(i + 1, len(kinds) - 1)] - points[max(i - 1, 0)] for i in range(len(kinds))]
+        axes = (
+            way / np.linalg.norm(way) if kind == "P" else self.beside(way) if way.any() else None
+            for kind, way in zip(kinds, ways, strict=True)
+        )
+        self.place(kinds, self.between(a, b, len(kinds)), zip(points, axes, strict=True), driven)
 
     @property
     def firsts(self) -> list[int]:
