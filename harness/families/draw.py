@@ -155,18 +155,13 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
             rows = [[1.0 + 2.0 * abs(row[0]), size * row[1], size * row[2]] for row in (a, b)]
             motion[label] = {"offset": float(value), "harmonics": np.array(rows).tolist()}
         try:
-            if not _regular(mechanism, motion):
+            drive = read_drive(motion, list(mechanism.independent), Path(), "motion")[0]
+            if not stays_regular(layout(mechanism), drive(np.linspace(0.0, 1.0, POSES)), POSES):
                 break
         except ScrewgaugeError:  # it leads to a singular pose, or to where the loops do not close
             break
         found = motion
     return found and shuffled(rng, found)
-
-
-def _regular(mechanism: Mechanism, motion: Tables) -> bool:
-    """Whether poses along the motion are about as well conditioned as home."""
-    given = read_drive(motion, list(mechanism.independent), Path(), "motion")[0](np.linspace(0.0, 1.0, POSES))
-    return stays_regular(layout(mechanism), given, POSES)
 
 
 def _load(sketch: Sketch, mechanism: Mechanism) -> Tables:
