@@ -134,7 +134,7 @@ def _serial(s: Sketch, kinds: str = "") -> None:
 def _gear_train(s: Sketch) -> None:
     """An open chain or tree of which one or two coordinates move all others by couplings."""
     free = int(s.rng.integers(1, 3))
-    _serial(s, _drawn(s, "RRP", free, free + 1) + _drawn(s, "RRRPUC", 2, 6))
+    _serial(s, "".join(s.rng.choice(list("RRP"), size=free)) + _drawn(s, "RRRPUC", 2, 6))
     for row in range(free, s.firsts[-1]):
         s.tie(row, int(s.rng.integers(row)))
 
@@ -207,12 +207,12 @@ def _three_rrr_spherical(s: Sketch) -> None:
 def _three_upu(s: Sketch) -> None:
     """In general position, or such that the platform does not turn."""
     if s.rng.random() < 0.5:
-        return _legs(s, 3, "UPU", 1)
-    for foot, head in _ends(s, 3):
-        axes, along = s.axes("U", s.beside(head - foot)), (head - foot) / np.linalg.norm(head - foot)
-        places = (foot, axes), (foot, along), (head, axes[::-1])
-        s.place("UPU", s.between(GROUND, "platform", 3), places, driven=1)
-    return None
+        _legs(s, 3, "UPU", 1)
+    else:
+        for foot, head in _ends(s, 3):
+            axes, along = s.axes("U", s.beside(head - foot)), (head - foot) / np.linalg.norm(head - foot)
+            places = (foot, axes), (foot, along), (head, axes[::-1])
+            s.place("UPU", s.between(GROUND, "platform", 3), places, driven=1)
 
 
 def _delta(s: Sketch) -> None:

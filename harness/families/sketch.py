@@ -124,7 +124,7 @@ class Sketch:
         self, kinds: str, names: Sequence[str], places: Iterable[tuple[Array, Array | None]], driven: int | None = None
     ) -> None:
         """Joints in a row between bodies, at points and along axes, see `join`."""
-        for i, (kind, (point, axes)) in enumerate(zip(kinds, places, strict=False)):
+        for i, (kind, (point, axes)) in enumerate(zip(kinds, places, strict=True)):
             self.join(kind, names[i], names[i + 1], point, axes, driven=i == driven)
 
     def chain(self, kinds: str, a: str, b: str, points: Array, *, driven: int | None = None) -> None:
