@@ -26,7 +26,7 @@ def test_engines_agree_on_random_mechanisms(campaign):
         lambda progress: rows_of_mechanisms(count, file, measured, COLUMNS, progress),
         again=PAGE.NAME,
     )
-    assert not {*table["verdict"]} & {"differ", "judged", "failed"}
+    assert {*table["verdict"]} <= {"agree", "estimated"}
 
 
 def test_a_verdict_follows_from_the_comparison():
