@@ -13,8 +13,6 @@ from screwgauge.reference.mechanism import GROUND, KINDS
 from screwgauge.reference.rotations import Array, rotation
 
 _Y, _Z = np.eye(3)[1:]
-#: Passive legs in the middle of a platform, by how many freedoms they leave it.
-_MIDDLE = {3: ("S", "UP"), 4: ("UPR",), 5: ("UPU",), 6: ("",)}
 
 
 def _ring(s: Sketch, n: int, depth: float) -> Array:
@@ -175,9 +173,9 @@ def _ups(s: Sketch, n: int, middle: str = "") -> None:
 
 
 def _n_ups(s: Sketch) -> None:
-    """As many UPS legs as the platform has freedoms."""
-    choice = [(n, middle) for n, legs in _MIDDLE.items() for middle in legs]
-    _ups(s, *choice[s.rng.integers(len(choice))])
+    """As many UPS legs as the leg in the middle leaves freedoms."""
+    middle = str(s.rng.choice(["S", "UP", "UPR", "UPU", ""]))
+    _ups(s, _freedoms(middle) or 6, middle)
 
 
 def _six_pus(s: Sketch) -> None:
