@@ -17,8 +17,8 @@ from screwgauge.reference.mobility import (
     output_freedoms,
     reciprocal_screws,
 )
-from screwgauge.reference.paper.printed import upu_screws
 from screwgauge.reference.pose import chain_screws, layout, pose
+from screwgauge.study.paper.printed import upu_screws
 
 R, L, THETA = 0.8, 0.6, np.pi / 6
 

@@ -10,11 +10,11 @@ import pytest
 from tolerances import CLOSED
 
 import screwgauge
+from screwgauge.engines.screw import scheme as paper
+from screwgauge.engines.screw import twist as paper_twist
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.kinematics import accelerations, positions, velocities
-from screwgauge.reference.paper import scheme as paper
-from screwgauge.reference.paper import twist as paper_twist
 from screwgauge.reference.pose import layout
 
 DRIVE = screwgauge.load_scene("3ups-upu-s").drive

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from screwgauge.engines.screw.scheme import PARTS, chains, march
+from screwgauge.engines.screw.twist import platform_screws
 from screwgauge.judging.answer import timed
 from screwgauge.problem import ModelFiles, Problem, Progress, quiet
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.paper.scheme import PARTS, chains, march
-from screwgauge.reference.paper.twist import platform_screws
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene

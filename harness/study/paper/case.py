@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from screwgauge.engines.screw.scheme import chains
+from screwgauge.engines.screw.twist import platform_screws
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference import dynamics
 from screwgauge.reference.kinematics import accelerations, positions, velocities
-from screwgauge.reference.paper.scheme import chains
-from screwgauge.reference.paper.twist import platform_screws
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene

@@ -9,9 +9,9 @@ import numpy as np
 
 from screwgauge.reference import dynamics
 from screwgauge.reference.linear import SINGULAR
-from screwgauge.reference.paper import printed
 from screwgauge.reference.reactions import joint_point
 from screwgauge.reference.rotations import Array
+from screwgauge.study.paper import printed
 from screwgauge.study.paper.case import HALF, Case, every, largest, longest
 from screwgauge.study.paper.errata import Values
 

@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
+from screwgauge.engines.screw.scheme import brackets, chain_accelerations, integrate
+from screwgauge.engines.screw.twist import fixed_axes, subtracted
 from screwgauge.reference import screws
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mobility import mobility, output_freedoms
-from screwgauge.reference.paper import printed
-from screwgauge.reference.paper.scheme import brackets, chain_accelerations, integrate
-from screwgauge.reference.paper.twist import fixed_axes, subtracted
 from screwgauge.reference.pose import centres_of_mass
 from screwgauge.reference.rotations import Array
+from screwgauge.study.paper import printed
 from screwgauge.study.paper.case import HALF, Case, largest, longest, percent
 from screwgauge.study.paper.errata import TABLE, Values
 

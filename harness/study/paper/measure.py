@@ -8,13 +8,12 @@ from functools import lru_cache
 
 import numpy as np
 
+from screwgauge.engines.screw.scheme import Bracket, chain_accelerations
 from screwgauge.reference import dynamics as bodies
 from screwgauge.reference import screws
-from screwgauge.reference.paper import printed
-from screwgauge.reference.paper.scheme import Bracket, chain_accelerations
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
-from screwgauge.study.paper import dynamics, kinematics
+from screwgauge.study.paper import dynamics, kinematics, printed
 from screwgauge.study.paper.case import SCENE, STEP, Case, every, largest, percent
 from screwgauge.study.paper.errata import Erratum, Values, tabulated
 from screwgauge.study.paper.scheme import SchemeRuns, scheme_runs, scheme_values

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from screwgauge.reference.paper.scheme import integrate
+from screwgauge.engines.screw.scheme import integrate
 from screwgauge.reference.rotations import Array, rotation
 from screwgauge.study.paper.case import DURATION, Case
 from screwgauge.study.paper.errata import Values

@@ -9,9 +9,9 @@ from typing import Literal
 
 import numpy as np
 
+from screwgauge.engines.screw.scheme import Chains, brackets
 from screwgauge.reference import screws
 from screwgauge.reference.linear import null_space
-from screwgauge.reference.paper.scheme import Chains, brackets
 from screwgauge.reference.rotations import Array, rotation
 
 _X, _Y, _Z = np.eye(3)

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.engines.screw.twist import Drive, platform_screws
 from screwgauge.reference import screws
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.graph import Edge, serial_chains
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.paper.twist import Drive, platform_screws
 from screwgauge.reference.pose import Layout, place, unplace
 from screwgauge.reference.rotations import Array, cross, skew
 
