@@ -119,7 +119,6 @@ def run(options: argparse.Namespace) -> int:
         inputs=_files(scene),
         force=options.force,
         samples=options.samples,
-        errata=options.errata,
         pdf=options.pdf,
     )
     for failure in results.failures.values() if options.debug else ():

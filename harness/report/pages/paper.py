@@ -8,17 +8,15 @@ from dataclasses import asdict
 import pandas as pd
 
 from screwgauge.quantities import MAX_DIGITS
-from screwgauge.reference.errors import DescriptionError
 from screwgauge.report.blocks import Banner
 from screwgauge.report.figures.paper import make_plots
 from screwgauge.report.formatting import Row, number, unit_text
 from screwgauge.report.layout import Report, Value
 from screwgauge.report.pages.scene import judged, short
 from screwgauge.scene.read import load_scene
-from screwgauge.scene.scene import Scene
 from screwgauge.study.paper.case import SCENE
 from screwgauge.study.paper.errata import KINDS, Erratum
-from screwgauge.study.paper.measure import NUMBERS, Paper, is_the_papers, measured
+from screwgauge.study.paper.measure import NUMBERS, Paper
 from screwgauge.study.provenance import provenance
 
 NOISE = 10.0**-MAX_DIGITS  # nothing here is known better than to the last bit of one
@@ -86,20 +84,3 @@ PAGE = Report(
     values=VALUES,
     draw=make_plots,
 )
-
-
-def errata_values(scene: Scene) -> dict[str, Value]:
-    """What the report of a run says of the errata.
-
-    Raises:
-        DescriptionError: The scene is not the paper's.
-    """
-    if not is_the_papers(scene):
-        what = "its motion is not that of the paper, whose errata are asked for"
-        raise DescriptionError(what, scene.name, "leave errata out")
-    paper = measured()
-    return {
-        "reach": lambda run: paper.reach.sentence,
-        "errata": lambda run: _rows(paper),
-        "meaning": lambda run: MEANING,
-    }

@@ -12,9 +12,8 @@ from screwgauge.engines.screw.scheme import Bracket, chain_accelerations
 from screwgauge.reference import dynamics as bodies
 from screwgauge.reference import screws
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.scene import Scene
 from screwgauge.study.paper import dynamics, kinematics, printed
-from screwgauge.study.paper.case import SCENE, STEP, Case, every, largest, percent
+from screwgauge.study.paper.case import STEP, Case, every, largest, percent
 from screwgauge.study.paper.errata import Erratum, Values, tabulated
 from screwgauge.study.paper.scheme import SchemeRuns, scheme_runs, scheme_values
 
@@ -100,11 +99,3 @@ def measure(progress: Callable[[str, float], None] = lambda step, share: None) -
 def measured() -> Paper:
     """`measure`, once in the life of a program: it depends on nothing but the code."""
     return measure()
-
-
-def is_the_papers(scene: Scene) -> bool:
-    """Whether a scene is the paper's mechanism in the motion of eq. (59)."""
-    if scene.simulated or scene.mechanism.name != SCENE or scene.motion.y.shape[1] != 2:
-        return False
-    right = printed.trajectory(scene.t)[0][:, :2]
-    return bool(np.allclose(scene.motion.y, right, rtol=0.0, atol=1e-12))
