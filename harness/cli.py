@@ -234,8 +234,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--pin", metavar="A,B", help="versions of Pinocchio (that which is installed)")
     add("--mujoco", metavar="A,B", help="versions of MuJoCo (likewise)")
-
-    command(commands.paper, "measure the errata of the paper, each by its effect", out="paper")
     return parser
 
 

@@ -194,15 +194,6 @@ def stress(options: argparse.Namespace) -> int:
     return 0 if found.ok else 1
 
 
-def paper(options: argparse.Namespace) -> int:
-    """Measures the errata of the paper."""
-    from screwgauge.report.pages.paper import PAGE as page
-    from screwgauge.study.paper.measure import measure
-
-    out = options.out or OUT / "paper"
-    return 0 if carry_out(page, out, measure, force=options.force).complete else 1
-
-
 def diagnose(options: argparse.Namespace) -> int:
     """Compares two models, says why they differ and proves it; or shows a named discrepancy."""
     if options.case is not None:

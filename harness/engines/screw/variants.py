@@ -14,7 +14,7 @@ import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.parts import component_names
-from screwgauge.engines.screw.scheme import PARTS, integrate
+from screwgauge.engines.screw.scheme import integrate
 from screwgauge.problem import GivenMotion, Problem, Progress, quiet
 from screwgauge.reference import dynamics, linear
 from screwgauge.reference.chains import closed_form
@@ -135,10 +135,8 @@ def paper(lay: Layout, problem: Problem, motion: GivenMotion, *, twist: str, met
 
     The motion is given at every step of the method, for ``rk4`` also halfway between. Values are those of the steps.
     """
-    duration, steps = float(motion.t[-1] - motion.t[0]), (len(motion) - 1) // PARTS[method]
-    start = float(motion.t[0])
-    run = integrate(lay, lambda t: motion, duration / steps, duration, start=start, twist=twist, method=method)
-    return {"joint_position": run.q, "joint_velocity": run.w, "joint_acceleration": run.beta}
+    q, w, beta = integrate(lay, motion, twist=twist, method=method)
+    return {"joint_position": q, "joint_velocity": w, "joint_acceleration": beta}
 
 
 #: Name -> what it computes.

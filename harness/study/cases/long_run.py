@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.engines.screw.scheme import PARTS, chains, march
-from screwgauge.engines.screw.twist import platform_screws
+from screwgauge.engines.screw.scheme import PARTS, chains, march, platform_screws
 from screwgauge.judging.answer import timed
 from screwgauge.problem import ModelFiles, Problem, Progress, quiet
 from screwgauge.reference.kinematics import positions
@@ -102,7 +101,7 @@ class PaperScheme(Method):
         for begin in range(0, int(ends[-1]), PART):
             n = min(PART, int(ends[-1]) - begin)
             t = (begin + np.arange(parts * n + 1) / parts) * SCHEME_STEP
-            V = platform_screws(lay, self.scene.moved(t), t)[0]
+            V = platform_screws(lay, self.scene.moved(t))[0]
             theta = march(side, theta[-1], V, SCHEME_STEP, method)
             kept.append(theta[ends[(ends > begin) & (ends <= begin + n)] - begin])
         q = side.scatter(np.concatenate(kept), len(mechanism.coordinates))
