@@ -123,9 +123,10 @@ def test_unknown_names_are_refused(lay):
         integrate(lay, sampled(0.1, "euler"), twist="wrong")
 
 
-def test_a_motion_without_a_whole_step_is_refused(lay):
-    with pytest.raises(DescriptionError, match=r"no whole step.*give at least 3"):
-        integrate(lay, SCENE.moved(np.array([0.0, 0.1])), method="rk4")
+@pytest.mark.parametrize(("method", "samples"), [("euler", 1), ("rk4", 1), ("rk4", 2), ("rk4", 4)])
+def test_a_motion_of_no_whole_steps_is_refused(lay, method, samples):
+    with pytest.raises(DescriptionError, match=f"{samples} samples are no whole steps of {method}"):
+        integrate(lay, SCENE.moved(0.1 * np.arange(samples)), method=method)
 
 
 def test_a_mechanism_without_serial_chains_is_refused():

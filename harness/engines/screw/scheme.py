@@ -190,16 +190,18 @@ def integrate(
         Joint coordinates [rad or m], velocities and accelerations at the ends of the steps. Shape (n, n_q) each.
 
     Raises:
-        ScrewgaugeError: An unknown name, no whole step, or a mechanism that is no set of serial chains to one platform.
+        ScrewgaugeError: An unknown name, no whole steps, or a mechanism that is no set of serial chains to one platform.
     """
     if method not in PARTS:
         raise UnknownNameError("method", method, PARTS)
     parts = PARTS[method]
-    if len(motion) <= parts:
-        raise DescriptionError("no whole step", f"motion of {len(motion)} samples", f"give at least {parts + 1}")
+    steps, rest = divmod(len(motion) - 1, parts)
+    if rest or not steps:
+        what, remedy = f"{len(motion)} samples are no whole steps of {method}", f"give {parts} for each step, and one"
+        raise DescriptionError(what, "motion", remedy)
     V, A = platform_screws(lay, motion, twist)
     side = chains(lay)
-    step = float(motion.t[-1] - motion.t[0]) / ((len(motion) - 1) // parts)
+    step = float(motion.t[-1] - motion.t[0]) / steps
     theta = march(side, side.gather(positions(lay, motion.y[:1], motion.t[:1]).q[0]), V, step, method)
     S = side.walk(theta)[0]
     w = side.solve(S, V[::parts, None])
