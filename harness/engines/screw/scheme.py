@@ -190,7 +190,7 @@ def integrate(
         Joint coordinates [rad or m], velocities and accelerations at the ends of the steps. Shape (n, n_q) each.
 
     Raises:
-        ScrewgaugeError: An unknown name, no whole steps, or a mechanism that is no set of serial chains to one platform.
+        ScrewgaugeError: An unknown name, no whole steps, or a mechanism that is no set of chains to one platform.
     """
     if method not in PARTS:
         raise UnknownNameError("method", method, PARTS)
