@@ -103,23 +103,23 @@ def chains(lay: Layout) -> Chains:
     Raises:
         DescriptionError: Some joint is in no serial chain from ground to the platform.
     """
-    found = serial_chains(lay.mechanism)
+    series = serial_chains(lay.mechanism)
     where = lay.mechanism.where or lay.mechanism.name
     if lay.mechanism.couplings:
         raise DescriptionError("has couplings", where, "the paper's scheme knows only chains")
-    if sum(len(chain) for chain in found) != len(lay.mechanism.joints):
+    if sum(len(chain) for chain in series) != len(lay.mechanism.joints):
         what = "not every joint lies in a serial chain from ground to one platform"
         raise DescriptionError(what, where, "the paper's scheme needs that")
-    if any(edge.reverse for chain in found for edge in chain):
+    if any(edge.reverse for chain in series for edge in chain):
         raise DescriptionError("a joint is declared from the platform to ground", where, "swap parent and child")
-    freedoms = [list(_freedoms(lay, chain)) for chain in found]
+    freedoms = [list(_freedoms(lay, chain)) for chain in series]
     m = max(map(len, freedoms))
     rows = [[*row, *[_NOTHING] * (m - len(row))] for row in freedoms]
     columns, used, turns, axis, R, p = (np.array([[freedom[k] for freedom in row] for row in rows]) for k in range(6))
     turns = turns[..., None].astype(float)
     after, (K, slide) = homogeneous(R, p), np.zeros((2, *R.shape[:2], 4, 4))
     K[..., :3, :3], slide[..., :3, 3] = skew(axis) * turns[..., None], axis * (1.0 - turns)
-    first = [chain[0].joint.parent_frame for chain in found]
+    first = [chain[0].joint.parent_frame for chain in series]
     return Chains(
         columns=columns,
         used=used,
