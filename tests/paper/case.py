@@ -17,7 +17,7 @@ TABLE_2 = "3ups-upu-s-table2"  # the mechanism with the wrist angles of the pape
 STEP = 0.05  # s: the curves of the case are smooth on a scale of seconds
 DURATION = 10.0  # s, as in the paper
 HALF = 0.3  # m, a leg half: the length that eq. (24) adds to p_3
-UPU, S = 0, 4  # the chains that errata single out
+UPU_CHAIN, S_CHAIN = 0, 4  # of the five
 
 
 class Case:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from paper.case import HALF, UPU, Case, S, largest, longest, percent
+from paper.case import HALF, S_CHAIN, UPU_CHAIN, Case, largest, longest, percent
 from paper.erratum import Erratum, Form
 
 from screwgauge.engines.screw.scheme import Chains, fixed_axes, subtracted
@@ -108,8 +108,8 @@ def trajectory(t: Array) -> tuple[Array, Array, Array]:
 def subtraction(case: Case) -> list[Erratum]:
     """4: with V_P of eq. (60) taken about O nothing may be subtracted, or the S joint moves away from O."""
     D, V, _ = trajectory(case.t)
-    printed = Form("(60), less [0; w x r_P]", case.left_over(subtracted(V, D[:, 3:]), S))
-    right = Form("nothing subtracted", case.left_over(case.twist[0], S))
+    printed = Form("(60), less [0; w x r_P]", case.left_over(subtracted(V, D[:, 3:]), S_CHAIN))
+    right = Form("nothing subtracted", case.left_over(case.twist[0], S_CHAIN))
     return [Erratum(4, "E", "(22)-(23)", "violation of the S chain", printed, right, "m/s")]
 
 
@@ -133,7 +133,7 @@ def joint_places(case: Case) -> list[Erratum]:
     axis, printed = (wrist_axis(case.side, case.theta, turns) for turns in ((1, 2, 4), (2, 4)))
     tilt = Form("product from n = 2", 2.0 * np.arcsin(0.5 * longest(printed - axis)))
     e5 = at.S[:, case.lay.columns["leg1.wrist"][1], :3]
-    none = Form("product from n = 1", longest(axis[:, UPU] - e5))
+    none = Form("product from n = 1", longest(axis[:, UPU_CHAIN] - e5))
     return [
         *(Erratum(5, "E", "(24)", f"C off, {where}", form, right, "m") for where, form in forms.items()),
         Erratum(5, "E", "(24)", "axis e_5 off, at most", tilt, none, "rad"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from paper.case import UPU, Case, every, largest, longest
+from paper.case import UPU_CHAIN, Case, every, largest, longest
 from paper.erratum import Erratum, Form
 
 from screwgauge.engines.screw.scheme import PARTS, fixed_axes, integrate
@@ -77,18 +77,19 @@ def units(case: Case) -> list[Erratum]:
     side, V, right = case.side, fixed_axes(case.motion)[0], case.twist[0]
     along = case.scene.moved(every(0.01 / PARTS["rk4"]))
     q, w, _ = integrate(case.lay, along, twist="printed", method="rk4")
-    S = side.walk(side.gather(q))[0][:, UPU]
-    made = (S.swapaxes(1, 2) @ side.gather(w)[:, UPU, :, None])[..., 0]
+    S = side.walk(side.gather(q))[0][:, UPU_CHAIN]
+    made = (S.swapaxes(1, 2) @ side.gather(w)[:, UPU_CHAIN, :, None])[..., 0]
     left_over = longest(made - fixed_axes(along)[0][:: PARTS["rk4"]])
 
     def first(V: Array, unit: float) -> Array:
         scale = np.repeat([1.0, unit], 3)
-        return side.solve(np.where(side.turns > 0, case.screws * scale, case.screws), (V * scale)[:, None])[:, UPU, 0]
+        S = np.where(side.turns > 0, case.screws * scale, case.screws)
+        return side.solve(S, (V * scale)[:, None])[:, UPU_CHAIN, 0]
 
     metres, millimetres = first(V, 1.0), first(V, MILLIMETRES)
     change, none = largest(metres - millimetres), largest(first(right, 1.0) - first(right, MILLIMETRES))
     i = int(np.argmin(np.abs(case.t - 2.0)))
-    path = Form("V of (60), along the scheme's own path", left_over), Form("right V", case.left_over(right, UPU))
+    path = Form("V of (60), along the scheme's own path", left_over), Form("right V", case.left_over(right, UPU_CHAIN))
     at_2_s = Form("lengths in metres", metres[i]), Form("lengths in millimetres", millimetres[i])
     most = Form("V of (60), m against mm", change), Form("right V, m against mm", none)
     return [
@@ -106,7 +107,7 @@ def steps_in_time(runs: Runs) -> list[Erratum]:
     ups = Form(mended, euler.gap[-1, 1:].max()), Form(best, rk4.gap[-1, 1:].max())
     tilt = Form(mended, euler.tilt[-1]), Form(best, rk4.tilt[-1])
     orders = Form("Euler, right twist", order(*right)), Form("RK4, right twist", order(*fourth))
-    upu = Form("Euler, 1 ms, (60) as printed", literal.gap[-1, UPU]), Form(best, rk4.gap[-1, UPU])
+    upu = Form("Euler, 1 ms, (60) as printed", literal.gap[-1, UPU_CHAIN]), Form(best, rk4.gap[-1, UPU_CHAIN])
     floor = Form("Euler, (60) as printed: a floor", _last_by_first(printed[1]))
     falls = Form("Euler, right twist", _last_by_first(right[1]))
     return [
