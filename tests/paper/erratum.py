@@ -46,5 +46,5 @@ class Erratum:
 
 
 def about(size: float) -> object:
-    """A size that two independent programs give with two or three figures."""
+    """A size known from elsewhere, with two or three figures."""
     return pytest.approx(size, rel=0.03, abs=0)

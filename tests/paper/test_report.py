@@ -16,8 +16,8 @@ pytestmark = pytest.mark.slow
 #: Read before any test may write it anew.
 KEPT = pd.read_csv(Path(__file__).parents[2] / "reports/paper/errata.csv")
 
-#: By how much of its row's largest number a number may be off. Other kernels of linear algebra and other sines move
-#: most by 1e-13 of it, and by 2e-12 what 10 000 steps have added up.
+#: By how much of its row's largest number a number may be off. Other kernels of linear algebra move most by 1e-13 of
+#: it, and by 3e-12 what 10 000 steps have added up; the rest is for sines and cosines of other libraries.
 SHARE = 1e-9
 SHARES = {
     # second differences of positions: their rounding of 1e-16 m over (2 ms)^2; 3e-9 is seen
