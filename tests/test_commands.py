@@ -68,7 +68,7 @@ def test_every_command_has_a_folder_of_its_own(arguments, folder, monkeypatch) -
 
     def study(page, out, work, **more):
         seen.append(out)
-        return SimpleNamespace(exit_status=0, failures={}, ok=True, complete=True, broken=())
+        return SimpleNamespace(exit_status=0, failures={}, ok=True, broken=())
 
     monkeypatch.setattr(commands, "carry_out", study)
     assert main(arguments) == 0
