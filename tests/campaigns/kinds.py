@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from campaigns import mutations, placements
+from campaigns.mutant import CannotError, Expected, Random
+from campaigns.mutations import Mutation, passive
+
 from screwgauge.diagnosis.files.xml_text import XmlText
-from screwgauge.study.selftest import mutations, placements
-from screwgauge.study.selftest.mutant import CannotError, Expected, Random
-from screwgauge.study.selftest.mutations import Mutation, passive
 
 _SINGLE: tuple[Mutation, ...] = (
     *(mutations.mass_factor, mutations.mass_in_grams, mutations.masses_swapped, mutations.all_masses_factor),

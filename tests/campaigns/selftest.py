@@ -11,19 +11,19 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from campaigns.judged import CLOSE, judged
+from campaigns.kinds import KINDS
+from campaigns.lookalikes import REWRITES
+from campaigns.mutant import TURNED, CannotError
+from campaigns.pools import Pool, pools
 
 from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.files import read_file
-from screwgauge.study.selftest.judged import CLOSE, judged
-from screwgauge.study.selftest.kinds import KINDS
-from screwgauge.study.selftest.lookalikes import REWRITES
-from screwgauge.study.selftest.mutant import TURNED, CannotError
-from screwgauge.study.selftest.pools import Pool, pools
 from screwgauge.study.table import added_to, rows_in
 
-#: Changes, and pairs that are alike for each; --quick.
-COUNT, QUICK, PAIRS = 500, 100, 0.4
+#: Changes, and pairs that are alike for each.
+COUNT, PAIRS = 500, 0.4
 SMALLEST, LARGEST = 1e-6, 0.1  # relative size of a change
 #: A change of torques below it [of the largest torque] need not be found.
 VISIBLE = 1e-9
@@ -52,18 +52,6 @@ def items(count: int, pairs: int, kinds: Sequence[str] = tuple(KINDS)) -> Iterat
     rewrites = tuple(REWRITES)
     for i in range(pairs):
         yield Item(ALIKE, i, rewrites[i % len(rewrites)])
-
-
-def counts(count: int | None = None, quick: bool = False) -> tuple[int, int]:
-    """How many changes and pairs there are to be.
-
-    Raises:
-        DescriptionError: Fewer than one.
-    """
-    if count is not None and count < 1:
-        raise DescriptionError(f"{count} changes are none", "diagnose --self-test --count", "ask for one at least")
-    count = count or (QUICK if quick else COUNT)
-    return count, round(PAIRS * count)
 
 
 def selftest(

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from campaigns.mutant import EVERYWHERE, Expected
 
 from screwgauge.diagnosis.causes.attribution import Step
 from screwgauge.diagnosis.causes.hypothesis import Hypothesis, Value
 from screwgauge.diagnosis.diagnose import Diagnosis
 from screwgauge.reference.rotations import rotation_vector
-from screwgauge.study.selftest.mutant import EVERYWHERE, Expected
 
 #: A magnitude that is told is right within so much of it.
 CLOSE = 0.01

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from campaigns.marks import Inertial, inertials, is_urdf, joints
+from campaigns.mutant import EVERYWHERE, CannotError, Expected, Random
+from support.robots import unit
 
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.models.placement import number_text
 from screwgauge.models.readings.assemble import steiner
 from screwgauge.reference.rotations import Array
-from screwgauge.study.selftest.marks import Inertial, inertials, is_urdf, joints
-from screwgauge.study.selftest.mutant import EVERYWHERE, CannotError, Expected, Random, unit
 
 Mutation = Callable[[XmlText, Random, float], list[Expected]]
 

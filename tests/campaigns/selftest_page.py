@@ -1,20 +1,21 @@
-"""The report of ``screwgauge diagnose --self-test``: what of changed models a diagnosis finds, and what it does not."""
+"""The report of what of changed models a diagnosis finds, and what it does not."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from statistics import median
 from typing import Any
 
 import pandas as pd
+from campaigns.judged import CLOSE
+from campaigns.selftest import ALIKE, CHANGED, VISIBLE
 
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, rows, words
 from screwgauge.report.layout import Value
 from screwgauge.report.study import counted, study
-from screwgauge.study.selftest.judged import CLOSE
-from screwgauge.study.selftest.run import ALIKE, CHANGED, VISIBLE
 
 #: What is asked for: share detected of the changes that torques show, named right, magnitude right; time [s].
 WANTED = {"detected": 0.99, "named right": 0.95, "magnitude right": 0.95}
@@ -115,4 +116,5 @@ PAGE = study(
     alike=_alike,
     visible=lambda found: VISIBLE,
     close=lambda found: CLOSE,
+    texts=Path(__file__).parent / "texts",
 )

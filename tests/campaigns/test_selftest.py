@@ -7,17 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from campaigns import selftest as run
+from campaigns.judged import judged
+from campaigns.kinds import KINDS
+from campaigns.lookalikes import REWRITES
+from campaigns.mutant import Expected
+from campaigns.selftest_page import PAGE as page
+from campaigns.selftest_page import passed
+from support.robots import tree, urdf
 
-from screwgauge.cli import main
 from screwgauge.diagnosis.diagnose import diagnose
-from screwgauge.report.pages.selftest import PAGE as page
-from screwgauge.report.pages.selftest import passed
-from screwgauge.study.selftest import run
-from screwgauge.study.selftest.judged import judged
-from screwgauge.study.selftest.kinds import KINDS
-from screwgauge.study.selftest.lookalikes import REWRITES
-from screwgauge.study.selftest.mutant import Expected
-from screwgauge.study.selftest.trees import tree, urdf
 
 
 @pytest.fixture(scope="module")
@@ -93,9 +92,14 @@ def test_the_page_lists_what_was_missed(study, tmp_path):
     assert "Pairs that are alike" in text
 
 
-def test_other_options_are_refused(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for more in (["a.urdf"], ["--matrix"], ["--count", "0"]):
-        assert main(["diagnose", "--self-test", *more]) == 2
-    assert "Traceback" not in capsys.readouterr().err
-    assert not [*tmp_path.iterdir()]
+@pytest.mark.campaign
+def test_changes_at_random_are_found_named_and_measured(campaign):
+    count = campaign.count or run.COUNT
+    file = campaign.reports / "selftest" / page.NAME
+    found = campaign.carry_out(
+        page,
+        "selftest",
+        lambda progress: run.selftest(count, round(run.PAIRS * count), file, progress=progress),
+        again=page.NAME,
+    )
+    assert passed(found), found[found["verdict"] != "ok"].to_string()

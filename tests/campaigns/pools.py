@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
+from support.robots import mjcf, tree, urdf
+
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.mjcf import write_mjcf
 from screwgauge.models.urdf import write_urdf
-from screwgauge.study.selftest.trees import mjcf, tree, urdf
 
 #: Path below a folder that Python packages are installed in; the packages are those of the extra ``study``.
 PUBLIC = {

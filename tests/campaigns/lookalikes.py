@@ -6,14 +6,15 @@ import re
 from collections.abc import Callable
 
 import numpy as np
+from campaigns.marks import inertials, is_urdf
+from campaigns.mutant import CannotError, Random
+from support.robots import unit
 
 from screwgauge.diagnosis.files.layout import urdf_links
 from screwgauge.diagnosis.files.write_urdf import inertial_text
 from screwgauge.diagnosis.files.xml_text import XmlText
 from screwgauge.diagnosis.mechanics.matter import NOTHING, Matter, combined, displaced, relative
 from screwgauge.reference.rotations import rotation
-from screwgauge.study.selftest.marks import inertials, is_urdf
-from screwgauge.study.selftest.mutant import CannotError, Random, unit
 
 Rewrite = Callable[[str, Random], str]
 _NUMBERS = (

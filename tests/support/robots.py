@@ -14,9 +14,14 @@ from screwgauge.models.placement import number_text, quaternion, rpy, vector_tex
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.urdf import moments
 from screwgauge.reference.rotations import Array, rotation
-from screwgauge.study.selftest.mutant import unit
 
 _KINDS = ("revolute", "revolute", "continuous", "prismatic", "fixed")
+
+
+def unit(rng: np.random.Generator) -> Array:
+    """A random direction. Shape (3,)."""
+    v = rng.normal(size=3)
+    return np.asarray(v / np.linalg.norm(v))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

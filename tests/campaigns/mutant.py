@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.reference.rotations import Array
-
 Random = np.random.Generator
 #: Item of a change of all parts.
 EVERYWHERE = "*"
@@ -34,9 +32,3 @@ class Expected:
 
 class CannotError(Exception):
     """A kind of change that a file has no place for."""
-
-
-def unit(rng: Random) -> Array:
-    """A random direction. Shape (3,)."""
-    v = rng.normal(size=3)
-    return np.asarray(v / np.linalg.norm(v))

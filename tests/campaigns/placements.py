@@ -5,15 +5,16 @@ from __future__ import annotations
 import re
 
 import numpy as np
+from campaigns.marks import end, is_urdf, joints, moving, pose
+from campaigns.mutant import CannotError, Expected, Random
+from campaigns.mutations import _joint
+from support.robots import unit
 
 from screwgauge.diagnosis.files.layout import compilers, numbers
 from screwgauge.diagnosis.files.write_mjcf import orient
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.models.placement import number_text, rpy, vector_text
 from screwgauge.reference.rotations import Array, rotation
-from screwgauge.study.selftest.marks import end, is_urdf, joints, moving, pose
-from screwgauge.study.selftest.mutant import CannotError, Expected, Random, unit
-from screwgauge.study.selftest.mutations import _joint
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 NUMBERS = re.compile(rf"\s*{_NUMBER}(?:\s+{_NUMBER})*\s*")
