@@ -9,8 +9,7 @@ from statistics import median
 from typing import Any
 
 import pandas as pd
-from campaigns.judged import CLOSE
-from campaigns.selftest import ALIKE, CHANGED, VISIBLE
+from campaigns.selftest import ALIKE, CHANGED, CLOSE, VISIBLE
 
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, rows, words
