@@ -89,7 +89,7 @@ def models(folder, change, full=False):
 
 def test_two_causes_are_taken_one_after_the_other(tmp_path):
     parts = tree(0)
-    damping, mass = f'damping="{float(parts[0].passive[0])!r}"', f'mass="{parts[1].mass!r}"'
+    damping, mass = f'damping="{parts[0].passive[0]!r}"', f'mass="{parts[1].mass!r}"'
     found = diagnose(*models(tmp_path, lambda text: text.replace(damping, 'damping="5"').replace(mass, 'mass="9"')))
     why = found.attribution
     assert {step.hypothesis.name.split(" of ")[0] for step in why.steps} == {"damping", "mass"}
