@@ -15,7 +15,7 @@ import pandas as pd
 from campaigns.changes import CannotError
 from campaigns.lookalikes import REWRITES
 from campaigns.mutations import EVERYWHERE, KINDS, LOST, TRANSPOSED, Expected, mutated
-from support.robots import mjcf, tree, urdf
+from support.robots import arm, mjcf, tree, urdf
 
 from screwgauge.diagnosis.causes.attribution import Step
 from screwgauge.diagnosis.causes.hypothesis import Hypothesis, Value
@@ -76,6 +76,7 @@ class Machine:
 def machines(folder: Path) -> list[Machine]:
     """Random trees and built-in mechanisms, each written into a folder; public robots that are installed."""
     files = {f"tree{seed}{ending}": text for seed in range(4) for ending, text in _texts(seed).items()}
+    files["coupled.urdf"] = urdf(arm()).replace("</joint>", '<mimic joint="joint1" multiplier="0.5"/></joint>', 1)
     for name in BUILT_IN:
         mechanism = load_mechanism(name)
         files |= {f"{name}.urdf": write_urdf(mechanism, "minimal"), f"{name}.xml": write_mjcf(mechanism, "minimal")}
@@ -102,6 +103,7 @@ def _made(folder: Path) -> Iterator[Machine]:
     for i in range(4):
         yield Machine(f"tree{i}", _read(folder / f"tree{i}.urdf", folder / f"tree{i}.xml"))
         yield Machine(f"tree{i}-full", _read(folder / f"tree{i}-full.xml"))
+    yield Machine("coupled", _read(folder / "coupled.urdf"))
     for name in BUILT_IN:
         yield Machine(name, _read(folder / f"{name}.urdf"))
         yield Machine(f"{name}-mjcf", _read(folder / f"{name}.xml"))
