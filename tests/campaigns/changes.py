@@ -162,8 +162,8 @@ def pivoted(mark: Mark) -> bool:
 
 
 def turned_axis(mark: Mark) -> bool:
-    """Whether the orientation of a placement turns the axis of its joint."""
-    return bool(np.abs(mark.get("turn") @ about(mark) - about(mark)).max() > 1e-2)
+    """Whether the orientation of a placement takes the axis of its joint to another line: half a turn is its sign."""
+    return bool(np.linalg.norm(np.cross(mark.get("turn") @ about(mark), about(mark))) > 1e-2)
 
 
 def limited(mark: Mark) -> bool:
