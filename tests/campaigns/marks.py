@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -137,7 +136,7 @@ def end(joint: Element, tag: str) -> str:
     return link.get("link") if link else ""
 
 
-def moving(body: Element) -> Sequence[Element]:
+def moving(body: Element) -> list[Element]:
     """The joints of a body of an MJCF."""
     return [child for child in body.children if child.tag in ("joint", "freejoint")]
 
@@ -182,8 +181,8 @@ def last_bodies(xml: XmlText) -> list[Mark]:
 
 
 def motors(xml: XmlText) -> list[Mark]:
-    found = (motor for room in children(xml, "actuator") for motor in room.children if motor.tag == "motor")
-    return [Mark(xml, motor, motor.get("name")) for motor in found if motor.get("joint")]
+    some = (motor for room in children(xml, "actuator") for motor in room.children if motor.tag == "motor")
+    return [Mark(xml, motor, motor.get("name")) for motor in some if motor.get("joint")]
 
 
 def anchors(xml: XmlText) -> list[Mark]:

@@ -147,7 +147,7 @@ def row(kind: str, known: Sequence[Machine], folder: Path, seed: Sequence[int]) 
         try:
             text, expected = _written(kind, second, rng, size)
             copy.write_text(text, encoding="utf-8")
-            found = diagnose(f"{first}@{library_a}", f"{copy}@{library_b}")
+            answer = diagnose(f"{first}@{library_a}", f"{copy}@{library_b}")
         except (CannotError, ScrewgaugeError) as error:
             reason = f"{type(error).__name__}: {error}"
             continue
@@ -161,8 +161,8 @@ def row(kind: str, known: Sequence[Machine], folder: Path, seed: Sequence[int]) 
             "a": f"{first.suffix[1:]} {library_a}",
             "b": f"{second.suffix[1:]} {library_b}",
             "cpu_s": f"{process_time() - begin:.3g}",
-            "effect": f"{_effect(found):.3g}",
-            **(judged(found, expected) if expected else _alike(found)),
+            "effect": f"{_effect(answer):.3g}",
+            **(judged(answer, expected) if expected else _alike(answer)),
         }
     return {"kind": kind, "verdict": "no place", "first": reason}
 
@@ -173,62 +173,66 @@ def _written(kind: str, file: Path, rng: np.random.Generator, size: float) -> tu
     return mutated(kind, text, rng, size) if kind in KINDS else (REWRITES[kind](text, rng), [])
 
 
-def _effect(found: Diagnosis) -> float:
+def _effect(answer: Diagnosis) -> float:
     """Largest difference of torques, of the largest torque."""
-    return found.attribution.before.scaled if found.attribution else np.inf
+    return answer.attribution.before.scaled if answer.attribution else np.inf
 
 
-def _alike(found: Diagnosis) -> dict[str, Any]:
-    quiet = found.same or found.undecided
-    return {"detected": not quiet, "verdict": "ok" if quiet else "false alarm", "first": "" if quiet else found.verdict}
+def _alike(answer: Diagnosis) -> dict[str, Any]:
+    quiet = answer.same or answer.undecided
+    return {
+        "detected": not quiet,
+        "verdict": "ok" if quiet else "false alarm",
+        "first": "" if quiet else answer.verdict,
+    }
 
 
-def judged(found: Diagnosis, expected: Sequence[Expected]) -> dict[str, Any]:
+def judged(answer: Diagnosis, expected: Sequence[Expected]) -> dict[str, Any]:
     """Compares a diagnosis with what was changed.
 
     Returns:
         Columns: detected; first, what it names first; right, whether that, or something that it cannot tell from it, is
         what was changed; error of the magnitude, relative; what backfill leaves; verdict.
     """
-    steps = found.attribution.steps if found.attribution else ()
-    detected = not (found.same or found.undecided)
-    right, error = _right(found, expected, steps) if detected else (False, np.nan)
-    name = steps[0].hypothesis.name if steps else found.differences[0].sentence if found.differences else ""
+    steps = answer.attribution.steps if answer.attribution else ()
+    detected = not (answer.same or answer.undecided)
+    right, error = _right(answer, expected, steps) if detected else (False, np.nan)
+    name = steps[0].hypothesis.name if steps else answer.differences[0].sentence if answer.differences else ""
     good = "wrong" if not right else "imprecise" if error > CLOSE else "ok"
     return {
         "detected": detected,
         "right": right,
         "error": f"{error:.2g}" if np.isfinite(error) else "",
         "first": name,
-        **({"left": f"{found.proof.left.scaled:.2g}", "backfill": found.proof.on} if found.proof else {}),
+        **({"left": f"{answer.proof.left.scaled:.2g}", "backfill": answer.proof.on} if answer.proof else {}),
         "verdict": good if detected else "missed",
     }
 
 
-def _right(found: Diagnosis, expected: Sequence[Expected], steps: Sequence[Step]) -> tuple[bool, float]:
+def _right(answer: Diagnosis, expected: Sequence[Expected], steps: Sequence[Step]) -> tuple[bool, float]:
     """Whether each change is named, as the slip that it is, and by how much the worst magnitude is off."""
     named = [cause for step in steps[: len(expected)] for cause in (step.hypothesis, *step.alike)]
     if expected[0].what == ("digits",):
-        rounded = found.differences and all(difference.kind == "digits" for difference in found.differences)
+        rounded = answer.differences and all(difference.kind == "digits" for difference in answer.differences)
         return rounded or any("digits" in slip for cause in named[:1] for slip in cause.slips), np.nan
-    values = _values(found, named, len(expected) - len(steps))
-    carriers = {link: name for name, body in found.b.reading.bodies.items() for link in body.fixed}
+    values = _values(answer, named, len(expected) - len(steps))
+    carriers = {link: name for name, body in answer.b.reading.bodies.items() for link in body.fixed}
     fitting = [[value for value in values if _fits(value, each, carriers)] for each in expected]
-    thought = found.attribution.ranking if found.attribution and not steps else ()
+    thought = answer.attribution.ranking if answer.attribution and not steps else ()
     slips = {slip for cause in (*named, *(cause for cause, _ in thought)) for slip in cause.slips}
     slipped = all(not each.slip or any(each.slip in slip for slip in slips) for each in expected)
     errors = [
-        min(_error(value, each.magnitude, found) for value in some)
+        min(_error(value, each.magnitude, answer) for value in some)
         for each, some in zip(expected, fitting, strict=True)
         if some and np.isfinite(each.magnitude)
     ]
     return all(fitting) and slipped, max(errors, default=np.nan)
 
 
-def _values(found: Diagnosis, named: Sequence[Hypothesis], missing: int) -> list[Value]:
+def _values(answer: Diagnosis, named: Sequence[Hypothesis], missing: int) -> list[Value]:
     """Values that causes are named with, or, of what no torque shows, differences; of these as many as are missing."""
-    unseen = found.attribution.unseen if found.attribution else found.differences
-    static = [*(d for d in found.differences if d.what == "branch"), *unseen[: max(missing, 0)]]
+    unseen = answer.attribution.unseen if answer.attribution else answer.differences
+    static = [*(d for d in answer.differences if d.what == "branch"), *unseen[: max(missing, 0)]]
     nothing = np.array(np.nan)
     sides = [(d, *(nothing if side is None else side for side in (d.a, d.b))) for d in static]
     return [
@@ -243,10 +247,10 @@ def _fits(value: Value, expected: Expected, carriers: Mapping[str, str]) -> bool
     return part and value.what in expected.what
 
 
-def _error(value: Value, magnitude: float, found: Diagnosis) -> float:
+def _error(value: Value, magnitude: float, answer: Diagnosis) -> float:
     """Of a magnitude, relative to it."""
     sizes = [float(np.linalg.norm(value.a - value.b))]
     if value.what == "placement":
-        R, p, c = value.a[:3, :3], value.a[:3, 3], found.b.reading.joints[value.item].centre
+        R, p, c = value.a[:3, :3], value.a[:3, 3], answer.b.reading.joints[value.item].centre
         sizes = [float(np.linalg.norm(rotation_vector(R))), float(np.linalg.norm(R @ c + p - c))]
     return min(abs(size - abs(magnitude)) / abs(magnitude) for size in sizes)

@@ -56,12 +56,12 @@ def heavier(tmp_path):
 
 
 def test_a_wrong_name_or_magnitude_is_not_let_pass(heavier):
-    found, expected = heavier
-    assert judged(found, [expected])["verdict"] == "ok"
+    answer, expected = heavier
+    assert judged(answer, [expected])["verdict"] == "ok"
     for wrong in ({"item": "link9"}, {"what": ("com",)}, {"slip": "in mm"}):
-        assert judged(found, [replace(expected, **wrong)])["verdict"] == "wrong"
-    assert judged(found, [expected, Expected("link1", ("inertia",), 1.0)])["verdict"] == "wrong"
-    assert judged(found, [replace(expected, magnitude=1.05 * expected.magnitude)])["verdict"] == "imprecise"
+        assert judged(answer, [replace(expected, **wrong)])["verdict"] == "wrong"
+    assert judged(answer, [expected, Expected("link1", ("inertia",), 1.0)])["verdict"] == "wrong"
+    assert judged(answer, [replace(expected, magnitude=1.05 * expected.magnitude)])["verdict"] == "imprecise"
 
 
 def test_the_report_lists_what_was_missed_and_fails(tmp_path):

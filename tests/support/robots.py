@@ -1,6 +1,6 @@
 """Robots with numbers at random, as URDF and as MJCF, in the forms that public models use.
 
-Inertials have orientations, links may be fixed to others, joints have damping, friction and limits. The MJCF says the
+Inertials have orientations, links may be fixed to others, joints have damping, friction and limits. The MJCF has the
 same with principal moments, and on request what a URDF cannot: armature, springs, actuators.
 """
 
