@@ -143,10 +143,11 @@ def row(kind: str, known: Sequence[Machine], folder: Path, seed: Sequence[int]) 
     for i in rng.permutation(len(known)):
         machine = known[int(i)]
         (first, library_a), (second, library_b) = (machine.files[k] for k in rng.integers(len(machine.files), size=2))
-        copy, begin = folder / f"b-{second.name}", process_time()
+        copy = folder / f"b-{second.name}"
         try:
             text, expected = _written(kind, second, rng, size)
             copy.write_text(text, encoding="utf-8")
+            begin = process_time()
             answer = diagnose(f"{first}@{library_a}", f"{copy}@{library_b}")
         except (CannotError, ScrewgaugeError) as error:
             reason = f"{type(error).__name__}: {error}"
