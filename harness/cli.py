@@ -183,9 +183,6 @@ def _parser() -> argparse.ArgumentParser:
     add("a", nargs="?", type=_named, metavar="A", help=which)
     add("b", nargs="?", type=_named, metavar="B", help="the same")
     add("--case", metavar="ID", help="instead, show a discrepancy of the engines ('list discrepancies')")
-    add("--self-test", action="store_true", help="instead, models changed at random: is each change found and named?")
-    add("--count", type=int, metavar="N", help="so many of them (500), and pairs that are alike, two for five of them")
-    add("--quick", action="store_true", help="fewer (100) and small models only")
     add("--matrix", action="store_true", help="read both by all libraries: does a model, a loader or an engine differ?")
     add("--map", type=_path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
     add(
@@ -195,7 +192,7 @@ def _parser() -> argparse.ArgumentParser:
         help="what closes loops of URDFs, one file or one for each: robot.yaml or .loops.toml (those beside them)",
     )
     add("--meshes", action="store_true", help=meshes)
-    add("--seed", type=_whole(0), default=0, metavar="N", help="of the random states, of the self-test (0)")
+    add("--seed", type=_whole(0), default=0, metavar="N", help="of the random states (0)")
     add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")
     add("--fix", type=_path, metavar="FILE", help="write B as it would have to be to agree with A")
     add("--json", action="store_true", help="print the summary as JSON")

@@ -33,7 +33,6 @@ MECHANISMS = ("slider-crank", "five-bar", "bennett")
 JOURNAL = f"out/{gate.NAME}"
 #: What a check leaves.
 REPORT = tuple(f"out/{name}" for name in ("report.md", "report.html", "check.json", "environment.json", MANIFEST))
-REPORTS = Path(__file__).parents[1] / "reports"
 #: What no entry should be, beside what `fuzz` puts there.
 HOSTILE: tuple[Any, ...] = (
     *fuzz.BAD,

@@ -133,7 +133,7 @@ def test_what_is_no_seed_is_refused(seed):
     "arguments",
     [
         ["run", "slider-crank", "--exciting", "--seed", "-1"],
-        ["diagnose", "a.urdf", "b.urdf", "--seed", "-3"],
+        ["diagnose", "slider-crank", "slider-crank", "--seed", "-3"],
     ],
 )
 def test_counts_of_nothing_and_seeds_that_are_none_are_usage(arguments, capsys):

@@ -180,8 +180,6 @@ def diagnose(options: argparse.Namespace) -> int:
     """Compares two models, says why they differ and proves it; or shows a named discrepancy."""
     if options.case is not None:
         return _case(options)
-    if options.self_test:
-        return _self_test(options)
     from screwgauge.diagnosis.diagnose import diagnose
     from screwgauge.diagnosis.record import summary
     from screwgauge.environment import json_text
@@ -189,9 +187,7 @@ def diagnose(options: argparse.Namespace) -> int:
     from screwgauge.study.loading import read_apart, sides
 
     if options.b is None:
-        raise DescriptionError(
-            "needs two models, a case or a self-test", "diagnose", "write A B, --case ID or --self-test"
-        )
+        raise DescriptionError("needs two models or a case", "diagnose", "write A B or --case ID")
     more = {name: getattr(options, name) for name in ("map", "seed", "matrix", "loops")}
     more |= {} if options.limit is None else {"limit": options.limit}
     if options.fix is not None:
@@ -215,20 +211,6 @@ def _models(options: argparse.Namespace) -> list[Path]:
     loops = options.loops if isinstance(options.loops, list) else [options.loops]
     named = [options.a, options.b, options.a.partition("@")[0], options.b.partition("@")[0], options.map, *loops]
     return [Path(name) for name in named if name]
-
-
-def _self_test(options: argparse.Namespace) -> int:
-    """Diagnoses models changed at random; those whose rows are there are not done again."""
-    from screwgauge.report.pages.selftest import PAGE as page
-    from screwgauge.report.pages.selftest import passed
-    from screwgauge.study.selftest.run import counts, selftest
-
-    check_taken(options, "a self-test", "diagnose --self-test", "self_test", "count", "quick", "seed", "out")
-    out, (count, pairs) = options.out or OUT / "self-test", counts(options.count, options.quick)
-    file, more = out / page.NAME, {"seed": options.seed, "quick": options.quick}
-    asked = partial(selftest, count, pairs, file, **more)
-    found = carry_out(page, out, lambda progress: asked(progress=progress), again=page.NAME, force=options.force)
-    return 0 if passed(found) else 1
 
 
 def _case(options: argparse.Namespace) -> int:

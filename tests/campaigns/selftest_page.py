@@ -1,36 +1,36 @@
-"""The report of ``screwgauge diagnose --self-test``: what of changed models a diagnosis finds, and what it does not."""
+"""The report of what a diagnosis makes of changed models."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from statistics import median
 from typing import Any
 
 import pandas as pd
+from campaigns.selftest import ALIKE, CHANGED, CLOSE, VISIBLE
 
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, rows, words
 from screwgauge.report.layout import Value
 from screwgauge.report.study import counted, study
-from screwgauge.study.selftest.judged import CLOSE
-from screwgauge.study.selftest.run import ALIKE, CHANGED, VISIBLE
 
-#: What is asked for: share detected of the changes that torques show, named right, magnitude right; time [s].
+#: What is wanted: share detected of the changes that torques show, named right, magnitude right; time [s].
 WANTED = {"detected": 0.99, "named right": 0.95, "magnitude right": 0.95}
 SLOWEST = 10.0
 
 
-def passed(found: pd.DataFrame) -> bool:
+def passed(table: pd.DataFrame) -> bool:
     """Whether all that is wanted is reached."""
-    changed, alike = _of(found, CHANGED), _of(found, ALIKE)
+    changed, alike = _of(table, CHANGED), _of(table, ALIKE)
     reached = all(good >= WANTED[name] * of for name, (good, of) in _figures(changed).items())
     return reached and not any(row["detected"] for row in alike) and _median(changed) < SLOWEST
 
 
-def _of(found: pd.DataFrame, group: str) -> list[Row]:
+def _of(table: pd.DataFrame, group: str) -> list[Row]:
     """Rows of a group that have a diagnosis."""
-    some = [row for row in rows(found) if row["group"] == group and row["cpu_s"] != ""]
+    some = [row for row in rows(table) if row["group"] == group and row["cpu_s"] != ""]
     return [{**row, **{name: str(row[name]) == "True" for name in ("detected", "right", "public")}} for row in some]
 
 
@@ -45,12 +45,12 @@ def _figures(changed: Sequence[Row]) -> dict[str, tuple[int, int]]:
     return {name: (sum(each), len(each)) for name, each in zip(WANTED, good, strict=True)}
 
 
-def _median(found: Sequence[Row]) -> float:
-    return median(float(row["cpu_s"]) for row in found) if found else 0.0
+def _median(some: Sequence[Row]) -> float:
+    return median(float(row["cpu_s"]) for row in some) if some else 0.0
 
 
-def _banner(found: pd.DataFrame) -> Banner:
-    changed, alike = _of(found, CHANGED), _of(found, ALIKE)
+def _banner(table: pd.DataFrame) -> Banner:
+    changed, alike = _of(table, CHANGED), _of(table, ALIKE)
     figures = ", ".join(
         f"{name} {good} of {of} ({f'{100.0 * good / of:.1f} %' if of else 'none'})"
         for name, (good, of) in _figures(changed).items()
@@ -62,19 +62,19 @@ def _banner(found: pd.DataFrame) -> Banner:
         f"{len(public)} of them public robots: {figures}. {alarms} false alarms in {len(alike)} pairs that are alike. "
         f"Median processor time of a diagnosis: {_median([*changed, *alike]):.2g} s."
     )
-    return Banner.of(text, passed(found), "PASSED", "FAILED")
+    return Banner.of(text, passed(table), "PASSED", "FAILED")
 
 
 def _by(label: Callable[[Row], str], order: Callable[[Row], Any] = lambda row: 0) -> Value:
     """Lines of figures, one for all changes with the same label."""
 
-    def line(name: str, group: Sequence[Row]) -> Row:
-        told = {k.replace(" ", "_"): f"{good}/{of}" if of else "" for k, (good, of) in _figures(group).items()}
-        return {**told, "label": name, "diagnoses": len(group), "time": f"{_median(group):.2f}"}
-
-    def lines(found: pd.DataFrame) -> list[Row]:
-        labelled = ({**row, "label": label(row)} for row in sorted(_of(found, CHANGED), key=order))
-        return [line(name, group) for (name,), group in grouped(labelled, "label").items()]
+    def lines(table: pd.DataFrame) -> list[Row]:
+        labelled = ({**row, "label": label(row)} for row in sorted(_of(table, CHANGED), key=order))
+        return [
+            {"label": name, "diagnoses": len(group), "time": f"{_median(group):.2f}"}
+            | {k.replace(" ", "_"): f"{good}/{of}" if of else "" for k, (good, of) in _figures(group).items()}
+            for (name,), group in grouped(labelled, "label").items()
+        ]
 
     return lines
 
@@ -84,7 +84,7 @@ def _decade(row: Row) -> str:
     return f"1e{k} to 1e{k + 1}"
 
 
-def _alike(found: pd.DataFrame) -> list[Row]:
+def _alike(table: pd.DataFrame) -> list[Row]:
     return [
         {
             "written": words(kind),
@@ -93,13 +93,13 @@ def _alike(found: pd.DataFrame) -> list[Row]:
             "alarms": sum(row["detected"] for row in group),
             "worst": f"{max(float(row['effect']) for row in group):.1e}",
         }
-        for (kind,), group in grouped(_of(found, ALIKE), "kind").items()
+        for (kind,), group in grouped(_of(table, ALIKE), "kind").items()
     ]
 
 
-def _misses(found: pd.DataFrame) -> list[Row]:
+def _misses(table: pd.DataFrame) -> list[Row]:
     """All rows that are not right, and kinds that no model has a place for."""
-    missed = [row for row in rows(found) if row["verdict"] != "ok"]
+    missed = [row for row in rows(table) if row["verdict"] != "ok"]
     return [{**row, "short": t if len(t := str(row["first"])) < 90 else f"{t[:87]}..."} for row in missed]
 
 
@@ -108,11 +108,12 @@ PAGE = study(
     "Self-test of the diagnosis",
     _banner,
     misses=_misses,
-    missed=lambda found: counted(row["verdict"] for row in _misses(found)),
+    missed=lambda table: counted(row["verdict"] for row in _misses(table)),
     kinds=_by(lambda row: words(row["kind"])),
     models=_by(lambda row: row["model"] + " (public)" * row["public"], order=lambda row: row["model"]),
     sizes=_by(_decade, order=lambda row: float(row["size"])),
     alike=_alike,
-    visible=lambda found: VISIBLE,
-    close=lambda found: CLOSE,
+    visible=lambda table: VISIBLE,
+    close=lambda table: CLOSE,
+    texts=Path(__file__).parent / "texts",
 )

@@ -1,4 +1,4 @@
-"""The same model written otherwise: nothing physical changes, and no diagnosis may say that it does."""
+"""The same model in other words: nothing physical changes, and no diagnosis may name a difference."""
 
 from __future__ import annotations
 
@@ -6,14 +6,15 @@ import re
 from collections.abc import Callable
 
 import numpy as np
+from campaigns.changes import CannotError, Random
+from campaigns.marks import inertials, is_urdf
+from support.robots import unit
 
 from screwgauge.diagnosis.files.layout import urdf_links
 from screwgauge.diagnosis.files.write_urdf import inertial_text
 from screwgauge.diagnosis.files.xml_text import XmlText
-from screwgauge.diagnosis.mechanics.matter import NOTHING, Matter, combined, displaced, relative
+from screwgauge.diagnosis.mechanics.matter import NOTHING, combined, displaced, relative
 from screwgauge.reference.rotations import rotation
-from screwgauge.study.selftest.marks import inertials, is_urdf
-from screwgauge.study.selftest.mutant import CannotError, Random, unit
 
 Rewrite = Callable[[str, Random], str]
 _NUMBERS = (
@@ -30,20 +31,9 @@ def same_text(text: str, rng: Random) -> str:
 def printed_with_17_digits(text: str, rng: Random) -> str:
     xml = XmlText(text, "the model")
     for element in xml.root.iter():
-        if element.tag in ("compiler", "option", "geom", "default", "mesh"):
-            continue
-        said = {name: element.get(name) for name in _NUMBERS if element.get(name)}
-        numbers = {name: " ".join(f"{float(word):.16e}" for word in words.split()) for name, words in said.items()}
-        xml.set(element, **numbers)
-    return xml.text()
-
-
-def reordered(text: str, rng: Random) -> str:
-    """Links and joints of a URDF in another order."""
-    xml = _urdf(text)
-    pieces = [xml.piece(element) for element in xml.root.children]
-    for element, i in zip(xml.root.children, rng.permutation(len(pieces)), strict=True):
-        xml.replace(element, pieces[i])
+        if element.tag not in ("compiler", "option", "geom", "default", "mesh"):
+            words = {name: element.get(name).split() for name in _NUMBERS if element.get(name)}
+            xml.set(element, **{name: " ".join(f"{float(word):.16e}" for word in some) for name, some in words.items()})
     return xml.text()
 
 
@@ -54,30 +44,33 @@ def _urdf(text: str) -> XmlText:
     return xml
 
 
-def renamed(text: str, rng: Random) -> str:
-    """All links and joints have a prefix before their names."""
+def reordered(text: str, rng: Random) -> str:
+    """Links and joints of a URDF in another order."""
     xml = _urdf(text)
-    for element in xml.root.iter():
-        if element.tag in ("link", "joint") and element.get("name"):
-            xml.set(element, name=f"robot_{element.get('name')}")
-        elif element.tag in ("parent", "child") and element.get("link"):
-            xml.set(element, link=f"robot_{element.get('link')}")
-        elif element.tag == "mimic":
-            xml.set(element, joint=f"robot_{element.get('joint')}")
+    pieces = [text[element.start : element.end] for element in xml.root.children]
+    for element, i in zip(xml.root.children, rng.permutation(len(pieces)), strict=True):
+        xml.replace(element, pieces[i])
+    return xml.text()
+
+
+def renamed(text: str, rng: Random) -> str:
+    """All links and joints of a URDF have a prefix before their names."""
+    xml = _urdf(text)
+    holders = {"link": "name", "joint": "name", "parent": "link", "child": "link", "mimic": "joint"}
+    for element in xml.root.iter(*holders):
+        if name := element.get(key := holders[element.tag]):
+            xml.set(element, **{key: f"robot_{name}"})
     return xml.text()
 
 
 def inertials_turned(text: str, rng: Random) -> str:
-    """Every tensor in other axes, and the orientation to match."""
-    xml = XmlText(text, "the model")
+    """Every tensor of a URDF in other axes, and the orientation to match."""
+    xml = _urdf(text)
     for mark in inertials(xml):
-        if not mark.urdf and mark.at.get("fullinertia"):
-            raise CannotError("a full tensor has no orientation")
-        if not mark.urdf:
-            continue
+        old, I = mark.get("turn"), mark.get("tensor")
         R = rotation(unit(rng), np.array(rng.uniform(0.2, 2.0)))
-        old, new = mark.turn, mark.turn @ R
-        mark.turn, mark.tensor = new, new.T @ old @ mark.tensor @ old.T @ new
+        mark.put("turn", old @ R)
+        mark.put("tensor", R.T @ I @ R)
     return xml.text()
 
 
@@ -89,15 +82,15 @@ def fixed_links_merged(text: str, rng: Random) -> str:
     for i, link in enumerate(links):
         if link.near > 0 and not link.joints:
             into[i] = into[link.near]
-    moved = {i for i in range(len(links)) if into[i] != i and links[i].matter is not NOTHING}
+    moved = {i for i, link in enumerate(links) if into[i] != i and link.matter is not NOTHING}
     if not moved:
         raise CannotError("no link with mass is fixed to another")
-    wholes: dict[int, Matter] = {}
+    wholes = {}
     for i, link in enumerate(links):
-        if link.matter is not None and link.matter.mass:
+        if link.matter.mass:
             part = displaced(link.matter, relative(links[into[i]].frame, link.frame))
             wholes[into[i]] = combined(wholes[into[i]], part) if into[i] in wholes else part
-    for i in sorted(moved | {into[i] for i in moved}):
+    for i in moved | {into[i] for i in moved}:
         for old in [child for child in links[i].element.children if child.tag == "inertial"]:
             xml.replace(old)
         if i not in moved:
