@@ -133,8 +133,6 @@ def test_what_is_no_seed_is_refused(seed):
     "arguments",
     [
         ["run", "slider-crank", "--exciting", "--seed", "-1"],
-        ["bench", "--random", "0"],
-        ["check", "--self-test", "--count", "0"],
         ["diagnose", "slider-crank", "slider-crank", "--seed", "-3"],
     ],
 )
