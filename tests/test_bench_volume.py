@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from campaigns import volume
 
 import screwgauge
 from screwgauge.models.catalog import mechanism_path
-from screwgauge.study.bench import volume
 
 
 def test_every_contestant_answers_as_many_samples_in_turn():

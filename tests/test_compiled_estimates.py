@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from campaigns import compiled
 
 import screwgauge
 from screwgauge.engines.registry import get_engine
@@ -16,7 +17,6 @@ from screwgauge.engines.screw.bounds import Bounds
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.problem import ModelFiles
 from screwgauge.reference.pose import layout
-from screwgauge.study.campaigns import compiled
 
 BACKENDS = ["numpy", *(["llvm"] if importlib.util.find_spec("llvmlite") else [])]
 STATES = 300

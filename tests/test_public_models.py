@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from campaigns import imports
+from campaigns.imports import Public, models_in
+from campaigns.imports_page import PAGE as page
 
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.report.pages.public import PAGE as page
-from screwgauge.study.campaigns import imports
-from screwgauge.study.campaigns.imports import Public, models_in
 
 PENDULUM = """<mujoco model="pendulum"><worldbody><body name="arm"><joint name="hinge" axis="0 1 0" armature="1"/>
 <inertial pos="0.1 0 -0.2" mass="1" diaginertia="0.1 0.1 0.1"/></body></worldbody></mujoco>"""

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import pytest
-
-from screwgauge.report.pages.readers import PAGE as page
-from screwgauge.study.campaigns.imports import models_in
-from screwgauge.study.campaigns.readers import reader_matrix
+from campaigns.imports import models_in
+from campaigns.readers import reader_matrix
+from campaigns.readers_page import PAGE as page
 
 ARM = """<mujoco model="arm">{option}<worldbody><body name="upper" pos="0 0 1">
 <joint name="shoulder" axis="0 1 0" {joint}/><inertial pos="0.1 0.02 -0.2" mass="1" diaginertia="0.1 0.12 0.09"/>

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from campaigns import compiled, scaling
 
 import screwgauge
 from screwgauge.engines.screw.compiled import Solver
@@ -21,8 +22,6 @@ from screwgauge.reference.kinematics import positions
 from screwgauge.reference.pose import layout
 from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.program import only
-from screwgauge.study.bench import scaling
-from screwgauge.study.campaigns import compiled
 
 FORCES = ("generalized_force", "actuator_force")
 

@@ -7,16 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import pandas as pd
+from campaigns.imports import Public
+from campaigns.two_readers import compared
 
 from screwgauge.diagnosis.asked import ASKED
-from screwgauge.diagnosis.readers import compared
 from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.wording import first_few
 from screwgauge.solution import Failure
 from screwgauge.study.apart import Limits
-from screwgauge.study.campaigns.imports import Public
 from screwgauge.study.campaigns.loading import LOADING, Request, readings
 from screwgauge.study.table import columns_of, frame
 

@@ -1,6 +1,6 @@
 """Compiled programs against truth and the array solver, sample by sample: no number is wrong by more than its estimate.
 
-``python -m screwgauge.study.campaigns.compiled OUT.csv --states 40000 --random 200`` adds a row for each mechanism and
+``python -m campaigns.compiled OUT.csv --states 40000 --random 200`` adds a row for each mechanism and
 backend; rows that are there are kept. The array solver answers all samples, truth some of them.
 """
 

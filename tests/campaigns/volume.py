@@ -1,6 +1,6 @@
 """What compiled programs cost a sample, beside bare inverse dynamics of Pinocchio and MuJoCo on the same tree.
 
-``python -m screwgauge.study.bench.volume`` measures all in turn, and prints medians and ratios.
+``python -m campaigns.volume`` measures all in turn, and prints medians and ratios.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The report on public models: ``python -m screwgauge.report.pages.public [FOLDER ...] [--out DIR]``.
+"""The report on public models: ``python -m campaigns.imports_page [FOLDER ...] [--out DIR]``.
 
 Models are those of the extra ``study``, and all in the folders named.
 """
@@ -8,11 +8,12 @@ from __future__ import annotations
 import sys
 
 import pandas as pd
+from campaigns.imports import imports
+from campaigns.on_models import TEXTS, by_source, on_models
 
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import rows
-from screwgauge.report.study import by_source, counted, on_models, study
-from screwgauge.study.campaigns.imports import imports
+from screwgauge.report.study import counted, study
 
 COLUMNS = "model | format | bodies | joints | freedoms | loops | couplings | actuators | verdict | error = {max_scaled}"
 
@@ -28,6 +29,7 @@ PAGE = study(
     "Public models",
     _banner,
     grown=False,
+    texts=TEXTS,
     reasons=lambda found: [row for row in rows(found) if row["reason"]],
     models=lambda found: by_source(rows(found), COLUMNS),
     omitted=lambda found: [row for row in rows(found) if row["left_out"]],

@@ -1,6 +1,6 @@
 """What compiled programs cost as motions and mechanisms grow, with fitted exponents.
 
-``python -m screwgauge.study.bench.scaling [LADDER ...] [--sizes 2,4,8] [--backend numpy] [--out FILE.csv]``
+``python -m campaigns.scaling [LADDER ...] [--sizes 2,4,8] [--backend numpy] [--out FILE.csv]``
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from tempfile import TemporaryDirectory
 from time import process_time
 
 import numpy as np
+from campaigns import ladders
+from campaigns.compiled import near_home
+from campaigns.volume import FORCES, measured, samples
 
 from screwgauge.engines.screw.compiled import Solver
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.models.fourbars import four_bars
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.study.bench import ladders
-from screwgauge.study.bench.volume import FORCES, measured, samples
-from screwgauge.study.campaigns.compiled import near_home
 from screwgauge.study.table import columns_of, frame
 from screwgauge.threads import alone
 

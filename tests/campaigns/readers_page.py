@@ -1,4 +1,4 @@
-"""The matrix of readers of public models: ``python -m screwgauge.report.pages.readers [FOLDER ...] [--out DIR]``.
+"""The matrix of readers of public models: ``python -m campaigns.readers_page [FOLDER ...] [--out DIR]``.
 
 Models are those of the extra ``study``, and all in the folders named.
 """
@@ -9,13 +9,14 @@ import sys
 from collections.abc import Sequence
 
 import pandas as pd
+from campaigns.on_models import TEXTS, by_source, on_models
+from campaigns.readers import reader_matrix
+from campaigns.two_readers import SAME
 
 from screwgauge.diagnosis.asked import ASKED
-from screwgauge.diagnosis.readers import SAME
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, missing, number, rows, size
-from screwgauge.report.study import by_source, counted, on_models, study
-from screwgauge.study.campaigns.readers import reader_matrix
+from screwgauge.report.study import counted, study
 
 COLUMNS = f"model | format | {' | '.join(f'{name} [1, kg] = {name}' for name in ASKED)} | torques | rigid body | found"
 
@@ -52,6 +53,7 @@ PAGE = study(
     "Readers of public models",
     _banner,
     grown=False,
+    texts=TEXTS,
     causes=lambda found: [row for row in rows(found) if row["cause"]],
     models=lambda found: by_source(map(_line, grouped(rows(found), "source", "model", "format").values()), COLUMNS),
 )
