@@ -1,12 +1,10 @@
 """Compiled programs against truth and the array solver, sample by sample: no number is wrong by more than its estimate.
 
-``python -m campaigns.compiled OUT.csv --states 40000 --random 200`` adds a row for each mechanism and
-backend; rows that are there are kept. The array solver answers all samples, truth some of them.
+A row for each mechanism and backend; rows that are there are kept. The array solver answers all samples, truth some.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from screwgauge.engines.registry import get_engine
 from screwgauge.engines.screw.array_work import ArrayWork
@@ -40,6 +39,9 @@ COLUMNS = (
 PART, SAMPLES, CERTIFIED = 2000, 300, 40
 #: Farthest random states [rad]: beyond the leg singularity of the 3-UPS-UPU-S.
 REACH = 0.9
+#: Random mechanisms, and random states of the paper's for each of them.
+DRAWN, STATES = 200, 200
+BACKENDS = ("numpy", "llvm")
 #: Forty four-bars take minutes by the array solver.
 LEFT_OUT = ("a02-fourbar-40",)
 
@@ -168,12 +170,11 @@ def beyond(a: Array, b: Array, bound: Array, *, angle: bool) -> float:
     return float(np.nan_to_num(share, nan=np.inf).max(initial=0.0))
 
 
-def cases(count: int, drawn: int) -> Iterator[tuple[str, int]]:
-    """Name and seed of each case: random states, built-in mechanisms, and random ones family by family."""
-    if count:
-        yield "states", 0
-    yield from ((f"built-in {name}", 0) for name in mechanism_names() if name not in LEFT_OUT)
-    yield from ((families()[i % len(families())], i // len(families())) for i in range(drawn))
+def cases(count: int | None) -> Iterator[tuple[str, int]]:
+    """Name and seed of each case: random states, and so many mechanisms built in and random ones, family by family."""
+    yield "states", 0
+    yield from [(f"built-in {name}", 0) for name in mechanism_names() if name not in LEFT_OUT][:count]
+    yield from ((families()[i % len(families())], i // len(families())) for i in range(count or DRAWN))
 
 
 def measured(case: str, seed: int, backends: Sequence[str], count: int) -> list[dict[str, Any]]:
@@ -194,26 +195,12 @@ def measured(case: str, seed: int, backends: Sequence[str], count: int) -> list[
     return [{"case": case, "seed": seed, **row} for row in rows]
 
 
-def main() -> None:
-    """Adds the rows to a file, and says how many of them are right."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--states", type=int, default=2000)
-    parser.add_argument("--random", type=int, default=len(families()))
-    parser.add_argument("--backends", default="numpy,llvm")
-    asked = parser.parse_args()
-    before = rows_in(asked.out, COLUMNS, "programs", ["seed"])
-    done = {(row["case"], int(row["seed"]), row["backend"]) for row in before}
-    with added_to(asked.out, COLUMNS) as add:
-        for case, seed in cases(asked.states, asked.random):
-            left = [backend for backend in asked.backends.split(",") if (case, seed, backend) not in done]
-            for row in measured(case, seed, left, asked.states) if left else ():
+def compiled(file: Path, count: int | None) -> pd.DataFrame:
+    """Adds the rows that a file has not, see `cases`, and returns all."""
+    done = {(row["case"], int(row["seed"]), row["backend"]) for row in rows_in(file, COLUMNS, "programs", ["seed"])}
+    with added_to(file, COLUMNS) as add:
+        for case, seed in cases(count):
+            left = [backend for backend in BACKENDS if (case, seed, backend) not in done]
+            for row in measured(case, seed, left, STATES * (count or DRAWN)) if left else ():
                 add(row)
-    rows = rows_in(asked.out, COLUMNS, "programs")
-    wrong = [f"{row['case']} {row['seed']} {row['backend']}" for row in rows if row["ok"] == "False"]
-    refused = sum(row["ok"] == "refused" for row in rows)
-    print(f"{len(rows) - len(wrong) - refused} right, {refused} refused, {len(wrong)} wrong: {', '.join(wrong)}")
-
-
-if __name__ == "__main__":
-    main()
+    return pd.read_csv(file, dtype=str, keep_default_na=False)

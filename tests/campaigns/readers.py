@@ -5,19 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import pandas as pd
-from campaigns.imports import Public
-from campaigns.two_readers import compared
+from campaigns.public import Public, by_source
+from campaigns.two_readers import SAME, compared
 
 from screwgauge.diagnosis.asked import ASKED
 from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.wording import first_few
+from screwgauge.report.blocks import Banner
+from screwgauge.report.formatting import Row, grouped, missing, number, rows, size
+from screwgauge.report.study import counted, study
 from screwgauge.solution import Failure
-from screwgauge.study.apart import Limits
-from screwgauge.study.campaigns.loading import LOADING, Request, readings
+from screwgauge.study.campaigns.loading import Request, readings
 from screwgauge.study.table import columns_of, frame
 
 #: Causes that are named; the others are counted.
@@ -32,7 +35,7 @@ class ReaderRow:
         format: ``urdf`` or ``mjcf``; empty of a file that is refused before a library sees it.
         freedoms, closures, couplings: How many; NaN of a file that does not load.
         mass: Of all that moves [kg].
-        torque, rigid: Difference to the library of the format (see `diagnosis.readers.TwoReaders`); 0 of that itself,
+        torque, rigid: Difference to the library of the format (see `two_readers.TwoReaders`); 0 of that itself,
             NaN where nothing could be compared.
         cause: Why it does not load, or differs from the library of the format; what is dropped.
     """
@@ -51,24 +54,16 @@ class ReaderRow:
     cause: str = ""
 
 
-def reader_matrix(
-    models: Sequence[Public],
-    progress: Callable[[str, float], None] = lambda step, share: None,
-    limits: Limits = LOADING,
-) -> pd.DataFrame:
-    """A row for each file and library, a column for each field of `ReaderRow`.
-
-    Args:
-        limits: Of one reading.
-    """
-    rows = []
+def reader_matrix(models: Sequence[Public], progress: Callable[[str, float], None]) -> pd.DataFrame:
+    """A row for each file and library, a column for each field of `ReaderRow`."""
+    found = []
     for i, model in enumerate(models):
         progress(model.name, i / len(models))
-        rows += reader_rows(model, limits)
-    return frame(rows, columns_of(ReaderRow))
+        found += reader_rows(model)
+    return frame(found, columns_of(ReaderRow))
 
 
-def reader_rows(model: Public, limits: Limits = LOADING) -> list[ReaderRow]:
+def reader_rows(model: Public) -> list[ReaderRow]:
     """One file by all libraries that read its format and have dynamics, its own first."""
     blank = ReaderRow(model.name, model.source)
     try:
@@ -76,7 +71,7 @@ def reader_rows(model: Public, limits: Limits = LOADING) -> list[ReaderRow]:
     except ScrewgaugeError as error:
         return [replace(blank, cause=error.what)]
     form = "urdf" if libraries[0] == "pinocchio" else "mjcf"
-    found = readings({library: Request(model.file, library, floating=model.floating) for library in libraries}, limits)
+    found = readings({library: Request(model.file, library, floating=model.floating) for library in libraries})
     return [
         _row(replace(blank, format=form, library=library), model, reading, found[libraries[0]])
         for library, reading in found.items()
@@ -105,3 +100,42 @@ def _row(blank: ReaderRow, model: Public, reading: Reading | Failure, first: Rea
         rigid=rigid,
         cause=first_few([*dropped, *causes], NAMED, "; "),
     )
+
+
+def _banner(found: pd.DataFrame) -> Banner:
+    models = grouped(rows(found), "source", "model", "format").values()
+    text = f"{len(models)} models: {counted(map(_found, models))}."
+    return Banner(text, "", "agree" if all(_found(lines) == "equal" for lines in models) else "note")
+
+
+def _line(lines: Sequence[Row]) -> Row:
+    read = {row["library"]: row for row in lines if row["loads"]}
+    cells = {n: f"{row['freedoms']:g}, {number(row['mass'])}" if (row := read.get(n)) else "no" for n in ASKED}
+    names = {"torque": "torques", "rigid": "rigid_body"}
+    sizes = {names[k]: "" if missing(lines[-1][k]) else size(lines[-1][k]) for k in names}
+    return {**lines[0], **cells, **sizes, "found": _found(lines)}
+
+
+def _found(lines: Sequence[Row]) -> str:
+    """What becomes of a model, in few words."""
+    read = [row["library"] for row in lines if row["loads"]]
+    if len(read) < len(ASKED):
+        return f"read by {read[0]} alone" if read else "read by neither"
+    torque, rigid = lines[-1]["torque"], lines[-1]["rigid"]
+    if missing(torque):
+        return "other joints"
+    if torque <= SAME:
+        return "equal"
+    return "equal as rigid bodies" if rigid <= SAME else "other torques"
+
+
+SHOWN = f"model | format | {' | '.join(f'{name} [1, kg] = {name}' for name in ASKED)} | torques | rigid body | found"
+PAGE = study(
+    "readers.csv",
+    "Readers of public models",
+    _banner,
+    grown=False,
+    texts=Path(__file__).with_name("texts"),
+    causes=lambda found: [row for row in rows(found) if row["cause"]],
+    models=lambda found: by_source(map(_line, grouped(rows(found), "source", "model", "format").values()), SHOWN),
+)

@@ -1,4 +1,4 @@
-"""One file read by two libraries: what they read otherwise, and what torques either computes itself."""
+"""One file read by two libraries: what they read in other ways, and what torques either computes itself."""
 
 from __future__ import annotations
 
