@@ -1,7 +1,9 @@
 """Campaigns: what tests the product at large and writes a report of it, on request.
 
-pytest -m campaign --reports reports                       # all of them, as many rows as a report is kept with
-pytest -m campaign -k random --count 50 --reports DIR      # one of them, smaller, elsewhere
+pytest -m campaign --reports=reports                       # all of them, as many rows as a report is kept with
+pytest -m campaign -k random --count 50 --reports=DIR      # one of them, smaller, elsewhere
+
+With a blank in place of ``=``, pytest takes a folder that is there for one of tests.
 """
 
 from __future__ import annotations
