@@ -75,7 +75,7 @@ def spread(errors: Array, units: Sequence[str]) -> Array:
 
 
 def by_array(scene: Scene, motion: GivenMotion) -> Answers:
-    """What the array solver says of all samples."""
+    """All samples by the array solver."""
     work = ArrayWork(layout(scene.mechanism), scene.problem(GIVEN), motion, "compared")
     parts = [work.part(motion.part(slice(i, i + PART))) for i in range(0, len(motion), PART)]
     errors = np.concatenate([examined(part, work.units, work.length) for part in parts])
@@ -85,16 +85,16 @@ def by_array(scene: Scene, motion: GivenMotion) -> Answers:
 
 
 def by_truth(scene: Scene, motion: GivenMotion) -> tuple[Rows, Answers]:
-    """Samples that truth could certify, and what it says of them; what redundancy leaves open has no bound.
+    """Samples that truth could certify, and its answers there; what redundancy leaves open has no bound.
 
     Raises:
         ScrewgaugeError: There is none.
     """
     rows: Rows = np.unique(np.linspace(0, len(motion) - 1, CERTIFIED).astype(np.intp))
     problem = replace(scene, task=motion.part(rows), drive=None, text={}).problem(GIVEN)
-    found = get_engine("truth").load(ModelFiles(scene.mechanism_file)).solve(problem)
-    done = np.arange(len(rows)) if found.rows is None else found.rows
-    answers = {name: (x.array[done], found.radius[name][done].copy()) for name, x in found.values.items()}
+    truth = get_engine("truth").load(ModelFiles(scene.mechanism_file)).solve(problem)
+    done = np.arange(len(rows)) if truth.rows is None else truth.rows
+    answers = {name: (x.array[done], truth.radius[name][done].copy()) for name, x in truth.values.items()}
     if "reaction" in answers:
         lay, three = layout(scene.mechanism), motion.part(rows[done[[0, len(done) // 2, -1]]])
         at = positions(lay, three.y, three.t, (three.yd, three.ydd))
@@ -104,7 +104,7 @@ def by_truth(scene: Scene, motion: GivenMotion) -> tuple[Rows, Answers]:
 
 
 def by_program(solver: Solver, motion: GivenMotion) -> tuple[int, Answers]:
-    """How many samples a program answered, and all that its solver says."""
+    """How many samples a program answered, and all answers of its solver."""
     left, parts = 0, list[Answer]()
     for first in range(0, len(motion), PART):
         some = motion.part(slice(first, first + PART))
@@ -137,14 +137,14 @@ def compared(scene: Scene, motion: GivenMotion, backends: Iterable[str]) -> Iter
             for rows, others in ((every, arrays), (certified, truths))
         )
         counts = {"samples": len(motion), "by_program": n, "certified": len(certified)}
-        found = {
+        shares = {
             "worst": f"{worst:.2g}",
             "quantity": where,
             "true_worst": f"{true_worst:.2g}",
             "true_quantity": true_where,
         }
-        ok, said = max(worst, true_worst) <= 1.0, "; ".join(filter(None, [*solver.notes, why]))
-        yield {"backend": backend, **counts, **found, "ok": ok, "reason": said}
+        ok, reason = max(worst, true_worst) <= 1.0, "; ".join(filter(None, [*solver.notes, why]))
+        yield {"backend": backend, **counts, **shares, "ok": ok, "reason": reason}
 
 
 def furthest(mine: Answers, others: Answers, units: Mapping[str, Sequence[str]]) -> tuple[float, str]:

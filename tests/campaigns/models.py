@@ -62,11 +62,11 @@ class ImportRow:
 
 def imports(models: Sequence[Public], progress: Callable[[str, float], None]) -> pd.DataFrame:
     """A row for each model, a column for each field of `ImportRow`."""
-    found = []
+    table = []
     for i, model in enumerate(models):
         progress(model.name, i / len(models))
-        found.append(import_row(model))
-    return frame(found, columns_of(ImportRow))
+        table.append(import_row(model))
+    return frame(table, columns_of(ImportRow))
 
 
 def import_row(model: Public) -> ImportRow:
@@ -84,15 +84,15 @@ def import_row(model: Public) -> ImportRow:
             _, file = write_imported(imported, Path(folder) / "model.toml")
             scene = load_scene(file)
             some = np.unique(np.linspace(0, len(scene.t) - 1, SAMPLES).astype(int))
-            found = judged(run(scene.at(scene.t[some]), ENGINES))
+            outcome = judged(run(scene.at(scene.t[some]), ENGINES))
     except ScrewgaugeError as error:
         return replace(row, reason=error.what)
     return replace(
         row,
-        verdict=str(found["verdict"]),
-        max_scaled=str(found.get("max_scaled", "")),
-        quantity=str(found.get("quantity", "")),
-        reason=str(found.get("reason") or found.get("judge", "")),
+        verdict=str(outcome["verdict"]),
+        max_scaled=str(outcome.get("max_scaled", "")),
+        quantity=str(outcome.get("quantity", "")),
+        reason=str(outcome.get("reason") or outcome.get("judge", "")),
         run_s=round(process_time() - begin, 2),
     )
 
@@ -112,10 +112,10 @@ def _counted(row: ImportRow, imported: Imported) -> ImportRow:
     )
 
 
-def _banner(found: pd.DataFrame) -> Banner:
-    closed, free = int((found["loops"] > 0).sum()), sum("F" in kinds for kinds in found["joints"])
+def _banner(table: pd.DataFrame) -> Banner:
+    closed, free = int((table["loops"] > 0).sum()), sum("F" in kinds for kinds in table["joints"])
     have = f"{closed} have closed loops, {free} bodies that move freely."
-    return Banner(f"{len(found)} models: {counted(found['verdict'])}. {have}")
+    return Banner(f"{len(table)} models: {counted(table['verdict'])}. {have}")
 
 
 SHOWN = "model | format | bodies | joints | freedoms | loops | couplings | actuators | verdict | error = {max_scaled}"
@@ -125,7 +125,7 @@ PAGE = study(
     _banner,
     grown=False,
     texts=Path(__file__).with_name("texts"),
-    reasons=lambda found: [row for row in rows(found) if row["reason"]],
-    models=lambda found: by_source(rows(found), SHOWN),
-    omitted=lambda found: [row for row in rows(found) if row["left_out"]],
+    reasons=lambda table: [row for row in rows(table) if row["reason"]],
+    models=lambda table: by_source(rows(table), SHOWN),
+    omitted=lambda table: [row for row in rows(table) if row["left_out"]],
 )

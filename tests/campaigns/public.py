@@ -34,16 +34,18 @@ class Public:
 
 def public_models(folders: Iterable[Path], count: int | None = None) -> list[Public]:
     """Models in some folders, then those of packages; the first `count` of them."""
-    found = [
+    models = [
         Public(path, _label(path.relative_to(folder)), folder.name)
         for folder in folders
         for path in sorted(folder.rglob("*"))
         if is_model(path)
     ]
-    for package, models in PACKAGES.items():
-        floating = models.get("floating", ())
-        found += [Public(installed(package, name), _label(name), package, name in floating) for name in models["files"]]
-    return found[:count]
+    for package, listed in PACKAGES.items():
+        floating = listed.get("floating", ())
+        models += [
+            Public(installed(package, name), _label(name), package, name in floating) for name in listed["files"]
+        ]
+    return models[:count]
 
 
 def installed(package: str, name: str) -> Path:

@@ -1,4 +1,4 @@
-"""A matrix of readers: each model file read by each library, and why where it is not read, or is read otherwise."""
+"""A matrix of readers: each model file read by each library, and why it is not, or is read in another way."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ class ReaderRow:
 
 def reader_matrix(models: Sequence[Public], progress: Callable[[str, float], None]) -> pd.DataFrame:
     """A row for each file and library, a column for each field of `ReaderRow`."""
-    found = []
+    table = []
     for i, model in enumerate(models):
         progress(model.name, i / len(models))
-        found += reader_rows(model)
-    return frame(found, columns_of(ReaderRow))
+        table += reader_rows(model)
+    return frame(table, columns_of(ReaderRow))
 
 
 def reader_rows(model: Public) -> list[ReaderRow]:
@@ -71,10 +71,10 @@ def reader_rows(model: Public) -> list[ReaderRow]:
     except ScrewgaugeError as error:
         return [replace(blank, cause=error.what)]
     form = "urdf" if libraries[0] == "pinocchio" else "mjcf"
-    found = readings({library: Request(model.file, library, floating=model.floating) for library in libraries})
+    read = readings({library: Request(model.file, library, floating=model.floating) for library in libraries})
     return [
-        _row(replace(blank, format=form, library=library), model, reading, found[libraries[0]])
-        for library, reading in found.items()
+        _row(replace(blank, format=form, library=library), model, reading, read[libraries[0]])
+        for library, reading in read.items()
     ]
 
 
@@ -102,10 +102,10 @@ def _row(blank: ReaderRow, model: Public, reading: Reading | Failure, first: Rea
     )
 
 
-def _banner(found: pd.DataFrame) -> Banner:
-    models = grouped(rows(found), "source", "model", "format").values()
-    text = f"{len(models)} models: {counted(map(_found, models))}."
-    return Banner(text, "", "agree" if all(_found(lines) == "equal" for lines in models) else "note")
+def _banner(table: pd.DataFrame) -> Banner:
+    models = grouped(rows(table), "source", "model", "format").values()
+    text = f"{len(models)} models: {counted(map(_outcome, models))}."
+    return Banner(text, "", "agree" if all(_outcome(lines) == "equal" for lines in models) else "note")
 
 
 def _line(lines: Sequence[Row]) -> Row:
@@ -113,10 +113,10 @@ def _line(lines: Sequence[Row]) -> Row:
     cells = {n: f"{row['freedoms']:g}, {number(row['mass'])}" if (row := read.get(n)) else "no" for n in ASKED}
     names = {"torque": "torques", "rigid": "rigid_body"}
     sizes = {names[k]: "" if missing(lines[-1][k]) else size(lines[-1][k]) for k in names}
-    return {**lines[0], **cells, **sizes, "found": _found(lines)}
+    return {**lines[0], **cells, **sizes, "found": _outcome(lines)}
 
 
-def _found(lines: Sequence[Row]) -> str:
+def _outcome(lines: Sequence[Row]) -> str:
     """What becomes of a model, in few words."""
     read = [row["library"] for row in lines if row["loads"]]
     if len(read) < len(ASKED):
@@ -136,6 +136,6 @@ PAGE = study(
     _banner,
     grown=False,
     texts=Path(__file__).with_name("texts"),
-    causes=lambda found: [row for row in rows(found) if row["cause"]],
-    models=lambda found: by_source(map(_line, grouped(rows(found), "source", "model", "format").values()), SHOWN),
+    causes=lambda table: [row for row in rows(table) if row["cause"]],
+    models=lambda table: by_source(map(_line, grouped(rows(table), "source", "model", "format").values()), SHOWN),
 )
