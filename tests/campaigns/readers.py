@@ -20,7 +20,7 @@ from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, missing, number, rows, size
 from screwgauge.report.study import counted, study
 from screwgauge.solution import Failure
-from screwgauge.study.campaigns.loading import Request, readings
+from screwgauge.study.campaigns.loading import read_apart
 from screwgauge.study.table import columns_of, frame
 
 #: Causes that are named; the others are counted.
@@ -71,11 +71,18 @@ def reader_rows(model: Public) -> list[ReaderRow]:
     except ScrewgaugeError as error:
         return [replace(blank, cause=error.what)]
     form = "urdf" if libraries[0] == "pinocchio" else "mjcf"
-    read = readings({library: Request(model.file, library, floating=model.floating) for library in libraries})
+    read = {library: _reading(model, library) for library in libraries}
     return [
         _row(replace(blank, format=form, library=library), model, reading, read[libraries[0]])
         for library, reading in read.items()
     ]
+
+
+def _reading(model: Public, library: str) -> Reading | Failure:
+    try:
+        return read_apart(model.file, library, model.floating)
+    except ScrewgaugeError as error:
+        return Failure(library, str(error))
 
 
 def _row(blank: ReaderRow, model: Public, reading: Reading | Failure, first: Reading | Failure) -> ReaderRow:
