@@ -11,6 +11,7 @@ from typing import Any
 
 from screwgauge import __version__, commands
 from screwgauge.commands import gate, view
+from screwgauge.commands.ended import check_current
 from screwgauge.report.console import console, ended, say
 from screwgauge.threads import fix_threads
 
@@ -39,6 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _command(arguments: Sequence[str] | None) -> int:
     try:
+        check_current(sys.argv[1:] if arguments is None else arguments)
         options = _parser().parse_args(arguments)
     finally:
         say("", end="")  # what cannot be said is not begun
@@ -164,8 +166,6 @@ def _parser() -> argparse.ArgumentParser:
     budget = "begin nothing after that (480, --quick 48; simulated scenes 90, --quick 25)"
     add("--budget", type=float, metavar="SECONDS", help=budget)
     add("--contestants", metavar="A,B", help="families or contestants; default: all")
-    add("--random", type=_whole(1), metavar="N", help="instead, all engines on N random mechanisms of all families")
-    add("--seed", type=_whole(0), default=0, help="of the first random mechanisms")
 
     add = command(
         commands.stress,
@@ -219,8 +219,6 @@ def _parser() -> argparse.ArgumentParser:
     add("-j", "--jobs", type=int, default=1, metavar="N", help="scenes at a time (1)")
     add("--json", action="store_true", help="print all of it as JSON")
     add("--store", type=_path, metavar="DIR", help="keep errors and run times there, see 'history'")
-    add("--self-test", action="store_true", help="instead, count false alarms and missed changes at random mechanisms")
-    add("--count", type=_whole(1), default=1000, metavar="N", help="of these (1000)")
     add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
     add("--memory", type=float, metavar="GB", help="stop a scene that needs more (that of the machine)")
 

@@ -7,8 +7,7 @@ import os
 import pytest
 
 from screwgauge.reference.errors import LoaderError, ModelFileError
-from screwgauge.study import apart
-from screwgauge.study.campaigns import loading
+from screwgauge.study import apart, loading
 
 REAL = apart.apart
 INERTIAL = '<inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/>'

@@ -65,7 +65,7 @@ def import_(options: argparse.Namespace) -> int:
     from screwgauge.models.importing.convert import Wanted
     from screwgauge.models.importing.model import Options, notes
     from screwgauge.scene.imported import write_imported
-    from screwgauge.study.campaigns.loading import import_apart
+    from screwgauge.study.loading import import_apart
 
     independent, actuated = _names(options.independent), _names(options.actuated)
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
@@ -84,7 +84,7 @@ def imported(name: str) -> None:
     if is_model(name):
         from screwgauge.models.importing.model import keep, notes
         from screwgauge.reference.files import beside
-        from screwgauge.study.campaigns.loading import import_apart
+        from screwgauge.study.loading import import_apart
 
         for sentence in notes(keep(path := beside(Path(), name), import_apart(path))[1]):
             complain(f"screwgauge: {sentence}")
@@ -134,9 +134,7 @@ def _files(scene: Scene) -> list[Path]:
 
 
 def bench(options: argparse.Namespace) -> int:
-    """Error against run time of a scene, or engines on random mechanisms."""
-    if options.random is not None:
-        return _random(options)
+    """Error against run time of a scene."""
     from screwgauge.report.pages.bench import PAGE, SIMULATION
     from screwgauge.scene.read import load_scene
     from screwgauge.study.bench import forward_run
@@ -158,22 +156,6 @@ def bench(options: argparse.Namespace) -> int:
     more["journal"] = out / NAME
     asked = partial(given_run.bench, scene, **more)
     carry_out(PAGE, out, lambda progress: asked(progress=progress), again=NAME, force=options.force)
-    return 0
-
-
-def _random(options: argparse.Namespace) -> int:
-    """Random mechanisms of all families; those whose rows are there are not done again."""
-    from screwgauge.report.pages.random import PAGE as page
-    from screwgauge.study.campaigns.campaign import campaign
-
-    out, names = options.out or OUT / "random", _names(options.contestants)
-    carry_out(
-        page,
-        out,
-        lambda progress: campaign(options.random, out / page.NAME, seed=options.seed, only=names, progress=progress),
-        again=page.NAME,
-        force=options.force,
-    )
     return 0
 
 
@@ -214,7 +196,7 @@ def diagnose(options: argparse.Namespace) -> int:
     from screwgauge.diagnosis.record import summary
     from screwgauge.environment import json_text
     from screwgauge.report.pages.diagnosis import PAGE as page
-    from screwgauge.study.campaigns.loading import read_apart, sides
+    from screwgauge.study.loading import read_apart, sides
 
     if options.b is None:
         raise DescriptionError(

@@ -20,7 +20,7 @@ from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, missing, number, rows, size
 from screwgauge.report.study import counted, study
 from screwgauge.solution import Failure
-from screwgauge.study.campaigns.loading import read_apart
+from screwgauge.study.loading import read_apart
 from screwgauge.study.table import columns_of, frame
 
 #: Causes that are named; the others are counted.

@@ -1,4 +1,4 @@
-"""The report of ``screwgauge bench --random``: many random mechanisms, by family, by size and by reason."""
+"""The report of many random mechanisms put to all engines: by family, by size and by reason."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from itertools import pairwise
 from statistics import median
 
 import pandas as pd
+from campaigns.random_mechanisms import CERTIFIED, ENGINES
+from campaigns.rows import TEXTS
 
 from screwgauge.report.blocks import Banner, Table, table
 from screwgauge.report.formatting import Row, grouped, rows
 from screwgauge.report.study import study
-from screwgauge.study.campaigns.campaign import CERTIFIED, ENGINES
 
 VERDICTS = ("agree", "estimated", "judged", "differ", "failed", "refused")
 
@@ -78,5 +79,12 @@ def _costs(found: pd.DataFrame) -> Table:
 
 
 PAGE = study(
-    "random.csv", "Random mechanisms", _banner, sentence=_sentence, families=_families, reasons=_reasons, costs=_costs
+    "random.csv",
+    "Random mechanisms",
+    _banner,
+    texts=TEXTS,
+    sentence=_sentence,
+    families=_families,
+    reasons=_reasons,
+    costs=_costs,
 )

@@ -236,7 +236,7 @@ def _shown(python: Path, folder: Path, cases: list[str]) -> Iterator[tuple[str, 
     """What becomes of each case. One that takes its process with it is said to have, and the others go on."""
     while cases:
         try:
-            text = _run([str(python), "-m", "screwgauge.study.campaigns.matrix", *cases], folder, ())
+            text = _run([str(python), "-m", "screwgauge.study.matrix", *cases], folder, ())
         except CannotError:
             text = ""
         lines = [line.split("\t") for line in text.splitlines() if line.count("\t") == 1]

@@ -9,12 +9,17 @@ from typing import Any
 from zlib import crc32
 
 import numpy as np
+import pandas as pd
+from campaigns.rows import TEXTS
 
-from screwgauge.families.draw import random
+import screwgauge
 from screwgauge.models.generate import stem, write_models
 from screwgauge.quantities import length
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.report.blocks import Banner
+from screwgauge.report.formatting import Row, rows
+from screwgauge.report.study import study
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.measure import Settings, compared
 
@@ -32,7 +37,7 @@ def measured(item: tuple[int, str]) -> dict[str, Any]:
     row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "family": family, "seed": seed}
     settings = Settings(lambda results: "")
     with TemporaryDirectory(prefix="screwgauge-") as name:
-        scene = random(seed, family, Path(name))
+        scene = screwgauge.random(seed, family, Path(name))
         try:
             first, results = compared(scene, settings)
         except ScrewgaugeError as error:
@@ -86,3 +91,47 @@ def changed(mechanism: Mechanism, parameter: str, share: float) -> Mechanism:
         more[j, k] = more[k, j] = share * size
         bodies[i] = replace(body, inertia=body.inertia + more)
     return replace(mechanism, bodies=tuple(bodies))
+
+
+def sentence(found: pd.DataFrame) -> str:
+    """The counts in words."""
+    return (
+        "{mechanisms} random mechanisms of {families} families: {alarms} false alarms of {looked} ({refused} refused); "
+        "{missed} of {changed} changes of the dynamics by {change:g} missed."
+    ).format(**_counts(found), families=found["family"].nunique(), change=CHANGE)
+
+
+def passed(found: pd.DataFrame) -> bool:
+    """Whether there is neither a false alarm nor a missed change, and something was looked at."""
+    n = _counts(found)
+    return bool(n["looked"] and n["changed"]) and not n["alarms"] and not n["missed"]
+
+
+def _counts(found: pd.DataFrame) -> dict[str, int]:
+    quiet, caught = found["quiet"], found["caught"]
+    refused, n = int((quiet == "refused").sum()), len(found)
+    alarms, missed = int((quiet == "no").sum()), int((caught == "no").sum())
+    counts = {"mechanisms": n, "refused": refused, "looked": n - refused, "alarms": alarms}
+    return {**counts, "changed": int((caught != "").sum()), "missed": missed}
+
+
+def _bad(found: pd.DataFrame) -> list[str]:
+    """Every false alarm and missed change, and what was refused."""
+
+    def because(row: Row) -> str:
+        missed = "{parameter} by {share} missed ({error}, tolerance {tolerance})".format(**row)
+        return "; ".join([*([row["reason"]] if row["reason"] else []), *([missed] if row["caught"] == "no" else [])])
+
+    bad = rows(found[(found["quiet"] != "yes") | (found["caught"] == "no")])
+    return [f"{row['family']} {row['seed']}: {because(row)}" for row in bad]
+
+
+PAGE = study(
+    NAME,
+    "False alarms and missed changes",
+    lambda found: Banner.of(sentence(found), passed(found), "PASSED", "FAILED"),
+    texts=TEXTS,
+    sentence=sentence,
+    families=lambda found: [{"family": name, **_counts(some)} for name, some in found.groupby("family")],
+    bad=_bad,
+)
