@@ -11,6 +11,7 @@ from time import process_time
 import numpy as np
 import pandas as pd
 from campaigns.public import Public, by_source
+from campaigns.verdict import judged
 
 from screwgauge.models.importing.convert import Imported
 from screwgauge.models.importing.model import Options
@@ -20,7 +21,6 @@ from screwgauge.report.formatting import rows
 from screwgauge.report.study import counted, study
 from screwgauge.scene.imported import write_imported
 from screwgauge.scene.read import load_scene
-from screwgauge.study.campaigns.campaign import judged
 from screwgauge.study.loading import import_apart
 from screwgauge.study.run import run
 from screwgauge.study.table import columns_of, frame
@@ -36,7 +36,7 @@ class ImportRow:
     Attributes:
         joints: Kinds of its joints, one letter each.
         freedoms, loops, couplings, actuators: How many.
-        verdict: As of a random mechanism (see `campaign.judged`), or ``refused`` before any engine ran.
+        verdict: As of a random mechanism (see `verdict.judged`), or ``refused`` before any engine ran.
         max_scaled: Largest scaled error of a pair of engines, of `quantity`.
         import_s, run_s: Processor time of this process [s].
     """
