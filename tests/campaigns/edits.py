@@ -17,6 +17,7 @@ from campaigns.editors.elements import Edit, NoPlaceError
 from campaigns.editors.forms import FORMS
 from campaigns.editors.rigid import RIGID
 from campaigns.public import installed
+from campaigns.rows import TEXTS
 
 import screwgauge
 from screwgauge.report.blocks import Banner
@@ -108,6 +109,6 @@ PAGE = study(
     "Edits of public arms, hands and legs",
     _banner,
     grown=False,
-    texts=Path(__file__).with_name("texts"),
+    texts=TEXTS,
     edits=lambda table: [{**row, "edit": f"{row['kind']}: {row['edit']}"} for row in rows(table)],
 )

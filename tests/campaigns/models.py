@@ -11,6 +11,7 @@ from time import process_time
 import numpy as np
 import pandas as pd
 from campaigns.public import Public, by_source
+from campaigns.rows import TEXTS
 from campaigns.verdict import judged
 
 from screwgauge.models.importing.convert import Imported
@@ -124,7 +125,7 @@ PAGE = study(
     "Public models",
     _banner,
     grown=False,
-    texts=Path(__file__).with_name("texts"),
+    texts=TEXTS,
     reasons=lambda table: [row for row in rows(table) if row["reason"]],
     models=lambda table: by_source(rows(table), SHOWN),
     omitted=lambda table: [row for row in rows(table) if row["left_out"]],

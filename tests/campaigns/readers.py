@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import pandas as pd
 from campaigns.public import Public, by_source
+from campaigns.rows import TEXTS
 from campaigns.two_readers import SAME, compared
 
 from screwgauge.diagnosis.asked import ASKED
@@ -142,7 +142,7 @@ PAGE = study(
     "Readers of public models",
     _banner,
     grown=False,
-    texts=Path(__file__).with_name("texts"),
+    texts=TEXTS,
     causes=lambda table: [row for row in rows(table) if row["cause"]],
     models=lambda table: by_source(map(_line, grouped(rows(table), "source", "model", "format").values()), SHOWN),
 )
