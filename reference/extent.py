@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference.layout import Layout
-from screwgauge.reference.pose import length, tree_pose
+from screwgauge.reference.pose import length, pose
 from screwgauge.reference.rotations import Array, widest
 
 
@@ -51,7 +51,8 @@ def _extent(lay: Layout) -> Extent:
     mechanism, L, around = lay.mechanism, length(lay), lay.loop != 0.0
     if not len(around):
         return whole(lay)
-    R, p, _ = tree_pose(lay, mechanism.home[None])
+    at = pose(lay, mechanism.home[None])
+    R, p = at.R, at.p
     index, loops = mechanism.body_index, []
     for loop in around:
         joints = [joint for joint in mechanism.joints if loop[lay.columns[joint.name]].any()]

@@ -12,7 +12,7 @@ import numpy as np
 
 from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import tree_pose
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array, widest
 from screwgauge.reference.wording import first_few
 
@@ -74,7 +74,8 @@ def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 def solids(mechanism: Mechanism) -> Iterator[Solid]:
     """Its bodies that have mass."""
-    R, p, _ = tree_pose(layout(mechanism), mechanism.home[None])
+    at = pose(layout(mechanism), mechanism.home[None])
+    R, p = at.R, at.p
     index, places = mechanism.body_index, {body.name: list[Array]() for body in mechanism.bodies}
     for joint in mechanism.joints:
         for name, frame in joint.sides:

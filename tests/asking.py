@@ -27,7 +27,7 @@ from screwgauge.models.loops import read_loops
 from screwgauge.problem import InitialValue, Integration, ModelFiles, Problem, Progress, Task, quiet
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.forward import Forces
-from screwgauge.reference.pose import Layout
+from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution

@@ -30,8 +30,8 @@ from screwgauge.engines.screw.integrate import Trajectory, integrate
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import Problem
 from screwgauge.reference.forward import Forces, forces_at
+from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Layout, layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.observables import observe
 from screwgauge.scene.read import FOLDER, load_scene
@@ -47,6 +47,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """What campaigns take."""
     group = parser.getgroup("campaigns", "campaigns (-m campaign)")
     group.addoption("--count", type=int, metavar="N", help="rows of each campaign (those of the report that is kept)")
+    group.addoption("--models", type=Path, action="append", default=[], metavar="DIR", help="further public models")
     group.addoption("--reports", type=Path, metavar="DIR", help="folder of their reports (one that goes away)")
 
 

@@ -12,12 +12,12 @@ from tolerances import ROUNDING
 import screwgauge
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.generate import write_models
-from screwgauge.reference.kinematics import closed_form
 from screwgauge.reference.closed import following
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed.ways import straight_and_bent
 from screwgauge.reference.errors import ClosureError, SingularPoseError
-from screwgauge.reference.pose import layout
+from screwgauge.reference.kinematics import closed_form
+from screwgauge.reference.layout import layout
 from screwgauge.reference.rotations import within_half_turn
 from screwgauge.scene.preflight import check_scene
 from screwgauge.study.ask import solve

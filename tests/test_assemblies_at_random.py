@@ -7,7 +7,7 @@ from near import BASE, UPU
 
 import screwgauge
 from screwgauge.reference.kinematics import closed_form
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 from screwgauge.reference.rotations import within_half_turn
 from screwgauge.scene.preflight import check_scene
 from screwgauge.study.ask import solve

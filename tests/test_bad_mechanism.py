@@ -12,8 +12,9 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference import linear
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.expressions import number
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Body
-from screwgauge.reference.pose import layout, loop_matrix, pose
+from screwgauge.reference.pose import loop_matrix, pose
 from screwgauge.scene.preflight import check_home
 from screwgauge.study.stream import stream
 

@@ -12,8 +12,8 @@ import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
 from screwgauge.reference.errors import ClosureError, JointLimitError, SingularPoseError
 from screwgauge.reference.kinematics import closure_system, positions
+from screwgauge.reference.layout import layout
 from screwgauge.reference.linear import SINGULAR, condition
-from screwgauge.reference.pose import layout
 from screwgauge.scene.preflight import check_scene
 
 SINGULAR_B = 0.356801  # [rad] where the leg forces no longer carry the platform about y, a being 0

@@ -18,7 +18,7 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, ModelFiles, States
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, UnknownNameError
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 from screwgauge.reference.precision import in_precision
 from screwgauge.solution import Values
 from screwgauge.study.bench import registry

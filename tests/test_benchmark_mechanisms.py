@@ -8,8 +8,9 @@ from tolerances import FORMULA, PLACED, TWENTY_DIGITS
 
 from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.models.fourbars import four_bars
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mobility import check_independent, mobility
-from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.pose import pose
 from screwgauge.reference.reactions import joint_point
 
 #: bodies, joint freedoms, Kutzbach's count, mobility, redundant constraints

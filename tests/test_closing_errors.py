@@ -16,7 +16,7 @@ from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.equations.joint_types import JointPose, closure_residual, constraint_wrenches
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 from screwgauge.reference.rotations import rotation
 from screwgauge.reference.screws import reciprocal_product
 from screwgauge.study.method import Method

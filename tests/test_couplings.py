@@ -19,8 +19,9 @@ from screwgauge.models.generate import write_models
 from screwgauge.quantities import GIVEN, SIMULATED
 from screwgauge.reference.forward import Forces, forward, forward_dense
 from screwgauge.reference.kinematics import accelerations, positions, velocities
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mobility import in_lengths, mobility
-from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.pose import pose
 from screwgauge.reference.precision import in_precision
 
 ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]

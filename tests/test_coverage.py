@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from campaigns.alarms import changed
 
 import screwgauge
 from screwgauge import exciting
@@ -16,10 +17,10 @@ from screwgauge.problem import quiet
 from screwgauge.quantities import FLOOR, SOLVED, natural_scales
 from screwgauge.reference.applied import Applied, JointSpring, Load, hold
 from screwgauge.reference.equations import dynamics
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Body
 from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
-from screwgauge.study.gate.alarms import changed
+from screwgauge.reference.pose import pose
 
 FORCES = ("tree_force", "generalized_force", "actuator_force", "reaction")
 STEP = 1e-4  # share of its size by which a parameter is changed

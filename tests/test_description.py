@@ -14,8 +14,8 @@ import screwgauge
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.expressions import rotation_matrix
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism, actuator_names
-from screwgauge.reference.pose import layout
 
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 STEPS = {"matrix": QUARTER.tolist()}, {"axis": [1, 0, 0], "angle": "pi/2"}

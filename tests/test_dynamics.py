@@ -12,7 +12,7 @@ import screwgauge
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.dynamics import force_matrix, joint_reactions
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 
 
 def solve(scene, **changes):

@@ -15,7 +15,7 @@ from screwgauge.reference.applied import JointSpring, PointSpring
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, SingularPoseError, UnknownNameError
 from screwgauge.reference.forward import Forces, energy, forward, forward_dense, inertia_matrix
 from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 
 DATA = Path(__file__).parent / "data"
 SCENES = [

@@ -21,7 +21,8 @@ from screwgauge.reference.applied import JointSpring, PointSpring, hold
 from screwgauge.reference.errors import ModelFileError, SingularPoseError, UnknownNameError
 from screwgauge.reference.forward import Forces, energy
 from screwgauge.reference.kinematics import velocities
-from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.layout import layout
+from screwgauge.reference.pose import pose
 from screwgauge.scene.observables import observe
 from screwgauge.scene.scene import Scene
 

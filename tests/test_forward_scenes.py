@@ -14,7 +14,7 @@ import screwgauge
 from screwgauge.cli import main
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.forward import Forces
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 from screwgauge.scene.simulation import check_start, eigenvalues
 from screwgauge.solution import Values
 

@@ -22,7 +22,7 @@ from screwgauge.models.loops import read_loops
 from screwgauge.problem import InitialValue
 from screwgauge.reference.applied import Applied, JointSpring, Load, PointSpring, hold
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 from screwgauge.scene.observables import observe
 
 

@@ -230,7 +230,7 @@ def at_lock(scene) -> np.ndarray:
     """The second pose moved to where the wrist's chart locks, to rounding."""
     from screwgauge.reference.closed.loops import loop_equations
     from screwgauge.reference.kinematics import positions
-    from screwgauge.reference.pose import layout
+    from screwgauge.reference.layout import layout
 
     lay = layout(scene.mechanism)
     cut = [joint.name for joint in lay.tree.cuts].index("leg2.wrist")

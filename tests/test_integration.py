@@ -17,7 +17,7 @@ from screwgauge.reference.closed.branch import Branch
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.forward import Forces
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 
 DATA = Path(__file__).parent / "data"
 SLIDER_CRANK = """

@@ -17,8 +17,9 @@ from screwgauge.engines.methods import Pace
 from screwgauge.judging.compare import compare
 from screwgauge.judging.integration import MOST, WITHIN, Left, estimated
 from screwgauge.models.generate import write_models
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import within_half_turn
 from screwgauge.report.verdict import verdict
 from screwgauge.scene.scene import Scene

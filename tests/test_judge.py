@@ -14,8 +14,9 @@ from screwgauge.judging.judge import judge
 from screwgauge.quantities import natural_scales
 from screwgauge.reference import screws
 from screwgauge.reference.equations import closure, dynamics, joint_types, kinematics
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.pose import pose
 from screwgauge.solution import Solution, Values
 
 

@@ -20,7 +20,7 @@ from screwgauge.engines.tree import closed_forces
 from screwgauge.judging.judge import judge
 from screwgauge.quantities import GIVEN
 from screwgauge.reference import dynamics, reactions
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 from screwgauge.solution import Solution
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")

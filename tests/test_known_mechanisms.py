@@ -12,7 +12,8 @@ from tolerances import LINEAR
 import screwgauge
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion
-from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.layout import layout
+from screwgauge.reference.pose import pose
 
 ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 CLOSED = 1e-13  # of angles and lengths of order one

@@ -14,7 +14,7 @@ from screwgauge.problem import ModelFiles, Problem
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.errors import SingularPoseError
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 from screwgauge.reference.precision import wide_force_matrix
 from screwgauge.scene.preflight import check_scene
 from screwgauge.scene.read import load_scene

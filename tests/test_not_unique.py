@@ -13,8 +13,9 @@ import pytest
 
 import screwgauge
 from screwgauge.judging.compare import compare
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.pose import pose
 from screwgauge.report.terminal import terminal
 from screwgauge.report.verdict import verdict
 from screwgauge.solution import Values

@@ -11,8 +11,9 @@ from tolerances import LINEAR, ROUNDING
 import screwgauge
 from screwgauge.judging.charts import in_one_chart
 from screwgauge.judging.compare import compare
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import MIDDLE, rotation, sequence_angles
 from screwgauge.solution import Values
 

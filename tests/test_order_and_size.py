@@ -19,7 +19,7 @@ from screwgauge.models.generate import write_models
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.description import read_tables
 from screwgauge.reference.expressions import number
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 from screwgauge.scene.scene import Scene
 
 DATA = Path(__file__).with_name("data")

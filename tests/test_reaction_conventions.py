@@ -19,8 +19,8 @@ from screwgauge.judging.judge import judge
 from screwgauge.models.generate import stem, write_models
 from screwgauge.models.loops import read_loops
 from screwgauge.quantities import GIVEN
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import KINDS, Frame, Joint
-from screwgauge.reference.pose import layout
 from screwgauge.reference.reactions import reaction_components
 from screwgauge.reference.rotations import rotation
 

@@ -10,9 +10,10 @@ import pytest
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.reference import linear
 from screwgauge.reference.kinematics import positions, velocities
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import reciprocal_screws
-from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.pose import pose
 from screwgauge.reference.reciprocal import Element, body_twists, elements, end_body, held, idle_forces, legs
 from screwgauge.reference.screws import couple, force, prismatic, revolute
 

@@ -12,7 +12,7 @@ from screwgauge.judging.judge import judge
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.forward import Forces, forward
 from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 
 ACTING = """
 [[springs]]

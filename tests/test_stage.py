@@ -15,8 +15,9 @@ import screwgauge
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.models.shapes import differing, shapes
 from screwgauge.reference.kinematics import positions
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import layout, length
+from screwgauge.reference.pose import length
 from screwgauge.report.blocks import Items, Picture
 from screwgauge.report.stage.drawing import drawing
 from screwgauge.report.stage.picture import stage, told

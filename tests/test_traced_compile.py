@@ -13,7 +13,7 @@ import pytest
 import screwgauge
 from screwgauge.engines.screw.model import ScrewModel
 from screwgauge.reference.applied import Motor, hold
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 from screwgauge.truth import cache
 
 needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason="llvmlite is not installed")

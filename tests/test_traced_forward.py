@@ -19,7 +19,7 @@ from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, Poin
 from screwgauge.reference.closed.branch import Branch
 from screwgauge.reference.forward import forces_at, forward, power
 from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 from screwgauge.reference.traced.trace import NotTraceableError
 
 MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))

@@ -14,7 +14,7 @@ import screwgauge
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import layout
+from screwgauge.reference.layout import layout
 from screwgauge.solution import Clock
 from screwgauge.truth import exact, forces
 from screwgauge.truth.certify import Certifier, NotCertified

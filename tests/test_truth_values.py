@@ -75,7 +75,8 @@ def test_reactions_have_the_names_of_the_other_engines(name):
 
     from screwgauge.models.catalog import load_mechanism, mechanism_tables
     from screwgauge.reference.dynamics import joint_reactions
-    from screwgauge.reference.pose import layout, pose
+    from screwgauge.reference.layout import layout
+    from screwgauge.reference.pose import pose
     from screwgauge.truth.exact import number
     from screwgauge.truth.forces import unknowns
     from screwgauge.truth.kinematics import State

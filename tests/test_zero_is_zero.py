@@ -14,8 +14,9 @@ import screwgauge
 from screwgauge.engines.estimate import Part, Trust, errors
 from screwgauge.judging.compare import compare
 from screwgauge.judging.judge import judge
+from screwgauge.reference.layout import layout
 from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
+from screwgauge.reference.pose import pose
 from screwgauge.scene.preflight import check_actuation, check_scene
 from screwgauge.solution import Solution, Values
 
