@@ -13,24 +13,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from screwgauge.engines import registry
-from screwgauge.engines.mujoco.settings import INTEGRATORS
-from screwgauge.engines.mujoco.tree import MujocoTree
-from screwgauge.engines.pinocchio.tree import PinocchioTree
-from screwgauge.engines.registry import get_engine
-from screwgauge.engines.screw.integrate import Trajectory
+from screwgauge import Scene
 from screwgauge.engines.screw.integrate import integrate as integrate_task
-from screwgauge.engines.tree.closure import make_loops
-from screwgauge.models.catalog import mechanism_path
-from screwgauge.models.generate import stem
-from screwgauge.models.loops import read_loops
-from screwgauge.problem import InitialValue, Integration, ModelFiles, Problem, Progress, Task, quiet
-from screwgauge.reference.applied import Applied
-from screwgauge.reference.forward import Forces
-from screwgauge.reference.pose import Layout
-from screwgauge.reference.rotations import Array
-from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution
+from support.engines import ModelFiles, Problem, Progress, Solution, get_engine, quiet, registry
+from support.geometry import Array
+from support.mechanism import mechanism_path
+from support.models import read_loops, stem
+from support.scene import InitialValue, Integration, Task
+from support.solve import Applied, Forces, Layout, Trajectory
+from support.trees import INTEGRATORS, MujocoTree, PinocchioTree, make_loops
 
 MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
 TREES = {".urdf": PinocchioTree, ".xml": MujocoTree}

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from bad_works import hog, load, segfault
 
-from screwgauge.engines.registry import GROUP, Engine
-from screwgauge.problem import GivenMotion
+from support.engines import GROUP, Engine
+from support.scene import GivenMotion
 
 NAMES = ("segfault", "hog")
 load_segfault, load_hog = (partial(load, work=work) for work in (segfault, hog))

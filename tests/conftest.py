@@ -23,24 +23,17 @@ import pandas as pd
 import pytest
 from gates import repository
 
-from screwgauge.cli import main
-from screwgauge.engines.registry import ENGINES
-from screwgauge.engines.screw.forward import TracedForward
-from screwgauge.engines.screw.integrate import Trajectory, integrate
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import Problem
-from screwgauge.reference.forward import Forces, forces_at
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Layout, layout
-from screwgauge.reference.rotations import Array
-from screwgauge.scene.observables import observe
-from screwgauge.scene.read import FOLDER, load_scene
+from screwgauge import load_scene
+from screwgauge.engines.screw.integrate import integrate
 from screwgauge.study import apart
-from screwgauge.study.ask import in_turn
 from screwgauge.study.bench import timing
-from screwgauge.study.bench.leaving_out import LEAVING_OUT
-from screwgauge.study.bench.registry import contestants
-from screwgauge.study.bench.run import Bench, Plan, bench
+from support.bench import LEAVING_OUT, Bench, Plan, bench, contestants
+from support.command import main
+from support.engines import ENGINES, Problem, in_turn
+from support.geometry import Array
+from support.mechanism import Mechanism, load_mechanism
+from support.scene import FOLDER, observe
+from support.solve import Forces, Layout, TracedForward, Trajectory, forces_at, layout
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

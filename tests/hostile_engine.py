@@ -7,10 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.engines.registry import Engine, Model
-from screwgauge.engines.screw import model as screw
-from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
-from screwgauge.solution import Solution, Values
+from support.engines import Engine, Model, ModelFiles, Problem, Progress, Solution, Values, quiet, screw
+from support.scene import GivenMotion
 
 print("imported")
 ENGINE = Engine("loud", "prints", "hostile_engine:load", frozenset((GivenMotion,)), "screwgauge")

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import screwgauge
-from screwgauge.problem import GivenMotion
-from screwgauge.scene.scene import Scene
+from screwgauge import Scene
+from support.scene import GivenMotion
 
 Write = Callable[[str, str], Path]
 

@@ -9,10 +9,10 @@ import pytest
 from tolerances import LINEAR
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.layout import lay_out
-from screwgauge.quantities import GIVEN
-from screwgauge.reference.errors import DescriptionError
+from support.errors import DescriptionError
+from support.mechanism import load_mechanism
+from support.models import lay_out
+from support.scene import GIVEN
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full", "truth")
 X, Y, Z = [1, 0, 0], [0, 1, 0], [0, 0, 1]

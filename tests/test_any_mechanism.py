@@ -11,7 +11,7 @@ import pytest
 from tolerances import LINEAR, ROUNDING
 
 import screwgauge
-from screwgauge.problem import GivenMotion
+from support.scene import GivenMotion
 
 DATA = Path(__file__).with_name("data")
 ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]

@@ -9,17 +9,13 @@ import pytest
 from asking import ask, model_files
 
 import screwgauge
-from screwgauge import load_scene
-from screwgauge.engines.registry import ENGINES
-from screwgauge.problem import GivenMotion
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.report.pages.run import summary
-from screwgauge.study.ask import ask as put
-from screwgauge.study.bench.run import QUICK, bench
-from screwgauge.study.cases.case import REFUSED
-from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import CASES
-from screwgauge.study.method import Method
+from screwgauge import ScrewgaugeError, load_scene
+from support.bench import QUICK, bench
+from support.engines import ENGINES, Method
+from support.engines import ask as put
+from support.report import summary
+from support.scene import GivenMotion
+from support.stress import CASES, REFUSED, findings
 
 QUANTITIES = ["joint_position", "joint_velocity", "generalized_force", "actuator_force"]
 SAID = "gives no generalized_force, actuator_force, though asked for"

@@ -6,8 +6,8 @@ import pytest
 
 import screwgauge
 from screwgauge import load_scene
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import model_texts
+from support.mechanism import load_mechanism
+from support.models import model_texts
 
 SUFFIX = {"pinocchio": ".urdf", "mujoco": ".xml", "pinocchio-full": "-full.urdf", "mujoco-full": "-full.xml"}
 OTHER_URDF = '<robot name="x"><link name="ground"/></robot>'

@@ -10,11 +10,10 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
-from screwgauge.reference.errors import ClosureError, JointLimitError, SingularPoseError
-from screwgauge.reference.kinematics import closure_system, positions
-from screwgauge.reference.linear import SINGULAR, condition
-from screwgauge.reference.pose import layout
-from screwgauge.scene.preflight import check_scene
+from support.errors import ClosureError, JointLimitError, SingularPoseError
+from support.geometry import SINGULAR, condition
+from support.scene import check_scene
+from support.solve import closure_system, layout, positions
 
 SINGULAR_B = 0.356801  # [rad] where the leg forces no longer carry the platform about y, a being 0
 

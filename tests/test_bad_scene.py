@@ -9,7 +9,7 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
-from screwgauge.cli import main
+from support.command import main
 
 
 @pytest.mark.parametrize("name", ["3ups", "scene.json", "x" * 5000, "", ".", "\udcff"])

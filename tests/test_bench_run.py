@@ -9,14 +9,12 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.report.figures.bench import make_plots
-from screwgauge.report.pages.bench import PAGE
-from screwgauge.report.terminal import terminal as text
 from screwgauge.study.bench import run as run_module
-from screwgauge.study.bench.rows import COLUMNS, CUT, reach
-from screwgauge.study.bench.run import Plan, bench
-from screwgauge.study.bench.stamp import NAME
+from support.bench import COLUMNS, CUT, NAME, Plan, bench, reach
+from support.command import main
+from support.report import BENCH_PAGE as PAGE
+from support.report import make_plots
+from support.report import terminal as text
 
 FEW = ["closed-form", "missing-jdotv", "mj-forward", "four-bar", "floor"]
 PLAN = Plan(samples=5, rounds=2, budget=1e9, quick=True)

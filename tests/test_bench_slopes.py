@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from screwgauge.study.bench.contestant import Contestant
-from screwgauge.study.bench.questions import motion
-from screwgauge.study.bench.rows import CUT, Row
-from screwgauge.study.bench.slopes import RULES, Rule, fits, table
-from screwgauge.study.method import Method
+from support.bench import CUT, RULES, Contestant, Row, Rule, motion, table
+from support.bench import fit_slopes as fits
+from support.engines import Method
 
 
 def rows(points: list[tuple[float, float]]) -> list[Row]:

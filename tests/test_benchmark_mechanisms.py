@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from tolerances import FORMULA, PLACED, TWENTY_DIGITS
 
-from screwgauge.models.catalog import load_mechanism, mechanism_path
-from screwgauge.models.fourbars import four_bars
-from screwgauge.reference.mobility import check_independent, mobility
-from screwgauge.reference.pose import layout, pose
-from screwgauge.reference.reactions import joint_point
+from support.mechanism import four_bars, load_mechanism, mechanism_path
+from support.solve import check_independent, joint_point, layout, mobility, pose
 
 #: bodies, joint freedoms, Kutzbach's count, mobility, redundant constraints
 COUNTS = {

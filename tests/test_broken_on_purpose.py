@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.models.generate import write_models
-from screwgauge.reference import screws
-from screwgauge.report.verdict import first_difference
+from support.geometry import screws
+from support.models import write_models
+from support.report import first_difference
 
 
 @pytest.fixture(params=["3ups-upu-s", "3ups-upu-s-fast"])

@@ -15,12 +15,12 @@ import screwgauge
 from screwgauge.casebook import book
 from screwgauge.casebook.book import CASES, reproduce
 from screwgauge.casebook.case import Case, CaseResult
-from screwgauge.cli import main
 from screwgauge.engines.samples import FourBar
 from screwgauge.engines.shown import Shown
-from screwgauge.models.generate import write_models
 from screwgauge.report.casebook import readme_table
-from screwgauge.report.verdict import verdict
+from support.command import main
+from support.models import write_models
+from support.report import verdict
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "harness/casebook/README.md").read_text(encoding="utf-8")

@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines.registry import ENGINES
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.importing.write import description
-from screwgauge.quantities import SOLVED
-from screwgauge.reference.couplings import Coupling
-from screwgauge.reference.mechanism import same_content
-from screwgauge.report.verdict import verdict
-from screwgauge.study.posed import pose_scene
-from screwgauge.study.stream import stream
+from screwgauge import stream
+from support.engines import ENGINES
+from support.mechanism import Coupling, load_mechanism, same_content
+from support.models import description
+from support.report import verdict
+from support.scene import SOLVED, pose_scene
 
 FORCE = ["actuator_force"]
 

@@ -9,17 +9,11 @@ from test_any_cut import MECHANISMS, described
 from tolerances import CLOSED, DIFFERENCE, LINEAR
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.closed.cut_coordinates import read
-from screwgauge.reference.closed.loops import LoopEquations
-from screwgauge.reference.closed.resting import home_equations
-from screwgauge.reference.graph import spanning_tree
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import layout, tree_pose
-from screwgauge.reference.rotations import rotation
-from screwgauge.reference.traced.closing import Cut
-from screwgauge.reference.traced.vectors import matrix, vector
-from screwgauge.study.method import Method
+from support.engines import Method
+from support.geometry import rotation
+from support.mechanism import load_mechanism, spanning_tree
+from support.solve import LoopEquations, home_equations, layout, positions, read, tree_pose
+from support.traced import Cut, matrix, vector
 
 STEP = 1e-6
 #: Mechanism, joint that is cut, its kind.

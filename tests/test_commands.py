@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from screwgauge import commands
-from screwgauge.cli import main
 from screwgauge.report.progress import QUIET, Progress
 from screwgauge.study.bench import forward_run
 from screwgauge.study.bench import run as bench_run
+from support.command import main
 
 
 class Terminal(StringIO):

@@ -10,9 +10,9 @@ import mujoco
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.diagnosis.model import in_process
 from screwgauge.models.content import FATES, Content, kinds, table
+from support.command import main
+from support.diagnosis import in_process
 
 README = Path(__file__).parents[1] / "models" / "README.md"
 INERTIAL = '<inertial pos="0.2 0 0.1" mass="{}" diaginertia="0.01 0.02 0.02"/>'

@@ -13,15 +13,23 @@ from planar import Bar, four_bar
 from tolerances import LINEAR, ROUND_TRIP
 
 import screwgauge
-from screwgauge.judging.judge import judge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
-from screwgauge.quantities import GIVEN, SIMULATED
-from screwgauge.reference.forward import Forces, forward, forward_dense
-from screwgauge.reference.kinematics import accelerations, positions, velocities
-from screwgauge.reference.mobility import in_lengths, mobility
-from screwgauge.reference.pose import layout, pose
-from screwgauge.reference.precision import in_precision
+from support.judging import judge
+from support.mechanism import load_mechanism
+from support.models import write_models
+from support.scene import GIVEN, SIMULATED
+from support.solve import (
+    Forces,
+    accelerations,
+    forward,
+    forward_dense,
+    in_lengths,
+    in_precision,
+    layout,
+    mobility,
+    pose,
+    positions,
+    velocities,
+)
 
 ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 #: The driven joint's neighbour, and the joint that would be cut if it were not coupled.

@@ -10,16 +10,13 @@ import pytest
 
 import screwgauge
 from screwgauge import exciting
-from screwgauge.engines.screw.inverse import solve_motion
-from screwgauge.judging.coverage import NOTHING, coverage
-from screwgauge.problem import quiet
-from screwgauge.quantities import FLOOR, SOLVED, natural_scales
-from screwgauge.reference import screws
-from screwgauge.reference.applied import Applied, JointSpring, Load, hold
-from screwgauge.reference.mechanism import Body
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
 from screwgauge.study.gate.alarms import changed
+from support.engines import quiet
+from support.geometry import screws
+from support.judging import NOTHING, coverage
+from support.mechanism import Body
+from support.scene import FLOOR, SOLVED, natural_scales
+from support.solve import Applied, JointSpring, Load, hold, layout, mobility, pose, solve_motion
 
 FORCES = ("tree_force", "generalized_force", "actuator_force", "reaction")
 STEP = 1e-4  # share of its size by which a parameter is changed

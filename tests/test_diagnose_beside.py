@@ -7,11 +7,12 @@ import shutil
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.diagnosis.record import summary
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError
+from screwgauge import ScrewgaugeError
+from support.command import main
+from support.diagnosis import summary
+from support.errors import ModelFileError
+from support.mechanism import load_mechanism
+from support.models import write_models
 
 NAME = "five-bar"
 

@@ -7,7 +7,7 @@ import json
 import arm
 import pytest
 
-from screwgauge.cli import main
+from support.command import main
 
 
 @pytest.fixture

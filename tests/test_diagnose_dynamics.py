@@ -9,21 +9,33 @@ import numpy as np
 import pytest
 from regressors import gravity_regressor, inertial_regressor, parameters, passive_regressor
 
-from screwgauge.diagnosis.asked import answers, pairs
-from screwgauge.diagnosis.mechanics.closed import closed, left
-from screwgauge.diagnosis.mechanics.dynamics import (
+from support.diagnosis import (
+    STANDARD,
+    answers,
     armature_force,
+    closed,
     dynamics,
     inverse_dynamics,
+    left,
     not_modelled,
+    pairs,
     passive_force,
 )
-from screwgauge.diagnosis.pairing.common import STANDARD
-from screwgauge.models.kinematics.closing import constraint_rows, equations, gaps, residual_at_home
-from screwgauge.models.kinematics.tree import States, draw, move, moved, plant
-from screwgauge.models.readings.read import read
-from screwgauge.models.readings.reading import ClosureReading, CouplingReading
-from screwgauge.reference.mechanism import GROUND
+from support.mechanism import GROUND
+from support.models import (
+    ClosureReading,
+    CouplingReading,
+    States,
+    constraint_rows,
+    draw,
+    equations,
+    gaps,
+    move,
+    moved,
+    plant,
+    read,
+    residual_at_home,
+)
 
 #: Every kind of joint, two on one body, a branch, everything that a joint can have.
 ZOO = """<mujoco><option gravity="0.3 -1 -9.5"/><compiler autolimits="true"/><worldbody>

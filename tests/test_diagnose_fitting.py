@@ -7,13 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from screwgauge.diagnosis.causes.fitting import fitted
-from screwgauge.diagnosis.differences.change import Change, applied
-from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
-from screwgauge.models.kinematics.tree import draw, plant
-from screwgauge.models.readings.read import read
-from screwgauge.reference.rotations import rotation
 from screwgauge.study.selftest.trees import mjcf, tree
+from support.diagnosis import Change, applied, fitted, inverse_dynamics
+from support.geometry import rotation
+from support.models import draw, plant, read
 
 CHANGES = {
     "mass of link4": lambda r: Change("link4", "mass", np.array(1.05 * r.bodies["link4"].mass)),

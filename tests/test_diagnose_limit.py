@@ -9,9 +9,9 @@ import arm
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
 from screwgauge.diagnosis import diagnose
-from screwgauge.diagnosis.deadline import Deadline
+from support.command import main
+from support.diagnosis import Deadline
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ import pytest
 import screwgauge
 from screwgauge.casebook.book import CASES as BOOK
 from screwgauge.diagnosis import known, notes
-from screwgauge.models.readings.read import read
-from screwgauge.reference.errors import OutputError
+from support.errors import OutputError
+from support.models import draw, read
 
 BAR = (
     '<mujoco><option gravity="0 0 -1.62"/><worldbody><body name="bar" gravcomp="0.3"><joint name="j" axis="0 1 0" '
@@ -77,8 +77,6 @@ def test_the_difference_of_calls_is_that_of_the_libraries(tmp_path):
     import mujoco
     import numpy as np
     import pinocchio
-
-    from screwgauge.models.kinematics.tree import draw
 
     path = arm.write(tmp_path)[0]
     found = screwgauge.diagnose(f"{path}@mujoco", f"{path}@pinocchio", seed=3)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.diagnosis.causes.growth import SPEEDS, growth
-from screwgauge.engines.mujoco import plain
-from screwgauge.reference.errors import ClosureError
+from support.diagnosis import SPEEDS, growth
+from support.errors import ClosureError
+from support.trees import plain
 
 #: A planar four-bar in the x-z plane, closed at home.
 FOUR_BAR = """<mujoco><worldbody>

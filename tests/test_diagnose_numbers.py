@@ -7,9 +7,9 @@ import re
 import pytest
 
 import screwgauge
-from screwgauge.diagnosis.record import summary
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
+from support.diagnosis import summary
+from support.mechanism import load_mechanism
+from support.models import write_models
 
 #: One hinge; the frame of the body sits at an offset of the joint, or is turned about the hinge.
 ARM = """<mujoco><compiler angle="radian"/><option gravity="{g}"/><worldbody>

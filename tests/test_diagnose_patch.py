@@ -7,17 +7,11 @@ import difflib
 import numpy as np
 import pytest
 
-from screwgauge.diagnosis.causes.attribution import Largest, Torques
-from screwgauge.diagnosis.causes.backfill import backfill, write_fix
-from screwgauge.diagnosis.differences.change import Change, applied
-from screwgauge.diagnosis.files.patch import patched
-from screwgauge.diagnosis.files.xml_text import XmlText
-from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
-from screwgauge.models.kinematics.tree import draw, plant
-from screwgauge.models.readings.read import read
-from screwgauge.reference.errors import DescriptionError, OutputError
-from screwgauge.reference.rotations import rotation
 from screwgauge.study.selftest.trees import mjcf, tree, urdf
+from support.diagnosis import Change, Largest, Torques, XmlText, applied, backfill, inverse_dynamics, patched, write_fix
+from support.errors import DescriptionError, OutputError
+from support.geometry import rotation
+from support.models import draw, plant, read
 
 #: Torques of a file that was changed and read again, over the largest: 17 digits, and MuJoCo's principal axes.
 AGAIN = 1e-13

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
+from support.command import main
 
 INERTIAL = '<inertial pos="0.1 0 0.02" mass="{0}" diaginertia="0.01 0.02 0.02"/>'
 #: A four-bar whose rod ends in a point of the rocker, and a tip that follows the crank.

@@ -7,9 +7,9 @@ import pytest
 
 import screwgauge
 from screwgauge.diagnosis import together as module
-from screwgauge.engines.mujoco import plain
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
+from support.mechanism import load_mechanism
+from support.models import write_models
+from support.trees import plain
 
 INERTIAL = '<inertial pos="0.2 0.05 0.1" mass="{}" fullinertia="0.02 0.03 0.04 0.001 0.002 -0.003"/>'
 MATTER = (

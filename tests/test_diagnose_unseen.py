@@ -8,8 +8,8 @@ import arm
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.reference.errors import OutputError
+from support.command import main
+from support.errors import OutputError
 
 INERTIAL = '<inertial pos="0.1 0 0.02" mass="1" diaginertia="0.01 0.02 0.02"/>'
 FOUR_BAR = (

@@ -9,10 +9,8 @@ import pytest
 from tolerances import PRINTED, PRINTED_COARSELY, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
 import screwgauge
-from screwgauge.problem import GivenMotion
-from screwgauge.reference.dynamics import force_matrix, joint_reactions
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import layout
+from support.scene import GivenMotion
+from support.solve import force_matrix, joint_reactions, layout, positions
 
 
 def solve(scene, **changes):

@@ -14,12 +14,11 @@ from asking import MOTION, check_same, further_engines, model_files
 from tolerances import LINEAR
 
 import screwgauge
-from screwgauge.engines.registry import ENGINES, Engine, Model, check_engines, get_engine
-from screwgauge.problem import GivenMotion, InitialValue, Integration, ModelFiles, Problem, States
-from screwgauge.quantities import GIVEN
-from screwgauge.reference.applied import GRAVITY, Load, hold
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
-from screwgauge.solution import Solution
+from screwgauge import ScrewgaugeError
+from support.engines import ENGINES, Engine, Model, ModelFiles, Problem, Solution, check_engines, get_engine
+from support.errors import ModelFileError, UnknownNameError
+from support.scene import GIVEN, GivenMotion, InitialValue, Integration, States
+from support.solve import GRAVITY, Load, hold
 
 LIBRARIES = {"truth": "flint", "drake": "pydrake"}  # what is not installed with the package
 FURTHER = {"toy": "toy_engine:TOY", "drake": "drake_engine:DRAKE"}

@@ -12,9 +12,8 @@ from asking import ask, model_files
 
 import screwgauge
 from screwgauge import load_scene
-from screwgauge.cli import main
-from screwgauge.engines.registry import ENGINES
-from screwgauge.solution import Values
+from support.command import main
+from support.engines import ENGINES, Values
 
 QUANTITIES = ["joint_position", "generalized_force", "actuator_force"]
 

@@ -8,8 +8,8 @@ import test_known_mechanisms as known
 from tolerances import AGREE, LINEAR, RECURSIVE
 
 import screwgauge
-from screwgauge.quantities import GIVEN
-from screwgauge.scene.read import load_scene, scene_names
+from screwgauge import load_scene
+from support.scene import GIVEN, scene_names
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 

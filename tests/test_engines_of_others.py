@@ -12,11 +12,9 @@ import pytest
 from asking import ask, further_engines, model_files
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.engines.registry import ENGINES, engines, get_engine
-from screwgauge.solution import Solution, Values
-from screwgauge.study.apart import apart
 from screwgauge.study.sound import LONG
+from support.command import main
+from support.engines import ENGINES, Solution, Values, apart, engines, get_engine
 
 QUANTITIES = ["joint_position", "generalized_force"]
 

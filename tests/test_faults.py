@@ -8,13 +8,13 @@ from contextlib import contextmanager
 import pandas as pd
 import pytest
 
-from screwgauge.cli import main
-from screwgauge.reference.errors import OutputError
 from screwgauge.report import write
-from screwgauge.report.folder import put_files
-from screwgauge.study.journal import Journal
-from screwgauge.study.table import added_to
-from screwgauge.truth import cache
+from support.bench import Journal
+from support.command import main
+from support.errors import OutputError
+from support.gate import added_to
+from support.report import put_files
+from support.truth import cache
 
 RUN = ["run", "slider-crank", "--engines", "screw", "--quantities", "joint_position"]
 

@@ -13,11 +13,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from screwgauge.report.blocks import Picture
-from screwgauge.report.figures import chart
-from screwgauge.report.figures.bench import _error_and_time
 from screwgauge.report.figures.chart import straight, thin
-from screwgauge.report.figures.looks import by_camp
+from support.report import Picture, _error_and_time, by_camp, chart
 
 HOSTILE = "<script>alert(1)</script> </script> \"quoted\" 'too' & \x1b[31m \u202e \ud800 ${x} {{y}} " + 300 * "w"
 

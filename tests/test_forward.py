@@ -10,12 +10,21 @@ import pytest
 from tolerances import DENSE, FORMULA, LINEAR, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.applied import JointSpring, PointSpring
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, SingularPoseError, UnknownNameError
-from screwgauge.reference.forward import Forces, energy, forward, forward_dense, inertia_matrix
-from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.pose import layout
+from screwgauge import ScrewgaugeError
+from support.errors import DescriptionError, SingularPoseError, UnknownNameError
+from support.mechanism import load_mechanism
+from support.solve import (
+    Forces,
+    JointSpring,
+    PointSpring,
+    energy,
+    forward,
+    forward_dense,
+    inertia_matrix,
+    layout,
+    positions,
+    velocities,
+)
 
 DATA = Path(__file__).parent / "data"
 SCENES = [

@@ -11,12 +11,11 @@ from asking import ask, model_files, stopped_after
 from tolerances import NINE_DIGITS, PUBLISHED, STEPPED
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.forward import Forces
-from screwgauge.reference.pose import layout
-from screwgauge.scene.simulation import check_start, eigenvalues
-from screwgauge.solution import Values
+from support.command import main
+from support.engines import Values
+from support.mechanism import load_mechanism
+from support.scene import check_start, eigenvalues
+from support.solve import Forces, layout
 
 OBSERVABLES = {
     "a01-pendulum": ("x", "y"),

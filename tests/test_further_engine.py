@@ -8,10 +8,10 @@ import toy_engine as toy
 from asking import further_engines
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.engines.registry import ENGINES, check_engines, engines, get_engine
-from screwgauge.problem import InitialValue, ModelFiles
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from support.command import main
+from support.engines import ENGINES, ModelFiles, check_engines, engines, get_engine
+from support.errors import DescriptionError, UnknownNameError
+from support.scene import InitialValue
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -16,13 +16,10 @@ import pytest
 from gates import edited, scene, tell
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.report.gate import told
-from screwgauge.study.apart import Limits, apart
-from screwgauge.study.gate import run as gate_run
-from screwgauge.study.gate.items import Item
-from screwgauge.study.gate.measure import Settings
-from screwgauge.study.gate.run import NAME, check_items
+from screwgauge import Limits
+from support.command import main
+from support.engines import apart
+from support.gate import NAME, Item, Settings, check_items, gate_run, told
 
 
 def worse(text: str, by: float) -> str:

@@ -12,12 +12,10 @@ from dataclasses import replace
 
 import pytest
 
-from screwgauge.cli import main
-from screwgauge.reference.errors import DescriptionError, OutputError
-from screwgauge.reference.files import replace_file
-from screwgauge.report.gate import Check
-from screwgauge.study.gate.baseline import against, write_baseline
-from screwgauge.study.gate.row import Error, Row
+from screwgauge import Check
+from support.command import main, replace_file
+from support.errors import DescriptionError, OutputError
+from support.gate import Error, Row, against, write_baseline
 
 USUAL = Error("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True, "leg1", 0.5)
 

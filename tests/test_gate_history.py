@@ -12,11 +12,9 @@ from datetime import UTC, datetime
 
 import pytest
 
-from screwgauge.cli import main
-from screwgauge.reference.errors import DescriptionError, OutputError, UnknownNameError
-from screwgauge.study.gate.baseline import against, write_latest
-from screwgauge.study.gate.row import Error, Row
-from screwgauge.study.gate.store import history, keep
+from support.command import main
+from support.errors import DescriptionError, OutputError, UnknownNameError
+from support.gate import Error, Row, against, history, keep, write_latest
 
 pytest.importorskip("duckdb", reason="duckdb is not installed")
 

@@ -12,9 +12,9 @@ import pytest
 from gates import scene
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.engines.tree.closure import Loops
 from screwgauge.judging import compare as comparing
+from support.command import main
+from support.trees import Loops
 
 
 def test_a_model_of_an_engine_that_does_not_run_keeps_a_gate_from_passing(theirs, capsys):

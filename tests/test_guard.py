@@ -11,14 +11,14 @@ from near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
 from tolerances import EQUAL, TIGHT
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.judging.compare import compare
-from screwgauge.judging.conditioning import LIMIT, flagged
-from screwgauge.report.pages.run import estimates, summary, terminal
-from screwgauge.report.terminal import terminal as text
-from screwgauge.report.verdict import verdict
-from screwgauge.scene.preflight import check_scene
-from screwgauge.study.ask import solve
+from support.command import main
+from support.engines import solve
+from support.judging import LIMIT, compare, flagged
+from support.report import estimates, summary, verdict
+from support.report import run_in_terminal as terminal
+from support.report import terminal as text
+from support.scene import check_scene
+from support.solve import layout, loop_equations, positions
 
 ENGINES = ["screw", "pinocchio", "mujoco", "truth"]
 
@@ -228,10 +228,6 @@ def test_a_locked_chart_is_named_where_rates_are_refused():
 
 def at_lock(scene) -> np.ndarray:
     """The second pose moved to where the wrist's chart locks, to rounding."""
-    from screwgauge.reference.closed.loops import loop_equations
-    from screwgauge.reference.kinematics import positions
-    from screwgauge.reference.pose import layout
-
     lay = layout(scene.mechanism)
     cut = [joint.name for joint in lay.tree.cuts].index("leg2.wrist")
     step, a = 1e-6, WRIST

@@ -10,16 +10,13 @@ import pinocchio
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.catalog import load_mechanism
+from screwgauge import ScrewgaugeError
 from screwgauge.models.importing import homes
-from screwgauge.models.importing.convert import Wanted
-from screwgauge.models.importing.model import Options, import_model
-from screwgauge.models.importing.write import description
-from screwgauge.problem import GivenMotion
-from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.scene.preflight import check_home
+from support.command import main
+from support.errors import ClosureError, DescriptionError
+from support.mechanism import Mechanism, load_mechanism
+from support.models import Options, Wanted, description, import_model
+from support.scene import GivenMotion, check_home
 
 INERTIAL = '<inertial><origin xyz="{c}" rpy="0.3 -0.2 0.1"/><mass value="{m}"/>' + (
     '<inertia ixx="0.02" iyy="0.03" izz="0.025" ixy="0.001" ixz="-0.002" iyz="0.003"/></inertial>'

@@ -11,11 +11,11 @@ import pytest
 from fuzz import document
 
 from screwgauge import ScrewgaugeError, load_scene
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import model_texts
-from screwgauge.models.loops import read_loops
-from screwgauge.reference.errors import DescriptionError, ModelFileError
-from screwgauge.reference.files import LIMITS, beside, read_file
+from support.command import LIMITS, beside, main, read_file
+from support.errors import DescriptionError, ModelFileError
+from support.mechanism import load_mechanism
+from support.models import model_texts, read_loops
+from support.scene import check_home
 
 BOM = b"\xef\xbb\xbf"
 ROD = (
@@ -162,8 +162,6 @@ def test_a_number_that_is_a_novel_is_refused(folder):
 @pytest.mark.parametrize(("engine", "suffix"), [("pinocchio", ".urdf"), ("mujoco", ".xml")])
 @pytest.mark.parametrize("damage", ["bom", "latin-1", "links", "fifo"])
 def test_a_model_file_is_read_as_all_others(engine, suffix, damage, models, tmp_path, paper_scene, refused, capfd):
-    from screwgauge.cli import main
-
     text = models[f"3ups-upu-s{suffix}"].encode()
     end = text.rindex(b"</")
     many = {".urdf": b"<link name='x'/>", ".xml": b"<worldbody>" + b"<body></body>" * 2001 + b"</worldbody>"}
@@ -217,8 +215,6 @@ def test_a_loops_file_with_a_number_in_the_place_of_a_list_is_refused(key, model
 )
 def test_a_loop_that_stays_open_says_how_far_in_its_unit(change, said, write):
     path = write("open.toml", f'extends = "3ups-upu-s"\nname = "open"\njoints.{change}\n')
-    from screwgauge.scene.preflight import check_home
-
     with pytest.raises(ScrewgaugeError, match=said) as caught:
         check_home(load_mechanism(path))
     assert "rad or m" not in str(caught.value)

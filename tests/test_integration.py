@@ -10,14 +10,9 @@ import pytest
 from asking import integrate
 from tolerances import CLOSED, LINEAR
 
-from screwgauge.engines.methods import METHODS
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.applied import JointSpring
-from screwgauge.reference.closed.branch import Branch
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.forward import Forces
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import layout
+from support.errors import DescriptionError, UnknownNameError
+from support.mechanism import load_mechanism
+from support.solve import METHODS, Branch, Forces, JointSpring, layout, positions
 
 DATA = Path(__file__).parent / "data"
 SLIDER_CRANK = """

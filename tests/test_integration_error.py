@@ -13,17 +13,15 @@ from asking import ask, model_files
 from scipy.optimize import brentq
 
 import screwgauge
-from screwgauge.engines.methods import Pace
-from screwgauge.judging.compare import compare
+from screwgauge import Scene
 from screwgauge.judging.integration import MOST, WITHIN, Left, estimated
-from screwgauge.models.generate import write_models
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
-from screwgauge.reference.rotations import within_half_turn
-from screwgauge.report.verdict import verdict
-from screwgauge.scene.scene import Scene
-from screwgauge.solution import REFERENCE, Solution, Values
 from screwgauge.study.simulated import loosened, observed
+from support.engines import REFERENCE, Solution, Values
+from support.geometry import within_half_turn
+from support.judging import compare
+from support.models import write_models
+from support.report import verdict
+from support.solve import Pace, layout, mobility, pose
 
 DATA = Path(__file__).parent / "data"
 SIBLING = """

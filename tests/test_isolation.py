@@ -13,12 +13,10 @@ import pytest
 from asking import check_same, further_engines
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.engines.registry import ENGINES
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
-from screwgauge.solution import Failure, Values
-from screwgauge.study.apart import Limits, apart
-from screwgauge.study.ask import silent
+from screwgauge import Limits, ScrewgaugeError
+from support.command import main
+from support.engines import ENGINES, Failure, Values, apart, silent
+from support.errors import ModelFileError, UnknownNameError
 
 
 @pytest.fixture(autouse=True)

@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.judging.answer import answer_at
-from screwgauge.judging.compare import compare
-from screwgauge.judging.judge import judge
-from screwgauge.quantities import natural_scales
-from screwgauge.reference import dynamics, screws
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
-from screwgauge.solution import Solution, Values
+from support.engines import Solution, Values
+from support.geometry import screws
+from support.judging import answer_at, compare, judge
+from support.scene import natural_scales
+from support.solve import dynamics, layout, mobility, pose
 
 
 @pytest.fixture(scope="module")

@@ -12,16 +12,13 @@ from planar import moving as moving_bars
 from tolerances import LINEAR
 
 import screwgauge
-from screwgauge.engines.mujoco.tree import MujocoTree
-from screwgauge.engines.pinocchio.tree import PinocchioTree
 from screwgauge.engines.screw import inverse
-from screwgauge.engines.screw.model import ScrewModel
 from screwgauge.engines.tree import closed_forces
-from screwgauge.judging.judge import judge
-from screwgauge.quantities import GIVEN
-from screwgauge.reference import dynamics, reactions
-from screwgauge.reference.pose import layout
-from screwgauge.solution import Solution
+from support.engines import Solution
+from support.judging import judge
+from support.scene import GIVEN
+from support.solve import ScrewModel, dynamics, layout, reactions
+from support.trees import MujocoTree, PinocchioTree
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 NOT_ASKED = {

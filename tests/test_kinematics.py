@@ -6,10 +6,18 @@ import numpy as np
 import pytest
 from tolerances import CLOSED, DIFFERENCE, ROUNDING, TWENTY_DIGITS
 
-from screwgauge.reference import kinematics, screws
-from screwgauge.reference.graph import serial_chains
-from screwgauge.reference.kinematics import accelerations, chain_acceleration, chain_velocities, positions, velocities
-from screwgauge.reference.pose import chain_screws, layout
+from support.geometry import screws
+from support.mechanism import load_mechanism, serial_chains
+from support.solve import (
+    accelerations,
+    chain_acceleration,
+    chain_screws,
+    chain_velocities,
+    kinematics,
+    layout,
+    positions,
+    velocities,
+)
 
 
 def motion(t):
@@ -22,8 +30,6 @@ def motion(t):
 
 @pytest.fixture(params=["3ups-upu-s", "3ups-upu-s-offset", "3ups-upu-s-table2"])
 def lay(request):
-    from screwgauge.models.catalog import load_mechanism
-
     return layout(load_mechanism(request.param))
 
 

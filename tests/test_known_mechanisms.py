@@ -10,9 +10,9 @@ import pytest
 from tolerances import LINEAR
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import GivenMotion
-from screwgauge.reference.pose import layout, pose
+from support.mechanism import load_mechanism
+from support.scene import GivenMotion
+from support.solve import layout, pose
 
 ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 CLOSED = 1e-13  # of angles and lengths of order one

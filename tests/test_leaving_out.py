@@ -9,7 +9,7 @@ from functools import cache
 import pytest
 
 import screwgauge
-from screwgauge.solution import Solution
+from support.engines import Solution
 
 
 def modules_after(code: str) -> set[str]:

@@ -13,12 +13,12 @@ from time import monotonic
 import bad_works
 import pytest
 
-from screwgauge.families.draw import families
-from screwgauge.reference.errors import LoaderError
+from screwgauge import Limits
 from screwgauge.study import apart as processes
-from screwgauge.study.apart import Limits, apart
-from screwgauge.study.ask import silent
 from screwgauge.study.campaigns.campaign import campaign
+from support.engines import apart, silent
+from support.errors import LoaderError
+from support.mechanism import families
 
 #: A program that puts work into processes and waits for it.
 PARENT = """

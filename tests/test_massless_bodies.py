@@ -9,11 +9,10 @@ import pytest
 from tolerances import LINEAR, STEPPED
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.check import check_models
-from screwgauge.models.generate import write_models
-from screwgauge.reference.errors import DescriptionError, SingularPoseError
-from screwgauge.scene.read import load_scene
+from screwgauge import load_scene
+from support.errors import DescriptionError, SingularPoseError
+from support.mechanism import load_mechanism
+from support.models import check_models, write_models
 
 TREES = ["pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 BOB = "mass = 1.3\ncom = [0.02, 0.01, -0.3]\ninertia = { xx = 2e-2, yy = 1.5e-2, zz = 1e-2, xy = 1e-3 }\n"

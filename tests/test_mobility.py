@@ -6,19 +6,21 @@ import numpy as np
 import pytest
 from tolerances import ROUNDING
 
-from screwgauge.reference import linear
-from screwgauge.reference.graph import serial_chains
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.mobility import (
+from screwgauge.reference.paper.printed import upu_screws
+from support.geometry import linear
+from support.mechanism import serial_chains
+from support.solve import (
     chain_constraints,
+    chain_screws,
     exchange,
+    layout,
     mobility,
     output_constraints,
     output_freedoms,
+    pose,
+    positions,
     reciprocal_screws,
 )
-from screwgauge.reference.paper.printed import upu_screws
-from screwgauge.reference.pose import chain_screws, layout, pose
 
 R, L, THETA = 0.8, 0.6, np.pi / 6
 

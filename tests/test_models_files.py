@@ -11,13 +11,9 @@ import numpy as np
 import pytest
 from tolerances import PLACED
 
-from screwgauge.models.catalog import FOLDER, load_mechanism, mechanism_names
-from screwgauge.models.generate import model_texts, write_models
-from screwgauge.models.layout import lay_out
-from screwgauge.models.mjcf import PARTS, write_mjcf
-from screwgauge.models.urdf import write_urdf
-from screwgauge.reference.errors import OutputError, UnknownNameError
-from screwgauge.reference.mechanism import Mechanism
+from support.errors import OutputError, UnknownNameError
+from support.mechanism import FOLDER, Mechanism, load_mechanism, mechanism_names
+from support.models import PARTS, lay_out, model_texts, write_mjcf, write_models, write_urdf
 
 EXTRA_ELEMENTS = {"geom", "contact", "sensor", "exclude", "camera", "light", "asset", "tendon"}
 

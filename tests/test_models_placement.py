@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from tolerances import PLACED, TAKEN_APART
 
-from screwgauge.models.placement import number_text, quaternion, rpy
-from screwgauge.reference.rotations import Array, rotation
+from support.geometry import Array, number_text, quaternion, rotation, rpy
 
 X, Y, Z = np.eye(3)
 

@@ -12,12 +12,11 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.judging.compare import compare
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
-from screwgauge.report.terminal import terminal
-from screwgauge.report.verdict import verdict
-from screwgauge.solution import Values
+from support.engines import Values
+from support.judging import compare
+from support.report import run_page as run
+from support.report import terminal, verdict
+from support.solve import layout, mobility, pose
 
 SENTENCE = (
     "12 of 20 components of reaction have no unique value: they are not compared, and the digits are of the others"
@@ -140,6 +139,4 @@ def test_of_a_linkage_whose_reactions_are_all_open_none_is_called_alone():
 
 
 def terminal_text(results) -> str:
-    from screwgauge.report.pages import run
-
     return terminal(run.terminal(results))

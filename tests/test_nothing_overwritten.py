@@ -13,10 +13,10 @@ import pytest
 from gates import repository, scene
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.reference.errors import OutputError
 from screwgauge.reference.outputs import is_as_written, stamped
 from screwgauge.report.lock import locked
+from support.command import main
+from support.errors import OutputError
 
 MINE = "# mine\n"
 

@@ -9,12 +9,10 @@ import pytest
 from tolerances import LINEAR, ROUNDING
 
 import screwgauge
-from screwgauge.judging.charts import in_one_chart
-from screwgauge.judging.compare import compare
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
-from screwgauge.reference.rotations import MIDDLE, rotation, sequence_angles
-from screwgauge.solution import Values
+from support.engines import Values
+from support.geometry import MIDDLE, rotation, sequence_angles
+from support.judging import compare, in_one_chart
+from support.solve import layout, mobility, pose
 
 #: In the plane, so that the middle angle of the ball passes a right angle and the other two stay zero.
 CRANK = """

@@ -12,15 +12,12 @@ import pytest
 import tomli_w
 
 import screwgauge
-from screwgauge.engines.screw.model import ScrewModel, Settings
-from screwgauge.models.catalog import load_mechanism, mechanism_path
-from screwgauge.models.check import check_file, check_table
-from screwgauge.models.generate import write_models
-from screwgauge.quantities import GIVEN
-from screwgauge.reference.description import read_tables
-from screwgauge.reference.expressions import number
-from screwgauge.reference.pose import layout
-from screwgauge.scene.scene import Scene
+from screwgauge import Scene
+from support.geometry import number
+from support.mechanism import load_mechanism, mechanism_path, read_tables
+from support.models import check_file, check_table, write_models
+from support.scene import GIVEN
+from support.solve import ScrewModel, Settings, layout
 
 DATA = Path(__file__).with_name("data")
 TREES = ["pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]

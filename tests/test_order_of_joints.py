@@ -7,16 +7,10 @@ import re
 import numpy as np
 import pytest
 
-from screwgauge.cli import main
-from screwgauge.diagnosis.compare import STATES
-from screwgauge.diagnosis.diagnose import diagnose
-from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
-from screwgauge.diagnosis.pairing.common import weighed
-from screwgauge.diagnosis.record import summary
-from screwgauge.models.kinematics.tree import draw, plant
-from screwgauge.models.readings.order import by_name, in_file
-from screwgauge.models.readings.read import read
-from screwgauge.models.readings.source import prepare
+from screwgauge import diagnose
+from support.command import main
+from support.diagnosis import STATES, inverse_dynamics, summary, weighed
+from support.models import by_name, draw, in_file, plant, prepare, read
 
 LEGS = ("FR", "FL", "RR", "RL")
 JOINTS = (("hip", "1 0 0", (0.2, 0.1, 0)), ("thigh", "0 1 0", (0, 0.05, 0)), ("calf", "0 1 0", (0, 0, -0.2)))

@@ -9,15 +9,12 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.catalog import load_mechanism, mechanism_names
-from screwgauge.models.generate import write_models
-from screwgauge.models.importing.model import import_model, notes
-from screwgauge.reference.plausible import Solid, all_too_wide, implausible, too_wide
-from screwgauge.reference.suspicious import suspicious
-from screwgauge.report.verdict import verdict
-from screwgauge.scene.plausible import doubts
-from screwgauge.scene.read import load_scene
+from screwgauge import load_scene
+from support.command import main
+from support.mechanism import Solid, all_too_wide, implausible, load_mechanism, mechanism_names, suspicious, too_wide
+from support.models import import_model, notes, write_models
+from support.report import verdict
+from support.scene import doubts
 
 ARM = """
 name = "arm"

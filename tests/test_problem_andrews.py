@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tolerances import CLOSED, FOLLOWED_TO_THE_END, NINE_DIGITS
 
-from screwgauge.reference.forward import forward_dense
+from support.solve import forward_dense
 
 
 @pytest.fixture(scope="module")

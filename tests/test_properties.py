@@ -16,11 +16,9 @@ from hypothesis import strategies as st
 from tolerances import ROUNDING
 
 import screwgauge
-from screwgauge.reference.rotations import rotation
-from screwgauge.scene.read import load_scene
-from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution
-from screwgauge.study.ask import solve
+from screwgauge import Scene, load_scene
+from support.engines import Solution, solve
+from support.geometry import rotation
 
 ENGINES = ("screw", "pinocchio", "mujoco")
 JOINTS = ("joint_velocity", "joint_acceleration")

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import model_texts
+from support.mechanism import load_mechanism
+from support.models import model_texts
 
 pytest_plugins = ["pytester"]
 

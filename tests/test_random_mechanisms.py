@@ -10,14 +10,11 @@ import tomli_w
 from tolerances import ROUNDING
 
 import screwgauge
-from screwgauge.families.draw import FAMILIES, families, pick
-from screwgauge.families.sketch import Sketch, described
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.errors import UnknownNameError
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import pose
-from screwgauge.scene.preflight import check_home
-from screwgauge.study.run import run
+from support.engines import studied as run
+from support.errors import UnknownNameError
+from support.mechanism import FAMILIES, Sketch, described, families, load_mechanism, pick
+from support.scene import check_home
+from support.solve import mobility, pose
 
 SMALL = ["mixed-loop", "serial", "bennett", "3-rps"]
 #: What textbooks say.

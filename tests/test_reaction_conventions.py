@@ -9,20 +9,14 @@ import pytest
 from tolerances import AGREE, FORMULA
 
 import screwgauge
-from screwgauge.engines.mujoco.tree import MujocoTree
-from screwgauge.engines.pinocchio.tree import PinocchioTree
-from screwgauge.engines.screw.model import ScrewModel
-from screwgauge.engines.tree.closed import close_tree
-from screwgauge.engines.tree.model import TreeModel
-from screwgauge.judging.exerted import held
-from screwgauge.judging.judge import judge
-from screwgauge.models.generate import stem, write_models
-from screwgauge.models.loops import read_loops
-from screwgauge.quantities import GIVEN
-from screwgauge.reference.mechanism import KINDS, Frame, Joint
-from screwgauge.reference.pose import layout
-from screwgauge.reference.reactions import reaction_components
-from screwgauge.reference.rotations import rotation
+from support.geometry import rotation
+from support.judging import exerted as held
+from support.judging import judge
+from support.mechanism import KINDS, Frame, Joint
+from support.models import read_loops, stem, write_models
+from support.scene import GIVEN
+from support.solve import ScrewModel, layout, reaction_components
+from support.trees import MujocoTree, PinocchioTree, TreeModel, close_tree
 
 X, Y, Z = np.eye(3)
 TURNED = rotation(np.array([2.0, 3.0, 6.0]) / 7, np.array(0.7))

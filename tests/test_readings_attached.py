@@ -12,12 +12,10 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.importing.model import Options, import_model
-from screwgauge.models.readings.compiler import warned
-from screwgauge.models.readings.read import read, read_source
-from screwgauge.models.readings.source import prepare
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError
+from screwgauge import ScrewgaugeError
+from support.command import main
+from support.errors import ModelFileError
+from support.models import Options, import_model, prepare, read, read_source, warned
 
 INERTIAL = '<inertial pos="0.1 0.02 0" mass="0.{0}333333333333333" diaginertia="0.01 0.02 0.025"/>'
 #: An arm that attaches a hand and, turned, the same hand again; the hand attaches fingers. Some have no names.

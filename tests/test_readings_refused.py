@@ -6,9 +6,10 @@ import os
 
 import pytest
 
-from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
-from screwgauge.reference.files import LIMITS
+from screwgauge import ScrewgaugeError
+from support.command import LIMITS
+from support.errors import ModelFileError, UnknownNameError
+from support.models import LIBRARIES, libraries_for, read
 
 INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
 BODY = f'<body name="a"><joint name="j"/>{INERTIAL}</body>'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from screwgauge.models.readings.read import read
+from support.models import read
 
 MATTER = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 LINK = f'<link name="@">{MATTER}</link>'

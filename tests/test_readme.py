@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.loops import read_loops
 from screwgauge.report.listing import listing
+from support.command import main
+from support.mechanism import load_mechanism
+from support.models import read_loops
 
 ROOT = Path(__file__).parents[1]
 TEXTS = {

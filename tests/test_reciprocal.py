@@ -7,14 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from screwgauge.models.catalog import load_mechanism, mechanism_names
-from screwgauge.reference import linear
-from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.mobility import reciprocal_screws
-from screwgauge.reference.pose import layout, pose
 from screwgauge.reference.reciprocal import Element, body_twists, elements, end_body, held, idle_forces, legs
-from screwgauge.reference.screws import couple, force, prismatic, revolute
+from support.geometry import couple, force, linear, prismatic, revolute
+from support.mechanism import Mechanism, load_mechanism, mechanism_names
+from support.solve import layout, pose, positions, reciprocal_screws, velocities
 
 CLOSE = 1e-9  # of directions of unit length, and of points that lie within a few metres
 X, Y, Z = np.eye(3)

@@ -17,26 +17,30 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from screwgauge import Results
 from screwgauge import environment as env
 from screwgauge.environment import environment
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import GivenMotion
-from screwgauge.quantities import digits
-from screwgauge.reference.applied import Applied, Load
-from screwgauge.reference.errors import OutputError
 from screwgauge.report import folder as writing
-from screwgauge.report.blocks import Picture, Table
 from screwgauge.report.figures import run as drawing
-from screwgauge.report.figures.selection import default_figures
-from screwgauge.report.formatting import number, size
-from screwgauge.report.html import fragment
-from screwgauge.report.markdown import markdown
-from screwgauge.report.pages import run as page
-from screwgauge.report.results import Results
-from screwgauge.report.terminal import terminal
-from screwgauge.report.verdict import first_difference, verdict
 from screwgauge.scene.figures import Figure
-from screwgauge.solution import Failure, Solution, Timing, Values
+from support.engines import Failure, Solution, Timing, Values
+from support.errors import OutputError
+from support.mechanism import load_mechanism
+from support.report import (
+    Picture,
+    Table,
+    default_figures,
+    first_difference,
+    fragment,
+    markdown,
+    number,
+    size,
+    terminal,
+    verdict,
+)
+from support.report import run_page as page
+from support.scene import GivenMotion, digits
+from support.solve import Applied, Load
 
 N = 400
 NAMES = ("leg1.q1", "leg1.q2", "leg2.q1", "leg2.q2")

@@ -11,13 +11,10 @@ from typing import Any
 import pytest
 
 import screwgauge
-from screwgauge.reference.errors import DescriptionError, OutputError
-from screwgauge.report.blocks import Banner, Front, Heading, Paragraph, Picture
 from screwgauge.report.gallery import gallery
-from screwgauge.report.html import page as page_of
-from screwgauge.report.pages import run as run_page
-from screwgauge.report.pdf import browser, print_page
-from screwgauge.report.write import write_report
+from support.errors import DescriptionError, OutputError
+from support.report import Banner, Front, Heading, Paragraph, Picture, browser, print_page, run_page, write_report
+from support.report import page as page_of
 
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 PAPER = 703  # what is left of A4 between the margins [pixels]

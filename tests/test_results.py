@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.reference.errors import OutputError, ScrewgaugeError, UnknownNameError
-from screwgauge.report.results import LINES
+from screwgauge import ScrewgaugeError
+from support.command import main
+from support.errors import OutputError, UnknownNameError
+from support.report import LINES
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,10 @@ import pytest
 from tolerances import DENSE
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.judging.judge import judge
-from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.forward import Forces, forward
-from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.pose import layout
+from support.command import main
+from support.errors import DescriptionError
+from support.judging import judge
+from support.solve import Forces, forward, layout, positions, velocities
 
 ACTING = """
 [[springs]]

@@ -13,16 +13,12 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError
-from screwgauge.reference.files import LIMITS, digest, read_json
-from screwgauge.reference.wording import printable
-from screwgauge.scene.columns import read_columns
-from screwgauge.study.gate.baseline import against, write_baseline
-from screwgauge.study.gate.row import Error, Row, row_from
-from screwgauge.study.gate.store import history, keep
-from screwgauge.study.journal import Journal
-from screwgauge.study.table import rows_in
+from screwgauge import ScrewgaugeError
+from support.bench import Journal
+from support.command import LIMITS, digest, main, read_json
+from support.errors import DescriptionError, OutputError, printable
+from support.gate import Error, Row, against, history, keep, row_from, rows_in, write_baseline
+from support.scene import read_columns
 
 ERROR = Error("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True, "leg1", 0.5)
 ROW = Row("a", "agree", "they agree", (ERROR,), "", {"mujoco": "1"}, {"mujoco": "0" * 64}, unread=("x",), read=("y",))

@@ -12,10 +12,10 @@ import pytest
 from tolerances import LINEAR, OF_A_KILONEWTON, ROUND_TRIP
 
 import screwgauge
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.solution import Failure
+from screwgauge import ScrewgaugeError, stream
 from screwgauge.study import stream as streaming
-from screwgauge.study.stream import stream, times
+from screwgauge.study.stream import times
+from support.engines import Failure
 
 QUANTITIES = ("joint_position", "generalized_force", "reaction")
 MOST = 200.0  # MB, as the guide to scenes says

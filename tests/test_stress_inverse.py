@@ -12,16 +12,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from screwgauge.models.catalog import load_mechanism, mechanism_path
-from screwgauge.scene.read import load_scene
-from screwgauge.study.ask import solve
+from screwgauge import load_scene
 from screwgauge.study.cases import asking
-from screwgauge.study.cases.asking import ENGINES, POSES, compare, exactly, still
-from screwgauge.study.cases.case import DEGRADED, OK, REFUSED, Finding
-from screwgauge.study.cases.poses import WRIST_LOCKS
-from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import CASES, decades
-from screwgauge.study.stress import climb as climb_rung
+from support.engines import solve
+from support.mechanism import load_mechanism, mechanism_path
+from support.stress import (
+    CASES,
+    DEGRADED,
+    ENGINES,
+    OK,
+    POSES,
+    REFUSED,
+    WRIST_LOCKS,
+    Finding,
+    compare,
+    decades,
+    exactly,
+    findings,
+    still,
+)
+from support.stress import climb as climb_rung
 
 FORCES = ("generalized_force", "actuator_force")
 #: Rounding (2e-16) times the condition of regular poses (up to 300) would leave 13.2 digits if errors never cancelled.

@@ -12,18 +12,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from screwgauge.cli import main
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import ModelFiles, Problem, Progress, States, quiet
-from screwgauge.reference.applied import Applied
-from screwgauge.reference.errors import ClosureError, ScrewgaugeError
-from screwgauge.solution import Cost, Solution, Values
+from screwgauge import ScrewgaugeError
 from screwgauge.study.cases import registry
-from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding
-from screwgauge.study.cases.question import Question, findings
-from screwgauge.study.method import Method
-from screwgauge.study.reference import Reference
-from screwgauge.study.stress import COLUMNS, stress
+from support.command import main
+from support.engines import Cost, Method, ModelFiles, Problem, Progress, Solution, Values, quiet
+from support.errors import ClosureError
+from support.judging import Reference
+from support.mechanism import load_mechanism
+from support.scene import States
+from support.solve import Applied
+from support.stress import COLUMNS, DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding, Question, findings, stress
 
 NOWHERE = ModelFiles(Path("nowhere"))
 

@@ -7,11 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from screwgauge.models.catalog import load_mechanism, mechanism_names
-from screwgauge.reference.description import read_mechanism
-from screwgauge.reference.mechanism import Body, Frame, Mechanism
-from screwgauge.reference.rotations import rotation
-from screwgauge.reference.suspicious import suspicious
+from support.geometry import rotation
+from support.mechanism import Body, Frame, Mechanism, load_mechanism, mechanism_names, read_mechanism, suspicious
 
 #: Two hinges along z, a metre apart, with what follows put in place.
 ARM = """

@@ -11,14 +11,11 @@ import pytest
 import tomli_w
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism, mechanism_tables
-from screwgauge.models.generate import write_models
-from screwgauge.models.mjcf import left_out
-from screwgauge.models.placement import quaternion_rotation
+from screwgauge import load_scene
 from screwgauge.models.principal import inertial, without_stand_ins
-from screwgauge.reference.mechanism import Body
-from screwgauge.reference.rotations import Array, rotation
-from screwgauge.scene.read import load_scene
+from support.geometry import Array, quaternion_rotation, rotation
+from support.mechanism import Body, load_mechanism, mechanism_tables
+from support.models import left_out, write_models
 
 ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 #: Of the largest moment: rounding of a quaternion and of the product that turns moments with it.

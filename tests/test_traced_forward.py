@@ -10,17 +10,28 @@ import pytest
 from tolerances import LINEAR
 
 import screwgauge
-from screwgauge.engines.methods import StagedDOP853
-from screwgauge.engines.screw.forward import TracedForward
-from screwgauge.engines.screw.model import ScrewModel, Settings
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import InitialValue, Integration, Problem
-from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring
-from screwgauge.reference.closed.branch import Branch
-from screwgauge.reference.forward import forces_at, forward, power
-from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.pose import layout
-from screwgauge.reference.traced.trace import NotTraceableError
+from support.engines import Problem
+from support.mechanism import load_mechanism
+from support.scene import InitialValue, Integration
+from support.solve import (
+    Applied,
+    Branch,
+    JointSpring,
+    Load,
+    Motor,
+    PointSpring,
+    ScrewModel,
+    Settings,
+    StagedDOP853,
+    TracedForward,
+    forces_at,
+    forward,
+    layout,
+    positions,
+    power,
+    velocities,
+)
+from support.traced import NotTraceableError
 
 MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
 

@@ -13,12 +13,10 @@ import pytest
 from asking import check_same, model_files
 
 import screwgauge
-from screwgauge.scene.read import scene_names
-from screwgauge.solution import Solution
-from screwgauge.study.ask import ask
-from screwgauge.study.bench.registry import contestants, simulators
-from screwgauge.study.cases.registry import CASES
-from screwgauge.study.method import Method
+from support.bench import contestants, simulators
+from support.engines import Method, Solution, ask
+from support.scene import scene_names
+from support.stress import CASES
 
 
 def difference(one: object, other: object, at: str = "") -> str:

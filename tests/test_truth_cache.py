@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.truth import cache, samples
+from support.truth import cache, samples
 
 QUANTITIES = ["joint_position", "joint_velocity"]
 

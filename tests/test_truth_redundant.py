@@ -12,14 +12,10 @@ from flint import arb, arb_mat, ctx
 from tolerances import LINEAR, ROUNDING
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism, mechanism_tables
-from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.rotations import rotation
-from screwgauge.truth.certify import Certifier
-from screwgauge.truth.exact import number, widened
-from screwgauge.truth.forces import newton_euler
-from screwgauge.truth.kinematics import state
-from screwgauge.truth.linkage import Linkage
+from support.errors import DescriptionError
+from support.geometry import rotation
+from support.mechanism import load_mechanism, mechanism_tables
+from support.truth import Certifier, Linkage, newton_euler, number, state, widened
 
 DATA = Path(__file__).with_name("data")
 #: Radii where doubles of the geometry are read as rounded: 1e-15 times what is lost on the way to accelerations of 10.

@@ -11,16 +11,11 @@ from flint import arb, ctx, fmpq
 from tolerances import RADIUS
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism, mechanism_tables
-from screwgauge.problem import GivenMotion
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import layout
-from screwgauge.solution import Clock
-from screwgauge.truth import exact, forces
-from screwgauge.truth.certify import Certifier, NotCertified
-from screwgauge.truth.jets import drive, read_terms
-from screwgauge.truth.linkage import Linkage
-from screwgauge.truth.samples import Sampler
+from support.engines import Clock
+from support.mechanism import load_mechanism, mechanism_tables
+from support.scene import GivenMotion
+from support.solve import layout, positions
+from support.truth import Certifier, Linkage, NotCertified, Sampler, drive, exact, forces, read_terms
 
 
 def balls(scene, bits):

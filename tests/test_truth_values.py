@@ -9,6 +9,8 @@ import pytest
 from tolerances import AGREE, LINEAR, NEAREST, PRINTED, RADIUS, SOLVER
 
 import screwgauge
+from support.mechanism import load_mechanism, mechanism_tables
+from support.solve import joint_reactions, layout, pose
 
 DATA = Path(__file__).with_name("data")
 
@@ -73,13 +75,7 @@ def test_any_mechanism_has_a_truth(name):
 def test_reactions_have_the_names_of_the_other_engines(name):
     from flint import ctx
 
-    from screwgauge.models.catalog import load_mechanism, mechanism_tables
-    from screwgauge.reference.dynamics import joint_reactions
-    from screwgauge.reference.pose import layout, pose
-    from screwgauge.truth.exact import number
-    from screwgauge.truth.forces import unknowns
-    from screwgauge.truth.kinematics import State
-    from screwgauge.truth.linkage import Linkage
+    from support.truth import Linkage, State, number, unknowns
 
     mechanism = load_mechanism(name)
     lay = layout(mechanism)

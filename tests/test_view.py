@@ -15,11 +15,11 @@ from typing import Any
 import arm
 import pytest
 
-from screwgauge.cli import main
 from screwgauge.commands.view import _serve
-from screwgauge.reference.errors import OutputError
 from screwgauge.report import console
-from screwgauge.report.pdf import browser
+from support.command import main
+from support.errors import OutputError
+from support.report import browser
 
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 BLANK = 6000  # a picture without anything in it is smaller [bytes]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from tolerances import PLACED
 
-from screwgauge.engines.tree.project import project
-from screwgauge.reference.errors import SingularPoseError
+from support.errors import SingularPoseError
+from support.trees import project
 
 
 class Line:

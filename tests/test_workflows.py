@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.generate import model_texts
+from support.command import main
+from support.models import model_texts
 
 ROOT = Path(__file__).parents[1]
 #: Major versions, which their owners move along.

@@ -12,12 +12,10 @@ from tolerances import NOTICED, ROUNDING
 
 import screwgauge
 from screwgauge.engines.estimate import Part, Trust, errors
-from screwgauge.judging.compare import compare
-from screwgauge.judging.judge import judge
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
-from screwgauge.scene.preflight import check_actuation, check_scene
-from screwgauge.solution import Solution, Values
+from support.engines import Solution, Values
+from support.judging import compare, judge
+from support.scene import check_actuation, check_scene
+from support.solve import layout, mobility, pose
 
 FORCES = ("generalized_force", "actuator_force", "reaction")
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from screwgauge.engines.registry import Engine, Model
-from screwgauge.engines.screw import model as screw
-from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
-from screwgauge.reference.errors import DescriptionError
-from screwgauge.solution import Solution, Values
+from support.engines import Engine, Model, ModelFiles, Problem, Progress, Solution, Values, quiet, screw
+from support.errors import DescriptionError
+from support.scene import GivenMotion
 
 ERROR = 1e-8
 ACCELERATION, FORCE = "leg2.q3", "leg3"

@@ -1,0 +1,14 @@
+"""Mechanisms as tests describe them: built-in ones, descriptions as text, drawn ones, and what they are made of."""
+
+from __future__ import annotations
+
+from screwgauge.families.draw import FAMILIES, families, pick
+from screwgauge.families.sketch import Sketch, described
+from screwgauge.models.catalog import FOLDER, load_mechanism, mechanism_names, mechanism_path, mechanism_tables
+from screwgauge.models.fourbars import four_bars
+from screwgauge.reference.couplings import Coupling
+from screwgauge.reference.description import read_mechanism, read_tables
+from screwgauge.reference.graph import serial_chains, spanning_tree
+from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism, actuator_names, same_content
+from screwgauge.reference.plausible import Solid, all_too_wide, implausible, too_wide
+from screwgauge.reference.suspicious import suspicious
