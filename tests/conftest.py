@@ -21,7 +21,6 @@ from typing import NamedTuple
 
 import pandas as pd
 import pytest
-from gates import repository
 
 from screwgauge import load_scene
 from screwgauge.engines.screw.integrate import integrate
@@ -32,6 +31,7 @@ from support.command import main
 from support.engines import ENGINES, Problem, in_turn
 from support.geometry import Array
 from support.mechanism import Mechanism, load_mechanism
+from support.repository import repository
 from support.scene import FOLDER, observe
 from support.solve import Forces, Layout, TracedForward, Trajectory, forces_at, layout
 
@@ -113,7 +113,7 @@ def no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="session")
 def their_repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A repository of somebody's, see `gates.repository`; tests work on a copy of it."""
+    """A repository of somebody's, see `support.repository.repository`; tests work on a copy of it."""
     return repository(tmp_path_factory.mktemp("theirs"))
 
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tolerances import LINEAR
 
 import screwgauge
 from support.errors import DescriptionError
 from support.mechanism import load_mechanism
 from support.models import lay_out
 from support.scene import GIVEN
+from support.tolerances import LINEAR
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full", "truth")
 X, Y, Z = [1, 0, 0], [0, 1, 0], [0, 0, 1]

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tolerances import LINEAR, ROUNDING
 
 import screwgauge
 from support.scene import GivenMotion
+from support.tolerances import LINEAR, ROUNDING
 
 DATA = Path(__file__).with_name("data")
 ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]

@@ -6,13 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from asking import ask, model_files
 
 import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
 from support.bench import QUICK, bench
-from support.engines import ENGINES, Method
-from support.engines import ask as put
+from support.engines import ENGINES, Method, ask, model_files, put
 from support.report import summary
 from support.scene import GivenMotion
 from support.stress import CASES, REFUSED, findings

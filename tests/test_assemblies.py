@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planar import Bar, four_bar, moving
-from tolerances import ROUNDING
 
 import screwgauge
 from screwgauge.reference.closed import following
@@ -16,9 +14,11 @@ from support.errors import ClosureError, SingularPoseError
 from support.geometry import within_half_turn
 from support.mechanism import load_mechanism
 from support.models import write_models
+from support.planar import Bar, four_bar, moving
 from support.scene import check_scene
 from support.solve import closed_form, layout, loop_equations, straight_and_bent
 from support.stress import BASE_LOCK, CASES, OK, SCENE, SILENT, SINGULAR_B, findings, still
+from support.tolerances import ROUNDING
 
 FAR = 1.2
 #: Angles of joints near the lock of a leg at 1e-5 rad, from closed loops.

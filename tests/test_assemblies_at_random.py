@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from near import BASE, UPU
 
 import screwgauge
 from support.engines import solve
 from support.geometry import within_half_turn
+from support.near import BASE, UPU
 from support.scene import check_scene
 from support.solve import closed_form, layout
 from support.stress import SCENE, still

@@ -6,16 +6,16 @@ import re
 
 import numpy as np
 import pytest
-from asking import ask, model_files
-from coupled import every_kind, geared_five_bar, moving
-from tolerances import FORMULA
 
 import screwgauge
 from screwgauge import ScrewgaugeError
+from support.coupled import every_kind, geared_five_bar, moving
+from support.engines import ask, model_files
 from support.errors import DescriptionError, ModelFileError
 from support.mechanism import Coupling, load_mechanism
 from support.models import check_models, joint_equality, lay_out, read_loops, write_models
 from support.scene import GIVEN, check_home
+from support.tolerances import FORMULA
 
 GEAR = geared_five_bar("left", "right", [0.0, 0.5])
 FIRST = "coordinate = \"right\"\nof = \"left\"\npolynomial = ['0.0', '0.5']"

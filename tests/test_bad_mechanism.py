@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import PLACED
 
 from screwgauge import ScrewgaugeError, load_scene, run, stream
 from screwgauge.engines.screw.compiled import compile
@@ -14,6 +13,7 @@ from support.geometry import linear, number, rotation
 from support.mechanism import Body, load_mechanism
 from support.scene import check_home
 from support.solve import layout, loop_matrix, pose
+from support.tolerances import PLACED
 
 ROD = """
 name = "rod"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import FORMULA, PLACED, TWENTY_DIGITS
 
 from support.mechanism import four_bars, load_mechanism, mechanism_path
 from support.solve import check_independent, joint_point, layout, mobility, pose
+from support.tolerances import FORMULA, PLACED, TWENTY_DIGITS
 
 #: bodies, joint freedoms, Kutzbach's count, mobility, redundant constraints
 COUNTS = {

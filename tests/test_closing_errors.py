@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from asking import model_files
 from test_any_cut import MECHANISMS, described
-from tolerances import CLOSED, DIFFERENCE, LINEAR
 
 import screwgauge
-from support.engines import Method
+from support.engines import Method, model_files
 from support.geometry import rotation
 from support.mechanism import load_mechanism, spanning_tree
 from support.solve import LoopEquations, home_equations, layout, positions, read, tree_pose
+from support.tolerances import CLOSED, DIFFERENCE, LINEAR
 from support.traced import Cut, matrix, vector
 
 STEP = 1e-6

@@ -6,16 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from asking import ask, model_files
-from coupled import EVERY_KIND, body, coupling_tables, every_kind, geared_five_bar, moving, started
 from numpy.polynomial import Polynomial
-from planar import Bar, four_bar
-from tolerances import LINEAR, ROUND_TRIP
 
 import screwgauge
+from support.coupled import EVERY_KIND, body, coupling_tables, every_kind, geared_five_bar, moving, started
+from support.engines import ask, model_files
 from support.judging import judge
 from support.mechanism import load_mechanism
 from support.models import write_models
+from support.planar import Bar, four_bar
 from support.scene import GIVEN, SIMULATED
 from support.solve import (
     Forces,
@@ -30,6 +29,7 @@ from support.solve import (
     positions,
     velocities,
 )
+from support.tolerances import LINEAR, ROUND_TRIP
 
 ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 #: The driven joint's neighbour, and the joint that would be cut if it were not coupled.

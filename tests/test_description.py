@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planar import Bar, four_bar
-from tolerances import PLACED
 
 import screwgauge
 from support.geometry import rotation_matrix
 from support.mechanism import Mechanism, actuator_names, load_mechanism
+from support.planar import Bar, four_bar
 from support.solve import home_equations, layout
+from support.tolerances import PLACED
 
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 STEPS = {"matrix": QUARTER.tolist()}, {"axis": [1, 0, 0], "angle": "pi/2"}

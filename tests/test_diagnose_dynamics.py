@@ -7,7 +7,6 @@ from dataclasses import replace
 import arm
 import numpy as np
 import pytest
-from regressors import gravity_regressor, inertial_regressor, parameters, passive_regressor
 
 from support.diagnosis import (
     STANDARD,
@@ -36,6 +35,7 @@ from support.models import (
     read,
     residual_at_home,
 )
+from support.regressors import gravity_regressor, inertial_regressor, parameters, passive_regressor
 
 #: Every kind of joint, two on one body, a branch, everything that a joint can have.
 ZOO = """<mujoco><option gravity="0.3 -1 -9.5"/><compiler autolimits="true"/><worldbody>

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tolerances import PRINTED, PRINTED_COARSELY, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
 import screwgauge
 from support.scene import GivenMotion
 from support.solve import force_matrix, joint_reactions, layout, positions
+from support.tolerances import PRINTED, PRINTED_COARSELY, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
 
 def solve(scene, **changes):

@@ -10,18 +10,30 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from asking import MOTION, check_same, further_engines, model_files
-from tolerances import LINEAR
 
 import screwgauge
 from screwgauge import ScrewgaugeError
-from support.engines import ENGINES, Engine, Model, ModelFiles, Problem, Solution, check_engines, get_engine
+from support.engines import (
+    ENGINES,
+    MOTION,
+    Engine,
+    Model,
+    ModelFiles,
+    Problem,
+    Solution,
+    check_engines,
+    check_same,
+    further_engines,
+    get_engine,
+    model_files,
+)
 from support.errors import ModelFileError, UnknownNameError
 from support.scene import GIVEN, GivenMotion, InitialValue, Integration, States
 from support.solve import GRAVITY, Load, hold
+from support.tolerances import LINEAR
 
 LIBRARIES = {"truth": "flint", "drake": "pydrake"}  # what is not installed with the package
-FURTHER = {"toy": "toy_engine:TOY", "drake": "drake_engine:DRAKE"}
+FURTHER = {"toy": "support.toy_engine:TOY", "drake": "support.drake_engine:DRAKE"}
 LEGS = ("leg1", "leg2", "leg3", "leg4")
 
 #: Components of the 3-UPS-UPU-S, in the order that users rely on, and their units.

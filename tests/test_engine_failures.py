@@ -8,12 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from asking import ask, model_files
 
 import screwgauge
 from screwgauge import load_scene
 from support.command import main
-from support.engines import ENGINES, Values
+from support.engines import ENGINES, Values, ask, model_files
 
 QUANTITIES = ["joint_position", "generalized_force", "actuator_force"]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import test_known_mechanisms as known
-from tolerances import AGREE, LINEAR, RECURSIVE
 
 import screwgauge
 from screwgauge import load_scene
 from support.scene import GIVEN, scene_names
+from support.tolerances import AGREE, LINEAR, RECURSIVE
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 

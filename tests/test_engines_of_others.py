@@ -6,15 +6,14 @@ import json
 import os
 import sys
 
-import hostile_engine
 import numpy as np
 import pytest
-from asking import ask, further_engines, model_files
 
 import screwgauge
 from screwgauge.study.sound import LONG
+from support import hostile_engine
 from support.command import main
-from support.engines import ENGINES, Solution, Values, apart, engines, get_engine
+from support.engines import ENGINES, Solution, Values, apart, ask, engines, further_engines, get_engine, model_files
 
 QUANTITIES = ["joint_position", "generalized_force"]
 
@@ -105,7 +104,7 @@ def test_an_error_that_cannot_be_read_is_a_row(error, stand_in, scene):
 
 @pytest.mark.parametrize("source", ["NO_ENGINE", "LONG"])
 def test_what_describes_no_engine_is_an_engine_that_cannot_be_loaded(source, scene):
-    with further_engines({"loud": f"hostile_engine:{source}"}):
+    with further_engines({"loud": f"support.hostile_engine:{source}"}):
         assert engines()["loud"].meaning == "cannot be loaded"
         results = screwgauge.run(scene, ["screw", "loud"], QUANTITIES)
     assert [*results.failures] == ["loud"]
@@ -113,7 +112,7 @@ def test_what_describes_no_engine_is_an_engine_that_cannot_be_loaded(source, sce
 
 
 def test_an_engine_is_called_as_its_entry_says(scene):
-    with further_engines({"loud": "hostile_engine:IMPOSTOR"}):
+    with further_engines({"loud": "support.hostile_engine:IMPOSTOR"}):
         assert get_engine("loud").name == "loud"
         assert get_engine("screw") is ENGINES["screw"]
         results = screwgauge.run(scene, ["loud", "screw"], QUANTITIES)
@@ -124,7 +123,7 @@ def test_nothing_that_an_engine_prints_stands_before_the_json(paper_scene, tmp_p
     monkeypatch.setattr("screwgauge.study.apart.apart", apart)  # in processes, as the command line does it
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
     options = ["--engines", "screw,loud", "--quantities", "joint_position", "--json", "--out", str(tmp_path / "out")]
-    with further_engines({"loud": "hostile_engine:ENGINE"}):
+    with further_engines({"loud": "support.hostile_engine:ENGINE"}):
         assert main(["run", str(paper_scene()), *options]) == 0
     said = capfd.readouterr()
     assert json.loads(said.out)["ok"] is True
@@ -133,8 +132,8 @@ def test_nothing_that_an_engine_prints_stands_before_the_json(paper_scene, tmp_p
 
 
 def test_nothing_that_an_engine_prints_stands_in_a_list(capsys):
-    sys.modules.pop("hostile_engine", None)
-    with further_engines({"listed": "hostile_engine:ENGINE"}):
+    sys.modules.pop("support.hostile_engine", None)
+    with further_engines({"listed": "support.hostile_engine:ENGINE"}):
         assert main(["list", "engines"]) == 0
     said = capsys.readouterr()
     assert "imported" not in said.out

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tolerances import DENSE, FORMULA, LINEAR, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
 import screwgauge
 from screwgauge import ScrewgaugeError
@@ -25,6 +24,7 @@ from support.solve import (
     positions,
     velocities,
 )
+from support.tolerances import DENSE, FORMULA, LINEAR, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
 DATA = Path(__file__).parent / "data"
 SCENES = [

@@ -20,6 +20,7 @@ from support.bench import (
     FAILED,
     FULL,
     OK,
+    QUICK_SIMULATIONS,
     TABLE,
     Contestant,
     absolute_table,
@@ -29,14 +30,13 @@ from support.bench import (
     simulation,
     simulators,
 )
-from support.bench import QUICK_SIMULATIONS as QUICK
 from support.command import main
 from support.engines import ENGINES, Engine, Method, screw
 from support.models import write_models
 from support.report import SIMULATION, make_plots
 from support.scene import InitialValue
 
-PLAN = replace(QUICK, share=0.05, samples=5)
+PLAN = replace(QUICK_SIMULATIONS, share=0.05, samples=5)
 
 
 @pytest.fixture(scope="module")

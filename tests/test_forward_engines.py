@@ -8,16 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import model_files, simulate, simulate_scene
-from tolerances import DENSE, ENERGY_PER_ERROR, FOLLOWED, LINEAR, ROUND_TRIP
 
 import screwgauge
 from screwgauge import Scene
-from support.engines import ModelFiles
+from support.engines import ModelFiles, model_files, simulate, simulate_scene
 from support.errors import ModelFileError, SingularPoseError, UnknownNameError
 from support.models import write_models
 from support.scene import InitialValue, Integration, observe
 from support.solve import METHODS, SIZES, Forces, JointSpring, PointSpring, energy, hold, layout, pose, velocities
+from support.tolerances import DENSE, ENERGY_PER_ERROR, FOLLOWED, LINEAR, ROUND_TRIP
 from support.trees import MujocoMover, PinocchioMover
 
 DATA = Path(__file__).parent / "data"

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import model_files, stopped_after
 
 import screwgauge
 from screwgauge import ScrewgaugeError
 from support.command import main
-from support.engines import get_engine
+from support.engines import get_engine, model_files, stopped_after
 from support.errors import ClosureError
 from support.judging import LIMIT
 from support.report import markdown, report, verdict

@@ -7,15 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from asking import ask, model_files, stopped_after
-from tolerances import NINE_DIGITS, PUBLISHED, STEPPED
 
 import screwgauge
 from support.command import main
-from support.engines import Values
+from support.engines import Values, ask, model_files, stopped_after
 from support.mechanism import load_mechanism
 from support.scene import check_start, eigenvalues
 from support.solve import Forces, layout
+from support.tolerances import NINE_DIGITS, PUBLISHED, STEPPED
 
 OBSERVABLES = {
     "a01-pendulum": ("x", "y"),

@@ -7,16 +7,25 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from asking import has_integrator, model_files, opening, simulate, simulate_scene
-from tolerances import CLOSED, DRIFT, FIRST_ORDER, FIRST_ORDER_WORK, LINEAR, ORDER
 
 import screwgauge
-from support.engines import get_engine
+from support.engines import get_engine, model_files, simulate, simulate_scene
 from support.errors import DescriptionError, UnknownNameError
 from support.models import read_loops
 from support.scene import InitialValue, observe
 from support.solve import Applied, JointSpring, Load, PointSpring, hold, layout
-from support.trees import INTEGRATORS, REFINABLE, MujocoMover, MujocoTree, close_tree, sprung_model, tree_forces
+from support.tolerances import CLOSED, DRIFT, FIRST_ORDER, FIRST_ORDER_WORK, LINEAR, ORDER
+from support.trees import (
+    INTEGRATORS,
+    REFINABLE,
+    MujocoMover,
+    MujocoTree,
+    close_tree,
+    has_integrator,
+    opening,
+    sprung_model,
+    tree_forces,
+)
 
 
 def error(name, until, engine, **stepper):

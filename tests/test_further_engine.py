@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import toy_engine as toy
-from asking import further_engines
 
 import screwgauge
+from support import toy_engine as toy
 from support.command import main
-from support.engines import ENGINES, ModelFiles, check_engines, engines, get_engine
+from support.engines import ENGINES, ModelFiles, check_engines, engines, further_engines, get_engine
 from support.errors import DescriptionError, UnknownNameError
 from support.scene import InitialValue
 
 
 @pytest.fixture(scope="module", autouse=True)
 def installed():
-    with further_engines({"toy": "toy_engine:TOY"}):
+    with further_engines({"toy": "support.toy_engine:TOY"}):
         yield
 
 
@@ -88,7 +87,7 @@ def test_settings_of_a_further_engine_are_the_keywords_of_its_loader():
 
 
 def test_one_that_cannot_be_loaded_harms_nobody_else():
-    with further_engines({"bad": "no_such_module:ENGINE", "toy": "toy_engine:TOY"}):
+    with further_engines({"bad": "no_such_module:ENGINE", "toy": "support.toy_engine:TOY"}):
         scene = screwgauge.load_scene("3ups-upu-s-fast").at([0.3])
         results = screwgauge.run(scene, engines=["screw", "bad"], quantities=["joint_position"])
         assert results.failures["bad"].reason.startswith("not installed (No module named 'no_such_module')")
@@ -97,5 +96,5 @@ def test_one_that_cannot_be_loaded_harms_nobody_else():
 
 
 def test_a_name_of_this_package_is_not_taken_over():
-    with further_engines({"screw": "toy_engine:TOY"}):
+    with further_engines({"screw": "support.toy_engine:TOY"}):
         assert get_engine("screw") is ENGINES["screw"]

@@ -11,15 +11,15 @@ from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
-import bad_engines
 import pytest
-from gates import edited, scene, tell
 
 import screwgauge
 from screwgauge import Limits
+from support import bad_engines
 from support.command import main
 from support.engines import apart
 from support.gate import NAME, Item, Settings, check_items, gate_run, told
+from support.repository import edited, scene, tell
 
 
 def worse(text: str, by: float) -> str:

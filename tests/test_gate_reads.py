@@ -9,11 +9,11 @@ import shutil
 from pathlib import Path
 
 import pytest
-from gates import scene
 
 import screwgauge
 from screwgauge.judging import compare as comparing
 from support.command import main
+from support.repository import scene
 from support.trees import Loops
 
 

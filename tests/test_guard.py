@@ -7,18 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
-from tolerances import EQUAL, TIGHT
 
 import screwgauge
 from support.command import main
 from support.engines import solve
 from support.judging import LIMIT, compare, flagged
-from support.report import estimates, summary, verdict
-from support.report import run_in_terminal as terminal
-from support.report import terminal as text
+from support.near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
+from support.report import estimates, run_in_terminal, summary, terminal, verdict
 from support.scene import check_scene
 from support.solve import layout, loop_equations, positions
+from support.tolerances import EQUAL, TIGHT
 
 ENGINES = ["screw", "pinocchio", "mujoco", "truth"]
 
@@ -190,11 +188,11 @@ def test_summary_report_and_terminal_tell_of_the_guard(ladder):
     assert (theirs["ok"], theirs["flagged"]) == (False, 3)
     assert theirs["condition"] > 1e5
     assert theirs["worst_t"] in results.times
-    assert "flagged (pinocchio" in text(terminal(results))
+    assert "flagged (pinocchio" in terminal(run_in_terminal(results))
     assert "no digit" in str(estimates(results))
     assert "✗ (3 of 3" in str(estimates(results))
     quiet = screwgauge.run(screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0]), engines=["screw"])
-    assert "\nconditioning: nothing flagged" in text(terminal(quiet))
+    assert "\nconditioning: nothing flagged" in terminal(run_in_terminal(quiet))
 
 
 def test_a_rule_without_solution_is_blamed_and_not_the_engine():

@@ -9,9 +9,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from asking import ask
 
-from support.engines import ModelFiles, Problem
+from support.engines import ModelFiles, Problem, ask
 from support.geometry import Array
 from support.mechanism import Mechanism, load_mechanism, mechanism_names
 from support.models import description, import_model, lay_out, write_models

@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import integrate
-from tolerances import CLOSED, LINEAR
 
 from support.errors import DescriptionError, UnknownNameError
 from support.mechanism import load_mechanism
-from support.solve import METHODS, Branch, Forces, JointSpring, layout, positions
+from support.solve import METHODS, Branch, Forces, JointSpring, integrate, layout, positions
+from support.tolerances import CLOSED, LINEAR
 
 DATA = Path(__file__).parent / "data"
 SLIDER_CRANK = """

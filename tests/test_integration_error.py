@@ -9,14 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import ask, model_files
 from scipy.optimize import brentq
 
 import screwgauge
 from screwgauge import Scene
 from screwgauge.judging.integration import MOST, WITHIN, Left, estimated
 from screwgauge.study.simulated import loosened, observed
-from support.engines import REFERENCE, Solution, Values
+from support.engines import REFERENCE, Solution, Values, ask, model_files
 from support.geometry import within_half_turn
 from support.judging import compare
 from support.models import write_models

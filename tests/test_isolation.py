@@ -7,15 +7,14 @@ import pickle
 from dataclasses import replace
 from functools import partial
 
-import bad_works
 import numpy as np
 import pytest
-from asking import check_same, further_engines
 
 import screwgauge
 from screwgauge import Limits, ScrewgaugeError
+from support import bad_works
 from support.command import main
-from support.engines import ENGINES, Failure, Values, apart, silent
+from support.engines import ENGINES, Failure, Values, apart, check_same, further_engines, silent
 from support.errors import ModelFileError, UnknownNameError
 
 
@@ -113,7 +112,7 @@ def test_a_run_is_the_same_wherever_it_runs(paper_scene):
 
 
 def test_a_crash_is_one_sentence_and_exit_3(monkeypatch, paper_scene, tmp_path, capfd, no_progress):
-    monkeypatch.setitem(ENGINES, "mujoco", replace(ENGINES["mujoco"], source="aborts_on_import:load"))
+    monkeypatch.setitem(ENGINES, "mujoco", replace(ENGINES["mujoco"], source="support.aborts_on_import:load"))
     options = ["--engines", "screw,mujoco", "--quantities", "joint_position", "--out", str(tmp_path / "out")]
     assert main(["run", str(paper_scene()), *options]) == 3
     printed = capfd.readouterr()
@@ -122,13 +121,13 @@ def test_a_crash_is_one_sentence_and_exit_3(monkeypatch, paper_scene, tmp_path, 
 
 
 def test_an_engine_of_another_package_that_ends_whoever_imports_it_is_a_row(paper_scene):
-    with further_engines({"bad": "aborts_on_import:ENGINE"}):
+    with further_engines({"bad": "support.aborts_on_import:ENGINE"}):
         results = screwgauge.run(screwgauge.load_scene(paper_scene()), ["bad"], ["joint_position"], limits=Limits())
     assert results.failures["bad"].reason == "crashed: its process got SIGABRT"
 
 
 def test_limits_are_options_of_the_command(monkeypatch, paper_scene, tmp_path, capfd, no_progress):
-    monkeypatch.setitem(ENGINES, "mujoco", replace(ENGINES["mujoco"], source="bad_works:load_hang"))
+    monkeypatch.setitem(ENGINES, "mujoco", replace(ENGINES["mujoco"], source="support.bad_works:load_hang"))
     options = [
         "--engines",
         "mujoco",

@@ -6,18 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from asking import ask, model_files
-from planar import Bar, four_bar
-from planar import moving as moving_bars
-from tolerances import LINEAR
 
 import screwgauge
 from screwgauge.engines.screw import inverse
 from screwgauge.engines.tree import closed_forces
-from support.engines import Solution
+from support.engines import Solution, ask, model_files
 from support.judging import judge
+from support.planar import Bar, four_bar
+from support.planar import moving as moving_bars
 from support.scene import GIVEN
 from support.solve import ScrewModel, dynamics, layout, reactions
+from support.tolerances import LINEAR
 from support.trees import MujocoTree, PinocchioTree
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import CLOSED, DIFFERENCE, ROUNDING, TWENTY_DIGITS
 
 from support.geometry import screws
 from support.mechanism import load_mechanism, serial_chains
@@ -18,6 +17,7 @@ from support.solve import (
     positions,
     velocities,
 )
+from support.tolerances import CLOSED, DIFFERENCE, ROUNDING, TWENTY_DIGITS
 
 
 def motion(t):

@@ -7,12 +7,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from tolerances import LINEAR
 
 import screwgauge
 from support.mechanism import load_mechanism
 from support.scene import GivenMotion
 from support.solve import layout, pose
+from support.tolerances import LINEAR
 
 ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 CLOSED = 1e-13  # of angles and lengths of order one

@@ -10,12 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
 
-import bad_works
 import pytest
 
 from screwgauge import Limits
 from screwgauge.study import apart as processes
 from screwgauge.study.campaigns.campaign import campaign
+from support import bad_works
 from support.engines import apart, silent
 from support.errors import LoaderError
 from support.mechanism import families
@@ -26,7 +26,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
-import bad_works
+from support import bad_works
 
 kind, folder = sys.argv[1], Path(sys.argv[2])
 if kind == "campaign":
@@ -40,7 +40,7 @@ elif kind == "program":
 
     from screwgauge.study.lifeline import tied
 
-    code = f"import bad_works; from pathlib import Path; bad_works.spins_in_c(None, Path({str(folder)!r}))"
+    code = f"from support import bad_works; from pathlib import Path; bad_works.spins_in_c(None, Path({str(folder)!r}))"
     with ThreadPoolExecutor(2) as pool:
         for _ in range(2):
             pool.submit(subprocess.run, [sys.executable, "-c", code], preexec_fn=tied())

@@ -6,13 +6,13 @@ import re
 
 import numpy as np
 import pytest
-from tolerances import LINEAR, STEPPED
 
 import screwgauge
 from screwgauge import load_scene
 from support.errors import DescriptionError, SingularPoseError
 from support.mechanism import load_mechanism
 from support.models import check_models, write_models
+from support.tolerances import LINEAR, STEPPED
 
 TREES = ["pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 BOB = "mass = 1.3\ncom = [0.02, 0.01, -0.3]\ninertia = { xx = 2e-2, yy = 1.5e-2, zz = 1e-2, xy = 1e-3 }\n"

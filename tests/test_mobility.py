@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import ROUNDING
 
 from screwgauge.reference.paper.printed import upu_screws
 from support.geometry import linear
@@ -21,6 +20,7 @@ from support.solve import (
     positions,
     reciprocal_screws,
 )
+from support.tolerances import ROUNDING
 
 R, L, THETA = 0.8, 0.6, np.pi / 6
 

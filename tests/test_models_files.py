@@ -9,11 +9,11 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from tolerances import PLACED
 
 from support.errors import OutputError, UnknownNameError
 from support.mechanism import FOLDER, Mechanism, load_mechanism, mechanism_names
 from support.models import PARTS, lay_out, model_texts, write_mjcf, write_models, write_urdf
+from support.tolerances import PLACED
 
 EXTRA_ELEMENTS = {"geom", "contact", "sensor", "exclude", "camera", "light", "asset", "tendon"}
 

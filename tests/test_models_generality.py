@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tolerances import CLOSED, PLACED
 
 from support.errors import DescriptionError
 from support.geometry import Array
@@ -25,6 +24,7 @@ from support.models import (
     write_mjcf,
     write_models,
 )
+from support.tolerances import CLOSED, PLACED
 
 FOUR_BAR = """
 name = "four-bar" # a parallelogram, leaning by pi/6; its last joint is declared towards ground

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import PLACED, TAKEN_APART
 
 from support.geometry import Array, number_text, quaternion, rotation, rpy
+from support.tolerances import PLACED, TAKEN_APART
 
 X, Y, Z = np.eye(3)
 

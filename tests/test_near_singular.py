@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from near import BASE, UPU, WRIST, before_upu, errors, moving_at
 
 import screwgauge
 from screwgauge import load_scene
 from support.engines import Method, ModelFiles, Problem, solve
 from support.errors import SingularPoseError
+from support.near import BASE, UPU, WRIST, before_upu, errors, moving_at
 from support.scene import check_scene
 from support.solve import Applied, ScrewModel, dynamics, home_equations, layout, wide_force_matrix
 

@@ -14,8 +14,7 @@ import pytest
 import screwgauge
 from support.engines import Values
 from support.judging import compare
-from support.report import run_page as run
-from support.report import terminal, verdict
+from support.report import run_in_terminal, terminal, verdict
 from support.solve import layout, mobility, pose
 
 SENTENCE = (
@@ -139,4 +138,4 @@ def test_of_a_linkage_whose_reactions_are_all_open_none_is_called_alone():
 
 
 def terminal_text(results) -> str:
-    return terminal(run.terminal(results))
+    return terminal(run_in_terminal(results))

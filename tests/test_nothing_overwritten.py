@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from gates import repository, scene
 
 import screwgauge
 from screwgauge.reference.outputs import is_as_written, stamped
 from screwgauge.report.lock import locked
 from support.command import main
 from support.errors import OutputError
+from support.repository import repository, scene
 
 MINE = "# mine\n"
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tolerances import LINEAR, ROUNDING
 
 import screwgauge
 from support.engines import Values
 from support.geometry import MIDDLE, rotation, sequence_angles
 from support.judging import compare, in_one_chart
 from support.solve import layout, mobility, pose
+from support.tolerances import LINEAR, ROUNDING
 
 #: In the plane, so that the middle angle of the ball passes a right angle and the other two stay zero.
 CRANK = """

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tolerances import CLOSED
 
 import screwgauge
 from screwgauge.models.catalog import load_mechanism
@@ -16,6 +15,7 @@ from screwgauge.reference.kinematics import accelerations, positions, velocities
 from screwgauge.reference.paper import scheme as paper
 from screwgauge.reference.paper import twist as paper_twist
 from screwgauge.reference.pose import layout
+from support.tolerances import CLOSED
 
 DRIVE = screwgauge.load_scene("3ups-upu-s").drive
 DATA = Path(__file__).parent / "data"

@@ -13,12 +13,12 @@ import numpy as np
 import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tolerances import ROUNDING
 
 import screwgauge
 from screwgauge import Scene, load_scene
 from support.engines import Solution, solve
 from support.geometry import rotation
+from support.tolerances import ROUNDING
 
 ENGINES = ("screw", "pinocchio", "mujoco")
 JOINTS = ("joint_velocity", "joint_acceleration")

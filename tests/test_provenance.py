@@ -11,8 +11,8 @@ import pytest
 
 import screwgauge
 from screwgauge.study.provenance import SCHEMA, provenance
+from screwgauge.study.run import run
 from support.command import main
-from support.engines import studied as run
 from support.models import write_models
 
 DATE = datetime(2020, 2, 2, 2, 2, 2, tzinfo=UTC)

@@ -7,14 +7,13 @@ import tomllib
 import numpy as np
 import pytest
 import tomli_w
-from tolerances import ROUNDING
 
 import screwgauge
-from support.engines import studied as run
 from support.errors import UnknownNameError
 from support.mechanism import FAMILIES, Sketch, described, families, load_mechanism, pick
 from support.scene import check_home
 from support.solve import mobility, pose
+from support.tolerances import ROUNDING
 
 SMALL = ["mixed-loop", "serial", "bennett", "3-rps"]
 #: What textbooks say.
@@ -61,7 +60,7 @@ def test_the_solver_counts_the_freedoms_that_the_family_is_known_for(family, tmp
 
 def answers(folder):
     """The scene in a folder, run: whether it agrees, and every value by quantity, engine and component."""
-    results = run(screwgauge.load_scene(next(folder.glob("*-scene.toml"))), ENGINES)
+    results = screwgauge.run(screwgauge.load_scene(next(folder.glob("*-scene.toml"))), ENGINES)
     open_ = set(results.errors.loc[results.errors["rule"] == "undetermined", "component"])
     values = {}
     for engine, solution in results.solutions.items():

@@ -6,16 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tolerances import AGREE, FORMULA
 
 import screwgauge
 from support.geometry import rotation
-from support.judging import exerted as held
-from support.judging import judge
+from support.judging import exerted, judge
 from support.mechanism import KINDS, Frame, Joint
 from support.models import read_loops, stem, write_models
 from support.scene import GIVEN
 from support.solve import ScrewModel, layout, reaction_components
+from support.tolerances import AGREE, FORMULA
 from support.trees import MujocoTree, PinocchioTree, TreeModel, close_tree
 
 X, Y, Z = np.eye(3)
@@ -52,7 +51,7 @@ def test_engines_and_judge_mean_the_same_by_a_name(kind, axes, expected):
     joint, p = joint_of(kind, axes), np.array([[1.0, 2.0, 3.0]])
     parts = reaction_components([joint], [OTHER[None]], [TURNED[None]], [p])
     named = {name.removeprefix("j."): k for k, name in enumerate(parts.names)}
-    seen = held(joint, (OTHER @ PARENT.R)[None], (TURNED @ CHILD.R)[None])
+    seen = exerted(joint, (OTHER @ PARENT.R)[None], (TURNED @ CHILD.R)[None])
     assert list(named) == list(seen) == list(expected)
     for name, direction in expected.items():
         acting, idle = (parts.force, parts.moment) if name[0] == "f" else (parts.moment, parts.force)

@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import has_integrator, model_files
 
 import screwgauge
 from screwgauge.study.cases.softness import PASSES, SETTINGS, held, in_tree
-from support.engines import Method
+from support.engines import Method, model_files
 from support.geometry import EPS, Array
 from support.stress import CASES, GOOD, SILENT, Finding, Question, climb, findings
-from support.trees import INTEGRATORS, MujocoTree
+from support.trees import INTEGRATORS, MujocoTree, has_integrator
 
 STEPS = (2e-3, 5e-4, 1e-4)  # [s]
 FLAT = 0.01  # slope of a floor: discretisation changes it by less than its own size times dt / 0.02 s

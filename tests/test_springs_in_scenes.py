@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import DENSE
 
 import screwgauge
 from support.command import main
 from support.errors import DescriptionError
 from support.judging import judge
 from support.solve import Forces, forward, layout, positions, velocities
+from support.tolerances import DENSE
 
 ACTING = """
 [[springs]]

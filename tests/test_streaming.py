@@ -9,13 +9,13 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from tolerances import LINEAR, OF_A_KILONEWTON, ROUND_TRIP
 
 import screwgauge
 from screwgauge import ScrewgaugeError, stream
 from screwgauge.study import stream as streaming
 from screwgauge.study.stream import times
 from support.engines import Failure
+from support.tolerances import LINEAR, OF_A_KILONEWTON, ROUND_TRIP
 
 QUANTITIES = ("joint_position", "generalized_force", "reaction")
 MOST = 200.0  # MB, as the guide to scenes says

@@ -8,9 +8,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-import tolerances
 
 import screwgauge
+from support import tolerances
 from support.engines import ModelFiles, get_engine
 from support.errors import UnknownNameError
 from support.geometry import rotation

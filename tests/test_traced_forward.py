@@ -7,7 +7,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from tolerances import LINEAR
 
 import screwgauge
 from support.engines import Problem
@@ -31,6 +30,7 @@ from support.solve import (
     power,
     velocities,
 )
+from support.tolerances import LINEAR
 from support.traced import NotTraceableError
 
 MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))

@@ -10,11 +10,10 @@ from functools import partial
 
 import numpy as np
 import pytest
-from asking import check_same, model_files
 
 import screwgauge
 from support.bench import contestants, simulators
-from support.engines import Method, Solution, ask
+from support.engines import Method, Solution, ask, check_same, model_files
 from support.scene import scene_names
 from support.stress import CASES
 

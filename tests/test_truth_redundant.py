@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from flint import arb, arb_mat, ctx
-from tolerances import LINEAR, ROUNDING
 
 import screwgauge
 from support.errors import DescriptionError
 from support.geometry import rotation
 from support.mechanism import load_mechanism, mechanism_tables
+from support.tolerances import LINEAR, ROUNDING
 from support.truth import Certifier, Linkage, newton_euler, number, state, widened
 
 DATA = Path(__file__).with_name("data")

@@ -8,13 +8,13 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from flint import arb, ctx, fmpq
-from tolerances import RADIUS
 
 import screwgauge
 from support.engines import Clock
 from support.mechanism import load_mechanism, mechanism_tables
 from support.scene import GivenMotion
 from support.solve import layout, positions
+from support.tolerances import RADIUS
 from support.truth import Certifier, Linkage, NotCertified, Sampler, drive, exact, forces, read_terms
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tolerances import AGREE, LINEAR, NEAREST, PRINTED, RADIUS, SOLVER
 
 import screwgauge
 from support.mechanism import load_mechanism, mechanism_tables
 from support.solve import joint_reactions, layout, pose
+from support.tolerances import AGREE, LINEAR, NEAREST, PRINTED, RADIUS, SOLVER
 
 DATA = Path(__file__).with_name("data")
 

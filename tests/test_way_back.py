@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import PLACED
 
 from support.errors import SingularPoseError
+from support.tolerances import PLACED
 from support.trees import project
 
 

@@ -6,16 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from near import BASE, moving_at
-from planar import Bar, at_random, four_bar, moving, slider_crank
-from tolerances import NOTICED, ROUNDING
 
 import screwgauge
 from screwgauge.engines.estimate import Part, Trust, errors
 from support.engines import Solution, Values
 from support.judging import compare, judge
+from support.near import BASE, moving_at
+from support.planar import Bar, at_random, four_bar, moving, slider_crank
 from support.scene import check_actuation, check_scene
 from support.solve import layout, mobility, pose
+from support.tolerances import NOTICED, ROUNDING
 
 FORCES = ("generalized_force", "actuator_force", "reaction")
 

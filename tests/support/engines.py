@@ -2,12 +2,128 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from importlib.metadata import EntryPoint, EntryPoints
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from screwgauge import Scene
 from screwgauge.engines import registry
 from screwgauge.engines.registry import ENGINES, GROUP, Engine, Model, check_engines, engines, get_engine
 from screwgauge.engines.screw import model as screw
-from screwgauge.problem import ModelFiles, Problem, Progress, quiet
+from screwgauge.models.catalog import mechanism_path
+from screwgauge.models.generate import stem
+from screwgauge.problem import ModelFiles, Problem, Progress, Task, quiet
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.rotations import Array
 from screwgauge.solution import REFERENCE, Clock, Cost, Failure, Solution, Timing, Values, common_rows
 from screwgauge.study.apart import apart
-from screwgauge.study.ask import ask, in_turn, silent, solve
+from screwgauge.study.ask import ask as put
+from screwgauge.study.ask import in_turn, silent, solve
 from screwgauge.study.method import Method
-from screwgauge.study.run import run as studied
+
+MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
+
+
+def model_files(mechanism: str, engine: str, folder: Path | None = None) -> ModelFiles:
+    """Model files of an engine: those kept beside a built-in mechanism, or those written to a folder."""
+    entry = get_engine(engine)
+    if not entry.cut:
+        return ModelFiles(mechanism_path(mechanism))
+    base = stem(mechanism, entry.cut)
+    folder = folder or mechanism_path(mechanism).parent
+    return ModelFiles(folder / f"{base}{entry.reads}", folder / f"{base}.loops.toml")
+
+
+def ask(engine: str, files: ModelFiles, problem: Problem, progress: Progress = quiet, **settings: Any) -> Solution:
+    """Loads a model and puts one problem to it."""
+    return get_engine(engine).load(files, **settings).solve(problem, progress)
+
+
+@contextmanager
+def further_engines(sources: Mapping[str, str]) -> Iterator[None]:
+    """As if packages with these engines were installed: name -> ``module:object``, one entry point each."""
+    entries = EntryPoints(EntryPoint(name, source, registry.GROUP) for name, source in sources.items())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registry, "entry_points", lambda group: entries.select(group=group))
+        registry._plugins.cache_clear()
+        yield
+    registry._plugins.cache_clear()
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """A motion as an engine integrated it, the times that it reached only."""
+
+    engine: str
+    q: Array
+    v: Array
+    a: Array
+    work: Array
+    condition: Array
+    stopped: str
+    notes: tuple[str, ...]
+
+
+def simulate(
+    engine: str, files: ModelFiles, applied: Applied, task: Task, progress: Progress = quiet, **settings: Any
+) -> Simulated:
+    """Integrates a motion: joint coordinates, rates and accelerations of the description, work, condition."""
+    solution = ask(engine, files, Problem(applied, task, MOTION), progress, **settings)
+    rows = slice(0, solution.n_solved)
+    q, v, a = (solution.values[name].array[rows] for name in ("joint_position", "joint_velocity", "joint_acceleration"))
+    return Simulated(
+        solution.engine,
+        *(q, v, a, solution.work[rows], solution.condition[rows]),
+        stopped=solution.stopped,
+        notes=solution.notes,
+    )
+
+
+def simulate_scene(engine: str, scene: Scene, **settings: Any) -> Simulated:
+    """The same for a scene with a start, from the kept model files of its mechanism."""
+    return simulate(engine, model_files(scene.mechanism.name, engine), scene.applied, scene.start, **settings)
+
+
+def stopped_after(solution: Solution, n: int, why: str) -> Solution:
+    """A simulation as it would be had it stopped after n samples."""
+
+    def cut(array: Array) -> Array:
+        array = array.copy()
+        array[n:] = np.nan
+        return array
+
+    return replace(
+        solution,
+        values={name: replace(values, array=cut(values.array)) for name, values in solution.values.items()},
+        condition=cut(solution.condition),
+        work=cut(solution.work),
+        rows=np.arange(n),
+        stopped=why,
+    )
+
+
+def arrays(solution: Solution) -> dict[str, Array]:
+    """Everything that was computed; times and words may differ."""
+    found = {f"values {name}": values.array for name, values in solution.values.items()}
+    for field in fields(solution):
+        held = getattr(solution, field.name)
+        if isinstance(held, np.ndarray):
+            found[field.name] = held
+        elif field.name in ("radius", "estimate", "conditions"):
+            found |= {f"{field.name} {name}": value for name, value in held.items()}
+        elif field.name == "tolerances":
+            found |= {f"{field.name} {name} {unit}": np.asarray(x) for name in held for unit, x in held[name].items()}
+    return found
+
+
+def check_same(one: Solution, other: Solution) -> None:
+    one, other = arrays(one), arrays(other)
+    assert one.keys() == other.keys()
+    for name, array in one.items():
+        assert np.array_equal(array, other[name], equal_nan=True), name

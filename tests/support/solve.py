@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
 from screwgauge.engines.methods import METHODS, SIZES, Pace, StagedDOP853
 from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.engines.screw.integrate import Trajectory
+from screwgauge.engines.screw.integrate import integrate as integrate_task
 from screwgauge.engines.screw.inverse import Work, solve_motion
 from screwgauge.engines.screw.model import LONG, ScrewModel, Settings
 from screwgauge.engines.screw.traced import TracedWork
+from screwgauge.problem import InitialValue, Integration
 from screwgauge.reference import dynamics, kinematics, reactions
 from screwgauge.reference.applied import GRAVITY, Applied, JointSpring, Load, Motor, PointSpring, hold
 from screwgauge.reference.chains import closed_form
@@ -42,3 +49,20 @@ from screwgauge.reference.mobility import (
 from screwgauge.reference.pose import Layout, chain_screws, layout, length, loop_matrix, pose, tree_pose
 from screwgauge.reference.precision import in_precision, wide_force_matrix
 from screwgauge.reference.reactions import joint_point, reaction_components
+from screwgauge.reference.rotations import Array
+
+
+def integrate(
+    lay: Layout,
+    forces: Forces | Callable[[float], Forces],
+    times: Array,
+    start: Array | None = None,
+    yd: Array | None = None,
+    **integration: Any,
+) -> Trajectory:
+    """Integrates by the screw solver, from home and from rest if nothing else is said; `integration` as in
+    `Integration`."""
+    mechanism = lay.mechanism
+    home = mechanism.home[mechanism.independent_columns]
+    start, yd = home if start is None else start, np.zeros_like(home) if yd is None else yd
+    return integrate_task(lay, InitialValue(start, yd, float(times[0]), times, Integration(**integration)), forces)

@@ -11,18 +11,17 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 
+from screwgauge.engines.registry import Engine
+from screwgauge.engines.tree.closed import close_tree
+from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import BodyPoses
-from support.engines import Engine
-from support.errors import ModelFileError
-from support.scene import GivenMotion
-from support.solve import GRAVITY
-from support.trees import TreeModel, close_tree, loops_file
+from screwgauge.problem import GivenMotion
+from screwgauge.reference.applied import GRAVITY
+from screwgauge.reference.errors import ModelFileError
 
 TASKS = frozenset((GivenMotion,))
 LACKS = {"reaction": "it does not say what its joints transmit"}
-DRAKE = Engine(
-    "drake", "Drake on the URDF, minimal cut", "drake_engine:load", TASKS, "drake", ".urdf", "minimal", LACKS
-)
+DRAKE = Engine("drake", "Drake on the URDF, minimal cut", f"{__name__}:load", TASKS, "drake", ".urdf", "minimal", LACKS)
 
 
 def load(files):

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from support.diagnosis import deflection, downwards, rotor_acceleration
-from support.geometry import TENSOR, Array, acceleration_at, cross, skew, velocity_at
-from support.models import Motion, States, Tree
+from screwgauge.diagnosis.mechanics.dynamics import deflection, downwards, rotor_acceleration
+from screwgauge.models.kinematics.tree import Motion, States, Tree
+from screwgauge.models.placement import TENSOR
+from screwgauge.reference.rotations import Array, cross, skew
+from screwgauge.reference.screws import acceleration_at, velocity_at
 
 PARAMETERS = 10
 

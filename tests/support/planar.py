@@ -10,7 +10,7 @@ import numpy as np
 
 import screwgauge
 from screwgauge import Scene
-from support.scene import GivenMotion
+from screwgauge.problem import GivenMotion
 
 Write = Callable[[str, str], Path]
 

@@ -41,7 +41,7 @@ def odd(progress) -> object:
 
 
 def refuse(progress) -> None:
-    from support.errors import UnknownNameError
+    from screwgauge.reference.errors import UnknownNameError
 
     raise UnknownNameError("leg", "leg5", ["leg4"], "own.xml")
 

@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from support.engines import Engine, Model, ModelFiles, Problem, Progress, Solution, Values, quiet, screw
-from support.scene import GivenMotion
+from screwgauge.engines.registry import Engine, Model
+from screwgauge.engines.screw import model as screw
+from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
+from screwgauge.solution import Solution, Values
 
 print("imported")
-ENGINE = Engine("loud", "prints", "hostile_engine:load", frozenset((GivenMotion,)), "screwgauge")
+ENGINE = Engine("loud", "prints", f"{__name__}:load", frozenset((GivenMotion,)), "screwgauge")
 IMPOSTOR = replace(ENGINE, name="screw")
 NO_ENGINE = {"name": "loud"}
 LONG = "x" * 100_000_000

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from support.engines import Engine, Model, ModelFiles, Problem, Progress, Solution, Values, quiet, screw
-from support.errors import DescriptionError
-from support.scene import GivenMotion
+from screwgauge.engines.registry import Engine, Model
+from screwgauge.engines.screw import model as screw
+from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.solution import Solution, Values
 
 ERROR = 1e-8
 ACCELERATION, FORCE = "leg2.q3", "leg3"
-TOY = Engine("toy", "a toy", "toy_engine:load", frozenset((GivenMotion,)), "screwgauge")
+TOY = Engine("toy", "a toy", f"{__name__}:load", frozenset((GivenMotion,)), "screwgauge")
 
 
 def load(files: ModelFiles, error: float = ERROR) -> ToyModel:

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge import Scene, load_scene
-from support.engines import Solution
-from support.scene import GivenMotion
+from screwgauge.problem import GivenMotion
+from screwgauge.solution import Solution
 
 RISE = np.arctan2(0.3 * np.sqrt(3.0), 0.5)  # of the line from O to a wrist centre above the platform
 UPU = RISE - np.arccos(np.sqrt(0.25 + 0.27) / 0.8)  # b where the constraint of leg 1 is lost
