@@ -10,7 +10,7 @@ import screwgauge
 from support.engines import Method, model_files
 from support.geometry import rotation
 from support.mechanism import load_mechanism, spanning_tree
-from support.solve import LoopEquations, home_equations, layout, positions, read, tree_pose
+from support.solve import LoopEquations, home_equations, layout, posed, positions, read, tree_pose
 from support.tolerances import CLOSED, DIFFERENCE, LINEAR
 from support.traced import Cut, matrix, vector
 
@@ -39,7 +39,7 @@ def cut(request, tmp_path):
     assert joint in {each.name for each in tree.cuts}
     assert mechanism.joint(joint).kind == kind
     y = mechanism.home[mechanism.independent_columns] + 0.02 * np.arange(1, 1 + len(mechanism.independent))
-    return LoopEquations(layout(mechanism, tree)), positions(layout(mechanism), y[None], np.zeros(1)).q
+    return LoopEquations(layout(mechanism, tree)), posed(layout(mechanism), *y).q
 
 
 def test_errors_vanish_where_loops_close_and_change_as_their_derivative_says(cut):

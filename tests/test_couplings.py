@@ -11,7 +11,7 @@ from numpy.polynomial import Polynomial
 import screwgauge
 from support.coupled import EVERY_KIND, body, coupling_tables, every_kind, geared_five_bar, moving, started
 from support.engines import ask, model_files
-from support.judging import judge
+from support.judging import agreed, judge
 from support.mechanism import load_mechanism
 from support.models import write_models
 from support.planar import Bar, four_bar
@@ -24,9 +24,10 @@ from support.solve import (
     in_lengths,
     in_precision,
     layout,
-    mobility,
+    mobility_at_home,
+    moved,
     pose,
-    positions,
+    posed,
     velocities,
 )
 from support.tolerances import LINEAR, ROUND_TRIP
@@ -44,8 +45,7 @@ def test_polynomials_between_joints_of_every_kind(gear, engines, write):
     text = every_kind() if gear is None else geared_five_bar("left", gear, GEARS[gear])
     load = "G" if gear is None else "right.rod"
     scene = moving(write, text, {"a": 0.3, "b": -0.2} if gear is None else {"left": 0.0}, load)
-    results = screwgauge.run(scene, engines=engines)
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(scene, engines=engines))
     assert (results.errors["max_scaled"] < 1e-10).all() or gear  # redundant constraints leave some reactions open
     q = dict(zip(results.components("joint_position"), results.values("joint_position", engines[-1]).T, strict=True))
     for name, (of, p) in (EVERY_KIND if gear is None else {gear: ("left", GEARS[gear])}).items():
@@ -55,16 +55,14 @@ def test_polynomials_between_joints_of_every_kind(gear, engines, write):
 @pytest.mark.parametrize("gear", [None, *GEARS])
 def test_simulations_agree_and_keep_the_energy(gear, write):
     text = every_kind() if gear is None else geared_five_bar("left", gear, GEARS[gear])
-    results = screwgauge.run(started(write, text, {"a": 0.3, "b": -0.2} if gear is None else {"left": 0.0}))
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(started(write, text, {"a": 0.3, "b": -0.2} if gear is None else {"left": 0.0})))
     assert set(results.solutions) == {"screw", "pinocchio", "mujoco"}
     assert any("curvature is added" in note for note in results.solutions["mujoco"].notes)
 
 
 def test_a_screw_that_mujoco_holds_softly_is_simulated_alike(write):
     text = 'name = "press"\nextends = "screw-press"\n'
-    results = screwgauge.run(started(write, text, {"screw": 0.0}))
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    agreed(screwgauge.run(started(write, text, {"screw": 0.0})))
 
 
 def test_fixed_steps_keep_them_and_mujoco_says_what_its_own_lack(write, tmp_path):
@@ -97,8 +95,7 @@ def test_a_coupling_that_a_loop_keeps_already_is_redundant(write):
 
 def test_mobility_counts_them(write):
     mechanism = load_mechanism(write("every-kind.toml", every_kind()))
-    lay = layout(mechanism)
-    counted = mobility(lay, pose(lay, mechanism.home[None]))
+    counted = mobility_at_home(mechanism)
     assert counted.mobility == 2
     assert counted.joint_freedoms == 17
     assert counted.kutzbach == 2
@@ -112,7 +109,7 @@ def test_the_two_forward_dynamics_of_the_solver_agree_and_couplings_have_no_powe
     mechanism = load_mechanism(write("coupled.toml", text))
     lay, k = layout(mechanism), len(mechanism.independent)
     y = mechanism.home[mechanism.independent_columns] + np.array([[0.1, -0.2]])[:, :k]
-    rate = velocities(lay, positions(lay, y, np.zeros(1)), np.full((1, k), 2.0))
+    rate = moved(lay, y, np.full((1, k), 2.0))
     forces = Forces(actuators=np.full(len(mechanism.actuators), 0.7))
     dense = forward_dense(lay, rate, forces)
     ydd = forward(lay, rate, forces).ydd
@@ -158,8 +155,7 @@ def test_gears_join_two_loops(write):
         )
     gear = '[couplings.mesh]\ncoordinate = "a2"\nof = "a"\npolynomial = ["1.2 + 1.5*1.2", -1.5]\n'
     text = f'name = "two"\nindependent = {{ a = "a" }}\n{one}{two.replace("actuated = true", "")}{gear}'
-    results = screwgauge.run(moving(write, text, {"a": 1.2}, "rocker2"), engines=ENGINES)
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    agreed(screwgauge.run(moving(write, text, {"a": 1.2}, "rocker2"), engines=ENGINES))
 
 
 def test_the_independent_coordinate_may_be_the_coupled_one(write):
@@ -178,7 +174,7 @@ def test_in_lengths_of_the_mechanism_they_hold_alike():
     """A polynomial between an angle and a slide has another value where the slide is measured otherwise."""
     lay = layout(load_mechanism("screw-press"))
     columns = lay.mechanism.independent_columns
-    q = positions(lay, lay.mechanism.home[None, columns] + 0.1, np.zeros(1)).q
+    q = posed(lay, *(lay.mechanism.home[columns] + 0.1)).q
     scaled, at = in_lengths(lay, pose(lay, q))
     rows, there = lay.mechanism.coupling_rows, scaled.mechanism.coupling_rows
     assert len(rows) == len(there) > 0

@@ -16,7 +16,7 @@ from support.geometry import screws
 from support.judging import NOTHING, coverage
 from support.mechanism import Body
 from support.scene import FLOOR, SOLVED, natural_scales
-from support.solve import Applied, JointSpring, Load, hold, layout, mobility, pose, solve_motion
+from support.solve import Applied, JointSpring, Load, hold, layout, mobility_at_home, solve_motion
 
 FORCES = ("tree_force", "generalized_force", "actuator_force", "reaction")
 STEP = 1e-4  # share of its size by which a parameter is changed
@@ -27,9 +27,8 @@ PAIRS = ("xx", "yy", "zz", "xy", "xz", "yz")
 def looked_at(scene):
     """Coverage of a scene by its description alone, and what the solver gives."""
     mechanism, problem = scene.mechanism, scene.problem(scene.quantities)
-    lay = layout(mechanism)
-    counted = mobility(lay, pose(lay, mechanism.home[None]))
-    solution = solve_motion(lay, problem, scene.motion, quiet)
+    counted = mobility_at_home(mechanism)
+    solution = solve_motion(layout(mechanism), problem, scene.motion, quiet)
     return coverage(mechanism, problem, {"screw": solution}, counted, scene.tolerance), counted, solution
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import screwgauge
 from support.scene import GivenMotion
-from support.solve import force_matrix, joint_reactions, layout, positions
+from support.solve import force_matrix, joint_reactions, layout, posed
 from support.tolerances import PRINTED, PRINTED_COARSELY, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
 
@@ -42,7 +42,7 @@ def test_load_with_the_sign_of_eq_55():
 
 def test_system_has_54_equations_and_56_unknowns(paper):
     lay = layout(paper)
-    at = positions(lay, np.array([[0.1, 0.05]]), np.zeros(1))
+    at = posed(lay, 0.1, 0.05)
     reactions = joint_reactions(lay, at)
     c = force_matrix(lay, at, at.p[:, 1:], reactions)
     assert c.shape == (1, 54, 56)
@@ -65,7 +65,7 @@ def test_forces_derive_from_the_potential_at_rest(paper):
     y = np.array([0.21, 0.07])
 
     def potential(y):
-        at = positions(lay, y[None], np.zeros(1))
+        at = posed(lay, *y)
         com = [at.p[0, i + 1] + at.R[0, i + 1] @ body.com for i, body in enumerate(paper.bodies)]
         return 9.81 * sum(body.mass * r[2] for body, r in zip(paper.bodies, com, strict=True))
 

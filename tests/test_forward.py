@@ -21,6 +21,7 @@ from support.solve import (
     forward_dense,
     inertia_matrix,
     layout,
+    moved,
     positions,
     velocities,
 )
@@ -84,7 +85,7 @@ def pendulum():
     """The double pendulum at three poses that move."""
     lay = layout(load_mechanism(DATA / "pendulum.toml"))
     y = np.array([[0.3, -0.2], [1.1, 0.4], [-0.7, 0.9]])
-    return lay, velocities(lay, positions(lay, y, np.zeros(3)), np.array([[1.0, 2.0], [-3.0, 0.5], [0.0, 4.0]]))
+    return lay, moved(lay, y, np.array([[1.0, 2.0], [-3.0, 0.5], [0.0, 4.0]]))
 
 
 def test_a_joint_spring_is_the_motor_that_does_the_same(pendulum):
@@ -103,7 +104,7 @@ def test_a_point_spring_pulls_along_its_line(pendulum):
     y, h = rate.pose.q, 1e-6
 
     def stored(y):
-        still = velocities(lay, positions(lay, y, np.zeros(len(y))), np.zeros_like(y))
+        still = moved(lay, y, np.zeros_like(y))
         return energy(lay, still, Forces(gravity=np.zeros(3), springs=[spring]))
 
     slope = np.stack([(stored(y + h * e) - stored(y - h * e)) / (2 * h) for e in np.eye(2)], axis=1)
@@ -126,8 +127,7 @@ def test_energy_changes_by_the_power_of_dampers_and_motors(pendulum):
     h = 1e-5
 
     def later(s):
-        at = positions(lay, y + s * yd + 0.5 * s * s * ydd, np.zeros(3))
-        return velocities(lay, at, yd + s * ydd)
+        return moved(lay, y + s * yd + 0.5 * s * s * ydd, yd + s * ydd)
 
     def length(s):
         at = later(s).pose
@@ -189,7 +189,7 @@ axes = [[0, 0, 1]]
 """,
     )
     lay = layout(load_mechanism(path))
-    rate = velocities(lay, positions(lay, np.zeros((1, 1)), np.zeros(1)), np.zeros((1, 1)))
+    rate = moved(lay, np.zeros((1, 1)), np.zeros((1, 1)))
     with pytest.raises(ScrewgaugeError, match="the coordinate 'a' moves no mass"):
         forward(lay, rate, Forces())
 
@@ -230,7 +230,7 @@ actuated = true
 
 def response(path: Path, *y: tuple[float, float]):
     lay = layout(load_mechanism(path))
-    rate = velocities(lay, positions(lay, np.array(y), np.arange(len(y)) * 1.0), np.zeros((len(y), 2)))
+    rate = moved(lay, np.array(y), np.zeros((len(y), 2)))
     return forward(lay, rate, Forces(actuators=np.array([2.0, 3.0]), gravity=np.zeros(3)))
 
 

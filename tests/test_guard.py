@@ -15,7 +15,7 @@ from support.judging import LIMIT, compare, flagged
 from support.near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
 from support.report import estimates, run_in_terminal, summary, terminal, verdict
 from support.scene import check_scene
-from support.solve import layout, loop_equations, positions
+from support.solve import layout, loop_equations, posed
 from support.tolerances import EQUAL, TIGHT
 
 ENGINES = ["screw", "pinocchio", "mujoco", "truth"]
@@ -231,7 +231,7 @@ def at_lock(scene) -> np.ndarray:
     step, a = 1e-6, WRIST
 
     def condition(a: float) -> float:
-        at = positions(lay, np.array([[a, 0.0]]), np.zeros(1))
+        at = posed(lay, a, 0.0)
         found = float(loop_equations(lay).readers(at)[1][0, cut])
         return found if np.isfinite(found) else np.inf
 

@@ -14,6 +14,7 @@ from screwgauge import ScrewgaugeError
 from screwgauge.models.importing import homes
 from support.command import main
 from support.errors import ClosureError, DescriptionError
+from support.judging import agreed
 from support.mechanism import Mechanism, load_mechanism
 from support.models import Options, Wanted, description, import_model
 from support.scene import GivenMotion, check_home
@@ -153,8 +154,7 @@ def test_a_gripper_closes_its_loop_and_keeps_its_coupling(gripper):
 
 def test_a_gripper_runs(gripper):
     scene = screwgauge.load_scene(gripper)
-    results = screwgauge.run(scene.at(scene.t[[3, 50]]))
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(scene.at(scene.t[[3, 50]])))
     assert {"actuator_force", "reaction"} <= {*results.pairs["quantity"]}
 
 
@@ -199,8 +199,7 @@ def test_a_loop_that_is_open_at_zero_is_assembled(tmp_path):
     assert "motor" in mechanism.independent
     assert any("loops are open: 'loop1' by" in sentence for sentence in imported.remarks)
     scene = screwgauge.load_scene(path)
-    results = screwgauge.run(scene.at(scene.t[[3, 50]]))
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(scene.at(scene.t[[3, 50]])))
     assert "actuator_force and reaction are left out: the actuated joints drive 1 of 2" in " ".join(results.warnings)
     assert "generalized_force" in {*results.pairs["quantity"]}
 
@@ -236,8 +235,7 @@ def test_home_is_well_conditioned_and_within_the_limits_if_a_closed_pose_is(tmp_
     assert "left out" not in said
     assert import_model(path).mechanism.home.tolist() == mechanism.home.tolist()
     scene = screwgauge.load_scene(path)
-    results = screwgauge.run(scene.at(scene.t[::25]))
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(scene.at(scene.t[::25])))
     assert max(row.estimate for row in results.guard) < 1e-11
 
 

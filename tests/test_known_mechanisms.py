@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.judging import agreed
 from support.mechanism import load_mechanism
 from support.scene import GivenMotion
 from support.solve import layout, pose
@@ -44,9 +45,7 @@ def moved(name: str):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_all_engines_agree(name):
-    results = solved(name)
-    assert not results.failures
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    agreed(solved(name))
 
 
 def test_slider_crank():

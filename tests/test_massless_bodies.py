@@ -10,6 +10,7 @@ import pytest
 import screwgauge
 from screwgauge import load_scene
 from support.errors import DescriptionError, SingularPoseError
+from support.judging import agreed
 from support.mechanism import load_mechanism
 from support.models import check_models, write_models
 from support.tolerances import LINEAR, STEPPED
@@ -162,18 +163,14 @@ def test_a_massless_cross_is_a_universal_joint(scene):
 
 
 def test_a_massless_cross_falls_as_a_universal_joint_does(scene):
-    results = screwgauge.run(scene(CROSS, FALLING), engines=["screw", "pinocchio", "mujoco"])
-    assert not results.failures
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(scene(CROSS, FALLING), engines=["screw", "pinocchio", "mujoco"]))
     same = screwgauge.run(scene(UNIVERSAL, FALLING), engines=["screw"])
     assert results.values("joint_position", "screw") == pytest.approx(same.values("joint_position"), abs=STEPPED)
 
 
 def test_a_platform_on_massless_carriers_falls_alike_in_all_engines(scene):
     start = "[forward]\nstart = { z = 1 }\nrates = { x = 0.5, z = -0.2, turn = 0.3 }"
-    results = screwgauge.run(scene(PLATFORM, start), engines=["screw", "pinocchio", "mujoco"])
-    assert not results.failures
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    agreed(screwgauge.run(scene(PLATFORM, start), engines=["screw", "pinocchio", "mujoco"]))
 
 
 def test_a_tree_that_ends_without_mass_is_simulated_by_screw_alone(scene):

@@ -14,6 +14,7 @@ import tomli_w
 import screwgauge
 from screwgauge import Scene
 from support.geometry import number
+from support.judging import agreed
 from support.mechanism import load_mechanism, mechanism_path, read_tables
 from support.models import check_file, check_table, write_models
 from support.scene import GIVEN
@@ -115,8 +116,7 @@ def test_model_files_that_say_the_same_in_another_order_agree(tmp_path):
             assert all(row.ok for row in rows), check_table(rows)
     own = {engine: tmp_path / f"{name}{engine[len(engine.split('-')[0]) :]}.xml" for engine in TREES}
     own = {engine: path if "mujoco" in engine else path.with_suffix(".urdf") for engine, path in own.items()}
-    results = screwgauge.run(replace(scene, models=own), engines=["screw", *TREES])
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(replace(scene, models=own), engines=["screw", *TREES]))
     assert len(results.pairs) > 50
 
 
@@ -127,5 +127,4 @@ def test_a_description_of_ones_own_in_another_order_agrees(tmp_path):
         tables[key] = dict(reversed(tables[key].items()))
     path = tmp_path / "backwards.toml"
     path.write_text(tomli_w.dumps(tables))
-    results = screwgauge.run(replace(scene, models={"screw": path}), engines=["screw", "pinocchio", "truth"])
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    agreed(screwgauge.run(replace(scene, models={"screw": path}), engines=["screw", "pinocchio", "truth"]))

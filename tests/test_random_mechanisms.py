@@ -12,7 +12,7 @@ import screwgauge
 from support.errors import UnknownNameError
 from support.mechanism import FAMILIES, Sketch, described, families, load_mechanism, pick
 from support.scene import check_home
-from support.solve import mobility, pose
+from support.solve import mobility_at_home
 from support.tolerances import ROUNDING
 
 SMALL = ["mixed-loop", "serial", "bennett", "3-rps"]
@@ -53,7 +53,7 @@ def test_the_solver_counts_the_freedoms_that_the_family_is_known_for(family, tmp
     path = tmp_path / f"{family}.toml"
     path.write_text(tomli_w.dumps(tables), encoding="utf-8")
     lay = check_home(load_mechanism(path))  # closes, and those coordinates determine the motion
-    counted = mobility(lay, pose(lay, lay.mechanism.home[None]))
+    counted = mobility_at_home(lay.mechanism)
     assert counted.mobility == freedoms
     assert counted.bodies == len(sketch.bodies)
 

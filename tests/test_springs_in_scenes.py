@@ -9,7 +9,7 @@ import screwgauge
 from support.command import main
 from support.errors import DescriptionError
 from support.judging import judge
-from support.solve import Forces, forward, layout, positions, velocities
+from support.solve import Forces, forward, layout, moved
 from support.tolerances import DENSE
 
 ACTING = """
@@ -96,7 +96,7 @@ def test_judge_misses_what_is_left_out(scene, results, missing):
 def test_forward_dynamics_gives_the_accelerations_back(scene, results):
     """Round trip through another route: forces of the run, accelerations of `reference.forward`."""
     lay, motion = layout(scene.mechanism), scene.motion
-    rate = velocities(lay, positions(lay, motion.y, motion.t), motion.yd)
+    rate = moved(lay, motion.y, motion.yd)
     joints = np.zeros_like(rate.w)
     for motor in scene.applied.motors:
         column = scene.mechanism.coordinates.index(motor.coordinate)

@@ -14,6 +14,7 @@ import screwgauge
 from screwgauge import load_scene
 from screwgauge.models.principal import inertial, without_stand_ins
 from support.geometry import Array, quaternion_rotation, rotation
+from support.judging import agreed
 from support.mechanism import Body, load_mechanism, mechanism_tables
 from support.models import left_out, write_models
 
@@ -142,7 +143,7 @@ def test_a_mechanism_without_thin_bodies_says_nothing(paper) -> None:
 )
 def test_forces_of_thin_bodies_agree_in_all_engines(bob, arm, write) -> None:
     scene = load_scene(write("s.toml", f'mechanism = "{arm(bob).name}"\n{MOVED}'))
-    check(screwgauge.run(scene, engines=["truth", *ENGINES]))
+    agreed(screwgauge.run(scene, engines=["truth", *ENGINES]))
 
 
 def test_a_platform_on_legs_without_axial_inertia_agrees_in_all_engines(write) -> None:
@@ -157,19 +158,14 @@ def test_a_platform_on_legs_without_axial_inertia_agrees_in_all_engines(write) -
     write("rods.toml", tomli_w.dumps({**tables, "name": "rods"}))
     scene = (Path(screwgauge.__file__).parent / "scenes" / "stewart.toml").read_text(encoding="utf-8")
     path = write("s.toml", scene.replace('mechanism = "stewart"', 'mechanism = "rods.toml"'))
-    check(screwgauge.run(load_scene(path).at([0.0, 0.3, 1.1]), engines=ENGINES))
+    agreed(screwgauge.run(load_scene(path).at([0.0, 0.3, 1.1]), engines=ENGINES))
 
 
 @pytest.mark.parametrize("name", ["a01-pendulum", "a04-bricard-thin"])
 def test_thin_mechanisms_fall_alike_in_all_engines(name: str) -> None:
     results = screwgauge.run(load_scene(name).at([0.0, 0.05, 0.1]))
     assert [*results.solutions][:3] == ["screw", "pinocchio", "mujoco"]
-    check(results)
-
-
-def check(results: screwgauge.Results) -> None:
-    assert not results.failures
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    agreed(results)
 
 
 def test_a_fix_gives_an_mjcf_a_thin_rod(arm, write, tmp_path) -> None:

@@ -28,6 +28,7 @@ from screwgauge.reference.closed.ways import straight_and_bent
 from screwgauge.reference.dynamics import force_matrix, joint_reactions
 from screwgauge.reference.forward import Forces, energy, forces_at, forward, forward_dense, inertia_matrix, power
 from screwgauge.reference.kinematics import (
+    Velocities,
     accelerations,
     chain_acceleration,
     chain_velocities,
@@ -36,7 +37,9 @@ from screwgauge.reference.kinematics import (
     positions,
     velocities,
 )
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import (
+    Mobility,
     chain_constraints,
     check_independent,
     exchange,
@@ -46,10 +49,31 @@ from screwgauge.reference.mobility import (
     output_freedoms,
     reciprocal_screws,
 )
-from screwgauge.reference.pose import Layout, chain_screws, layout, length, loop_matrix, pose, tree_pose
+from screwgauge.reference.pose import Layout, Pose, chain_screws, layout, length, loop_matrix, pose, tree_pose
 from screwgauge.reference.precision import in_precision, wide_force_matrix
 from screwgauge.reference.reactions import joint_point, reaction_components
 from screwgauge.reference.rotations import Array
+
+
+def at_home(mechanism: Mechanism) -> tuple[Layout, Pose]:
+    """A mechanism laid out, and its pose at home."""
+    lay = layout(mechanism)
+    return lay, pose(lay, mechanism.home[None])
+
+
+def mobility_at_home(mechanism: Mechanism) -> Mobility:
+    """Its freedoms and constraints, counted at home."""
+    return mobility(*at_home(mechanism))
+
+
+def posed(lay: Layout, *y: float) -> Pose:
+    """The pose of given independent coordinates [rad, m]."""
+    return positions(lay, np.array([y]), np.zeros(1))
+
+
+def moved(lay: Layout, y: Array, yd: Array) -> Velocities:
+    """Poses and velocities of given independent coordinates and their rates, shape (n, k) each."""
+    return velocities(lay, positions(lay, y, np.zeros(len(y))), yd)
 
 
 def integrate(
