@@ -17,11 +17,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 import pytest
 
+import screwgauge
 from screwgauge import load_scene
 from screwgauge.engines.screw.integrate import integrate
 from screwgauge.study import apart
@@ -34,6 +35,11 @@ from support.mechanism import Mechanism, load_mechanism
 from support.repository import repository
 from support.scene import FOLDER, observe
 from support.solve import Forces, Layout, TracedForward, Trajectory, forces_at, layout
+
+if TYPE_CHECKING:
+    from screwgauge import Diagnosis
+
+IN_PROCESSES = apart.apart
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -85,6 +91,32 @@ def here():
             lambda works, limits, report, **more: in_turn(works, lambda name, share, *at: report(name, share)),
         )
         yield
+
+
+@pytest.fixture
+def isolated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Engines run in processes of their own, as the command line does it and other tests do not."""
+    monkeypatch.setattr(apart, "apart", IN_PROCESSES)
+
+
+@pytest.fixture
+def cache_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache that is empty when the test begins."""
+    monkeypatch.setenv("SCREWGAUGE_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def diagnosed(tmp_path: Path) -> Callable[..., Diagnosis]:
+    """Writes two texts as model files, ``a`` and ``b``, and diagnoses them."""
+
+    def of(a: str, b: str, ending: str = "xml", **options: Any) -> Diagnosis:
+        files = [tmp_path / f"{side}.{ending}" for side in "ab"]
+        for file, text in zip(files, (a, b), strict=True):
+            file.write_text(text, encoding="utf-8")
+        return screwgauge.diagnose(*files, **options)
+
+    return of
 
 
 def first_times(calls, protocol, record, known, first) -> list[str]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.engines import IN_DOUBLES
 from support.errors import DescriptionError
 from support.judging import agreed
 from support.mechanism import load_mechanism
@@ -15,7 +16,7 @@ from support.models import lay_out
 from support.scene import GIVEN
 from support.tolerances import LINEAR
 
-ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full", "truth")
+ENGINES = (*IN_DOUBLES, "truth")
 X, Y, Z = [1, 0, 0], [0, 1, 0], [0, 0, 1]
 A, B, C, D = ["3/5", 0, "4/5"], [0, "5/13", "12/13"], ["2/3", "2/3", "1/3"], ["-6/7", "2/7", "3/7"]
 

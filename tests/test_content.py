@@ -13,6 +13,7 @@ import screwgauge
 from screwgauge.models.content import FATES, Content, kinds, table
 from support.command import main
 from support.diagnosis import in_process
+from support.models import MATTER
 
 README = Path(__file__).parents[1] / "models" / "README.md"
 INERTIAL = '<inertial pos="0.2 0 0.1" mass="{}" diaginertia="0.01 0.02 0.02"/>'
@@ -67,7 +68,6 @@ PID = '<extension><plugin plugin="mujoco.pid"/></extension>'
 HELD = '<equality><weld name="hold" body1="grip" body2="four"/></equality>'
 FIXED = f'<body name="part">{INERTIAL.format(0.5)}</body>'
 PART = f'<body name="part" gravcomp="{{}}">{INERTIAL.format(0.5)}</body>'
-MATTER = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 LIMIT = 'lower="-1" upper="1" effort="{}" velocity="{}"'
 
 

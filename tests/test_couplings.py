@@ -10,7 +10,7 @@ from numpy.polynomial import Polynomial
 
 import screwgauge
 from support.coupled import EVERY_KIND, body, coupling_tables, every_kind, geared_five_bar, moving, started
-from support.engines import ask, model_files
+from support.engines import IN_DOUBLES, ask, model_files
 from support.judging import agreed, judge
 from support.mechanism import load_mechanism
 from support.models import write_models
@@ -32,12 +32,11 @@ from support.solve import (
 )
 from support.tolerances import LINEAR, ROUND_TRIP
 
-ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 #: The driven joint's neighbour, and the joint that would be cut if it were not coupled.
 GEARS = {"right": [0.0, 0.5, 0.3, -0.2], "tip": [np.pi / 3, 0.5, -0.3]}
 
 
-@pytest.mark.parametrize("engines", [ENGINES, ["screw", "truth"]], ids=["engines", "truth"])
+@pytest.mark.parametrize("engines", [IN_DOUBLES, ["screw", "truth"]], ids=["engines", "truth"])
 @pytest.mark.parametrize("gear", [None, *GEARS])
 def test_polynomials_between_joints_of_every_kind(gear, engines, write):
     if engines[-1] == "truth":
@@ -155,7 +154,7 @@ def test_gears_join_two_loops(write):
         )
     gear = '[couplings.mesh]\ncoordinate = "a2"\nof = "a"\npolynomial = ["1.2 + 1.5*1.2", -1.5]\n'
     text = f'name = "two"\nindependent = {{ a = "a" }}\n{one}{two.replace("actuated = true", "")}{gear}'
-    agreed(screwgauge.run(moving(write, text, {"a": 1.2}, "rocker2"), engines=ENGINES))
+    agreed(screwgauge.run(moving(write, text, {"a": 1.2}, "rocker2"), engines=IN_DOUBLES))
 
 
 def test_the_independent_coordinate_may_be_the_coupled_one(write):
@@ -167,7 +166,7 @@ def test_the_independent_coordinate_may_be_the_coupled_one(write):
     )
     text = f'name = "pair"\nindependent = {{ y = "b" }}\n{body("A", 0)}{body("B", 1)}{joints}'
     scene = moving(write, text + coupling_tables(couplings), {"y": 0.5}, "B")
-    assert screwgauge.run(scene, engines=ENGINES).ok
+    assert screwgauge.run(scene, engines=IN_DOUBLES).ok
 
 
 def test_in_lengths_of_the_mechanism_they_hold_alike():

@@ -30,16 +30,6 @@ GEARED = """<mujoco><worldbody>
 </worldbody><equality><joint joint1="b" joint2="a" polycoef="0.1 0.5 {0} 0 0"/></equality></mujoco>"""
 
 
-@pytest.fixture
-def diagnosed(tmp_path):
-    def of(*texts):
-        for name, text in zip("ab", texts, strict=True):
-            (tmp_path / f"{name}.xml").write_text(text, encoding="utf-8")
-        return screwgauge.diagnose(tmp_path / "a.xml", tmp_path / "b.xml")
-
-    return of
-
-
 def four_bar(loop=PIN, axis="0 1 0"):
     return FOUR_BAR.format(loop=loop, axis=axis)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.engines import IN_DOUBLES
 from support.scene import GivenMotion
 from support.solve import force_matrix, joint_reactions, layout, posed
 from support.tolerances import PRINTED, PRINTED_COARSELY, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
@@ -90,14 +91,14 @@ def test_actuators_deliver_the_power_of_the_generalized_forces():
 
 def test_spherical_axial_gives_the_known_forces():
     scene = replace(screwgauge.load_scene("3ups-upu-s").at([1.0]), rule="spherical_axial")
-    for engine in ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"):
+    for engine in IN_DOUBLES:
         results = screwgauge.run(scene, engines=[engine], quantities=["actuator_force"])
         assert results.values("actuator_force")[0] == pytest.approx(
             [-619.6, -9437.5, -580.8, -7758.9], abs=PRINTED_COARSELY
         )
 
 
-@pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"])
+@pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_spherical_axial_says_where_it_is_singular(engine):
     times = np.pi * np.arange(4)
     scene = replace(screwgauge.load_scene("3ups-upu-s").at([*times, 1.0]), rule="spherical_axial")

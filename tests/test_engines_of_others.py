@@ -13,7 +13,7 @@ import screwgauge
 from screwgauge.study.sound import LONG
 from support import hostile_engine
 from support.command import main
-from support.engines import ENGINES, Solution, Values, apart, ask, engines, further_engines, get_engine, model_files
+from support.engines import ENGINES, Solution, Values, ask, engines, further_engines, get_engine, model_files
 
 QUANTITIES = ["joint_position", "generalized_force"]
 
@@ -119,8 +119,9 @@ def test_an_engine_is_called_as_its_entry_says(scene):
     assert {name: answer.engine for name, answer in results.solutions.items()} == {"loud": "loud", "screw": "screw"}
 
 
-def test_nothing_that_an_engine_prints_stands_before_the_json(paper_scene, tmp_path, capfd, monkeypatch, no_progress):
-    monkeypatch.setattr("screwgauge.study.apart.apart", apart)  # in processes, as the command line does it
+def test_nothing_that_an_engine_prints_stands_before_the_json(
+    paper_scene, isolated, tmp_path, capfd, monkeypatch, no_progress
+):
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
     options = ["--engines", "screw,loud", "--quantities", "joint_position", "--json", "--out", str(tmp_path / "out")]
     with further_engines({"loud": "support.hostile_engine:ENGINE"}):

@@ -17,11 +17,7 @@ from support.command import main
 from support.engines import ENGINES, Failure, Values, apart, check_same, further_engines, silent
 from support.errors import ModelFileError, UnknownNameError
 
-
-@pytest.fixture(autouse=True)
-def isolated(monkeypatch):
-    """As the command line does it, not as other tests do."""
-    monkeypatch.setattr("screwgauge.study.apart.apart", apart)
+pytestmark = pytest.mark.usefixtures("isolated")
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 import screwgauge
 from screwgauge.engines.screw import inverse
 from screwgauge.engines.tree import closed_forces
-from support.engines import Solution, ask, model_files
+from support.engines import IN_DOUBLES, Solution, ask, model_files
 from support.judging import judge
 from support.planar import Bar, four_bar
 from support.planar import moving as moving_bars
@@ -19,7 +19,6 @@ from support.solve import ScrewModel, dynamics, layout, reactions
 from support.tolerances import LINEAR
 from support.trees import MujocoTree, PinocchioTree
 
-ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 NOT_ASKED = {
     "joint_position": {"loop_closure"},
     "joint_velocity": {"loop_closure", "loop_rate"},
@@ -65,7 +64,7 @@ def shifted(solution: Solution, quantity: str, component: str, share: float) -> 
 
 
 @pytest.mark.parametrize("rule", ["min_norm", "spherical_axial"])
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_each_quantity_is_judged_though_nothing_else_was_asked(engine, rule):
     scene = moving(rule=rule)
     everything = answered(scene, engine)
@@ -93,7 +92,7 @@ def test_one_wrong_number_of_the_only_quantity_asked_is_found(quantity, componen
     assert residual in {*rows["residual"][~rows["ok"]]}
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_the_sign_of_all_moments_of_universal_joints(engine, monkeypatch):
     right = reactions._directions
 
@@ -106,7 +105,7 @@ def test_the_sign_of_all_moments_of_universal_joints(engine, monkeypatch):
     assert "newton_euler" in faults(scene, solution) & faults(scene, solution, "reaction")
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_forces_that_are_not_the_smallest(engine, monkeypatch):
     """A newton of preload: it balances, gives the right power, and is not what the rule says."""
     right = dynamics.min_norm
@@ -124,7 +123,7 @@ def test_forces_that_are_not_the_smallest(engine, monkeypatch):
     assert faults(scene, solution) == {"force_rule"} | ({"newton_euler"} if engine == "screw" else set())
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_a_spherical_joint_whose_force_lies_along_another_line(engine, monkeypatch):
     right = dynamics.across_direction
 
@@ -139,7 +138,7 @@ def test_a_spherical_joint_whose_force_lies_along_another_line(engine, monkeypat
         assert faults(scene, solution, *asked) == {"force_rule"}
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_a_sign_in_the_forces_of_the_open_tree(engine, monkeypatch):
     def signed(owner, name):
         right = getattr(owner, name)

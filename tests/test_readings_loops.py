@@ -13,9 +13,18 @@ import pytest
 import screwgauge
 from screwgauge import ScrewgaugeError
 from support.mechanism import GROUND, load_mechanism
-from support.models import Reading, States, collapsed, move, plant, read, read_loops_yaml, with_loops, write_models
-
-MATTER = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+from support.models import (
+    MATTER,
+    Reading,
+    States,
+    collapsed,
+    move,
+    plant,
+    read,
+    read_loops_yaml,
+    with_loops,
+    write_models,
+)
 
 
 def joint(name: str, kind: str, parent: str, child: str, xyz: str) -> str:

@@ -7,6 +7,7 @@ import pytest
 
 import screwgauge
 from support.command import main
+from support.engines import IN_DOUBLES
 from support.errors import DescriptionError
 from support.judging import judge
 from support.solve import Forces, forward, layout, moved
@@ -56,7 +57,6 @@ on = "platform"
 by = "environment"
 force = [10, -200, 300]
 """
-ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def scene(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def results(scene):
-    return screwgauge.run(scene, engines=ENGINES)
+    return screwgauge.run(scene, engines=IN_DOUBLES)
 
 
 def test_all_engines_agree_and_the_judge_is_content(results):

@@ -13,12 +13,12 @@ import tomli_w
 import screwgauge
 from screwgauge import load_scene
 from screwgauge.models.principal import inertial, without_stand_ins
+from support.engines import IN_DOUBLES
 from support.geometry import Array, quaternion_rotation, rotation
 from support.judging import agreed
 from support.mechanism import Body, load_mechanism, mechanism_tables
 from support.models import left_out, write_models
 
-ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 #: Of the largest moment: rounding of a quaternion and of the product that turns moments with it.
 TURNED = 3e-15
 #: The same of what MuJoCo's compiler turns itself, see `models.comparison`.
@@ -143,7 +143,7 @@ def test_a_mechanism_without_thin_bodies_says_nothing(paper) -> None:
 )
 def test_forces_of_thin_bodies_agree_in_all_engines(bob, arm, write) -> None:
     scene = load_scene(write("s.toml", f'mechanism = "{arm(bob).name}"\n{MOVED}'))
-    agreed(screwgauge.run(scene, engines=["truth", *ENGINES]))
+    agreed(screwgauge.run(scene, engines=["truth", *IN_DOUBLES]))
 
 
 def test_a_platform_on_legs_without_axial_inertia_agrees_in_all_engines(write) -> None:
@@ -158,7 +158,7 @@ def test_a_platform_on_legs_without_axial_inertia_agrees_in_all_engines(write) -
     write("rods.toml", tomli_w.dumps({**tables, "name": "rods"}))
     scene = (Path(screwgauge.__file__).parent / "scenes" / "stewart.toml").read_text(encoding="utf-8")
     path = write("s.toml", scene.replace('mechanism = "stewart"', 'mechanism = "rods.toml"'))
-    agreed(screwgauge.run(load_scene(path).at([0.0, 0.3, 1.1]), engines=ENGINES))
+    agreed(screwgauge.run(load_scene(path).at([0.0, 0.3, 1.1]), engines=IN_DOUBLES))
 
 
 @pytest.mark.parametrize("name", ["a01-pendulum", "a04-bricard-thin"])

@@ -15,7 +15,7 @@ from support.errors import DescriptionError
 from support.geometry import rotation
 from support.mechanism import load_mechanism, mechanism_tables
 from support.tolerances import LINEAR, ROUNDING
-from support.truth import Certifier, Linkage, newton_euler, number, state, widened
+from support.truth import Certifier, Linkage, newton_euler, notes, number, state, widened
 
 DATA = Path(__file__).with_name("data")
 #: Radii where doubles of the geometry are read as rounded: 1e-15 times what is lost on the way to accelerations of 10.
@@ -64,10 +64,6 @@ def turned(text):
             joint = f"{joint.rstrip()}\n{side}_frame = {{ position = {p}, rotation = {{ matrix = {rows} }} }}\n"
         out += joint + "\n"
     return out
-
-
-def notes(results):
-    return " ".join(results.solutions["truth"].notes)
 
 
 @pytest.mark.parametrize("name", ["bennett", "sarrus"])

@@ -17,13 +17,10 @@ import pytest
 
 from screwgauge.commands.view import _serve
 from screwgauge.report import console
+from support.browser import Opened, open_page
 from support.command import main
-from support.errors import OutputError
-from support.report import browser
 
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 BLANK = 6000  # a picture without anything in it is smaller [bytes]
-SHOWN = 60e3  # longest wait for anything on the page, drawn without a graphics card on a busy machine [ms]
 STUCK = """
 name = "stuck"
 [independent]
@@ -169,26 +166,12 @@ def test_an_interrupt_that_a_library_swallows_ends_it_too(monkeypatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, list[str]]]:
-    """The page of a slider-crank in a real browser; what it said and asked for."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    try:
-        program = browser()
-    except OutputError as error:
-        pytest.skip(str(error))
-    file, said = tmp_path_factory.mktemp("view") / "page.html", list[str]()
+def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
+    """The page of a slider-crank in a real browser."""
+    file = tmp_path_factory.mktemp("view") / "page.html"
     assert main(["view", "slider-crank", "--out", str(file)]) == 0
-    with playwright.sync_playwright() as driver:
-        window = driver.chromium.launch(executable_path=program, args=FLAGS)
-        page = window.new_page(viewport={"width": 600, "height": 500})
-        page.set_default_timeout(SHOWN)
-        page.on("console", lambda message: said.append(message.text))
-        page.on("pageerror", lambda error: said.append(str(error)))
-        page.goto(file.as_uri())
-        page.on("request", lambda request: said.append(request.url))
-        page.wait_for_selector(".stage canvas")
-        yield page, said
-        window.close()
+    with open_page(file, 600, 500) as shown:
+        yield shown
 
 
 #: Frames after which a busy machine has drawn what a click asks for.
@@ -202,7 +185,7 @@ def seen(page: Any) -> bytes:
 
 
 def test_the_mechanism_is_drawn_and_scrubbed_by_keys(opened) -> None:
-    page, said = opened
+    page = opened.page
     first = seen(page)
     assert len(first) > BLANK
     page.locator("input[type=range]").focus()
@@ -211,23 +194,23 @@ def test_the_mechanism_is_drawn_and_scrubbed_by_keys(opened) -> None:
     assert seen(page) != first
     assert "t = 0.000 s" not in page.locator(".stage output").text_content()
     assert "crank = " in page.locator(".stage output").text_content()
-    assert said == []
+    opened.check_quiet()
 
 
 @pytest.mark.parametrize("group", ["axes", "frames", "masses", "ellipsoids", "actuators", "reactions", "wrenches"])
 def test_each_box_shows_and_hides(opened, group) -> None:
-    page, said = opened  # in the first frame no force of an actuator is seen
+    page = opened.page  # in the first frame no force of an actuator is seen
     page.evaluate("() => { const s = document.querySelector('input[type=range]'); s.value = 20; s.oninput(); }")
     before = seen(page)
     page.click(f"input[name={group}]")
     assert any(seen(page) != before for _ in range(FRAMES))
     page.click(f"input[name={group}]")
     assert any(seen(page) == before for _ in range(FRAMES))
-    assert said == []
+    opened.check_quiet()
 
 
 def test_it_plays_to_the_end_and_turns_with_the_mouse(opened) -> None:
-    page, said = opened
+    page = opened.page
     page.evaluate("() => { const s = document.querySelector('input[type=range]'); s.value = s.max - 2; s.oninput(); }")
     page.click(".stage button")
     page.evaluate(
@@ -240,4 +223,4 @@ def test_it_plays_to_the_end_and_turns_with_the_mouse(opened) -> None:
     page.mouse.move(box["x"] + 260, box["y"] + 180, steps=4)
     page.mouse.up()
     assert seen(page) != before
-    assert said == []
+    opened.check_quiet()

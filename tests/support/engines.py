@@ -27,6 +27,8 @@ from screwgauge.study.ask import ask as put
 from screwgauge.study.ask import in_turn, silent, solve
 from screwgauge.study.method import Method
 
+#: All that compute in doubles, of both cuts.
+IN_DOUBLES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
 
 

@@ -25,3 +25,12 @@ from screwgauge.models.readings.reading import BodyReading, ClosureReading, Coup
 from screwgauge.models.readings.renamed import renamed
 from screwgauge.models.readings.source import prepare
 from screwgauge.models.urdf import write_urdf
+
+#: What a link of a URDF weighs, and a body of an MJCF, where any mass will do.
+MATTER = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+
+
+def mjcf(body: str, further: str = "") -> str:
+    """MJCF of bodies, and what stands beside them."""
+    return f"<mujoco>{further}<worldbody>{body}</worldbody></mujoco>"
