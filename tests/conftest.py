@@ -27,6 +27,7 @@ from screwgauge import load_scene
 from screwgauge.engines.screw.integrate import integrate
 from screwgauge.study import apart
 from screwgauge.study.bench import timing
+from support.acting import Forces, forces_at
 from support.bench import LEAVING_OUT, Bench, Plan, bench, contestants
 from support.command import main
 from support.engines import ENGINES, Problem, in_turn
@@ -34,7 +35,7 @@ from support.geometry import Array
 from support.mechanism import Mechanism, load_mechanism
 from support.repository import repository
 from support.scene import FOLDER, observe
-from support.solve import Forces, Layout, TracedForward, Trajectory, forces_at, layout
+from support.solve import Layout, TracedForward, Trajectory, layout
 
 if TYPE_CHECKING:
     from screwgauge import Diagnosis

@@ -11,9 +11,10 @@ import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
 from support.bench import QUICK, bench
 from support.engines import ENGINES, Method, ask, model_files, put
+from support.questions import findings
 from support.report import summary
 from support.scene import GivenMotion
-from support.stress import CASES, REFUSED, findings
+from support.stress import CASES, REFUSED
 
 QUANTITIES = ["joint_position", "joint_velocity", "generalized_force", "actuator_force"]
 SAID = "gives no generalized_force, actuator_force, though asked for"

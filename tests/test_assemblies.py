@@ -15,9 +15,10 @@ from support.geometry import within_half_turn
 from support.mechanism import load_mechanism
 from support.models import write_models
 from support.planar import Bar, four_bar, moving
+from support.questions import BASE_LOCK, SCENE, SINGULAR_B, findings, still
 from support.scene import check_scene
 from support.solve import closed_form, layout, loop_equations, straight_and_bent
-from support.stress import BASE_LOCK, CASES, OK, SCENE, SILENT, SINGULAR_B, findings, still
+from support.stress import CASES, OK, SILENT
 from support.tolerances import ROUNDING
 
 FAR = 1.2

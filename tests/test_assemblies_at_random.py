@@ -8,9 +8,9 @@ import screwgauge
 from support.engines import solve
 from support.geometry import within_half_turn
 from support.near import BASE, UPU
+from support.questions import SCENE, still
 from support.scene import check_scene
 from support.solve import closed_form, layout
-from support.stress import SCENE, still
 
 #: Sizes of steps, and the least distance from the lines on which leg 3 locks (BASE) and leg 1 lets go (UPU) [rad].
 STEPS, LEAST = (1e-6, 0.3), 1e-6

@@ -13,7 +13,8 @@ from support.coupled import every_kind, geared_five_bar, moving
 from support.engines import ask, model_files
 from support.errors import DescriptionError, ModelFileError
 from support.mechanism import Coupling, load_mechanism
-from support.models import check_models, joint_equality, lay_out, read_loops, write_models
+from support.models import check_models, lay_out, read_loops, write_models
+from support.readings import joint_equality
 from support.scene import GIVEN, check_home
 from support.tolerances import FORMULA
 

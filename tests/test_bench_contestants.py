@@ -17,13 +17,14 @@ from screwgauge import ScrewgaugeError
 from screwgauge.study.bench import registry
 from screwgauge.study.bench import run as run_module
 from screwgauge.study.four_bar import FILE, LENGTHS, MASSES, MOMENTS, four_bar_states, write_four_bar
+from support.acting import JointSpring
 from support.bench import TABLE, Contestant, Plan, bench
 from support.engines import ENGINES, Engine, Method, ModelFiles, Values
 from support.errors import DescriptionError, UnknownNameError
 from support.judging import score
 from support.mechanism import load_mechanism
 from support.scene import QUANTITIES, GivenMotion, States, pose_scene
-from support.solve import JointSpring, in_precision, layout
+from support.solve import in_precision, layout
 
 PLAN = Plan(samples=5, rounds=1, budget=1e9, quick=True)
 

@@ -12,9 +12,9 @@ import screwgauge
 from screwgauge.study.bench import run as run_module
 from support.bench import COLUMNS, CUT, NAME, Plan, bench, reach
 from support.command import main
+from support.pages import terminal as text
 from support.report import BENCH_PAGE as PAGE
 from support.report import make_plots
-from support.report import terminal as text
 
 FEW = ["closed-form", "missing-jdotv", "mj-forward", "four-bar", "floor"]
 PLAN = Plan(samples=5, rounds=2, budget=1e9, quick=True)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from support.freedoms import check_independent, mobility
 from support.mechanism import four_bars, load_mechanism, mechanism_path
-from support.solve import at_home, check_independent, joint_point, layout, mobility, pose
+from support.solve import at_home, joint_point, layout, pose
 from support.tolerances import FORMULA, PLACED, TWENTY_DIGITS
 
 #: bodies, joint freedoms, Kutzbach's count, mobility, redundant constraints

@@ -9,27 +9,16 @@ import pytest
 from numpy.polynomial import Polynomial
 
 import screwgauge
+from support.acting import Forces
 from support.coupled import EVERY_KIND, body, coupling_tables, every_kind, geared_five_bar, moving, started
 from support.engines import IN_DOUBLES, ask, model_files
+from support.freedoms import in_lengths, mobility_at_home
 from support.judging import agreed, judge
 from support.mechanism import load_mechanism
 from support.models import write_models
 from support.planar import Bar, four_bar
 from support.scene import GIVEN, SIMULATED
-from support.solve import (
-    Forces,
-    accelerations,
-    forward,
-    forward_dense,
-    in_lengths,
-    in_precision,
-    layout,
-    mobility_at_home,
-    moved,
-    pose,
-    posed,
-    velocities,
-)
+from support.solve import accelerations, forward, forward_dense, in_precision, layout, moved, pose, posed, velocities
 from support.tolerances import LINEAR, ROUND_TRIP
 
 #: The driven joint's neighbour, and the joint that would be cut if it were not coupled.

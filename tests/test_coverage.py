@@ -11,12 +11,14 @@ import pytest
 import screwgauge
 from screwgauge import exciting
 from screwgauge.study.gate.alarms import changed
+from support.acting import Applied, JointSpring, Load, hold
 from support.engines import quiet
+from support.freedoms import mobility_at_home
 from support.geometry import screws
 from support.judging import NOTHING, coverage
 from support.mechanism import Body
 from support.scene import FLOOR, SOLVED, natural_scales
-from support.solve import Applied, JointSpring, Load, hold, layout, mobility_at_home, solve_motion
+from support.solve import layout, solve_motion
 
 FORCES = ("tree_force", "generalized_force", "actuator_force", "reaction")
 STEP = 1e-4  # share of its size by which a parameter is changed

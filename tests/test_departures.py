@@ -15,13 +15,14 @@ import pytest
 import screwgauge
 from screwgauge.models.elements import FORMATS, extras
 from screwgauge.study.departures import departures
+from support.acting import Motor
 from support.engines import ENGINES, ModelFiles, get_engine, registry
 from support.errors import ModelFileError
 from support.judging import reference_values
 from support.mechanism import load_mechanism, mechanism_names, mechanism_path
 from support.models import CUTS, model_texts, stem
-from support.report import markdown, report, summary, verdict
-from support.solve import Motor
+from support.pages import markdown
+from support.report import report, summary, verdict
 
 DATA = Path(__file__).parent / "data"
 SUFFIX = {"pinocchio": "urdf", "mujoco": "xml"}

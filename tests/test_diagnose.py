@@ -10,7 +10,8 @@ import pytest
 
 import screwgauge
 from support.mechanism import load_mechanism
-from support.models import draw, write_models
+from support.models import write_models
+from support.readings import draw
 from support.report import verdict
 
 #: Torques of two readings of one model, of own dynamics and of both libraries, over the largest.

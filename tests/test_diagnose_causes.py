@@ -8,9 +8,8 @@ import pytest
 from screwgauge import diagnose
 from screwgauge.study.selftest.lookalikes import renamed
 from screwgauge.study.selftest.trees import mjcf, tree, urdf
-from support.diagnosis import (
+from support.causes import (
     Hypothesis,
-    Matter,
     Torques,
     attribute,
     com_slips,
@@ -21,7 +20,8 @@ from support.diagnosis import (
     vector,
 )
 from support.geometry import rotation
-from support.models import matrix, steiner
+from support.mechanics import Matter
+from support.readings import matrix, steiner
 
 R = rotation(np.array([0.6, 0.0, 0.8]), np.array(0.7))
 MOMENTS = np.diag([1.0, 2.0, 2.7])

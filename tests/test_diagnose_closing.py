@@ -10,7 +10,8 @@ import pytest
 import screwgauge
 from support.errors import ClosureError
 from support.mechanism import load_mechanism
-from support.models import expected_reading, plant, residual_at_home
+from support.models import expected_reading
+from support.readings import plant, residual_at_home
 
 #: A planar four-bar in the x-z plane with its loop open: `reach` is where the rocker ends [m].
 FOUR_BAR = """name = "four-bar"

@@ -8,20 +8,19 @@ import arm
 import numpy as np
 import pytest
 
-from support.diagnosis import (
+from support.diagnosis import answers, pairs
+from support.mechanics import (
     STANDARD,
-    answers,
     armature_force,
     closed,
     dynamics,
     inverse_dynamics,
     left,
     not_modelled,
-    pairs,
     passive_force,
 )
 from support.mechanism import GROUND
-from support.models import (
+from support.readings import (
     ClosureReading,
     CouplingReading,
     States,

@@ -9,7 +9,7 @@ import screwgauge
 from screwgauge.casebook.book import CASES as BOOK
 from screwgauge.diagnosis import known, notes
 from support.errors import OutputError
-from support.models import draw, read
+from support.readings import draw, read
 
 BAR = (
     '<mujoco><option gravity="0 0 -1.62"/><worldbody><body name="bar" gravcomp="0.3"><joint name="j" axis="0 1 0" '

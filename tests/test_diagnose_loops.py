@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from support.diagnosis import SPEEDS, growth
+from support.causes import SPEEDS, growth
 from support.errors import ClosureError
 from support.trees import plain
 

@@ -13,25 +13,12 @@ import pytest
 
 from screwgauge import diagnose
 from screwgauge.diagnosis import known
-from support.diagnosis import (
-    ALL,
-    Change,
-    Model,
-    applied,
-    brought,
-    differences,
-    digits_of,
-    held,
-    inverse_dynamics,
-    marked,
-    missing,
-    paired,
-    placed,
-    without,
-)
+from support.diagnosis import ALL, Change, Model, applied, differences, digits_of, marked, without
 from support.geometry import rotation
+from support.mechanics import brought, held, inverse_dynamics, missing, paired, placed
 from support.mechanism import load_mechanism
-from support.models import draw, matrix, plant, read, rehomed, renamed, write_models
+from support.models import write_models
+from support.readings import draw, matrix, plant, read, rehomed, renamed
 
 TILT = rotation(np.array([0.0, 0.6, 0.8]), np.array(1e-3))
 STEP = np.array([1e-3, 2e-3, -1e-3])

@@ -13,6 +13,7 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError
+from support.acting import GRAVITY, Load, hold
 from support.engines import (
     ENGINES,
     MOTION,
@@ -29,7 +30,6 @@ from support.engines import (
 )
 from support.errors import ModelFileError, UnknownNameError
 from support.scene import GIVEN, GivenMotion, InitialValue, Integration, States
-from support.solve import GRAVITY, Load, hold
 from support.tolerances import LINEAR
 
 LIBRARIES = {"truth": "flint", "drake": "pydrake"}  # what is not installed with the package

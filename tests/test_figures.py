@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from screwgauge.report.figures.chart import straight, thin
-from support.report import Picture, _error_and_time, by_camp, chart
+from support.pages import Picture
+from support.report import _error_and_time, by_camp, chart
 
 HOSTILE = "<script>alert(1)</script> </script> \"quoted\" 'too' & \x1b[31m \u202e \ud800 ${x} {{y}} " + 300 * "w"
 

@@ -10,21 +10,10 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError
+from support.acting import Forces, JointSpring, PointSpring, energy
 from support.errors import DescriptionError, SingularPoseError, UnknownNameError
 from support.mechanism import load_mechanism
-from support.solve import (
-    Forces,
-    JointSpring,
-    PointSpring,
-    energy,
-    forward,
-    forward_dense,
-    inertia_matrix,
-    layout,
-    moved,
-    positions,
-    velocities,
-)
+from support.solve import forward, forward_dense, inertia_matrix, layout, moved, positions, velocities
 from support.tolerances import DENSE, FORMULA, LINEAR, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
 DATA = Path(__file__).parent / "data"

@@ -11,11 +11,12 @@ import pytest
 
 import screwgauge
 from screwgauge import Scene
+from support.acting import Forces, JointSpring, PointSpring, energy, hold
 from support.engines import ModelFiles, model_files, simulate, simulate_scene
 from support.errors import ModelFileError, SingularPoseError, UnknownNameError
 from support.models import write_models
 from support.scene import InitialValue, Integration, observe
-from support.solve import METHODS, SIZES, Forces, JointSpring, PointSpring, energy, hold, layout, pose, velocities
+from support.solve import METHODS, SIZES, layout, pose, velocities
 from support.tolerances import DENSE, ENERGY_PER_ERROR, FOLLOWED, LINEAR, ROUND_TRIP
 from support.trees import MujocoMover, PinocchioMover
 

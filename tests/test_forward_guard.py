@@ -13,7 +13,8 @@ from support.command import main
 from support.engines import get_engine, model_files, stopped_after
 from support.errors import ClosureError
 from support.judging import LIMIT
-from support.report import markdown, report, verdict
+from support.pages import markdown
+from support.report import report, verdict
 from support.scene import check_start, doubts
 
 FALL = """

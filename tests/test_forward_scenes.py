@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.acting import Forces
 from support.command import main
 from support.engines import Values, ask, model_files, stopped_after
 from support.mechanism import load_mechanism
 from support.scene import check_start, eigenvalues
-from support.solve import Forces, layout
+from support.solve import layout
 from support.tolerances import NINE_DIGITS, PUBLISHED, STEPPED
 
 OBSERVABLES = {

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.acting import Applied, JointSpring, Load, PointSpring, hold
 from support.engines import get_engine, model_files, simulate, simulate_scene
 from support.errors import DescriptionError, UnknownNameError
 from support.models import read_loops
 from support.scene import InitialValue, observe
-from support.solve import Applied, JointSpring, Load, PointSpring, hold, layout
+from support.solve import layout
 from support.tolerances import CLOSED, DRIFT, FIRST_ORDER, FIRST_ORDER_WORK, LINEAR, ORDER
 from support.trees import (
     INTEGRATORS,

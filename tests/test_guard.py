@@ -13,7 +13,8 @@ from support.command import main
 from support.engines import solve
 from support.judging import LIMIT, compare, flagged
 from support.near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
-from support.report import estimates, run_in_terminal, summary, terminal, verdict
+from support.pages import terminal
+from support.report import estimates, run_in_terminal, summary, verdict
 from support.scene import check_scene
 from support.solve import layout, loop_equations, posed
 from support.tolerances import EQUAL, TIGHT

@@ -10,12 +10,12 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
+from support.acting import Applied
 from support.engines import ModelFiles, Problem, ask
 from support.geometry import Array
 from support.mechanism import Mechanism, load_mechanism, mechanism_names
 from support.models import description, import_model, lay_out, write_models
 from support.scene import GivenMotion
-from support.solve import Applied
 
 #: Rounding of the numbers of a model file, of MuJoCo's principal axes and of merging a body with its copies.
 MASSES = 1e-13

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from support.acting import Forces, JointSpring
 from support.errors import DescriptionError, UnknownNameError
 from support.mechanism import load_mechanism
-from support.solve import METHODS, Branch, Forces, JointSpring, integrate, layout, positions
+from support.solve import METHODS, Branch, integrate, layout, positions
 from support.tolerances import CLOSED, LINEAR
 
 DATA = Path(__file__).parent / "data"

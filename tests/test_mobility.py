@@ -6,20 +6,17 @@ import numpy as np
 import pytest
 
 from screwgauge.reference.paper.printed import upu_screws
-from support.geometry import linear
-from support.mechanism import serial_chains
-from support.solve import (
-    at_home,
+from support.freedoms import (
     chain_constraints,
-    chain_screws,
     exchange,
-    layout,
     mobility,
     output_constraints,
     output_freedoms,
-    posed,
     reciprocal_screws,
 )
+from support.geometry import linear
+from support.mechanism import serial_chains
+from support.solve import at_home, chain_screws, layout, posed
 from support.tolerances import ROUNDING
 
 R, L, THETA = 0.8, 0.6, np.pi / 6

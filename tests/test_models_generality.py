@@ -14,16 +14,15 @@ from support.mechanism import GROUND, Frame, Joint, Mechanism, load_mechanism, m
 from support.models import (
     check_models,
     check_table,
-    collapsed,
     home_poses,
     installed_readers,
     joint_transform,
     lay_out,
-    read,
     read_loops,
     write_mjcf,
     write_models,
 )
+from support.readings import collapsed, read
 from support.tolerances import CLOSED, PLACED
 
 FOUR_BAR = """

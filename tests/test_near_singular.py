@@ -9,11 +9,12 @@ import pytest
 
 import screwgauge
 from screwgauge import load_scene
+from support.acting import Applied
 from support.engines import Method, ModelFiles, Problem, solve
 from support.errors import SingularPoseError
 from support.near import BASE, UPU, WRIST, before_upu, errors, moving_at
 from support.scene import check_scene
-from support.solve import Applied, ScrewModel, dynamics, home_equations, layout, wide_force_matrix
+from support.solve import ScrewModel, dynamics, home_equations, layout, wide_force_matrix
 
 THIRTEEN = 1e-13  # scaled; promised of forces that are found by virtual power
 FORCES = ("generalized_force", "actuator_force")

@@ -13,9 +13,11 @@ import pytest
 
 import screwgauge
 from support.engines import Values
+from support.freedoms import mobility
 from support.judging import compare
-from support.report import run_in_terminal, terminal, verdict
-from support.solve import layout, mobility, pose
+from support.pages import terminal
+from support.report import run_in_terminal, verdict
+from support.solve import layout, pose
 
 SENTENCE = (
     "12 of 20 components of reaction have no unique value: they are not compared, and the digits are of the others"

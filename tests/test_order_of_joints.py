@@ -9,8 +9,9 @@ import pytest
 
 from screwgauge import diagnose
 from support.command import main
-from support.diagnosis import STATES, inverse_dynamics, summary, weighed
-from support.models import by_name, draw, in_file, plant, prepare, read
+from support.diagnosis import STATES, summary
+from support.mechanics import inverse_dynamics, weighed
+from support.readings import by_name, draw, in_file, plant, prepare, read
 
 LEGS = ("FR", "FL", "RR", "RL")
 JOINTS = (("hip", "1 0 0", (0.2, 0.1, 0)), ("thigh", "0 1 0", (0, 0.05, 0)), ("calf", "0 1 0", (0, 0, -0.2)))

@@ -13,7 +13,8 @@ import screwgauge
 from screwgauge.study.campaigns.campaign import campaign
 from support.command import main
 from support.errors import OutputError, ReportError
-from support.report import MANIFEST, Heading, Picture, file_name, write_report
+from support.pages import Heading, Picture, file_name
+from support.report import MANIFEST, write_report
 
 DATA = {"numbers.json": {"a": 1}, "summary.json": {"ok": True}}
 PICTURE = Picture("01-curve", "A curve", '<svg viewBox="0 0 1 1"></svg>')

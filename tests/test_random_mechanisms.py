@@ -10,9 +10,9 @@ import tomli_w
 
 import screwgauge
 from support.errors import UnknownNameError
+from support.freedoms import mobility_at_home
 from support.mechanism import FAMILIES, Sketch, described, families, load_mechanism, pick
 from support.scene import check_home
-from support.solve import mobility_at_home
 from support.tolerances import ROUNDING
 
 SMALL = ["mixed-loop", "serial", "bennett", "3-rps"]

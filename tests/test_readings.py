@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from support.mechanism import GROUND
-from support.models import BodyReading, JointReading, Reading, collapsed, libraries_for, read
+from support.readings import BodyReading, JointReading, Reading, collapsed, libraries_for, read
 
 #: Numbers of a file pass through roll-pitch-yaw or quaternions, and through the principal axes that MuJoCo keeps.
 READ = 1e-13

@@ -15,7 +15,8 @@ import screwgauge
 from screwgauge import ScrewgaugeError
 from support.command import main
 from support.errors import ModelFileError
-from support.models import Options, import_model, prepare, read, read_source, warned
+from support.models import Options, import_model
+from support.readings import prepare, read, read_source, warned
 
 INERTIAL = '<inertial pos="0.1 0.02 0" mass="0.{0}333333333333333" diaginertia="0.01 0.02 0.025"/>'
 #: An arm that attaches a hand and, turned, the same hand again; the hand attaches fingers. Some have no names.

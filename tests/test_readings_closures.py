@@ -11,7 +11,7 @@ import pytest
 
 from support.geometry import Array
 from support.mechanism import GROUND
-from support.models import ClosureReading, Reading, read
+from support.readings import ClosureReading, Reading, read
 
 READ = 1e-13
 MATTER = '<inertial pos="0.1 0 0.2" mass="1" diaginertia="1 2 2"/>'

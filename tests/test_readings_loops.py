@@ -13,18 +13,8 @@ import pytest
 import screwgauge
 from screwgauge import ScrewgaugeError
 from support.mechanism import GROUND, load_mechanism
-from support.models import (
-    MATTER,
-    Reading,
-    States,
-    collapsed,
-    move,
-    plant,
-    read,
-    read_loops_yaml,
-    with_loops,
-    write_models,
-)
+from support.models import MATTER, write_models
+from support.readings import Reading, States, collapsed, move, plant, read, read_loops_yaml, with_loops
 
 
 def joint(name: str, kind: str, parent: str, child: str, xyz: str) -> str:

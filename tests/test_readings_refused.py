@@ -9,7 +9,8 @@ import pytest
 from screwgauge import ScrewgaugeError
 from support.command import LIMITS
 from support.errors import ModelFileError, UnknownNameError
-from support.models import INERTIAL, LIBRARIES, MATTER, libraries_for, mjcf, read
+from support.models import INERTIAL, MATTER, mjcf
+from support.readings import LIBRARIES, libraries_for, read
 
 BODY = f'<body name="a"><joint name="j"/>{INERTIAL}</body>'
 HINGE = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint>'

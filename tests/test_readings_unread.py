@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from support.models import INERTIAL, MATTER, mjcf, read
+from support.models import INERTIAL, MATTER, mjcf
+from support.readings import read
 
 LINK = f'<link name="@">{MATTER}</link>'
 ARM = f"""<robot name="r"><link name="a"/>{LINK.replace("@", "b")}{LINK.replace("@", "c")}

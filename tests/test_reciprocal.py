@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from screwgauge.reference.reciprocal import Element, body_twists, elements, end_body, held, idle_forces, legs
+from support.freedoms import reciprocal_screws
 from support.geometry import couple, force, linear, prismatic, revolute
 from support.mechanism import Mechanism, load_mechanism, mechanism_names
-from support.solve import at_home, layout, posed, reciprocal_screws, velocities
+from support.solve import at_home, layout, posed, velocities
 
 CLOSE = 1e-9  # of directions of unit length, and of points that lie within a few metres
 X, Y, Z = np.eye(3)

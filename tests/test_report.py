@@ -23,24 +23,14 @@ from screwgauge.environment import environment
 from screwgauge.report import folder as writing
 from screwgauge.report.figures import run as drawing
 from screwgauge.scene.figures import Figure
+from support.acting import Applied, Load
 from support.engines import Failure, Solution, Timing, Values
 from support.errors import OutputError
 from support.mechanism import load_mechanism
-from support.report import (
-    Picture,
-    Table,
-    default_figures,
-    first_difference,
-    fragment,
-    markdown,
-    number,
-    size,
-    terminal,
-    verdict,
-)
+from support.pages import Picture, Table, fragment, markdown, number, size, terminal
+from support.report import default_figures, first_difference, verdict
 from support.report import run_page as page
 from support.scene import GivenMotion, digits
-from support.solve import Applied, Load
 
 N = 400
 NAMES = ("leg1.q1", "leg1.q2", "leg2.q1", "leg2.q2")

@@ -9,7 +9,7 @@ from html import escape
 import pytest
 from markdown_it import MarkdownIt
 
-from support.report import (
+from support.pages import (
     LONG,
     Banner,
     Block,

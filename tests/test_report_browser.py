@@ -14,8 +14,9 @@ import screwgauge
 from screwgauge.report.gallery import gallery
 from support.browser import Opened, open_page
 from support.errors import DescriptionError, OutputError
-from support.report import Banner, Front, Heading, Paragraph, Picture, print_page, run_page, write_report
-from support.report import page as page_of
+from support.pages import Banner, Front, Heading, Paragraph, Picture
+from support.pages import page as page_of
+from support.report import print_page, run_page, write_report
 
 PAPER = 703  # what is left of A4 between the margins [pixels]
 

@@ -12,7 +12,8 @@ import screwgauge
 from screwgauge.study.cases.softness import PASSES, SETTINGS, held, in_tree
 from support.engines import Method, model_files
 from support.geometry import EPS, Array
-from support.stress import CASES, GOOD, SILENT, Finding, Question, climb, findings
+from support.questions import Question, findings
+from support.stress import CASES, GOOD, SILENT, Finding, climb
 from support.trees import INTEGRATORS, MujocoTree, has_integrator
 
 STEPS = (2e-3, 5e-4, 1e-4)  # [s]

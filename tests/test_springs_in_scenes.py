@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.acting import Forces
 from support.command import main
 from support.engines import IN_DOUBLES
 from support.errors import DescriptionError
 from support.judging import judge
-from support.solve import Forces, forward, layout, moved
+from support.solve import forward, layout, moved
 from support.tolerances import DENSE
 
 ACTING = """

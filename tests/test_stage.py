@@ -17,7 +17,7 @@ from screwgauge.report.stage.drawing import drawing
 from screwgauge.report.stage.picture import stage, told
 from screwgauge.study.motion import FRAMES
 from support.mechanism import Mechanism, load_mechanism, mechanism_names
-from support.report import Items, Picture
+from support.pages import Items, Picture
 from support.solve import layout, length, positions
 
 SEEN = 2e-4  # of the mechanism's length: positions and quaternions have four decimals

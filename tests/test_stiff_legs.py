@@ -12,23 +12,9 @@ from screwgauge import ScrewgaugeError
 from screwgauge.study.cases.stiff import RADAU, accelerations, explicit, leg_springs, motion, tolerant
 from support.engines import Method
 from support.mechanism import load_mechanism
+from support.questions import SCREW, Question, findings, loaded, push, tree_coordinates
 from support.scene import Integration
-from support.stress import (
-    CASES,
-    DEGRADED,
-    GOOD,
-    OK,
-    REFUSED,
-    SCREW,
-    SILENT,
-    Finding,
-    Question,
-    climb,
-    findings,
-    loaded,
-    push,
-    tree_coordinates,
-)
+from support.stress import CASES, DEGRADED, GOOD, OK, REFUSED, SILENT, Finding, climb
 
 SPRUNG = load_mechanism("3ups-upu-s")
 

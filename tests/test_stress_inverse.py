@@ -16,21 +16,8 @@ from screwgauge import load_scene
 from screwgauge.study.cases import asking
 from support.engines import solve
 from support.mechanism import load_mechanism, mechanism_path
-from support.stress import (
-    CASES,
-    DEGRADED,
-    ENGINES,
-    OK,
-    POSES,
-    REFUSED,
-    WRIST_LOCKS,
-    Finding,
-    compare,
-    decades,
-    exactly,
-    findings,
-    still,
-)
+from support.questions import ENGINES, POSES, WRIST_LOCKS, compare, exactly, findings, still
+from support.stress import CASES, DEGRADED, OK, REFUSED, Finding, decades
 from support.stress import climb as climb_rung
 
 FORCES = ("generalized_force", "actuator_force")

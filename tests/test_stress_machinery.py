@@ -14,14 +14,15 @@ import pytest
 
 from screwgauge import ScrewgaugeError
 from screwgauge.study.cases import registry
+from support.acting import Applied
 from support.command import main
 from support.engines import Cost, Method, ModelFiles, Problem, Progress, Solution, Values, quiet
 from support.errors import ClosureError
 from support.judging import Reference
 from support.mechanism import load_mechanism
+from support.questions import Question, findings
 from support.scene import States
-from support.solve import Applied
-from support.stress import COLUMNS, DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding, Question, findings, stress
+from support.stress import COLUMNS, DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding, stress
 
 NOWHERE = ModelFiles(Path("nowhere"))
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.stress import CASES, findings
+from support.questions import findings
+from support.stress import CASES
 
 
 @pytest.mark.parametrize("name", ["upu-singularity", "closure-violation", "refinement", "proximal", "long-run"])

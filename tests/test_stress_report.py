@@ -11,7 +11,8 @@ import pytest
 
 from screwgauge.report.figures.stress import inks, make_plots
 from screwgauge.report.pages.stress import PAGE, headline
-from support.report import CROSS, SHAPES, Banner, markdown, walk
+from support.pages import Banner, markdown, walk
+from support.report import CROSS, SHAPES
 from support.stress import GOOD, Case, Finding, Stress
 
 ENGINES = ("screw", "pinocchio", "mujoco", "mujoco RK4", "mujoco Euler")

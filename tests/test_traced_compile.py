@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import screwgauge
-from support.solve import Motor, ScrewModel, hold, layout
+from support.acting import Motor, hold
+from support.solve import ScrewModel, layout
 from support.traced import native
 from support.truth import cache
 

@@ -9,27 +9,11 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.acting import Applied, JointSpring, Load, Motor, PointSpring, forces_at, power
 from support.engines import Problem
 from support.mechanism import load_mechanism
 from support.scene import InitialValue, Integration
-from support.solve import (
-    Applied,
-    Branch,
-    JointSpring,
-    Load,
-    Motor,
-    PointSpring,
-    ScrewModel,
-    Settings,
-    StagedDOP853,
-    TracedForward,
-    forces_at,
-    forward,
-    layout,
-    moved,
-    power,
-    velocities,
-)
+from support.solve import Branch, ScrewModel, Settings, StagedDOP853, TracedForward, forward, layout, moved, velocities
 from support.tolerances import LINEAR
 from support.traced import NotTraceableError
 

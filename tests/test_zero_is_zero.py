@@ -10,11 +10,11 @@ import pytest
 import screwgauge
 from screwgauge.engines.estimate import Part, Trust, errors
 from support.engines import Solution, Values
+from support.freedoms import mobility_at_home
 from support.judging import compare, compared, judge
 from support.near import BASE, moving_at
 from support.planar import Bar, at_random, four_bar, moving, slider_crank
 from support.scene import check_actuation, check_scene
-from support.solve import mobility_at_home
 from support.tolerances import NOTICED, ROUNDING
 
 FORCES = ("generalized_force", "actuator_force", "reaction")

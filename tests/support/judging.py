@@ -16,7 +16,7 @@ from screwgauge.judging.exerted import held as exerted
 from screwgauge.judging.judge import judge
 from screwgauge.solution import Solution
 from screwgauge.study.reference import Reference, reference_values, score
-from support.solve import mobility_at_home
+from support.freedoms import mobility_at_home
 
 
 def agreed(results: Results) -> Results:

@@ -8,22 +8,9 @@ from screwgauge.models.generate import model_texts, stem, write_models
 from screwgauge.models.importing.convert import Wanted
 from screwgauge.models.importing.model import Options, import_model, notes
 from screwgauge.models.importing.write import description
-from screwgauge.models.kinematics.closing import constraint_rows, equations, gaps, residual_at_home
-from screwgauge.models.kinematics.home import rehomed
-from screwgauge.models.kinematics.tree import Motion, States, Tree, draw, move, moved, plant
 from screwgauge.models.layout import CUTS, lay_out
 from screwgauge.models.loops import loops_of, read_loops, write_loops
 from screwgauge.models.mjcf import PARTS, left_out, write_mjcf
-from screwgauge.models.readings.assemble import matrix, steiner
-from screwgauge.models.readings.collapse import collapsed
-from screwgauge.models.readings.compiler import warned
-from screwgauge.models.readings.loops import read_loops_yaml, with_loops
-from screwgauge.models.readings.mujoco import joint_equality
-from screwgauge.models.readings.order import by_name, in_file
-from screwgauge.models.readings.read import LIBRARIES, libraries_for, read, read_source
-from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, JointReading, Reading
-from screwgauge.models.readings.renamed import renamed
-from screwgauge.models.readings.source import prepare
 from screwgauge.models.urdf import write_urdf
 
 #: What a link of a URDF weighs, and a body of an MJCF, where any mass will do.

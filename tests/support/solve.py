@@ -16,7 +16,6 @@ from screwgauge.engines.screw.model import LONG, ScrewModel, Settings
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.problem import InitialValue, Integration
 from screwgauge.reference import dynamics, kinematics, reactions
-from screwgauge.reference.applied import GRAVITY, Applied, JointSpring, Load, Motor, PointSpring, hold
 from screwgauge.reference.chains import closed_form
 from screwgauge.reference.closed.between import Spacing, knots, predicted
 from screwgauge.reference.closed.branch import Branch
@@ -26,7 +25,7 @@ from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.closed.ways import straight_and_bent
 from screwgauge.reference.dynamics import force_matrix, joint_reactions
-from screwgauge.reference.forward import Forces, energy, forces_at, forward, forward_dense, inertia_matrix, power
+from screwgauge.reference.forward import Forces, forward, forward_dense, inertia_matrix
 from screwgauge.reference.kinematics import (
     Velocities,
     accelerations,
@@ -38,17 +37,6 @@ from screwgauge.reference.kinematics import (
     velocities,
 )
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.mobility import (
-    Mobility,
-    chain_constraints,
-    check_independent,
-    exchange,
-    in_lengths,
-    mobility,
-    output_constraints,
-    output_freedoms,
-    reciprocal_screws,
-)
 from screwgauge.reference.pose import Layout, Pose, chain_screws, layout, length, loop_matrix, pose, tree_pose
 from screwgauge.reference.precision import in_precision, wide_force_matrix
 from screwgauge.reference.reactions import joint_point, reaction_components
@@ -59,11 +47,6 @@ def at_home(mechanism: Mechanism) -> tuple[Layout, Pose]:
     """A mechanism laid out, and its pose at home."""
     lay = layout(mechanism)
     return lay, pose(lay, mechanism.home[None])
-
-
-def mobility_at_home(mechanism: Mechanism) -> Mobility:
-    """Its freedoms and constraints, counted at home."""
-    return mobility(*at_home(mechanism))
 
 
 def posed(lay: Layout, *y: float) -> Pose:
