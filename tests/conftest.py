@@ -193,6 +193,17 @@ def refused(capfd: pytest.CaptureFixture[str], tmp_path: Path, no_progress: None
 
 
 @pytest.fixture
+def command(capfd: pytest.CaptureFixture[str]):
+    """Runs the command line, which has to exit with a status; returns what was printed since the last time."""
+
+    def run(*arguments: object, status: int = 0) -> pytest.CaptureResult[str]:
+        assert main([*map(str, arguments)]) == status
+        return capfd.readouterr()
+
+    return run
+
+
+@pytest.fixture
 def paper_scene(write):
     """A scene with the paper's mechanism; entries replace its own. Returns the path."""
 

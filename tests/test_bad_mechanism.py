@@ -7,7 +7,6 @@ import pytest
 
 from screwgauge import ScrewgaugeError, load_scene, run, stream
 from screwgauge.engines.screw.compiled import compile
-from support.command import main
 from support.errors import DescriptionError
 from support.geometry import linear, number, rotation
 from support.mechanism import Body, load_mechanism
@@ -386,9 +385,8 @@ def test_expressions_are_read(text, value):
     assert number(text, "") == pytest.approx(value, rel=PLACED, abs=0)
 
 
-def test_debug_shows_the_traceback_and_still_exits_with_2(capfd):
-    assert main(["run", "nothing", "--debug"]) == 2
-    said = capfd.readouterr().err
+def test_debug_shows_the_traceback_and_still_exits_with_2(command):
+    said = command("run", "nothing", "--debug", status=2).err
     assert "Traceback" in said
     assert "unknown scene 'nothing'" in said
 

@@ -11,7 +11,6 @@ import pytest
 
 import screwgauge
 from screwgauge.models.content import FATES, Content, kinds, table
-from support.command import main
 from support.diagnosis import in_process
 from support.models import MATTER
 
@@ -354,14 +353,12 @@ def test_entries_of_loops_files_that_are_not_applied_withhold_the_same(tmp_path)
         assert (found.same, found.undecided) == (same, not same), found.verdict
 
 
-def test_not_all_compared_is_told_apart_in_banner_report_and_json(diagnosed, tmp_path, capsys):
+def test_not_all_compared_is_told_apart_in_banner_report_and_json(diagnosed, tmp_path, command):
     diagnosed(".xml", *CASES["spatial tendons"]["spring"][1:])
-    assert main(["diagnose", "b.xml", "b.xml", "--out", "out"]) == 1
-    said = " ".join(capsys.readouterr().out.split())
+    said = " ".join(command("diagnose", "b.xml", "b.xml", "--out", "out", status=1).out.split())
     assert said.startswith("✗ NOT ALL COMPARED: Not all compared: spatial tendon r in A and B. All else is the same: ")
     assert "**✗ NOT ALL COMPARED**" in (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
-    assert main(["diagnose", "b.xml", "b.xml", "--out", "out", "--json"]) == 1
-    assert '"not_all_compared": true' in capsys.readouterr().out
+    assert '"not_all_compared": true' in command("diagnose", "b.xml", "b.xml", "--out", "out", "--json", status=1).out
 
 
 def test_every_array_of_a_compiled_model_is_of_some_kind():

@@ -30,7 +30,6 @@ from support.bench import (
     simulation,
     simulators,
 )
-from support.command import main
 from support.engines import ENGINES, Engine, Method, screw
 from support.models import write_models
 from support.report import SIMULATION, make_plots
@@ -177,11 +176,10 @@ def test_bad_input_is_said(scene):
         contest(scene, plan=PLAN, contestants=["screw-RK45"])
 
 
-def test_command_line(monkeypatch, tmp_path, capsys):
+def test_command_line(monkeypatch, tmp_path, command):
     monkeypatch.setattr(module, "QUICK", PLAN)
     arguments = ["bench", "a01-pendulum", "--quick", "--contestants", "screw-BDF", "--out", str(tmp_path)]
-    assert main(arguments) == 0
-    said = capsys.readouterr().out
+    said = command(*arguments).out
     assert "OpenSim" in said
     assert max(len(line) for line in said.splitlines()) <= 100 + len(str(tmp_path))
 

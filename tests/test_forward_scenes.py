@@ -10,7 +10,6 @@ import pytest
 
 import screwgauge
 from support.acting import Forces
-from support.command import main
 from support.engines import Values, ask, model_files, stopped_after
 from support.mechanism import load_mechanism
 from support.scene import check_start, eigenvalues
@@ -205,7 +204,7 @@ def test_report_tells_of_start_springs_and_published_results(tmp_path):
     assert summary["warnings"] == []
 
 
-def test_command_line_runs_a_forward_scene(write, tmp_path, capsys):
+def test_command_line_runs_a_forward_scene(write, tmp_path, command):
     path = write(
         "short.toml",
         SPRUNG.format(
@@ -217,5 +216,4 @@ def test_command_line_runs_a_forward_scene(write, tmp_path, capsys):
             damping=0,
         ),
     )
-    assert main(["run", str(path), "--out", str(tmp_path / "out")]) == 0
-    assert "energy balance" in capsys.readouterr().out
+    assert "energy balance" in command("run", path, "--out", tmp_path / "out").out

@@ -7,7 +7,6 @@ import pytest
 
 import screwgauge
 from support import toy_engine as toy
-from support.command import main
 from support.engines import ENGINES, ModelFiles, check_engines, engines, further_engines, get_engine
 from support.errors import DescriptionError, UnknownNameError
 from support.scene import InitialValue
@@ -54,9 +53,8 @@ def test_judge_alone_names_loop_body_and_size(results):
     assert 0.5 * size < balance["max_abs"] <= 1.01 * size
 
 
-def test_further_engine_is_listed(capsys):
-    assert main(["list", "engines"]) == 0
-    said = capsys.readouterr().out
+def test_further_engine_is_listed(command):
+    said = command("list", "engines").out
     assert [line.split()[0] for line in said.splitlines()] == list(engines())
     assert said.splitlines()[-1].split() == ["toy", "a", "toy"]
 

@@ -310,10 +310,9 @@ def test_choices_are_followed(gripper):
         import_model(gripper, Options(wanted=Wanted(actuated=["nobody"])))
 
 
-def test_import_writes_both_files_or_none(gripper, tmp_path, capsys):
+def test_import_writes_both_files_or_none(gripper, tmp_path, command):
     out = tmp_path / "made" / "grip.toml"
-    assert main(["import", str(gripper), "-o", str(out)]) == 0
-    said = capsys.readouterr().out
+    said = command("import", gripper, "-o", out).out
     assert "armature of 'driver'" in said
     assert "# Left out: armature of 'driver'" in out.read_text(encoding="utf-8")
     scene = screwgauge.load_scene(out)  # finds the scene beside it
@@ -326,11 +325,10 @@ def test_import_writes_both_files_or_none(gripper, tmp_path, capsys):
 @pytest.mark.parametrize(
     "edited", [lambda text: "# mine\n", lambda text: text.replace("mass = 0.2", "mass = 0.3"), str.upper]
 )
-def test_what_somebody_has_worked_on_is_not_written_over(name, edited, gripper, tmp_path, capsys):
+def test_what_somebody_has_worked_on_is_not_written_over(name, edited, gripper, tmp_path, command):
     assert main(["import", str(gripper), "-o", str(tmp_path / "grip.toml")]) == 0
     (path := tmp_path / name).write_text(mine := edited(path.read_text(encoding="utf-8")) + "\n", encoding="utf-8")
-    assert main(["import", str(gripper), "-o", str(tmp_path / "grip.toml")]) == 2
-    assert "not as screwgauge wrote it" in capsys.readouterr().err
+    assert "not as screwgauge wrote it" in command("import", gripper, "-o", tmp_path / "grip.toml", status=2).err
     assert path.read_text(encoding="utf-8") == mine
 
 
@@ -359,12 +357,11 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_is_no_mechanism_is_refused_in_one_sentence(case, tmp_path, capsys):
+def test_what_is_no_mechanism_is_refused_in_one_sentence(case, tmp_path, command):
     text, reason = REFUSED[case]
     path = tmp_path / "bad.urdf"
     path.write_text(text, encoding="utf-8")
-    assert main(["import", str(path), "-o", str(tmp_path / "bad.toml")]) == 2
-    said = capsys.readouterr().err
+    said = command("import", path, "-o", tmp_path / "bad.toml", status=2).err
     assert reason in said
     assert said.count("\n") == 1
     assert not (tmp_path / "bad.toml").exists()
@@ -392,16 +389,15 @@ def planar(folder: Path, right_angle: str) -> Path:
     return robot(folder, *parts, name="planar.urdf")
 
 
-def test_a_robot_whose_limits_leave_no_motion_is_refused_by_joint_limits_and_file(tmp_path, monkeypatch, capsys):
+def test_a_robot_whose_limits_leave_no_motion_is_refused_by_joint_limits_and_file(tmp_path, monkeypatch, command):
     path = planar(tmp_path, "1.5707963267948966")
     text = path.read_text(encoding="utf-8").replace("lower", "LOWER").replace("upper", "UPPER")
     text = text.replace('LOWER="-3" UPPER="3"', 'lower="-3" upper="3"', 2)  # of ja and jb
     text = text.replace('LOWER="-3" UPPER="3"', 'lower="-1e-5" upper="2e-5"')  # of jc
     path.write_text(text, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
-    for command in (["import", path.name, "-o", "out.toml"], ["run", path.name], ["bench", path.name]):
-        assert main(command) == 2
-        said = capsys.readouterr().err
+    for typed in (["import", path.name, "-o", "out.toml"], ["run", path.name], ["bench", path.name]):
+        said = command(*typed, status=2).err
         assert f"screwgauge: {path.name}: no motion of 0.01 rad or lengths about home" in said
         assert "it would leave the limits of 'jc' ([-1e-05, 2e-05] rad); widen the limits" in said
         assert "tmp" not in said.rpartition("no motion")[2]

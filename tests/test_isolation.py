@@ -13,7 +13,6 @@ import pytest
 import screwgauge
 from screwgauge import Limits, ScrewgaugeError
 from support import bad_works
-from support.command import main
 from support.engines import ENGINES, Failure, Values, apart, check_same, further_engines, silent
 from support.errors import ModelFileError, UnknownNameError
 
@@ -107,11 +106,10 @@ def test_a_run_is_the_same_wherever_it_runs(paper_scene):
     assert there.exit_status == 0
 
 
-def test_a_crash_is_one_sentence_and_exit_3(monkeypatch, paper_scene, tmp_path, capfd, no_progress):
+def test_a_crash_is_one_sentence_and_exit_3(monkeypatch, paper_scene, tmp_path, command, no_progress):
     monkeypatch.setitem(ENGINES, "mujoco", replace(ENGINES["mujoco"], source="support.aborts_on_import:load"))
     options = ["--engines", "screw,mujoco", "--quantities", "joint_position", "--out", str(tmp_path / "out")]
-    assert main(["run", str(paper_scene()), *options]) == 3
-    printed = capfd.readouterr()
+    printed = command("run", str(paper_scene()), *options, status=3)
     assert printed.err == ""
     assert "FAILED: An engine failed: mujoco: crashed: its process got SIGABRT." in " ".join(printed.out.split())
 
@@ -122,7 +120,7 @@ def test_an_engine_of_another_package_that_ends_whoever_imports_it_is_a_row(pape
     assert results.failures["bad"].reason == "crashed: its process got SIGABRT"
 
 
-def test_limits_are_options_of_the_command(monkeypatch, paper_scene, tmp_path, capfd, no_progress):
+def test_limits_are_options_of_the_command(monkeypatch, paper_scene, tmp_path, command, no_progress):
     monkeypatch.setitem(ENGINES, "mujoco", replace(ENGINES["mujoco"], source="support.bad_works:load_hang"))
     options = [
         "--engines",
@@ -134,10 +132,8 @@ def test_limits_are_options_of_the_command(monkeypatch, paper_scene, tmp_path, c
         "--out",
         str(tmp_path / "out"),
     ]
-    assert main(["run", str(paper_scene()), *options]) == 3
-    assert "mujoco: stopped after 0.3 s" in " ".join(capfd.readouterr().out.split())
-    assert main(["run", str(paper_scene()), "--memory", "-1"]) == 2
-    assert "a limit of -1 GB" in capfd.readouterr().err
+    assert "mujoco: stopped after 0.3 s" in " ".join(command("run", str(paper_scene()), *options, status=3).out.split())
+    assert "a limit of -1 GB" in command("run", str(paper_scene()), "--memory", "-1", status=2).err
 
 
 def test_a_model_file_of_ones_own_is_bad_input_there_too(paper_scene, tmp_path):

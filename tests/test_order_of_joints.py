@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from screwgauge import diagnose
-from support.command import main
 from support.diagnosis import STATES, summary
 from support.mechanics import inverse_dynamics, weighed
 from support.readings import by_name, draw, in_file, plant, prepare, read
@@ -107,17 +106,15 @@ def test_joints_are_named_from_where_the_orders_part(write):
 
 
 @pytest.mark.parametrize("which", [0, 1])
-def test_an_import_says_so(which, files, tmp_path, capsys, monkeypatch):
+def test_an_import_says_so(which, files, tmp_path, command, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert main(["import", str(files[which]), "--out", "made.toml"]) == 0
-    said = capsys.readouterr().out
+    said = command("import", str(files[which]), "--out", "made.toml").out
     assert "pinocchio indexes the joints of a URDF of it as FL_hip, FL_thigh, FL_calf and 9 more" in said
     assert "mujoco those of the file as FR_hip, FR_thigh, FR_calf and 9 more" in said
     assert re.search(r"compared by index, torques differ by \S+ N m \(", said)
 
 
-def test_an_import_of_a_chain_says_nothing_of_it(tmp_path, capsys, monkeypatch, write):
+def test_an_import_of_a_chain_says_nothing_of_it(tmp_path, command, monkeypatch, write):
     monkeypatch.chdir(tmp_path)
     file = write("chain.urdf", quadruped(("FR",))[0])
-    assert main(["import", str(file)]) == 0
-    assert "index" not in capsys.readouterr().out
+    assert "index" not in command("import", file).out

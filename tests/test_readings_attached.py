@@ -97,7 +97,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_cannot_be_attached_is_refused_in_one_sentence(case, arm, tmp_path, capsys):
+def test_what_cannot_be_attached_is_refused_in_one_sentence(case, arm, tmp_path, command):
     old, new, said = REFUSED[case]
     outside = tmp_path / "outside"
     outside.mkdir()
@@ -109,8 +109,7 @@ def test_what_cannot_be_attached_is_refused_in_one_sentence(case, arm, tmp_path,
     os.symlink(outside / "hand.xml", folder / "link.xml")
     (folder / "robot.urdf").write_text('<robot name="r"><link name="a"/></robot>', encoding="utf-8")
     (folder / "arm.xml").write_text(ARM.replace(old, new), encoding="utf-8")
-    assert main(["import", str(folder / "arm.xml"), "-o", str(tmp_path / "arm.toml")]) == 2
-    told = capsys.readouterr().err
+    told = command("import", folder / "arm.xml", "-o", tmp_path / "arm.toml", status=2).err
     assert said in told
     assert told.count("\n") == 1
     assert not (tmp_path / "arm.toml").exists()
@@ -210,14 +209,13 @@ def test_mass_and_inertia_of_meshes_are_those_of_mujoco(compiler, shells):
         assert sum(body.mass for body in two.bodies.values()) == pytest.approx(whole, rel=1e-13, abs=0)
 
 
-def test_meshes_are_read_on_request_only(shells, tmp_path, capsys):
+def test_meshes_are_read_on_request_only(shells, tmp_path, command, capfd):
     out = str(tmp_path / "shells.toml")
-    assert main(["import", str(shells), "-o", out]) == 2
-    told = capsys.readouterr().err
+    told = command("import", shells, "-o", out, status=2).err
     assert "mass of body a comes from meshes, which are not read; give the body an <inertial>" in told
     assert "or have meshes read (--meshes of import and diagnose)" in told
     assert main(["import", str(shells), "-o", out, "--meshes"]) == 0
-    assert "Mass and inertia of a, b, c are those that MuJoCo computes from the meshes." in capsys.readouterr().out
+    assert "Mass and inertia of a, b, c are those that MuJoCo computes from the meshes." in capfd.readouterr().out
     mass = import_model(shells, Options(meshes=True)).mechanism.mass
     assert screwgauge.load_scene(out).mechanism.mass == pytest.approx(mass, rel=1e-15, abs=0)
 
@@ -256,17 +254,16 @@ def test_a_mesh_that_is_none_is_refused(shells):
         prepare(shells, meshes=True)
 
 
-def test_a_diagnosis_reads_meshes_and_proves_what_differs(shells, tmp_path, capsys):
+def test_a_diagnosis_reads_meshes_and_proves_what_differs(shells, tmp_path, command, capfd):
     other = tmp_path / "other.xml"
     other.write_text(MESHES.format("").replace('density="300"', 'density="330"'), encoding="utf-8")
     fixed, out = tmp_path / "fixed.xml", ["--out", str(tmp_path / "out")]
     assert main(["diagnose", str(shells), str(other), *out]) == 2
-    assert "or have meshes read (--meshes of import and diagnose)" in capsys.readouterr().err
-    assert main(["diagnose", str(shells), str(other), *out, "--meshes", "--fix", str(fixed)]) == 1
-    told = capsys.readouterr().out
+    assert "or have meshes read (--meshes of import and diagnose)" in capfd.readouterr().err
+    told = command("diagnose", shells, other, *out, "--meshes", "--fix", fixed, status=1).out
     assert "a: mass" in told
     assert "+10.00 %" in told
     assert str(tmp_path / "other.xml") in (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
     assert main(["diagnose", str(shells), str(fixed), *out, "--meshes"]) == 0
     assert main(["diagnose", str(shells), str(other), *out, "--meshes", "--fix", str(other)]) == 2
-    assert "is what the command reads; name another file" in capsys.readouterr().err
+    assert "is what the command reads; name another file" in capfd.readouterr().err

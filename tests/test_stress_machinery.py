@@ -188,9 +188,8 @@ def test_the_folder_has_table_report_and_page_of_plots(tmp_path) -> None:
         (["--severity", "1"], ("--severity", "one case")),
     ],
 )
-def test_bad_input_is_one_sentence(arguments, words, tmp_path, capsys) -> None:
-    assert main(["stress", *arguments, "--out", str(tmp_path / "out")]) == 2
-    text = capsys.readouterr().err
+def test_bad_input_is_one_sentence(arguments, words, tmp_path, command) -> None:
+    text = command("stress", *arguments, "--out", tmp_path / "out", status=2).err
     assert text.count("\n") == 1
     assert all(word in text for word in words), text
     assert not (tmp_path / "out").exists()

@@ -74,15 +74,12 @@ def test_a_motion_is_written_as_frames(tmp_path: Path, kind: str) -> None:
     assert len({*map(len, shown)}) == 1
 
 
-def test_a_video_that_cannot_be_made_is_said(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_video_that_cannot_be_made_is_said(tmp_path: Path, command, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "x.gif"
     for what, name in ((["slider-crank"], "x.mp4"), (["slider-crank", "five-bar"], "x.gif")):
         assert main(["view", *what, "--video", str(tmp_path / name)]) == 2
     monkeypatch.setattr("screwgauge.commands.view.find_spec", lambda name: None)
-    assert main(["view", "slider-crank", "--video", str(file)]) == 2
-    cut, two, missing = capsys.readouterr().err.splitlines()
+    cut, two, missing = command("view", "slider-crank", "--video", file, status=2).err.splitlines()
     assert "x.mp4; name a file that ends with .gif or .webp" in cut
     assert "shows one scene in motion" in two
     assert "pip install 'screwgauge[video]'" in missing
@@ -97,11 +94,10 @@ def test_a_model_file_is_shown(tmp_path: Path) -> None:
         assert "screwgaugeStage" in page.read_text(encoding="utf-8")
 
 
-def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path, write, capsys) -> None:
+def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path, write, command) -> None:
     file = write("stuck.toml", STUCK)
     page = tmp_path / "page.html"
-    assert main(["view", str(file), "--out", str(page)]) == 0
-    assert "shown at home, as no motion can be given" in capsys.readouterr().err
+    assert "shown at home, as no motion can be given" in command("view", file, "--out", page).err
 
 
 @pytest.mark.parametrize(
@@ -119,13 +115,12 @@ def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path,
         (["a01-pendulum", "--mujoco"], "MuJoCo's viewer needs a display, and there is none"),
     ],
 )
-def test_bad_input_is_one_sentence(arguments, said, tmp_path, monkeypatch, capsys) -> None:
+def test_bad_input_is_one_sentence(arguments, said, tmp_path, monkeypatch, command) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     Path("text.urdf").write_text("no model", encoding="utf-8")
-    assert main(["view", *arguments]) == 2
-    told = capsys.readouterr()
+    told = command("view", *arguments, status=2)
     assert said in told.err
     assert "Traceback" not in told.err
     assert {path.name for path in tmp_path.iterdir()} == {"text.urdf"}
