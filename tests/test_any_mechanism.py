@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +11,9 @@ import pytest
 import screwgauge
 from support.engines import IN_DOUBLES
 from support.judging import agreed
+from support.mechanism import DATA
 from support.scene import GivenMotion
 from support.tolerances import LINEAR, ROUNDING
-
-DATA = Path(__file__).with_name("data")
 
 
 @pytest.fixture(scope="module", params=["four-bar", "slider-crank", "rscr"])

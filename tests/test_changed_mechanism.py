@@ -14,7 +14,7 @@ from support.judging import agreed
 from support.mechanism import Coupling, load_mechanism, same_content
 from support.models import description
 from support.report import verdict
-from support.scene import SOLVED, pose_scene
+from support.scene import SOLVED, pose_scene, sampled
 
 FORCE = ["actuator_force"]
 
@@ -28,8 +28,7 @@ def heavier(mechanism, share=1.5):
 
 @pytest.fixture
 def scene():
-    scene = screwgauge.load_scene("slider-crank")
-    return scene.at(scene.t[::40])
+    return sampled("slider-crank", slice(None, None, 40))
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from importlib.metadata import EntryPoint
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import mujoco
@@ -19,12 +18,11 @@ from support.acting import Motor
 from support.engines import ENGINES, ModelFiles, get_engine, registry
 from support.errors import ModelFileError
 from support.judging import reference_values
-from support.mechanism import load_mechanism, mechanism_names, mechanism_path
+from support.mechanism import DATA, load_mechanism, mechanism_names, mechanism_path
 from support.models import CUTS, model_texts, stem
 from support.pages import markdown
 from support.report import report, summary, verdict
 
-DATA = Path(__file__).parent / "data"
 SUFFIX = {"pinocchio": "urdf", "mujoco": "xml"}
 #: What the table below calls what becomes of an edit -> how the sentence begins.
 FATE = {

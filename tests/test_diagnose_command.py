@@ -53,20 +53,18 @@ def test_a_fix_has_the_format_of_b(arms, tmp_path, capsys):
         ('<robot name="x"><link name="a"/></robot>', "no degree of freedom"),
     ],
 )
-def test_bad_input_is_2_in_one_sentence(arms, tmp_path, command, text, words):
-    bad = tmp_path / "bad.urdf"
-    bad.write_text(text, encoding="utf-8")
+def test_bad_input_is_2_in_one_sentence(arms, tmp_path, write, command, text, words):
+    bad = write("bad.urdf", text)
     said = command("diagnose", arms[0], bad, "--out", tmp_path / "out", status=2).err
     assert words in said
     assert "Traceback" not in said
     assert not (tmp_path / "out").exists()
 
 
-def test_names_that_do_not_exist_are_2(arms, tmp_path, command):
+def test_names_that_do_not_exist_are_2(arms, write, command):
     assert "unknown library 'drake'" in command("diagnose", arms[0], f"{arms[1]}@drake", status=2).err
     assert main(["diagnose", arms[0], "nothing.xml"]) == 2
-    mapping = tmp_path / "map.toml"
-    mapping.write_text('joint0 = "jointX"\n', encoding="utf-8")
+    mapping = write("map.toml", 'joint0 = "jointX"\n')
     assert "jointX" in command("diagnose", *arms, "--map", mapping, status=2).err
     mapping.write_text("joint0 = 3\n", encoding="utf-8")
     assert main(["diagnose", *arms, "--map", str(mapping)]) == 2

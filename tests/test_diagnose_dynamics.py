@@ -54,10 +54,8 @@ ZOO = """<mujoco><option gravity="0.3 -1 -9.5"/><compiler autolimits="true"/><wo
 
 
 @pytest.fixture
-def zoo(tmp_path):
-    path = tmp_path / "zoo.xml"
-    path.write_text(ZOO.format(gravcomp='gravcomp="0.4"'), encoding="utf-8")
-    return path
+def zoo(write):
+    return write("zoo.xml", ZOO.format(gravcomp='gravcomp="0.4"'))
 
 
 def known(path, library):

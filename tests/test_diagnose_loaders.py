@@ -18,10 +18,8 @@ BAR = (
 
 
 @pytest.fixture
-def bar(tmp_path):
-    path = tmp_path / "bar.xml"
-    path.write_text(BAR, encoding="utf-8")
-    return path
+def bar(write):
+    return write("bar.xml", BAR)
 
 
 @pytest.mark.parametrize("sides", [("mujoco", "pinocchio"), ("pinocchio", "mujoco")])
@@ -41,17 +39,15 @@ def test_a_loader_that_leaves_something_out_is_named_and_the_proof_agrees(bar, s
         found.write_fix(tmp_path / "fixed.xml")
 
 
-def test_what_the_library_of_b_does_not_read_from_the_changed_file_is_named(bar, tmp_path):
-    other = tmp_path / "other.xml"
-    other.write_text(BAR.replace('mass="2"', 'mass="2.02"'), encoding="utf-8")
+def test_what_the_library_of_b_does_not_read_from_the_changed_file_is_named(bar, tmp_path, write):
+    other = write("other.xml", BAR.replace('mass="2"', 'mass="2.02"'))
     found = screwgauge.diagnose(f"{bar}@mujoco", f"{other}@pinocchio")
     assert found.verdict.endswith("(casebook: pin-mjcf-gravity, pin-mjcf-springs, pin-mjcf-gravcomp).")
     assert (found.proof.on, found.proof.agrees) == ("file", True)
     assert "pinocchio reads no gravity from the file" in found.not_fixed
     found.write_fix(tmp_path / "fixed.xml")
     assert screwgauge.diagnose(bar, tmp_path / "fixed.xml").same
-    copy = tmp_path / "copy.xml"
-    copy.write_text(BAR, encoding="utf-8")
+    copy = write("copy.xml", BAR)
     found = screwgauge.diagnose(f"{bar}@mujoco", f"{copy}@pinocchio")
     assert "pinocchio does not use what the file says of" in found.verdict
     assert (found.proof.on, found.proof.agrees) == ("reading", True)

@@ -12,11 +12,10 @@ import screwgauge
 from screwgauge import ScrewgaugeError
 from support.acting import Forces, JointSpring, PointSpring, energy
 from support.errors import DescriptionError, SingularPoseError, UnknownNameError
-from support.mechanism import load_mechanism
+from support.mechanism import DATA, load_mechanism
 from support.solve import forward, forward_dense, inertia_matrix, layout, moved, positions, velocities
 from support.tolerances import DENSE, FORMULA, LINEAR, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
-DATA = Path(__file__).parent / "data"
 SCENES = [
     "3ups-upu-s",
     "3ups-upu-s-eq55",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,13 +13,13 @@ from screwgauge import Scene
 from support.acting import Forces, JointSpring, PointSpring, energy, hold
 from support.engines import ModelFiles, model_files, simulate, simulate_scene
 from support.errors import ModelFileError, SingularPoseError, UnknownNameError
+from support.mechanism import DATA
 from support.models import write_models
 from support.scene import InitialValue, Integration, observe
 from support.solve import METHODS, SIZES, layout, pose, velocities
 from support.tolerances import DENSE, ENERGY_PER_ERROR, FOLLOWED, LINEAR, ROUND_TRIP
 from support.trees import MujocoMover, PinocchioMover
 
-DATA = Path(__file__).parent / "data"
 MOVERS = {"pinocchio": PinocchioMover, "mujoco": MujocoMover}
 ENGINES = tuple(MOVERS)
 

@@ -17,7 +17,7 @@ from support.errors import ClosureError, DescriptionError
 from support.judging import agreed
 from support.mechanism import Mechanism, load_mechanism
 from support.models import Options, Wanted, description, import_model
-from support.scene import GivenMotion, check_home
+from support.scene import GivenMotion, check_home, sampled
 
 INERTIAL = '<inertial><origin xyz="{c}" rpy="0.3 -0.2 0.1"/><mass value="{m}"/>' + (
     '<inertia ixx="0.02" iyy="0.03" izz="0.025" ixy="0.001" ixz="-0.002" iyz="0.003"/></inertial>'
@@ -88,10 +88,9 @@ def test_an_arm_moves_as_its_file_says(tmp_path):
         assert got == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
-def test_what_is_written_is_what_was_imported(tmp_path):
+def test_what_is_written_is_what_was_imported(tmp_path, write):
     mechanism = import_model(robot(tmp_path, *ARM)).mechanism
-    path = tmp_path / "arm.toml"
-    path.write_text(description(mechanism), encoding="utf-8")
+    path = write("arm.toml", description(mechanism))
     check_same(load_mechanism(path), mechanism)
 
 
@@ -130,10 +129,8 @@ GRIPPER = """
 
 
 @pytest.fixture
-def gripper(tmp_path) -> Path:
-    path = tmp_path / "gripper.xml"
-    path.write_text(GRIPPER, encoding="utf-8")
-    return path
+def gripper(write) -> Path:
+    return write("gripper.xml", GRIPPER)
 
 
 def test_a_gripper_closes_its_loop_and_keeps_its_coupling(gripper):
@@ -153,8 +150,7 @@ def test_a_gripper_closes_its_loop_and_keeps_its_coupling(gripper):
 
 
 def test_a_gripper_runs(gripper):
-    scene = screwgauge.load_scene(gripper)
-    results = agreed(screwgauge.run(scene.at(scene.t[[3, 50]])))
+    results = agreed(screwgauge.run(sampled(gripper, [3, 50])))
     assert {"actuator_force", "reaction"} <= {*results.pairs["quantity"]}
 
 
@@ -198,8 +194,7 @@ def test_a_loop_that_is_open_at_zero_is_assembled(tmp_path):
     assert len(mechanism.independent) == 2  # the rod spins about itself: independent, and driven by nothing
     assert "motor" in mechanism.independent
     assert any("loops are open: 'loop1' by" in sentence for sentence in imported.remarks)
-    scene = screwgauge.load_scene(path)
-    results = agreed(screwgauge.run(scene.at(scene.t[[3, 50]])))
+    results = agreed(screwgauge.run(sampled(path, [3, 50])))
     assert "actuator_force and reaction are left out: the actuated joints drive 1 of 2" in " ".join(results.warnings)
     assert "generalized_force" in {*results.pairs["quantity"]}
 
@@ -219,9 +214,8 @@ FOOT = """<mujoco model="leg"><compiler angle="radian"/><worldbody><body name="s
 <actuator><motor joint="knee"/><motor joint="foot"/></actuator>{}</mujoco>"""
 
 
-def test_home_is_well_conditioned_and_within_the_limits_if_a_closed_pose_is(tmp_path):
-    path = tmp_path / "leg.xml"
-    path.write_text(FOOT.format(""), encoding="utf-8")
+def test_home_is_well_conditioned_and_within_the_limits_if_a_closed_pose_is(write):
+    path = write("leg.xml", FOOT.format(""))
     imported = import_model(path)
     mechanism = imported.mechanism
     check_home(mechanism)
@@ -234,8 +228,7 @@ def test_home_is_well_conditioned_and_within_the_limits_if_a_closed_pose_is(tmp_
     assert re.search(r"From the file's own home they close where it is 0\.\d+, with .*foot beyond limits\.", said)
     assert "left out" not in said
     assert import_model(path).mechanism.home.tolist() == mechanism.home.tolist()
-    scene = screwgauge.load_scene(path)
-    results = agreed(screwgauge.run(scene.at(scene.t[::25])))
+    results = agreed(screwgauge.run(sampled(path, slice(None, None, 25))))
     assert max(row.estimate for row in results.guard) < 1e-11
 
 
@@ -276,12 +269,11 @@ def test_a_loop_that_cannot_close_is_named(tmp_path, monkeypatch):
         import_model(path)
 
 
-def test_what_is_driven_where_no_actuator_says_so_is_told_with_its_rule(gripper, tmp_path, capsys):
+def test_what_is_driven_where_no_actuator_says_so_is_told_with_its_rule(gripper, tmp_path, write, capsys):
     said = " ".join(import_model(robot(tmp_path, *ARM)).remarks)
     rule = "The file names no actuators: driven is every hinge and slide of the open chain that follows no other"
     assert f"{rule}, 'shoulder', 'elbow-joint', 'roll'; --actuated chooses others." in said
-    bare = tmp_path / "bare.xml"
-    bare.write_text(GRIPPER.replace('<motor joint="driver" gear="10"/>', ""), encoding="utf-8")
+    bare = write("bare.xml", GRIPPER.replace('<motor joint="driver" gear="10"/>', ""))
     said = " ".join(import_model(bare).remarks)
     rule = "The file names no actuators: driven is every independent coordinate that is a hinge or slide"
     assert f"{rule}, 'driver'; --actuated chooses others." in said
@@ -332,9 +324,8 @@ def test_what_somebody_has_worked_on_is_not_written_over(name, edited, gripper, 
     assert path.read_text(encoding="utf-8") == mine
 
 
-def test_a_description_alone_runs(tmp_path):
-    path = tmp_path / "alone.toml"
-    path.write_text(description(load_mechanism("slider-crank")), encoding="utf-8")
+def test_a_description_alone_runs(write):
+    path = write("alone.toml", description(load_mechanism("slider-crank")))
     scene = screwgauge.load_scene(path)
     assert len(scene.motion) > 50
     assert np.abs(scene.motion.ydd).max() > 0
@@ -357,10 +348,9 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_is_no_mechanism_is_refused_in_one_sentence(case, tmp_path, command):
+def test_what_is_no_mechanism_is_refused_in_one_sentence(case, tmp_path, write, command):
     text, reason = REFUSED[case]
-    path = tmp_path / "bad.urdf"
-    path.write_text(text, encoding="utf-8")
+    path = write("bad.urdf", text)
     said = command("import", path, "-o", tmp_path / "bad.toml", status=2).err
     assert reason in said
     assert said.count("\n") == 1

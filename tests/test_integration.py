@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from support.acting import Forces, JointSpring
 from support.errors import DescriptionError, UnknownNameError
-from support.mechanism import load_mechanism
+from support.mechanism import DATA, load_mechanism
 from support.solve import METHODS, Branch, integrate, layout, positions
 from support.tolerances import CLOSED, LINEAR
 
-DATA = Path(__file__).parent / "data"
 SLIDER_CRANK = """
 name = "dead-centre"
 [independent]

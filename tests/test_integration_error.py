@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,11 +17,11 @@ from screwgauge.study.simulated import loosened, observed
 from support.engines import REFERENCE, Solution, Values, ask, model_files
 from support.geometry import within_half_turn
 from support.judging import compared
+from support.mechanism import DATA
 from support.models import write_models
 from support.report import verdict
 from support.solve import Pace, layout
 
-DATA = Path(__file__).parent / "data"
 SIBLING = """
 extends = "cart-pole"
 name = "sibling"

@@ -7,14 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import screwgauge
 from screwgauge.engines.screw import inverse
 from screwgauge.engines.tree import closed_forces
 from support.engines import IN_DOUBLES, Solution, ask, model_files
 from support.judging import judge
 from support.planar import Bar, four_bar
 from support.planar import moving as moving_bars
-from support.scene import GIVEN
+from support.scene import GIVEN, sampled
 from support.solve import ScrewModel, dynamics, layout, reactions
 from support.tolerances import LINEAR
 from support.trees import MujocoTree, PinocchioTree
@@ -35,8 +34,7 @@ NOT_ASKED = {
 
 
 def moving(name: str = "3ups-upu-s-fast", rule: str = "min_norm"):
-    scene = screwgauge.load_scene(name)
-    return replace(scene.at(scene.t[205:2000:500]), rule=rule)
+    return replace(sampled(name, slice(205, 2000, 500)), rule=rule)
 
 
 def answered(scene, engine: str, *quantities: str) -> Solution:

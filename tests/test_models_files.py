@@ -120,11 +120,10 @@ def test_a_folder_that_cannot_be_written_is_said(paper: Mechanism, tmp_path: Pat
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
 
 
-def test_pinocchio_reads_all_trees_of_the_mjcf(paper: Mechanism, tmp_path: Path) -> None:
+def test_pinocchio_reads_all_trees_of_the_mjcf(paper: Mechanism, write) -> None:
     """Its loader keeps only the first body below worldbody, so ground is that body."""
     pinocchio = pytest.importorskip("pinocchio")
-    path = tmp_path / "model.xml"
-    path.write_text(write_mjcf(paper, "minimal"), encoding="utf-8")
+    path = write("model.xml", write_mjcf(paper, "minimal"))
     loaded = pinocchio.buildModelFromMJCF(str(path))
     model = loaded[0] if isinstance(loaded, tuple) else loaded
     assert model.nv == 14

@@ -186,9 +186,8 @@ def test_a_folder_is_free_when_who_held_it_is_killed():
 
 
 @pytest.mark.parametrize("text", ["", "<a/>", "a = 1\n", "<a>\n</a>\n\n"])
-def test_a_digest_tells_a_text_as_it_was_written(text, tmp_path):
-    file = tmp_path / "file"
-    file.write_text(stamped(text), encoding="utf-8")
+def test_a_digest_tells_a_text_as_it_was_written(text, write):
+    file = write("file", stamped(text))
     assert is_as_written(file)
     for other in (text, f"{stamped(text)}\n", f"x{stamped(text)}", stamped(text).removesuffix("\n")):
         file.write_text(other, encoding="utf-8")

@@ -15,12 +15,11 @@ import screwgauge
 from screwgauge import Scene
 from support.geometry import number
 from support.judging import agreed
-from support.mechanism import load_mechanism, mechanism_path, read_tables
+from support.mechanism import DATA, load_mechanism, mechanism_path, read_tables
 from support.models import check_file, check_table, write_models
 from support.scene import GIVEN
 from support.solve import ScrewModel, Settings, layout
 
-DATA = Path(__file__).with_name("data")
 TREES = ["pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 
 
@@ -120,11 +119,10 @@ def test_model_files_that_say_the_same_in_another_order_agree(tmp_path):
     assert len(results.pairs) > 50
 
 
-def test_a_description_of_ones_own_in_another_order_agrees(tmp_path):
+def test_a_description_of_ones_own_in_another_order_agrees(write):
     scene = few(screwgauge.load_scene("3ups-upu-s"))
     tables = read_tables(scene.mechanism_file, mechanism_path)
     for key in ("bodies", "joints", "independent"):
         tables[key] = dict(reversed(tables[key].items()))
-    path = tmp_path / "backwards.toml"
-    path.write_text(tomli_w.dumps(tables))
+    path = write("backwards.toml", tomli_w.dumps(tables))
     agreed(screwgauge.run(replace(scene, models={"screw": path}), engines=["screw", "pinocchio", "truth"]))

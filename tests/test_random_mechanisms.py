@@ -39,7 +39,7 @@ def test_without_a_family_the_seed_decides_and_an_unknown_one_is_refused():
 
 
 @pytest.mark.parametrize("family", families())
-def test_the_solver_counts_the_freedoms_that_the_family_is_known_for(family, tmp_path):
+def test_the_solver_counts_the_freedoms_that_the_family_is_known_for(family, write):
     for seed in range(100):
         sketch = Sketch(np.random.default_rng(seed))
         freedoms = FAMILIES[family](sketch)
@@ -50,8 +50,7 @@ def test_the_solver_counts_the_freedoms_that_the_family_is_known_for(family, tmp
     tables, coordinates = described(sketch, family)
     names = [name for group in coordinates for name in group]
     tables["independent"] = {f"y{i}": names[k] for i, k in enumerate(pick(sketch.rng, K, range(len(K))))}
-    path = tmp_path / f"{family}.toml"
-    path.write_text(tomli_w.dumps(tables), encoding="utf-8")
+    path = write(f"{family}.toml", tomli_w.dumps(tables))
     lay = check_home(load_mechanism(path))  # closes, and those coordinates determine the motion
     counted = mobility_at_home(lay.mechanism)
     assert counted.mobility == freedoms

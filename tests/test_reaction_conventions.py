@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import screwgauge
 from support.geometry import rotation
 from support.judging import exerted, judge
 from support.mechanism import KINDS, Frame, Joint
 from support.models import read_loops, stem, write_models
-from support.scene import GIVEN
+from support.scene import GIVEN, sampled
 from support.solve import ScrewModel, layout, reaction_components
 from support.tolerances import AGREE, FORMULA
 from support.trees import MujocoTree, PinocchioTree, TreeModel, close_tree
@@ -97,8 +96,7 @@ def solved(scene, mechanism, engine: str, folder):
 
 @pytest.fixture
 def scene():
-    scene = screwgauge.load_scene("3ups-upu-s-fast")
-    return scene.at(scene.t[205:2000:500])
+    return sampled("3ups-upu-s-fast", slice(205, 2000, 500))
 
 
 @pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])

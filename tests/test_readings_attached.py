@@ -17,6 +17,7 @@ from support.command import main
 from support.errors import ModelFileError
 from support.models import Options, import_model
 from support.readings import prepare, read, read_source, warned
+from support.scene import sampled
 
 INERTIAL = '<inertial pos="0.1 0.02 0" mass="0.{0}333333333333333" diaginertia="0.01 0.02 0.025"/>'
 #: An arm that attaches a hand and, turned, the same hand again; the hand attaches fingers. Some have no names.
@@ -72,8 +73,7 @@ def test_an_arm_is_imported_with_its_limbs_and_moves(arm, tmp_path):
     assert len(imported.mechanism.independent) == 6
     assert imported.mechanism.mass == pytest.approx(read(arm, "mujoco").mass, rel=1e-15, abs=0)
     assert "Models are attached by MuJoCo: finger.xml, hand.xml." in imported.remarks
-    scene = screwgauge.load_scene(arm)
-    assert screwgauge.run(scene.at(scene.t[[3, 50]])).ok
+    assert screwgauge.run(sampled(arm, [3, 50])).ok
     assert main(["diagnose", str(arm), str(arm), "--out", str(tmp_path / "out")]) in (0, 1)
 
 
@@ -139,20 +139,18 @@ def test_what_is_attached_many_times_counts_as_often(tmp_path):
         prepare(tmp_path / "0.xml")
 
 
-def test_flexible_bodies_are_imported_as_what_is_rigid_of_them_and_said_to_be_left_out(tmp_path):
+def test_flexible_bodies_are_imported_as_what_is_rigid_of_them_and_said_to_be_left_out(write):
     flex = '<flexcomp type="grid" count="3 3 1" spacing=".1 .1 .1" name="f" dim="2" radius=".01" mass="1"/>'
     body = f'<body name="a"><joint name="j"/>{INERTIAL.format(1)}</body>'
-    path = tmp_path / "cloth.xml"
-    path.write_text(f"<mujoco><worldbody>{body}{flex}</worldbody></mujoco>", encoding="utf-8")
+    path = write("cloth.xml", f"<mujoco><worldbody>{body}{flex}</worldbody></mujoco>")
     assert any("flexible bodies" in phrase for phrase in import_model(path).left_out)
 
 
-def test_frames_and_copies_are_imported_whole(tmp_path):
+def test_frames_and_copies_are_imported_whole(write):
     body = f'<body name="{{}}" pos="0.1 0 0"><joint axis="0 0 1"/>{INERTIAL.format(1)}</body>'
     text = f'{body.format("o")}<frame euler="10 20 30">{body.format("a")}</frame>'
     text += f'<replicate count="3" offset="0 1 0">{body.format("b")}</replicate>'
-    path = tmp_path / "copies.xml"
-    path.write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>", encoding="utf-8")
+    path = write("copies.xml", f"<mujoco><worldbody>{text}</worldbody></mujoco>")
     assert [*import_model(path).mechanism.body_index][1:] == ["o", "a", "b0", "b1", "b2"]
     with pytest.raises(ModelFileError, match="which pinocchio drops"):
         import_model(path, Options(library="pinocchio"))
@@ -220,11 +218,10 @@ def test_meshes_are_read_on_request_only(shells, tmp_path, command, capfd):
     assert screwgauge.load_scene(out).mechanism.mass == pytest.approx(mass, rel=1e-15, abs=0)
 
 
-def test_meshes_of_what_is_attached_are_read_too(shells, tmp_path):
+def test_meshes_of_what_is_attached_are_read_too(shells, write):
     text = f"""<mujoco><asset><model name="s" file="shells.xml"/></asset><worldbody><body name="top">
     <joint name="t"/>{INERTIAL.format(1)}<attach model="s" body="a" prefix="x_"/></body></worldbody></mujoco>"""
-    path = tmp_path / "top.xml"
-    path.write_text(text, encoding="utf-8")
+    path = write("top.xml", text)
     alone, whole = (read_source(prepare(each, meshes=True), "mujoco") for each in (shells, path))
     for name in "ab":
         one, two = alone.bodies[name], whole.bodies[f"x_{name}"]
@@ -254,9 +251,8 @@ def test_a_mesh_that_is_none_is_refused(shells):
         prepare(shells, meshes=True)
 
 
-def test_a_diagnosis_reads_meshes_and_proves_what_differs(shells, tmp_path, command, capfd):
-    other = tmp_path / "other.xml"
-    other.write_text(MESHES.format("").replace('density="300"', 'density="330"'), encoding="utf-8")
+def test_a_diagnosis_reads_meshes_and_proves_what_differs(shells, tmp_path, write, command, capfd):
+    other = write("other.xml", MESHES.format("").replace('density="300"', 'density="330"'))
     fixed, out = tmp_path / "fixed.xml", ["--out", str(tmp_path / "out")]
     assert main(["diagnose", str(shells), str(other), *out]) == 2
     assert "or have meshes read (--meshes of import and diagnose)" in capfd.readouterr().err

@@ -6,7 +6,6 @@ import csv
 import json
 import re
 import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from screwgauge.report import folder as writing
 from screwgauge.report.figures import run as drawing
 from screwgauge.scene.figures import Figure
 from support.acting import Applied, Load
+from support.command import printed_by
 from support.engines import Failure, Solution, Timing, Values
 from support.errors import OutputError
 from support.mechanism import load_mechanism
@@ -491,5 +491,4 @@ def test_a_commit_is_marked_where_its_code_was_changed_and_not_where_reports_wer
 def test_environment_imports_no_engine() -> None:
     code = "import sys, screwgauge.environment as e; e.environment(); print([m in sys.modules for m in names])"
     code = "names = ['pinocchio', 'mujoco', 'vl_convert']; " + code
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[False, False, False]"
+    assert printed_by(code).strip() == "[False, False, False]"

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +10,7 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError
-from support.command import main
+from support.command import main, printed_by
 from support.errors import OutputError, UnknownNameError
 from support.report import LINES
 
@@ -182,8 +180,7 @@ def test_the_errata_are_in_the_report_only_where_asked_for(results, tmp_path, mo
 
 def test_the_package_lists_its_public_names_and_only_those():
     code = "import screwgauge; screwgauge.load_scene('3ups-upu-s'); print(*dir(screwgauge))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    names = [name for name in done.stdout.split() if not re.fullmatch("__.*__", name)]
+    names = [name for name in printed_by(code).split() if not re.fullmatch("__.*__", name)]
     assert names == sorted(screwgauge.__all__)
     for name in names:
         assert getattr(screwgauge, name) is not None

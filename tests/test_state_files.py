@@ -150,9 +150,8 @@ def test_a_journal_s_odd_row_is_made_anew(key, tmp_path):
         '{"key": "a", "time": ' + "9" * 5000 + "}",
     ],
 )
-def test_odd_lines_of_a_journal_are_dropped(line, tmp_path):
-    path = tmp_path / "journal"
-    path.write_text(f'{{"stamp": "x"}}\n{line}\n{{"key": "b", "time": 0.5}}\n')
+def test_odd_lines_of_a_journal_are_dropped(line, write):
+    path = write("journal", f'{{"stamp": "x"}}\n{line}\n{{"key": "b", "time": 0.5}}\n')
     found = Journal(path, "x")
     assert found.results == {}
     assert found.times == {"b": [0.5]}

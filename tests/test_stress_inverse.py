@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
@@ -14,6 +12,7 @@ import pytest
 
 from screwgauge import load_scene
 from screwgauge.study.cases import asking
+from support.command import printed_by
 from support.engines import solve
 from support.mechanism import load_mechanism, mechanism_path
 from support.questions import ENGINES, POSES, WRIST_LOCKS, compare, exactly, findings, still
@@ -54,8 +53,7 @@ def test_cases_are_listed_without_loading_an_engine() -> None:
         "import sys; from screwgauge.study.cases.registry import CASES; "
         "print(sorted({'pinocchio', 'mujoco', 'flint', 'scipy', 'vl_convert'} & set(sys.modules)))"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
+    assert printed_by(code).strip() == "[]"
 
 
 @pytest.mark.parametrize(

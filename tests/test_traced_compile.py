@@ -12,6 +12,7 @@ import pytest
 
 import screwgauge
 from support.acting import Motor, hold
+from support.scene import sampled
 from support.solve import ScrewModel, layout
 from support.traced import native
 from support.truth import cache
@@ -24,8 +25,7 @@ SAME = 1e-12
 
 @pytest.fixture(scope="module")
 def scene():
-    scene = screwgauge.load_scene("3ups-upu-s")
-    return scene.at(scene.t[:500:5])
+    return sampled("3ups-upu-s", slice(0, 500, 5))
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,11 +12,10 @@ from flint import arb, arb_mat, ctx
 import screwgauge
 from support.errors import DescriptionError
 from support.geometry import rotation
-from support.mechanism import load_mechanism, mechanism_tables
+from support.mechanism import DATA, load_mechanism, mechanism_tables
 from support.tolerances import LINEAR, ROUNDING
 from support.truth import Certifier, Linkage, newton_euler, notes, number, state, widened
 
-DATA = Path(__file__).with_name("data")
 #: Radii where doubles of the geometry are read as rounded: 1e-15 times what is lost on the way to accelerations of 10.
 RADIUS_OF_ROUNDED = 1e-8
 

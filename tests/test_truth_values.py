@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import screwgauge
-from support.mechanism import load_mechanism, mechanism_tables
+from support.mechanism import DATA, load_mechanism, mechanism_tables
+from support.scene import sampled
 from support.solve import joint_reactions, layout, pose
 from support.tolerances import AGREE, LINEAR, NEAREST, PRINTED, RADIUS, SOLVER
-
-DATA = Path(__file__).with_name("data")
 
 
 @pytest.fixture(scope="module", params=["3ups-upu-s", "3ups-upu-s-fast", "3ups-upu-s-offset"])
@@ -65,8 +62,7 @@ def test_known_forces_of_the_paper_scene(t, Q, f):
 
 @pytest.mark.parametrize("name", ["four-bar", "slider-crank", "rscr", "pendulum"])
 def test_any_mechanism_has_a_truth(name):
-    scene = screwgauge.load_scene(DATA / f"{name}-scene.toml")
-    results = screwgauge.run(scene.at(scene.t[::5]), engines=["screw", "truth"])
+    results = screwgauge.run(sampled(DATA / f"{name}-scene.toml", slice(None, None, 5)), engines=["screw", "truth"])
     assert results.ok, results.failures
     assert results.pairs["max_scaled"].max() < LINEAR
 

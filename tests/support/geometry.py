@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from screwgauge.models.placement import TENSOR, number_text, quaternion, quaternion_rotation, rpy
+from screwgauge.models.placement import number_text, quaternion, quaternion_rotation, rpy
 from screwgauge.reference import linear, screws
 from screwgauge.reference.expressions import number, rotation_matrix
 from screwgauge.reference.linear import EPS, SINGULAR, condition
 from screwgauge.reference.rotations import (
     MIDDLE,
     Array,
-    cross,
     rotation,
     sequence_angles,
     skew,
@@ -17,4 +16,4 @@ from screwgauge.reference.rotations import (
     vee,
     within_half_turn,
 )
-from screwgauge.reference.screws import acceleration_at, couple, force, prismatic, revolute, velocity_at
+from screwgauge.reference.screws import couple, force, prismatic, revolute

@@ -5,13 +5,10 @@ from __future__ import annotations
 from screwgauge.diagnosis.mechanics.closed import closed, left
 from screwgauge.diagnosis.mechanics.dynamics import (
     armature_force,
-    deflection,
-    downwards,
     dynamics,
     inverse_dynamics,
     not_modelled,
     passive_force,
-    rotor_acceleration,
 )
 from screwgauge.diagnosis.mechanics.matter import Matter
 from screwgauge.diagnosis.mechanics.reshape import held, placed

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from screwgauge.families.draw import FAMILIES, families, pick
 from screwgauge.families.sketch import Sketch, described
 from screwgauge.models.catalog import FOLDER, load_mechanism, mechanism_names, mechanism_path, mechanism_tables
@@ -12,3 +14,6 @@ from screwgauge.reference.graph import serial_chains, spanning_tree
 from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism, actuator_names, same_content
 from screwgauge.reference.plausible import Solid, all_too_wide, implausible, too_wide
 from screwgauge.reference.suspicious import suspicious
+
+#: Descriptions and scenes of toy mechanisms.
+DATA = Path(__file__).parents[1] / "data"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from screwgauge.models.kinematics.closing import constraint_rows, equations, gaps, residual_at_home
 from screwgauge.models.kinematics.home import rehomed
-from screwgauge.models.kinematics.tree import Motion, States, Tree, draw, move, moved, plant
+from screwgauge.models.kinematics.tree import States, draw, move, moved, plant
 from screwgauge.models.readings.assemble import matrix, steiner
 from screwgauge.models.readings.collapse import collapsed
 from screwgauge.models.readings.compiler import warned

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from screwgauge.problem import GivenMotion, InitialValue, Integration, States, Task
+from pathlib import Path
+
+from screwgauge import Scene, load_scene
+from screwgauge.problem import GivenMotion, InitialValue, Integration, States
 from screwgauge.quantities import FLOOR, GIVEN, SIMULATED, SOLVED, digits, natural_scales
 from screwgauge.scene.columns import read_columns
 from screwgauge.scene.observables import observe
@@ -11,3 +14,9 @@ from screwgauge.scene.preflight import check_actuation, check_home, check_scene,
 from screwgauge.scene.read import FOLDER, scene_names
 from screwgauge.scene.simulation import check_start, eigenvalues
 from screwgauge.study.posed import QUANTITIES, pose_scene
+
+
+def sampled(name: str | Path, rows: slice | list[int]) -> Scene:
+    """A scene at some of its samples."""
+    scene = load_scene(name)
+    return scene.at(scene.t[rows])

@@ -15,7 +15,7 @@ from screwgauge.engines.pinocchio.tree import PinocchioTree
 from screwgauge.engines.tree.closed import close_tree
 from screwgauge.engines.tree.closure import Loops, make_loops
 from screwgauge.engines.tree.forces import tree_forces
-from screwgauge.engines.tree.model import TreeModel, loops_file
+from screwgauge.engines.tree.model import TreeModel
 from screwgauge.engines.tree.project import project
 from screwgauge.models.loops import read_loops
 from screwgauge.problem import ModelFiles
