@@ -141,7 +141,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--exciting", action="store_true", help="replace its motion by one that excites all inertia that it can")
     add("--seed", type=_whole(0), metavar="N", help="of the exciting motion (0)")
     add("--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)")
-    add("--errata", action="store_true", help="add the errata of the paper to the report of one of its scenes")
     add("--pdf", action="store_true", help="print the report to report.pdf, too (needs Chromium or Chrome)")
     add("--json", action="store_true", help="print the summary as JSON")
     add("--limit", type=float, metavar="SECONDS", help="stop an engine that takes longer (3600)")
@@ -235,8 +234,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--pin", metavar="A,B", help="versions of Pinocchio (that which is installed)")
     add("--mujoco", metavar="A,B", help="versions of MuJoCo (likewise)")
-
-    command(commands.paper, "measure the errata of the paper, each by its effect", out="paper")
     return parser
 
 

@@ -59,7 +59,6 @@ def test_a_terminal_has_one_line_that_is_wiped_in_the_end() -> None:
         (["bench", "3ups-upu-s"], "3ups-upu-s/bench"),
         (["bench", "a01-pendulum"], "a01-pendulum/bench"),
         (["stress"], "stress"),
-        (["paper"], "paper"),
     ],
 )
 def test_every_command_has_a_folder_of_its_own(arguments, folder, monkeypatch) -> None:
@@ -67,7 +66,7 @@ def test_every_command_has_a_folder_of_its_own(arguments, folder, monkeypatch) -
 
     def study(page, out, work, **more):
         seen.append(out)
-        return SimpleNamespace(exit_status=0, failures={}, ok=True, complete=True, broken=())
+        return SimpleNamespace(exit_status=0, failures={}, ok=True, broken=())
 
     monkeypatch.setattr(commands, "carry_out", study)
     assert main(arguments) == 0
@@ -106,11 +105,11 @@ def test_no_warning_of_numpy_reaches_the_user(monkeypatch, capfd) -> None:
         np.nanmean(np.array([np.nan]))
         return 0
 
-    monkeypatch.setattr(commands, "paper", warns)
-    warns.__name__ = "paper"
+    monkeypatch.setattr(commands, "stress", warns)
+    warns.__name__ = "stress"
     with warnings.catch_warnings():
         warnings.simplefilter("always")
-        assert main(["paper"]) == 0
+        assert main(["stress"]) == 0
     assert capfd.readouterr().err == ""
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge.reference.paper.printed import upu_screws
 from support.freedoms import (
     chain_constraints,
     exchange,
@@ -44,7 +43,6 @@ def test_screws_of_the_upu_chain_are_those_of_eq_6(home):
         ]
     ).T
     assert np.abs(chain_screws(lay, serial_chains(lay.mechanism)[0], at)[0] - expected).max() < ROUNDING
-    assert np.abs(upu_screws(THETA, R, L) - expected).max() < ROUNDING
 
 
 def test_upu_chain_constrains_by_the_force_of_eq_9(home):

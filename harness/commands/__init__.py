@@ -119,7 +119,6 @@ def run(options: argparse.Namespace) -> int:
         inputs=_files(scene),
         force=options.force,
         samples=options.samples,
-        errata=options.errata,
         pdf=options.pdf,
     )
     for failure in results.failures.values() if options.debug else ():
@@ -193,15 +192,6 @@ def stress(options: argparse.Namespace) -> int:
         complain(f"screwgauge: a rung broke: {found.broken[0]}")
         return 3
     return 0 if found.ok else 1
-
-
-def paper(options: argparse.Namespace) -> int:
-    """Measures the errata of the paper."""
-    from screwgauge.report.pages.paper import PAGE as page
-    from screwgauge.study.paper.measure import measure
-
-    out = options.out or OUT / "paper"
-    return 0 if carry_out(page, out, measure, force=options.force).complete else 1
 
 
 def diagnose(options: argparse.Namespace) -> int:

@@ -7,22 +7,27 @@ Steps follow each other, so one step is kept cheap: all chains side by side as o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.problem import GivenMotion
 from screwgauge.reference import screws
+from screwgauge.reference.chains import closed_form
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.graph import Edge, serial_chains
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.paper.twist import Drive, platform_screws
-from screwgauge.reference.pose import Layout, place, unplace
+from screwgauge.reference.graph import Edge, output_body, serial_chains
+from screwgauge.reference.kinematics import accelerations, chain_acceleration, positions, velocities
+from screwgauge.reference.pose import Layout, place, pose, tree_pose, unplace
 from screwgauge.reference.rotations import Array, cross, skew
 
-Bracket = Callable[[Array, Array], Array]
-Index = NDArray[np.intp]
+TWISTS = ("right", "printed", "literal")
+CLOSED = 1e-9  # rad, m: a loop that the driving joint alone closes is closed to rounding, about 1e-15
+#: Method -> its stages: the part of the step at which each looks, and its weight.
+STAGES = {"euler": ((0.0, 1.0),), "rk4": ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))}
+#: Into how many parts a method divides its step.
+PARTS = {"euler": 1, "rk4": 2}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +45,7 @@ class Chains:
         start: Frame in which each chain begins. Shape (n_chain, 4, 4).
     """
 
-    columns: Index
+    columns: NDArray[np.intp]
     used: NDArray[np.bool_]
     turns: Array
     axis: Array
@@ -98,23 +103,23 @@ def chains(lay: Layout) -> Chains:
     Raises:
         DescriptionError: Some joint is in no serial chain from ground to the platform.
     """
-    found = serial_chains(lay.mechanism)
+    series = serial_chains(lay.mechanism)
     where = lay.mechanism.where or lay.mechanism.name
     if lay.mechanism.couplings:
         raise DescriptionError("has couplings", where, "the paper's scheme knows only chains")
-    if sum(len(chain) for chain in found) != len(lay.mechanism.joints):
+    if sum(len(chain) for chain in series) != len(lay.mechanism.joints):
         what = "not every joint lies in a serial chain from ground to one platform"
         raise DescriptionError(what, where, "the paper's scheme needs that")
-    if any(edge.reverse for chain in found for edge in chain):
+    if any(edge.reverse for chain in series for edge in chain):
         raise DescriptionError("a joint is declared from the platform to ground", where, "swap parent and child")
-    freedoms = [list(_freedoms(lay, chain)) for chain in found]
+    freedoms = [list(_freedoms(lay, chain)) for chain in series]
     m = max(map(len, freedoms))
     rows = [[*row, *[_NOTHING] * (m - len(row))] for row in freedoms]
     columns, used, turns, axis, R, p = (np.array([[freedom[k] for freedom in row] for row in rows]) for k in range(6))
     turns = turns[..., None].astype(float)
     after, (K, slide) = homogeneous(R, p), np.zeros((2, *R.shape[:2], 4, 4))
     K[..., :3, :3], slide[..., :3, 3] = skew(axis) * turns[..., None], axis * (1.0 - turns)
-    first = [chain[0].joint.parent_frame for chain in found]
+    first = [chain[0].joint.parent_frame for chain in series]
     return Chains(
         columns=columns,
         used=used,
@@ -149,62 +154,6 @@ def _freedoms(lay: Layout, chain: tuple[Edge, ...]) -> Iterator[_Freedom]:
             yield column, True, *freedom, *step
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Trajectory:
-    """What the scheme arrives at, on its own time grid.
-
-    Attributes:
-        t: Time [s]. Shape (n,).
-        q, w, beta: Joint coordinates [rad or m], velocities and accelerations. Shape (n, n_q).
-        R, p: Where each chain puts the platform. Shapes (n, n_chain, 3, 3), (n, n_chain, 3).
-    """
-
-    t: Array
-    q: Array
-    w: Array
-    beta: Array
-    R: Array
-    p: Array
-
-    def rows(self, times: Array) -> tuple[Index, Index]:
-        """Where the grid meets given times: rows of the trajectory, and of `times`."""
-        last = len(self.t) - 1
-        nearest = np.rint((times - self.t[0]) / (self.t[-1] - self.t[0]) * last).astype(np.intp).clip(0, last)
-        met = np.flatnonzero(np.abs(self.t[nearest] - times) <= 1e-9 * max(1.0, abs(self.t[-1])))
-        return nearest[met], met
-
-
-def brackets(S: Array, w: Array, bracket: Bracket = screws.lie_bracket) -> Array:
-    """Terms of ``w^T S_L w`` of eq. (44), for each freedom j: [V before j, S_j w_j]. Shape (..., m, 6)."""
-    terms = S * w[..., None]
-    return bracket(np.cumsum(terms, axis=-2) - terms, terms)
-
-
-def chain_accelerations(
-    side: Chains, S: Array, w: Array, A: Array, bracket: Bracket = screws.lie_bracket
-) -> tuple[Array, Array]:
-    """Joint accelerations of every chain by eqs. (44), (26), and the acceleration screws after each freedom.
-
-    Args:
-        S: Screws. Shape (n, n_chain, m, 6).
-        w: Joint velocities. Shape (n, n_chain, m).
-        A: Acceleration screw of the platform. Shape (n, 6).
-        bracket: The Lie bracket of eq. (48).
-
-    Returns:
-        Shapes (n, n_chain, m), (n, n_chain, m, 6).
-    """
-    terms = brackets(S, w, bracket)
-    beta = side.solve(S, A[:, None] - terms.sum(axis=-2))
-    return beta, np.cumsum(S * beta[..., None] + terms, axis=-2)
-
-
-#: Method -> its stages: the part of the step at which each looks, and its weight.
-STAGES = {"euler": ((0.0, 1.0),), "rk4": ((0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6))}
-#: Into how many parts a method divides its step.
-PARTS = {"euler": 1, "rk4": 2}
-
-
 def march(side: Chains, start: Array, V: Array, step: float, method: str) -> Array:
     """Steps in time: ``euler``, eq. (27), ``theta(n + 1) = theta(n) + dt w(n)``, or ``rk4``, classical, of order four.
 
@@ -228,38 +177,87 @@ def march(side: Chains, start: Array, V: Array, step: float, method: str) -> Arr
 
 
 def integrate(
-    lay: Layout,
-    drive: Drive,
-    step: float,
-    duration: float,
-    *,
-    start: float = 0.0,
-    twist: str = "right",
-    method: str = "euler",
-) -> Trajectory:
-    """Runs the scheme of eqs. (15)-(27) over a trajectory, then eq. (44) for the accelerations.
+    lay: Layout, motion: GivenMotion, *, twist: str = "right", method: str = "euler"
+) -> tuple[Array, Array, Array]:
+    """Runs the scheme of eqs. (15)-(27) over a motion, then eq. (44) for the accelerations.
 
     Args:
-        duration: The last whole step within it ends the trajectory [s].
-        start: Time of the first sample [s], at which the loops are closed.
+        motion: Evenly spread in time, at the ends of all parts of the steps. The loops are closed at the first.
         twist: ``right``; ``printed``, eq. (60); ``literal``, eq. (60) less what eqs. (22)-(23) subtract.
         method: ``euler``, eq. (27), or ``rk4``.
 
+    Returns:
+        Joint coordinates [rad or m], velocities and accelerations at the ends of the steps. Shape (n, n_q) each.
+
     Raises:
-        ScrewgaugeError: An unknown name, no step, or a mechanism that is no set of serial chains to one platform.
+        ScrewgaugeError: An unknown name, no whole steps, or a mechanism that is no set of chains to one platform.
     """
     if method not in PARTS:
         raise UnknownNameError("method", method, PARTS)
-    if not 0.0 < step <= duration:
-        raise DescriptionError(f"a step of {step:g} s in {duration:g} s", "step", "give one between 0 and the duration")
-    parts, n = PARTS[method], int(duration / step * (1 + 1e-12))
-    t = np.asarray(start + np.arange(parts * n + 1) * (step / parts), dtype=np.float64)
-    motion = drive(t)
-    V, A = platform_screws(lay, motion, t, twist)
+    parts = PARTS[method]
+    steps, rest = divmod(len(motion) - 1, parts)
+    if rest or not steps:
+        what, remedy = f"{len(motion)} samples are no whole steps of {method}", f"give {parts} for each step, and one"
+        raise DescriptionError(what, "motion", remedy)
+    V, A = platform_screws(lay, motion, twist)
     side = chains(lay)
-    theta = march(side, side.gather(positions(lay, motion.y[:1], t[:1]).q[0]), V, step, method)
-    S, R, p = side.walk(theta)
+    step = float(motion.t[-1] - motion.t[0]) / steps
+    theta = march(side, side.gather(positions(lay, motion.y[:1], motion.t[:1]).q[0]), V, step, method)
+    S = side.walk(theta)[0]
     w = side.solve(S, V[::parts, None])
-    beta, _ = chain_accelerations(side, S, w, A[::parts])
+    beta = side.solve(S, A[::parts, None] - _bias(S * w[..., None]))
     q, qd, qdd = (side.scatter(array, len(lay.mechanism.coordinates)) for array in (theta, w, beta))
-    return Trajectory(t[::parts], q, qd, qdd, R, p)
+    return q, qd, qdd
+
+
+def _bias(terms: Array) -> Array:
+    """``w^T S_L w`` of eq. (44), the sum of [V before j, S_j w_j] over terms S_j w_j. Shape (..., m, 6) -> (..., 6)."""
+    return np.asarray(screws.lie_bracket(np.cumsum(terms, axis=-2) - terms, terms).sum(axis=-2))
+
+
+def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> tuple[Array, Array]:
+    """Twist and acceleration screw of the platform at O, the input of the scheme. Shape (n, 6) each.
+
+    The right ones follow from the joint that carries the independent coordinates, its other angles at rest, where
+    that closes the loops (c = 0 in the paper's mechanism); else from the closed mechanism.
+
+    Raises:
+        UnknownNameError: There is no such twist.
+    """
+    if twist not in TWISTS:
+        raise UnknownNameError("twist", twist, TWISTS)
+    if twist != "right":
+        V, A = fixed_axes(motion)
+        com = lay.mechanism.body(output_body(lay.mechanism)).com
+        return (subtracted(V, com), A) if twist == "literal" else (V, A)
+    alone = _driver_alone(lay, motion)
+    if alone is not None:
+        return alone
+    rate = velocities(lay, positions(lay, motion.y, motion.t), motion.yd)
+    platform = lay.mechanism.body_index[output_body(lay.mechanism)]
+    return rate.V[:, platform], accelerations(lay, rate, motion.ydd)[1][:, platform]
+
+
+def _driver_alone(lay: Layout, motion: GivenMotion) -> tuple[Array, Array] | None:
+    """From the joint with the independent coordinates; None where that leaves a loop open."""
+    q = closed_form(lay, motion.y)
+    if q is None or np.abs(pose(lay, q[:: max(1, len(q) // 16)]).residual).max() > CLOSED:
+        return None
+    chosen = lay.mechanism.independent_columns
+    columns = next(columns for columns in lay.columns.values() if set(chosen) <= set(columns))
+    S = tree_pose(lay, q)[2][:, columns].swapaxes(1, 2)
+    w, beta = np.zeros((2, len(q), len(columns)))
+    at = [columns.index(column) for column in chosen]
+    w[:, at], beta[:, at] = motion.yd, motion.ydd
+    return (S @ w[..., None])[..., 0], chain_acceleration(S, w, beta)
+
+
+def fixed_axes(motion: GivenMotion) -> tuple[Array, Array]:
+    """Eq. (60) in structure: first and second derivatives of y as components about fixed axes. Shapes (n, 6)."""
+    to_six = ((0, 0), (0, 6 - motion.y.shape[1]))
+    return np.pad(motion.yd, to_six), np.pad(motion.ydd, to_six)
+
+
+def subtracted(V: Array, r_P: Array) -> Array:
+    """Eqs. (22)-(23) as printed: ``V - [0; w x r_P]``. Shape (..., 6)."""
+    return np.concatenate([V[..., :3], V[..., 3:] - np.cross(V[..., :3], r_P)], axis=-1)

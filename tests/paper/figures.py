@@ -1,4 +1,4 @@
-"""The pictures of ``screwgauge paper``: what the printed scheme and the rule of eq. (56) do over time."""
+"""The pictures of the report on the paper: what the printed scheme and the rule of eq. (56) do over time."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from screwgauge.report.figures.chart import Curve, Spec, thin
 from screwgauge.report.figures.looks import DASHES, GREY, Look, numbered
 
 if TYPE_CHECKING:
-    from screwgauge.study.paper.measure import Paper
-    from screwgauge.study.paper.scheme import SchemeRuns
+    from paper.page import Paper
+    from paper.scheme import Runs
 
 FLOOR = 1e-16  # m: gaps below the rounding of lengths of about 1 m
 STRETCHES = {False: 120, True: 400}  # drawn: still, and moving
@@ -26,12 +26,12 @@ def make_plots(paper: Paper) -> list[Picture]:
     """All pictures, in the order of the report."""
     runs, axial = paper.runs, paper.axial
     gaps = [
-        ({"panel": side, "name": run.label}, run.t, np.maximum(run.gap[:, legs].max(axis=1), FLOOR))
+        ({"panel": side, "name": label}, run.t, np.maximum(run.gap[:, legs].max(axis=1), FLOOR))
         for side, legs in LEGS.items()
-        for run in runs.over_time
+        for label, run in runs.over_time.items()
     ]
     sizes = {"eq. (56): F_S along O P": axial.size, "minimum norm": axial.least}
-    forces = [({"panel": "", "name": name}, axial.t, size) for name, size in sizes.items()]
+    forces = [({"panel": "", "name": name}, axial.case.t, size) for name, size in sizes.items()]
     low, high = (float(f([f(size) for size in sizes.values()])) for f in (np.nanmin, np.nanmax))
     upright = np.repeat(np.pi * np.arange(4), 3), np.tile([low, high, np.nan], 4)
     forces.append(({"panel": "", "name": SINGULAR}, *upright))
@@ -46,7 +46,7 @@ def make_plots(paper: Paper) -> list[Picture]:
     ]
 
 
-def _steps(runs: SchemeRuns) -> Picture:
+def _steps(runs: Runs) -> Picture:
     pairs = ((name, *pair) for name, ladder in runs.ladders.items() for pair in zip(*ladder, strict=True))
     points = [{"name": name, "x": step, "y": error} for name, step, error in pairs]
     values = chart.ways("name", {name: numbered(i) for i, name in enumerate(runs.ladders)})
@@ -57,12 +57,12 @@ def _steps(runs: SchemeRuns) -> Picture:
     return chart.picture("paper-scheme-steps", title, lambda moving: spec)
 
 
-def _lines(found: Sequence[Curve], title: str, moving: bool) -> Spec:
+def _lines(curves: Sequence[Curve], title: str, moving: bool) -> Spec:
     """Curves over time on a logarithmic axis."""
-    names = dict.fromkeys(said["name"] for said, _, _ in found)
+    names = dict.fromkeys(keys["name"] for keys, _, _ in curves)
     looks = {name: Look(GREY, DASHES[2]) if name == SINGULAR else numbered(i) for i, name in enumerate(names)}
-    thinned = [(said, thin(v, STRETCHES[moving]), t, v) for said, t, v in found]
-    series = [(said, t[at], v[at]) for said, at, t, v in thinned]
-    values = chart.columns(len({said["panel"] for said, _, _ in found})) | chart.ways("name", looks)
-    values |= chart.logarithm("y", np.concatenate([v for _, _, v in found]))
+    thinned = [(keys, thin(v, STRETCHES[moving]), t, v) for keys, t, v in curves]
+    series = [(keys, t[at], v[at]) for keys, at, t, v in thinned]
+    values = chart.columns(len({keys["panel"] for keys, _, _ in curves})) | chart.ways("name", looks)
+    values |= chart.logarithm("y", np.concatenate([v for _, _, v in curves]))
     return chart.filled("lines", **chart.curves(series, moving), **values, title=title)
