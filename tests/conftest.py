@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 
 from screwgauge.threads import ONE
+from support.models import model_texts
 
 # BLAS reads these when numpy is first imported. One thread, as on the command line: workers are as many as cores, and
 # threads that wait for each other's cores cost forty four-bars six times the processor time.
@@ -69,6 +70,12 @@ def pytest_collection_finish() -> None:
 def paper() -> Mechanism:
     """The 3-UPS-UPU-S of the paper."""
     return load_mechanism("3ups-upu-s")
+
+
+@pytest.fixture(scope="session")
+def paper_models(paper: Mechanism) -> dict[str, str]:
+    """Its model files: name -> text."""
+    return model_texts(paper)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -160,6 +167,13 @@ def theirs(their_repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 @pytest.fixture
+def inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The test's own folder, and the working folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
 def write(tmp_path: Path):
     """Writes a text file into the test's own folder and returns its path."""
 
@@ -216,6 +230,12 @@ def paper_scene(write):
         return write("scene.toml", "\n".join([*(usual | entries).values()]) + "\n")
 
     return make
+
+
+@pytest.fixture
+def scene(paper_scene) -> screwgauge.Scene:
+    """Two samples of the paper's mechanism, where a file of tests has no scene of its own."""
+    return load_scene(paper_scene())
 
 
 @pytest.fixture

@@ -30,11 +30,6 @@ def only(*names: str, of: str = "3ups-upu-s"):
     return solve
 
 
-@pytest.fixture
-def scene(paper_scene):
-    return load_scene(paper_scene())
-
-
 def test_a_run_names_what_is_missing(stand_in, scene):
     stand_in(mujoco=only("joint_position", "joint_velocity"))
     results = screwgauge.run(scene, engines=["screw", "mujoco"], quantities=QUANTITIES)

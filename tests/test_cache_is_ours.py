@@ -18,7 +18,6 @@ from support.truth import cache
 
 ARRAYS = {"numbers": np.arange(3.0)}
 
-
 pytestmark = pytest.mark.usefixtures("cache_folder")
 
 

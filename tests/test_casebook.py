@@ -161,8 +161,7 @@ def test_list_has_every_case_uncut(command) -> None:
     assert [line.split("  ", 1)[1].strip() for line in lines] == [case.title for case in CASES.values()]
 
 
-def test_nothing_is_written_and_nothing_but_the_sentence_said(tmp_path, monkeypatch, capfd) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_nothing_is_written_and_nothing_but_the_sentence_said(tmp_path, inside, capfd) -> None:
     for name in RUN:
         reproduce(name)
     assert list(tmp_path.iterdir()) == []

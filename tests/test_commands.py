@@ -73,8 +73,7 @@ def test_every_command_has_a_folder_of_its_own(arguments, folder, monkeypatch) -
     assert seen == [Path("screwgauge-out") / folder]
 
 
-def test_models_are_written_beside_what_else_is_left_of_a_mechanism(tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_models_are_written_beside_what_else_is_left_of_a_mechanism(tmp_path, inside, capsys) -> None:
     assert main(["models", "a01-pendulum"]) == 0
     assert (tmp_path / "screwgauge-out" / "a01-pendulum" / "models" / "a01-pendulum.urdf").is_file()
     assert "a01-pendulum.urdf" in capsys.readouterr().out

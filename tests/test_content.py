@@ -224,8 +224,7 @@ FROM_ELSEWHERE = {"warnings of the library", "entries of loops files"}
 
 
 @pytest.fixture
-def diagnosed(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def diagnosed(tmp_path, inside):
 
     def of(ending, a, b):
         suffix = ending.partition("@")[0]

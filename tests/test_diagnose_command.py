@@ -11,8 +11,7 @@ from support.command import main
 
 
 @pytest.fixture
-def arms(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def arms(tmp_path, inside):
     return [str(path) for path in arm.write(tmp_path)]
 
 

@@ -89,8 +89,7 @@ def test_the_same_is_not_said_of_what_was_not_compared(pair, monkeypatch):
     assert not found.same
 
 
-def test_the_command_writes_the_partial_report_and_ends_with_3(pair, tmp_path, monkeypatch, command):
-    monkeypatch.chdir(tmp_path)
+def test_the_command_writes_the_partial_report_and_ends_with_3(pair, tmp_path, inside, command):
     out = tmp_path / "out"
     assert "STOPPED" in command("diagnose", *map(str, pair), "--limit", "1e-9", "--out", out, status=3).out
     assert json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))["left_out"]

@@ -57,8 +57,7 @@ def test_where_softness_does_not_differ_nothing_is_said_of_it(files):
     assert "soft" not in found.verdict
 
 
-def test_softness_is_written_into_the_fixed_file(files, tmp_path, monkeypatch, command):
-    monkeypatch.chdir(tmp_path)
+def test_softness_is_written_into_the_fixed_file(files, inside, command):
     a, b = map(str, files((1, STIFF, YIELDING), (1, "", STIFF)))
     command("diagnose", a, b, "--fix", "fixed.xml", status=1)
     assert main(["diagnose", a, "fixed.xml"]) == 0

@@ -198,8 +198,7 @@ def test_a_tensor_that_mujoco_turns_inexactly_is_told_as_such(arms, angle, statu
     assert ("casebook: mj-axes-before-3.14" in said.sentence) == (kind == "digits")
 
 
-def test_limits_of_a_description_are_compared_where_the_model_file_has_some(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_limits_of_a_description_are_compared_where_the_model_file_has_some(tmp_path, inside):
     text = """name = "arm"
     independent.a = "a"
     bodies.one = { mass = 1, com = [0.1, 0, 0], inertia = { xx = 1e-2, yy = 1e-2, zz = 1e-2 } }

@@ -36,8 +36,7 @@ MJCF = (
 
 
 @pytest.fixture
-def files(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def files(tmp_path, inside):
 
     def write(**texts):
         for name, text in texts.items():

@@ -237,9 +237,8 @@ def test_a_point_mass_on_its_axis_has_no_length_and_is_compared(tmp_path):
     assert "b: mass 1.500 kg in B, 1.000 kg in A (+50.00 %); explains 100.0000 %" in found.verdict
 
 
-def test_gravity_of_an_import_is_that_of_its_scene(tmp_path, monkeypatch):
+def test_gravity_of_an_import_is_that_of_its_scene(inside):
     """A description cannot say it; its scene can, and the model files that are made of both."""
-    monkeypatch.chdir(tmp_path)
     text = (
         f'<mujoco model="m"><option gravity="0 0 0"/><worldbody><body><joint name="j" axis="0 1 0"/>{INERTIAL}</body>'
     )

@@ -10,16 +10,10 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge import load_scene
 from support.command import main
 from support.engines import ENGINES, Values, ask, model_files
 
 QUANTITIES = ["joint_position", "generalized_force", "actuator_force"]
-
-
-@pytest.fixture
-def scene(paper_scene):
-    return load_scene(paper_scene())
 
 
 @pytest.fixture

@@ -18,11 +18,6 @@ from support.engines import ENGINES, Solution, Values, ask, engines, further_eng
 QUANTITIES = ["joint_position", "generalized_force"]
 
 
-@pytest.fixture
-def scene(paper_scene):
-    return screwgauge.load_scene(paper_scene())
-
-
 def right(problem) -> Solution:
     return ask("screw", model_files("3ups-upu-s", "screw"), problem)
 

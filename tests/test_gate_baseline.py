@@ -107,8 +107,7 @@ def test_what_could_not_be_checked_is_no_known_state(known):
     assert known.read_bytes() == before
 
 
-def test_updating_is_explicit(tmp_path, monkeypatch, command, capfd):
-    monkeypatch.chdir(tmp_path)
+def test_updating_is_explicit(tmp_path, inside, command, capfd):
     usual = ["check", "a01-pendulum", "--smoke", "--baseline", "known.json"]
     assert main(usual) == 2
     assert main([*usual, "--update"]) == 0

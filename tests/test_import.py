@@ -379,13 +379,12 @@ def planar(folder: Path, right_angle: str) -> Path:
     return robot(folder, *parts, name="planar.urdf")
 
 
-def test_a_robot_whose_limits_leave_no_motion_is_refused_by_joint_limits_and_file(tmp_path, monkeypatch, command):
+def test_a_robot_whose_limits_leave_no_motion_is_refused_by_joint_limits_and_file(tmp_path, inside, command):
     path = planar(tmp_path, "1.5707963267948966")
     text = path.read_text(encoding="utf-8").replace("lower", "LOWER").replace("upper", "UPPER")
     text = text.replace('LOWER="-3" UPPER="3"', 'lower="-3" upper="3"', 2)  # of ja and jb
     text = text.replace('LOWER="-3" UPPER="3"', 'lower="-1e-5" upper="2e-5"')  # of jc
     path.write_text(text, encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
     for typed in (["import", path.name, "-o", "out.toml"], ["run", path.name], ["bench", path.name]):
         said = command(*typed, status=2).err
         assert f"screwgauge: {path.name}: no motion of 0.01 rad or lengths about home" in said
@@ -403,8 +402,7 @@ def test_digits_that_lock_a_redundant_loop_are_blamed(tmp_path):
         import_model(planar(tmp_path, "1.5708"))
 
 
-def test_loops_written_as_robot_yaml_come_back(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_loops_written_as_robot_yaml_come_back(inside):
     assert main(["models", "slider-crank", "--include", "yaml", "--out", "."]) == 0
     imported = import_model(Path("slider-crank.urdf"), Options(loops=Path("slider-crank.yaml")))
     mechanism = load_mechanism("slider-crank")

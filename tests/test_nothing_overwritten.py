@@ -20,11 +20,7 @@ from support.repository import repository, scene
 
 MINE = "# mine\n"
 
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch, no_progress):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("inside", "no_progress")
 
 
 @pytest.fixture

@@ -106,15 +106,13 @@ def test_joints_are_named_from_where_the_orders_part(write):
 
 
 @pytest.mark.parametrize("which", [0, 1])
-def test_an_import_says_so(which, files, tmp_path, command, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_an_import_says_so(which, files, command, inside):
     said = command("import", str(files[which]), "--out", "made.toml").out
     assert "pinocchio indexes the joints of a URDF of it as FL_hip, FL_thigh, FL_calf and 9 more" in said
     assert "mujoco those of the file as FR_hip, FR_thigh, FR_calf and 9 more" in said
     assert re.search(r"compared by index, torques differ by \S+ N m \(", said)
 
 
-def test_an_import_of_a_chain_says_nothing_of_it(tmp_path, command, monkeypatch, write):
-    monkeypatch.chdir(tmp_path)
+def test_an_import_of_a_chain_says_nothing_of_it(command, inside, write):
     file = write("chain.urdf", quadruped(("FR",))[0])
     assert "index" not in command("import", file).out

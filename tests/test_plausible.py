@@ -137,15 +137,13 @@ def test_a_run_agrees_but_says_what_no_machine_has(scene) -> None:
     assert {*results.doubts} <= {*results.warnings}
 
 
-def test_a_check_passes_and_says_it(scene, tmp_path, monkeypatch, command) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_check_passes_and_says_it(scene, inside, command) -> None:
     file = scene(inertia=WIDE).file
     assert "1500 kg m^2 on 0.3 kg" in " ".join(command("check", file, "--smoke").out.split())
 
 
-def test_import_models_and_a_diagnosis_say_it(arm, tmp_path, monkeypatch, command) -> None:
+def test_import_models_and_a_diagnosis_say_it(arm, tmp_path, inside, command) -> None:
     write_models(arm(inertia=WIDE), tmp_path, include=frozenset({"limits"}))
-    monkeypatch.chdir(tmp_path)
     said = notes(import_model(tmp_path / "arm.urdf"))
     assert any("Check this: one: a moment of inertia of 1500" in text for text in said)
     assert "1500 kg m^2 on 0.3 kg" in command("models", "arm.toml", "--out", "m").out

@@ -169,8 +169,7 @@ def test_gate_ends_as_shown(example, run) -> None:
 @pytest.mark.parametrize(
     ("folder", "k"), [(folder, k) for folder, text in TEXTS.items() for k in range(len(blocks(text, "python")))]
 )
-def test_python_runs(folder, k, tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_python_runs(folder, k, inside) -> None:
     code = blocks(TEXTS[folder], "python")[k].replace("100_000", "1_000")
     exec(compile(code, f"{folder}/README.md", "exec"), {})
 

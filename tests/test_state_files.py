@@ -251,9 +251,8 @@ def test_what_steers_a_terminal_or_is_not_seen_becomes_a_space(sign):
     assert printable(f"a{sign}\nb", lines=True) == "a \nb"
 
 
-def test_names_of_files_reach_the_terminal_as_printable_text(tmp_path, monkeypatch, command):
+def test_names_of_files_reach_the_terminal_as_printable_text(inside, monkeypatch, command):
     """U+202E turns what follows it around: a file can look like another one."""
-    monkeypatch.chdir(tmp_path)
     name = "turn\u202elmot.\u200b.toml"
     Path(name).write_text('mechanism = "slider-crank"\nmotion = 3\n', encoding="utf-8")
     monkeypatch.setenv("GITHUB_ACTIONS", "true")

@@ -10,7 +10,6 @@ from support.truth import cache, notes, samples
 
 QUANTITIES = ["joint_position", "joint_velocity"]
 
-
 pytestmark = pytest.mark.usefixtures("cache_folder")
 
 

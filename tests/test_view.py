@@ -115,8 +115,7 @@ def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path,
         (["a01-pendulum", "--mujoco"], "MuJoCo's viewer needs a display, and there is none"),
     ],
 )
-def test_bad_input_is_one_sentence(arguments, said, tmp_path, monkeypatch, command) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_bad_input_is_one_sentence(arguments, said, tmp_path, inside, monkeypatch, command) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     Path("text.urdf").write_text("no model", encoding="utf-8")

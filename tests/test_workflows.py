@@ -31,13 +31,12 @@ def read(name):
 
 
 @pytest.fixture
-def somebody(tmp_path, monkeypatch):
+def somebody(tmp_path, inside):
     """Somebody's repository, in which a shell stands."""
     mechanism = screwgauge.load_scene("slider-crank").mechanism
     (tmp_path / "scenes").mkdir()
     (tmp_path / "scenes/robot.toml").write_text(SCENE, encoding="utf-8")
     (tmp_path / "robot.xml").write_text(model_texts(mechanism)["slider-crank.xml"], encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
     return tmp_path
 
 

@@ -17,3 +17,8 @@ from screwgauge.reference.suspicious import suspicious
 
 #: Descriptions and scenes of toy mechanisms.
 DATA = Path(__file__).parents[1] / "data"
+#: The smallest of all: a body that turns about a fixed axis.
+ROD = (
+    'name = "rod"\nindependent = { x = "h" }\nbodies.rod = { mass = 1, inertia = {} }\n'
+    'joints.h = { kind = "R", parent = "ground", child = "rod", axes = [[1, 0, 0]], actuated = true }\n'
+)
