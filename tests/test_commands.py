@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterator
 from io import StringIO
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from screwgauge import commands
+from screwgauge.commands.ended import ENDED
 from screwgauge.report.progress import QUIET, Progress
 from screwgauge.study.bench import forward_run
 from screwgauge.study.bench import run as bench_run
@@ -116,3 +118,11 @@ def test_a_budget_must_be_positive_for_every_bench(command) -> None:
     for scene in ("3ups-upu-s", "a01-pendulum"):
         assert "a budget of -1 s" in command("bench", scene, "--budget", "-1", status=2).err
     assert forward_run.FULL.budget < bench_run.FULL.budget
+
+
+@pytest.mark.parametrize("words", [*ENDED, "bench --quick --random=5", "run 3ups-upu-s --errata --no-such-option"])
+def test_what_ended_says_where_it_went(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words.split()) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert re.fullmatch(r"screwgauge: .* is no longer part of the package; run pytest .*\.\n", output.err)

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from campaigns.alarms import changed
 
 import screwgauge
 from screwgauge import exciting
-from screwgauge.study.gate.alarms import changed
 from support.acting import Applied, JointSpring, Load, hold
 from support.engines import quiet
 from support.freedoms import mobility_at_home

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 
-import arm
 import numpy as np
 import pytest
 
 import screwgauge
+from support import robots
 from support.mechanism import load_mechanism
 from support.models import write_models
 from support.readings import draw
@@ -28,7 +28,7 @@ def machine(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def arms(tmp_path_factory):
-    return arm.write(tmp_path_factory.mktemp("arms"))
+    return robots.write(tmp_path_factory.mktemp("arms"))
 
 
 def body(text, name):
@@ -37,7 +37,7 @@ def body(text, name):
 
 
 def changed(path, old, new, name="changed"):
-    return arm.edited(path, old, new, f"{name}{path.suffix}")
+    return robots.edited(path, old, new, f"{name}{path.suffix}")
 
 
 def entry(path, link, attribute, change):

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import json
 
-import arm
 import pytest
 
+from support import robots
 from support.command import main
 
 
 @pytest.fixture
 def arms(tmp_path, inside):
-    return [str(path) for path in arm.write(tmp_path)]
+    return [str(path) for path in robots.write(tmp_path)]
 
 
 def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_path, command):
     assert "SAME" in command("diagnose", *arms).out
-    other = arm.edited(tmp_path / "arm.xml", 'damping="0.14"', 'damping="0.24"', "other.xml")
+    other = robots.edited(tmp_path / "arm.xml", 'damping="0.14"', 'damping="0.24"', "other.xml")
     out, fix = tmp_path / "out", tmp_path / "fixed.xml"
     said = command("diagnose", arms[0], other, "--out", out, "--fix", fix, "--matrix", status=1).out
     assert "joint4: damping 0.2400 N m s/rad in B, 0.1400 N m s/rad in A" in " ".join(said.split())
@@ -38,7 +38,7 @@ def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_pat
 
 
 def test_a_fix_has_the_format_of_b(arms, tmp_path, capsys):
-    other = arm.edited(tmp_path / "arm.xml", 'damping="0.14"', 'damping="0.24"', "other.xml")
+    other = robots.edited(tmp_path / "arm.xml", 'damping="0.14"', 'damping="0.24"', "other.xml")
     assert main(["diagnose", arms[0], str(other), "--fix", "fixed.urdf"]) == 2
     assert "fixed.urdf: ends with .urdf, and B is a file of MJCF; choose another --fix" in capsys.readouterr().err
     assert not (tmp_path / "fixed.urdf").exists()

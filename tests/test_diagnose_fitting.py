@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from screwgauge.study.selftest.trees import mjcf, tree
 from support.causes import fitted
 from support.diagnosis import Change, applied
 from support.geometry import rotation
 from support.mechanics import inverse_dynamics
 from support.readings import draw, plant, read
+from support.robots import mjcf, tree
 
 CHANGES = {
     "mass of link4": lambda r: Change("link4", "mass", np.array(1.05 * r.bodies["link4"].mass)),

@@ -7,13 +7,13 @@ import difflib
 import numpy as np
 import pytest
 
-from screwgauge.study.selftest.trees import mjcf, tree, urdf
 from support.causes import Largest, Torques, XmlText, backfill, patched, write_fix
 from support.diagnosis import Change, applied
 from support.errors import DescriptionError, OutputError
 from support.geometry import rotation
 from support.mechanics import inverse_dynamics
 from support.readings import draw, plant, read
+from support.robots import mjcf, tree, urdf
 
 #: Torques of a file that was changed and read again, over the largest: 17 digits, and MuJoCo's principal axes.
 AGAIN = 1e-13

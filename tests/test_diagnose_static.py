@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
-import arm
 import numpy as np
 import pytest
 
 from screwgauge import diagnose
 from screwgauge.diagnosis import known
+from support import robots
 from support.diagnosis import ALL, Change, Model, applied, differences, digits_of, marked, without
 from support.geometry import rotation
 from support.mechanics import brought, held, inverse_dynamics, missing, paired, placed
@@ -26,7 +26,7 @@ STEP = np.array([1e-3, 2e-3, -1e-3])
 
 @pytest.fixture(scope="module")
 def arms(tmp_path_factory):
-    urdf, mjcf = arm.write(tmp_path_factory.mktemp("arm"))
+    urdf, mjcf = robots.write(tmp_path_factory.mktemp("arm"))
     return read(urdf, "pinocchio"), read(mjcf, "mujoco")
 
 

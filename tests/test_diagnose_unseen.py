@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import arm
 import pytest
 
 import screwgauge
+from support import robots
 from support.command import main
 from support.diagnosis import linkage
 from support.errors import OutputError
@@ -119,7 +119,7 @@ def test_beside_what_torques_show(diagnosed):
 
 def test_what_no_torque_shows_is_put_right_in_the_file(tmp_path):
     """Alone, and beside what torques show."""
-    path = arm.write(tmp_path)[1]
+    path = robots.write(tmp_path)[1]
     text = path.read_text(encoding="utf-8")
     start = text.index('name="link0"')
     mass = text[text.index('mass="', start) :].split('"')[1]

@@ -11,7 +11,6 @@ from support.solve import (
     accelerations,
     chain_acceleration,
     chain_screws,
-    chain_velocities,
     kinematics,
     layout,
     moved,
@@ -81,6 +80,15 @@ def test_accelerations_are_derivatives_of_rates(lay):
     rate = rates(lay, T)
     found, _ = accelerations(lay, rate, motion(T)[2])
     assert np.abs((w(T + h) - w(T - h)) / (2 * h) - found).max() < DIFFERENCE
+
+
+def chain_velocities(S, V):
+    """Joint velocities of a serial chain from the twist of its end, eq. (15), and what is left over.
+
+    Shapes (n, 6, m), (n, 6) -> (n, m), (n,).
+    """
+    w = (np.linalg.pinv(S) @ V[..., None])[..., 0]
+    return w, np.linalg.norm((S @ w[..., None])[..., 0] - V, axis=-1)
 
 
 def test_every_chain_carries_the_platform_by_eq_15_and_eq_44(lay):

@@ -12,7 +12,7 @@ import pytest
 
 from screwgauge.casebook.book import CASES
 from screwgauge.report.pages.matrix import PAGE as page
-from screwgauge.study.campaigns import matrix as study
+from screwgauge.study import matrix as study
 from support.command import main
 
 CASE = "fullinertia-order"

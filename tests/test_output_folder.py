@@ -10,7 +10,6 @@ import signal
 import pytest
 
 import screwgauge
-from screwgauge.study.campaigns.campaign import campaign
 from support.command import main
 from support.errors import OutputError, ReportError
 from support.pages import Heading, Picture, file_name
@@ -174,6 +173,13 @@ def test_entries_that_prove_nothing_are_passed_over(entry, out):
     assert files(out) == {*DATA, MANIFEST, "report.md", "report.html"}
 
 
+def test_a_page_that_was_left_out_is_made_again(out):
+    report(out)
+    (out / "report.html").unlink()
+    report(out)
+    assert files(out) == {*DATA, MANIFEST, "report.md", "report.html"}
+
+
 def test_no_manifest_is_waited_for(out):
     out.mkdir()
     os.mkfifo(out / MANIFEST)
@@ -229,15 +235,6 @@ def test_stopped_while_the_pages_are_made_says_what_is_there(out, command, capfd
     assert capfd.readouterr().err == f"screwgauge: terminated; the numbers are in {out}, the report on them is not.\n"
     assert "summary.json" in files(out)
     assert not [path for path in out.iterdir() if path.name.startswith(".screwgauge")]
-
-
-def test_a_table_of_the_users_own_is_not_added_to(tmp_path):
-    mine = tmp_path / "random.csv"
-    for text in ("t,a\n0,1\n", "not a table", "\0"):
-        mine.write_text(text, encoding="utf-8")
-        with pytest.raises(OutputError, match="is no table of random mechanisms"):
-            campaign(1, mine)
-        assert mine.read_text(encoding="utf-8") == text
 
 
 @pytest.mark.parametrize("name", ["x" * 300, "x/" * 3000, "a\0b"])

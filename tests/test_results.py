@@ -132,9 +132,7 @@ def test_what_is_no_seed_is_refused(seed):
     "arguments",
     [
         ["run", "slider-crank", "--exciting", "--seed", "-1"],
-        ["bench", "--random", "0"],
-        ["check", "--self-test", "--count", "0"],
-        ["diagnose", "--self-test", "--seed", "-3"],
+        ["diagnose", "slider-crank", "slider-crank", "--seed", "-3"],
     ],
 )
 def test_counts_of_nothing_and_seeds_that_are_none_are_usage(arguments, capsys):

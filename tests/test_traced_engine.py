@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given
 
 import screwgauge
 from support import tolerances
@@ -17,6 +18,7 @@ from support.geometry import rotation
 from support.mechanism import load_mechanism, mechanism_names
 from support.scene import GIVEN, GivenMotion
 from support.solve import LONG, ScrewModel, Settings, TracedWork, layout
+from support.strategies import FEW, scenes
 
 needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason="llvmlite is not installed")
 BACKENDS = ("numpy", pytest.param("llvm", marks=needs_llvm))
@@ -87,15 +89,9 @@ def test_every_built_in_mechanism(name):
     assert mine.notes
 
 
-@pytest.mark.parametrize(
-    ("family", "seed"),
-    [
-        ("planar-4", 1), ("rccc", 1), ("rscr", 1), ("rrsrr", 3), ("bennett", 1),
-        ("7r", 1), ("serial", 3), ("spherical-loop", 1), ("rssr", 2),
-    ],
-)  # fmt: skip
-def test_random_mechanisms(family, seed):
-    scene = screwgauge.random(seed, family)
+@FEW
+@given(scenes("planar-4", "rccc", "rscr", "rrsrr", "bennett", "7r", "serial", "spherical-loop", "rssr"))
+def test_random_mechanisms(scene):
     scene = scene.at(np.linspace(scene.t[0], scene.t[-1], 40))
     assert worst(solved(scene, "numpy"), solved(scene, "array"))[1] <= SAME
 

@@ -13,7 +13,7 @@ import pytest
 
 import screwgauge
 from support.bench import contestants, simulators
-from support.engines import Method, Solution, ask, check_same, model_files
+from support.engines import Method, Solution, ask, check_same, model_files, put
 from support.scene import scene_names
 from support.stress import CASES
 
@@ -112,7 +112,7 @@ def asked() -> dict[str, tuple]:
 def elsewhere(asked) -> dict[str, Solution]:
     """Answers of a process that was started afresh."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
-        return dict(zip(asked, pool.starmap(ask, asked.values()), strict=True))
+        return dict(zip(asked, pool.starmap(put, asked.values()), strict=True))
 
 
 ENGINES_AND_TASKS = [

@@ -12,11 +12,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import arm
 import pytest
 
 from screwgauge.commands.view import _serve
 from screwgauge.report import console
+from support import robots
 from support.browser import Opened, open_page
 from support.command import main
 
@@ -87,7 +87,7 @@ def test_a_video_that_cannot_be_made_is_said(tmp_path: Path, command, monkeypatc
 
 
 def test_a_model_file_is_shown(tmp_path: Path) -> None:
-    urdf, mjcf = arm.write(tmp_path)
+    urdf, mjcf = robots.write(tmp_path)
     for file in (urdf, mjcf):
         page = tmp_path / f"{file.suffix[1:]}.html"
         assert main(["view", str(file), "--out", str(page)]) == 0

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from screwgauge.report.gate import told
+from screwgauge.report.gate import PAGE, told
 from screwgauge.study.gate import run as gate_run
 from screwgauge.study.gate.baseline import against, write_baseline, write_latest
-from screwgauge.study.gate.items import Item
+from screwgauge.study.gate.items import Item, items
 from screwgauge.study.gate.measure import Settings
 from screwgauge.study.gate.row import Error, Row, row_from
 from screwgauge.study.gate.run import NAME, check_items

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from screwgauge.families.draw import FAMILIES, families, pick
-from screwgauge.families.sketch import Sketch, described
+from screwgauge.families.draw import families
 from screwgauge.models.catalog import FOLDER, load_mechanism, mechanism_names, mechanism_path, mechanism_tables
 from screwgauge.models.fourbars import four_bars
 from screwgauge.reference.couplings import Coupling

@@ -7,7 +7,6 @@ from screwgauge.report.blocks import (
     Banner,
     Block,
     Folded,
-    Front,
     Heading,
     Items,
     Marked,

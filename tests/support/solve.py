@@ -30,7 +30,6 @@ from screwgauge.reference.kinematics import (
     Velocities,
     accelerations,
     chain_acceleration,
-    chain_velocities,
     closure_system,
     lie_matrix,
     positions,

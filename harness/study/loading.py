@@ -1,0 +1,67 @@
+"""Model files read and imported in processes of their own: a library that crashes or hangs costs nothing else.
+
+Pinocchio's parser ends in signal 11 on 20 000 chained links; one muscle of an MJCF can take MuJoCo minutes.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from screwgauge.diagnosis.model import Weighed, weighed
+from screwgauge.models.importing.convert import Imported
+from screwgauge.models.importing.model import Options, import_model, scratch_folder
+from screwgauge.models.readings.read import read
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import LoaderError, ModelFileError
+from screwgauge.solution import Failure
+from screwgauge.study.apart import Limits, unwatched_apart
+
+#: Of one reading: the largest models take a second. Of one import: the largest public models take a few.
+LOADING, IMPORTING = Limits(seconds=60.0), Limits(seconds=120.0)
+
+
+def read_apart(path: Path, library: str, floating: bool = False) -> Reading:
+    """Reads a file in the process of its library.
+
+    Raises:
+        ScrewgaugeError: It cannot be read.
+        LoaderError: The library crashed or met a limit.
+    """
+    process = f"{library}-reading"
+    found = unwatched_apart({process: partial(read, path, library, floating=floating)}, LOADING)[process]
+    if isinstance(found, Failure):
+        raise LoaderError(f"{library} does not survive it ({found.reason})", str(path), "let another library read it")
+    return found
+
+
+def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
+    """Both sides of a diagnosis, with mass and inertia from meshes if that is asked for; see `diagnosis.model.weighed`.
+
+    Raises:
+        ScrewgaugeError: Meshes cannot be read, or lie outside the folder of the file.
+        LoaderError: MuJoCo crashed or met a limit.
+    """
+    if not meshes:
+        return a, b
+    found = list[Weighed]()
+    for each in (a, b):
+        one = unwatched_apart({"meshes": partial(weighed, each, scratch_folder())}, LOADING)["meshes"]
+        if isinstance(one, Failure):
+            what = f"mujoco does not survive its meshes ({one.reason})"
+            raise LoaderError(what, each, "give its bodies an <inertial>")
+        found.append(one)
+    return found[0], found[1]
+
+
+def import_apart(path: Path, options: Options | None = None) -> Imported:
+    """What `import_model` gives.
+
+    Raises:
+        ScrewgaugeError: It is no model, or one that a description cannot hold; or whoever reads it fails.
+    """
+    found = unwatched_apart({"import": partial(import_model, path, options or Options())}, IMPORTING)["import"]
+    if isinstance(found, Failure):
+        remedy = "let another library read it (--reader), or give a smaller model"
+        raise ModelFileError(f"cannot be read: {found.reason}", str(path), remedy)
+    return found

@@ -1,0 +1,52 @@
+"""The verdict of a comparison in a row: who agrees, and the worst pair."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from screwgauge.judging.answer import largest
+from screwgauge.judging.assembly import assembly_of, other_assemblies
+from screwgauge.study.comparison import Comparison
+
+EXPLAINED = "within the error"  # how the comparison begins where an estimate admits what differs
+
+
+def judged(results: Comparison) -> dict[str, Any]:
+    """Verdict and worst pair of a comparison.
+
+    ``agree``, ``estimated`` (out of tolerance, but within what an engine admits), ``differ``, ``judged`` (pairs agree
+    and a residual of an engine is out of tolerance), ``failed`` (an engine gave no answer).
+    """
+    row: dict[str, Any] = {"engines": " ".join(results.solutions), "verdict": "agree"}
+    for name, solution in results.solutions.items():
+        row[f"{name}_s"] = f"{sum(timing.min_s for timing in solution.timings):.3g}"
+    pairs = [dict[Any, Any](pair) for pair in results.pairs.to_dict("records")]
+    mechanism, solutions = results.scene.mechanism, results.solutions
+    apart = other_assemblies(mechanism, results.scene.problem(()), solutions.values())
+    unknown = [name for name, solution in solutions.items() if assembly_of(mechanism, solution) is None]
+    row["branch"] = f"unknown for {', '.join(unknown)}" if unknown else next(iter(apart.values()), "same")
+    # the tolerance of soft constraints follows their stiffness, and what is zero is told by its summands
+    ranked = [
+        pair
+        for pair in pairs
+        if not pair["ok"] or (pair["quantity"] != "tree_force_soft" and pair["max_scaled"] <= pair["tolerance"])
+    ]
+    if numbers := [pair for pair in ranked if np.isfinite(pair["max_scaled"])]:
+        worst = max(numbers, key=lambda pair: pair["max_scaled"] / pair["tolerance"])
+        estimates = (solutions[worst[side]].estimate.get(worst["quantity"]) for side in "ab")
+        row |= {key: f"{worst[key]:.2g}" for key in ("max_scaled", "tolerance")}
+        row |= {"quantity": worst["quantity"], "pair": f"{worst['a']} - {worst['b']}"}
+        row |= {"component": worst["worst_component"]}
+        row |= {"estimate": f"{max((largest(one) for one in estimates if one is not None), default=0.0):.2g}"}
+    if beyond := [dict[Any, Any](residual) for residual in results.judge.to_dict("records") if not residual["ok"]]:
+        worst = max(beyond, key=lambda residual: float(np.nan_to_num(residual["max_scaled"], nan=np.inf)))
+        row |= {"judge": f"{worst['engine']} {worst['residual']} {worst['max_scaled']:.2g}", "verdict": "judged"}
+    if wrong := [pair["reason"] for pair in pairs if not pair["ok"]]:
+        open_ = [reason for reason in wrong if not reason.startswith(EXPLAINED)]
+        row |= {"reason": (open_ or wrong)[0], "verdict": "differ" if open_ else "estimated"}
+    if results.failures:
+        reasons = (f"{name}: {failure.reason}" for name, failure in results.failures.items())
+        row |= {"reason": "; ".join(reasons), "verdict": "failed"}
+    return row
