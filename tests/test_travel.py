@@ -13,7 +13,7 @@ import pytest
 
 import screwgauge
 from support.bench import contestants, simulators
-from support.engines import Method, Solution, ask, check_same, model_files, put
+from support.engines import Method, Solution, check_same, model_files, put
 from support.scene import scene_names
 from support.stress import CASES
 
@@ -124,7 +124,7 @@ ENGINES_AND_TASKS = [
 @pytest.mark.parametrize("name", ENGINES_AND_TASKS)
 def test_a_spawned_process_gives_the_same_bits(name, asked, elsewhere):
     assert [*asked] == sorted(ENGINES_AND_TASKS, key=[*asked].index)
-    here = ask(*asked[name])
+    here = put(*asked[name])
     assert isinstance(here, Solution), here
     assert here.stopped == ""
     check_same(here, elsewhere[name])
