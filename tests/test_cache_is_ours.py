@@ -13,8 +13,8 @@ import pytest
 
 import screwgauge
 from screwgauge.report import libraries
+from screwgauge.truth import cache
 from support.report import RENDERER
-from support.truth import cache
 
 ARRAYS = {"numbers": np.arange(3.0)}
 

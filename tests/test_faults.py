@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 
 from screwgauge.report import write
+from screwgauge.truth import cache
 from support.bench import Journal
 from support.command import main
 from support.errors import OutputError
 from support.gate import added_to
 from support.report import put_files
-from support.truth import cache
 
 RUN = ["run", "slider-crank", "--engines", "screw", "--quantities", "joint_position"]
 

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import screwgauge
+from screwgauge.truth import cache
 from support.acting import Motor, hold
 from support.scene import sampled
 from support.solve import ScrewModel, layout
 from support.traced import native
-from support.truth import cache
 
 needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason="llvmlite is not installed")
 FORCES = ("generalized_force", "actuator_force")

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import screwgauge
-from support.truth import cache, notes, samples
+from screwgauge.truth import cache
+from support.truth import notes, samples
 
 QUANTITIES = ["joint_position", "joint_velocity"]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from screwgauge import Results
-from screwgauge.truth import cache, exact, forces, samples
+from screwgauge.truth import exact, forces, samples
 from screwgauge.truth.certify import Certifier, NotCertified
 from screwgauge.truth.exact import number, widened
 from screwgauge.truth.forces import newton_euler, unknowns
