@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 
 from screwgauge.threads import ONE
-from support.models import model_texts
 
 # BLAS reads these when numpy is first imported. One thread, as on the command line: workers are as many as cores, and
 # threads that wait for each other's cores cost forty four-bars six times the processor time.
@@ -76,6 +75,8 @@ def paper() -> Mechanism:
 @pytest.fixture(scope="session")
 def paper_models(paper: Mechanism) -> dict[str, str]:
     """Its model files: name -> text."""
+    from support.models import model_texts  # whatever reads and imports models comes along, which takes a moment
+
     return model_texts(paper)
 
 
