@@ -6,15 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tolerances import LINEAR
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.layout import lay_out
-from screwgauge.quantities import GIVEN
-from screwgauge.reference.errors import DescriptionError
+from support.engines import IN_DOUBLES
+from support.errors import DescriptionError
+from support.judging import agreed
+from support.mechanism import load_mechanism
+from support.models import lay_out
+from support.scene import GIVEN
+from support.tolerances import LINEAR
 
-ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full", "truth")
+ENGINES = (*IN_DOUBLES, "truth")
 X, Y, Z = [1, 0, 0], [0, 1, 0], [0, 0, 1]
 A, B, C, D = ["3/5", 0, "4/5"], [0, "5/13", "12/13"], ["2/3", "2/3", "1/3"], ["-6/7", "2/7", "3/7"]
 
@@ -132,9 +134,7 @@ def check(name: str, which: int, folder: Path) -> screwgauge.Results:
     scene = screwgauge.load_scene(described(name, orders(name)[which], folder))
     forceless = {"actuator_force", "reaction"} if not scene.mechanism.actuators else set()
     engines = ENGINES[: 3 if which else -1 if forceless else None]  # without actuators the truth knows no forces
-    results = screwgauge.run(scene, engines=engines, quantities=[q for q in GIVEN if q not in forceless])
-    assert not results.failures
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string() + results.judge.to_string()
+    results = agreed(screwgauge.run(scene, engines=engines, quantities=[q for q in GIVEN if q not in forceless]))
     between = {
         frozenset(pair) for pair in results.pairs.loc[results.pairs["quantity"] == "tree_force", ["a", "b"]].values
     }

@@ -6,20 +6,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from asking import ask, model_files
 
 import screwgauge
-from screwgauge import load_scene
-from screwgauge.engines.registry import ENGINES
-from screwgauge.problem import GivenMotion
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.report.pages.run import summary
-from screwgauge.study.ask import ask as put
-from screwgauge.study.bench.run import QUICK, bench
-from screwgauge.study.cases.case import REFUSED
-from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import CASES
-from screwgauge.study.method import Method
+from screwgauge import ScrewgaugeError, load_scene
+from support.bench import QUICK, bench
+from support.engines import ENGINES, Method, ask, model_files, put
+from support.questions import findings
+from support.report import summary
+from support.scene import GivenMotion
+from support.stress import CASES, REFUSED
 
 QUANTITIES = ["joint_position", "joint_velocity", "generalized_force", "actuator_force"]
 SAID = "gives no generalized_force, actuator_force, though asked for"
@@ -33,11 +28,6 @@ def only(*names: str, of: str = "3ups-upu-s"):
         return replace(found, values={name: found.values[name] for name in names if name in found.values})
 
     return solve
-
-
-@pytest.fixture
-def scene(paper_scene):
-    return load_scene(paper_scene())
 
 
 def test_a_run_names_what_is_missing(stand_in, scene):

@@ -6,26 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planar import Bar, four_bar, moving
-from tolerances import ROUNDING
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
-from screwgauge.reference.chains import closed_form
 from screwgauge.reference.closed import following
-from screwgauge.reference.closed.loops import loop_equations
-from screwgauge.reference.closed.ways import straight_and_bent
-from screwgauge.reference.errors import ClosureError, SingularPoseError
-from screwgauge.reference.pose import layout
-from screwgauge.reference.rotations import within_half_turn
-from screwgauge.scene.preflight import check_scene
-from screwgauge.study.ask import solve
-from screwgauge.study.cases.asking import SCENE, still
-from screwgauge.study.cases.case import OK, SILENT
-from screwgauge.study.cases.poses import BASE_LOCK, SINGULAR_B
-from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import CASES
+from support.engines import solve
+from support.errors import ClosureError, SingularPoseError
+from support.geometry import within_half_turn
+from support.mechanism import load_mechanism
+from support.models import write_models
+from support.planar import Bar, four_bar, moving
+from support.questions import BASE_LOCK, SCENE, SINGULAR_B, findings, still
+from support.scene import check_scene
+from support.solve import closed_form, layout, loop_equations, straight_and_bent
+from support.stress import CASES, OK, SILENT
+from support.tolerances import ROUNDING
 
 FAR = 1.2
 #: Angles of joints near the lock of a leg at 1e-5 rad, from closed loops.

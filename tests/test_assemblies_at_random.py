@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from near import BASE, UPU
 
 import screwgauge
-from screwgauge.reference.chains import closed_form
-from screwgauge.reference.pose import layout
-from screwgauge.reference.rotations import within_half_turn
-from screwgauge.scene.preflight import check_scene
-from screwgauge.study.ask import solve
-from screwgauge.study.cases.asking import SCENE, still
+from support.engines import solve
+from support.geometry import within_half_turn
+from support.near import BASE, UPU
+from support.questions import SCENE, still
+from support.scene import check_scene
+from support.solve import closed_form, layout
 
 #: Sizes of steps, and the least distance from the lines on which leg 3 locks (BASE) and leg 1 lets go (UPU) [rad].
 STEPS, LEAST = (1e-6, 0.3), 1e-6

@@ -11,9 +11,8 @@ from fuzz import FORMATS, attempted, document, mutate
 
 import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
-from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
-from screwgauge.scene.preflight import check_home
-from screwgauge.scene.read import FOLDER, scene_names
+from support.mechanism import load_mechanism, mechanism_names, mechanism_path
+from support.scene import FOLDER, check_home, scene_names
 
 TRIES = 30  # of the mechanisms together so many that what may be put in, and what may be hit, all occur
 

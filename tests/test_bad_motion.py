@@ -10,11 +10,10 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
-from screwgauge.reference.errors import ClosureError, JointLimitError, SingularPoseError
-from screwgauge.reference.kinematics import closure_system, positions
-from screwgauge.reference.linear import SINGULAR, condition
-from screwgauge.reference.pose import layout
-from screwgauge.scene.preflight import check_scene
+from support.errors import ClosureError, JointLimitError, SingularPoseError
+from support.geometry import SINGULAR, condition
+from support.scene import check_scene
+from support.solve import closure_system, layout, posed, positions
 
 SINGULAR_B = 0.356801  # [rad] where the leg forces no longer carry the platform about y, a being 0
 
@@ -100,7 +99,7 @@ def singular_b(scene) -> float:
     lay = layout(scene.mechanism)
 
     def sign(b: float) -> float:
-        at = positions(lay, np.array([[0.0, b]]), np.zeros(1))
+        at = posed(lay, 0.0, b)
         return float(np.linalg.slogdet(closure_system(lay, at)[0])[0])
 
     low, high = SINGULAR_B - 1e-3, SINGULAR_B + 1e-3

@@ -13,22 +13,18 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines.registry import ENGINES, Engine
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import GivenMotion, ModelFiles, States
-from screwgauge.reference.applied import JointSpring
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, UnknownNameError
-from screwgauge.reference.pose import layout
-from screwgauge.reference.precision import in_precision
-from screwgauge.solution import Values
+from screwgauge import ScrewgaugeError
 from screwgauge.study.bench import registry
 from screwgauge.study.bench import run as run_module
-from screwgauge.study.bench.contestant import TABLE, Contestant
-from screwgauge.study.bench.run import Plan, bench
 from screwgauge.study.four_bar import FILE, LENGTHS, MASSES, MOMENTS, four_bar_states, write_four_bar
-from screwgauge.study.method import Method
-from screwgauge.study.posed import QUANTITIES, pose_scene
-from screwgauge.study.reference import score
+from support.acting import JointSpring
+from support.bench import TABLE, Contestant, Plan, bench
+from support.engines import ENGINES, Engine, Method, ModelFiles, Values
+from support.errors import DescriptionError, UnknownNameError
+from support.judging import score
+from support.mechanism import load_mechanism
+from support.scene import QUANTITIES, GivenMotion, States, pose_scene
+from support.solve import in_precision, layout
 
 PLAN = Plan(samples=5, rounds=1, budget=1e9, quick=True)
 

@@ -9,8 +9,8 @@ import pytest
 import screwgauge
 from screwgauge.engines.screw import inverse as screw
 from screwgauge.engines.tree import closed_forces, inverse
-from screwgauge.reference import dynamics
-from screwgauge.study.bench.run import Plan, bench
+from support.bench import Plan, bench
+from support.solve import dynamics
 
 
 @pytest.fixture
@@ -36,8 +36,7 @@ def calls(monkeypatch) -> Counter[str]:
     count(inverse._Pass, "_velocities", "rates")
     count(closed_forces, "min_norm", "min_norm")
     count(closed_forces, "joint_reactions", "reactions")
-    from screwgauge.engines.mujoco.tree import MujocoTree
-    from screwgauge.engines.pinocchio.tree import PinocchioTree
+    from support.trees import MujocoTree, PinocchioTree
 
     for tree in (MujocoTree, PinocchioTree):
         for name in ("bias", "com_accelerations", "tree_force", "soft_force", "transmitted"):

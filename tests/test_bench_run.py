@@ -9,14 +9,12 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.report.figures.bench import make_plots
-from screwgauge.report.pages.bench import PAGE
-from screwgauge.report.terminal import terminal as text
 from screwgauge.study.bench import run as run_module
-from screwgauge.study.bench.rows import COLUMNS, CUT, reach
-from screwgauge.study.bench.run import Plan, bench
-from screwgauge.study.bench.stamp import NAME
+from support.bench import COLUMNS, CUT, NAME, Plan, bench, reach
+from support.command import main
+from support.pages import terminal as text
+from support.report import BENCH_PAGE as PAGE
+from support.report import make_plots
 
 FEW = ["closed-form", "missing-jdotv", "mj-forward", "four-bar", "floor"]
 PLAN = Plan(samples=5, rounds=2, budget=1e9, quick=True)
@@ -159,10 +157,9 @@ def test_a_model_file_of_ones_own_is_refused_not_passed_over(paper_scene, write,
     assert "scene.toml, models: the bench measures methods on models made from the description and reads none" in said
 
 
-def test_the_command_writes_its_report(tmp_path, capsys, small, no_progress):
+def test_the_command_writes_its_report(tmp_path, command, small, no_progress):
     out = tmp_path / "out"
-    assert main(["bench", "--quick", "--contestants", "closed-form,floor", "--out", str(out)]) == 0
-    said = capsys.readouterr()
+    said = command("bench", "--quick", "--contestants", "closed-form,floor", "--out", out)
     assert "closed-form" in said.out
     assert str(out / "report.html") in said.out
     assert said.err == ""
@@ -191,9 +188,8 @@ def test_the_command_keeps_what_it_has_when_interrupted(tmp_path, capsys, monkey
         (["no-such-scene"], "unknown scene 'no-such-scene'"),
     ],
 )
-def test_bad_input_is_one_sentence_and_status_2(tmp_path, capsys, arguments, message):
-    assert main(["bench", *arguments, "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr()
+def test_bad_input_is_one_sentence_and_status_2(tmp_path, command, arguments, message):
+    said = command("bench", *arguments, "--out", tmp_path / "out", status=2)
     assert message in said.err
     assert said.err.count("\n") == 1
     assert not (tmp_path / "out").exists()

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.models.generate import write_models
-from screwgauge.reference import screws
-from screwgauge.report.verdict import first_difference
+from support.geometry import screws
+from support.models import write_models
+from support.report import first_difference
+from support.scene import sampled
 
 
 @pytest.fixture(params=["3ups-upu-s", "3ups-upu-s-fast"])
 def scene(request):
-    scene = screwgauge.load_scene(request.param)
-    return scene.at(scene.t[:2000:100])
+    return sampled(request.param, slice(0, 2000, 100))
 
 
 def edited(scene, folder: Path, suffix: str, change) -> Path:
@@ -95,8 +95,7 @@ def test_a_wrong_sign_in_the_lie_bracket(monkeypatch):
     """Only a fast motion tells: the paper's own case is nearly static."""
     right = screws.lie_bracket
     monkeypatch.setattr(screws, "lie_bracket", lambda first, second: -right(first, second))
-    scene = screwgauge.load_scene("3ups-upu-s-fast")
-    results = screwgauge.run(scene.at(scene.t[:2000:100]))
+    results = screwgauge.run(sampled("3ups-upu-s-fast", slice(0, 2000, 100)))
     status, quantity, engines = found(results)
     assert (status, quantity) == (1, "joint_acceleration")
     assert "screw" in engines
@@ -114,8 +113,7 @@ def test_the_first_row_of_the_bracket_as_printed(monkeypatch):
         return np.concatenate([row, row], axis=-1)
 
     monkeypatch.setattr(screws, "lie_bracket", printed)
-    scene = screwgauge.load_scene("3ups-upu-s-fast")
-    results = screwgauge.run(scene.at(scene.t[:2000:100]), engines=["screw"])
+    results = screwgauge.run(sampled("3ups-upu-s-fast", slice(0, 2000, 100)), engines=["screw"])
     assert results.exit_status == 1
 
 

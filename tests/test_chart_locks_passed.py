@@ -6,15 +6,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from asking import MOTION, ask, model_files, simulate
-from tolerances import BY_LOCK, FALLEN, FAST_DIFFERENCE, READ
 
 from screwgauge.engines.tree.cut_joints import SURE, follow, read_chart
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import GivenMotion, InitialValue, Problem
-from screwgauge.reference.applied import GRAVITY, Applied, hold
-from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.rotations import rotation
+from support.acting import GRAVITY, Applied, hold
+from support.engines import MOTION, Problem, ask, model_files, simulate
+from support.errors import ClosureError
+from support.geometry import rotation
+from support.mechanism import load_mechanism
+from support.scene import GivenMotion, InitialValue
+from support.tolerances import BY_LOCK, FALLEN, FAST_DIFFERENCE, READ
 
 NAME = "3ups-upu-s"
 

@@ -11,11 +11,9 @@ import pytest
 from campaigns import compiled
 
 import screwgauge
-from screwgauge.engines.registry import get_engine
 from screwgauge.engines.screw.bounds import Bounds
-from screwgauge.engines.screw.inverse import Work
-from screwgauge.problem import ModelFiles
-from screwgauge.reference.pose import layout
+from support.engines import ModelFiles, get_engine
+from support.solve import Work, layout
 
 BACKENDS = ["numpy", *(["llvm"] if importlib.util.find_spec("llvmlite") else [])]
 STATES = 300

@@ -11,8 +11,8 @@ import sys
 import pytest
 
 from screwgauge import commands
-from screwgauge.cli import main
 from screwgauge.report.console import SIGNS, console, say
+from support.command import main
 
 LIST = [sys.executable, "-m", "screwgauge.cli", "list", "quantities"]
 STOP = "import os, signal\nfrom screwgauge import commands, cli\n"

@@ -11,15 +11,14 @@ from campaigns.alarms import changed
 
 import screwgauge
 from screwgauge import exciting
-from screwgauge.engines.screw.inverse import solve_motion
-from screwgauge.judging.coverage import NOTHING, coverage
-from screwgauge.problem import quiet
-from screwgauge.quantities import FLOOR, SOLVED, natural_scales
-from screwgauge.reference import screws
-from screwgauge.reference.applied import Applied, JointSpring, Load, hold
-from screwgauge.reference.mechanism import Body
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
+from support.acting import Applied, JointSpring, Load, hold
+from support.engines import quiet
+from support.freedoms import mobility_at_home
+from support.geometry import screws
+from support.judging import NOTHING, coverage
+from support.mechanism import Body
+from support.scene import FLOOR, SOLVED, natural_scales
+from support.solve import layout, solve_motion
 
 FORCES = ("tree_force", "generalized_force", "actuator_force", "reaction")
 STEP = 1e-4  # share of its size by which a parameter is changed
@@ -30,9 +29,8 @@ PAIRS = ("xx", "yy", "zz", "xy", "xz", "yz")
 def looked_at(scene):
     """Coverage of a scene by its description alone, and what the solver gives."""
     mechanism, problem = scene.mechanism, scene.problem(scene.quantities)
-    lay = layout(mechanism)
-    counted = mobility(lay, pose(lay, mechanism.home[None]))
-    solution = solve_motion(lay, problem, scene.motion, quiet)
+    counted = mobility_at_home(mechanism)
+    solution = solve_motion(layout(mechanism), problem, scene.motion, quiet)
     return coverage(mechanism, problem, {"screw": solution}, counted, scene.tolerance), counted, solution
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from importlib.metadata import EntryPoint
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import mujoco
@@ -13,22 +12,17 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines import registry
-from screwgauge.engines.registry import ENGINES, get_engine
-from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
 from screwgauge.models.elements import FORMATS, extras
-from screwgauge.models.generate import model_texts, stem
-from screwgauge.models.layout import CUTS
-from screwgauge.problem import ModelFiles
-from screwgauge.reference.applied import Motor
-from screwgauge.reference.errors import ModelFileError
-from screwgauge.report.markdown import markdown
-from screwgauge.report.pages.run import report, summary
-from screwgauge.report.verdict import verdict
 from screwgauge.study.departures import departures
-from screwgauge.study.reference import reference_values
+from support.acting import Motor
+from support.engines import ENGINES, ModelFiles, get_engine, registry
+from support.errors import ModelFileError
+from support.judging import reference_values
+from support.mechanism import DATA, load_mechanism, mechanism_names, mechanism_path
+from support.models import CUTS, model_texts, stem
+from support.pages import markdown
+from support.report import report, summary, verdict
 
-DATA = Path(__file__).parent / "data"
 SUFFIX = {"pinocchio": "urdf", "mujoco": "xml"}
 #: What the table below calls what becomes of an edit -> how the sentence begins.
 FATE = {

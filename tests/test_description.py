@@ -7,15 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planar import Bar, four_bar
-from tolerances import PLACED
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.closed.resting import home_equations
-from screwgauge.reference.expressions import rotation_matrix
-from screwgauge.reference.mechanism import Mechanism, actuator_names
-from screwgauge.reference.pose import layout
+from support.geometry import rotation_matrix
+from support.mechanism import Mechanism, actuator_names, load_mechanism
+from support.planar import Bar, four_bar
+from support.solve import home_equations, layout
+from support.tolerances import PLACED
 
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 STEPS = {"matrix": QUARTER.tolist()}, {"axis": [1, 0, 0], "angle": "pi/2"}

@@ -6,12 +6,13 @@ import re
 
 import numpy as np
 import pytest
-from support import robots
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
-from screwgauge.models.kinematics.tree import draw
+from support import robots
+from support.mechanism import load_mechanism
+from support.models import write_models
+from support.readings import draw
+from support.report import verdict
 
 #: Torques of two readings of one model, of own dynamics and of both libraries, over the largest.
 AGREE = 1e-12
@@ -177,7 +178,7 @@ def test_the_loader_that_keeps_the_first_tree_is_named(tmp_path):
 def test_an_engine_that_computes_otherwise_than_it_reads_is_told_from_a_model(arms, monkeypatch):
     from dataclasses import replace
 
-    from screwgauge.engines.mujoco import plain
+    from support.trees import plain
 
     ask = plain.ask
 
@@ -194,8 +195,6 @@ def test_an_engine_that_computes_otherwise_than_it_reads_is_told_from_a_model(ar
 
 def test_a_failed_run_names_the_static_difference_beside_the_quantity(machine, tmp_path):
     from dataclasses import replace as with_
-
-    from screwgauge.report.verdict import verdict
 
     own = tmp_path / "own.xml"
     own.write_bytes(entry(machine.with_name("3ups-upu-s.xml"), "leg3.upper", "mass", lambda m: 1.01 * m).read_bytes())
@@ -218,8 +217,6 @@ def test_a_failed_run_names_the_static_difference_beside_the_quantity(machine, t
 )
 def test_what_the_judge_alone_faults_and_what_stops_an_engine_is_named(old, new, word, said, tmp_path):
     from dataclasses import replace as with_
-
-    from screwgauge.report.verdict import verdict
 
     write_models(load_mechanism("slider-crank"), tmp_path)
     own = changed(tmp_path / "slider-crank.xml", old, new, "own")

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.expected import expected_reading
-from screwgauge.models.kinematics.closing import residual_at_home
-from screwgauge.models.kinematics.tree import plant
-from screwgauge.reference.errors import ClosureError
+from support.errors import ClosureError
+from support.mechanism import load_mechanism
+from support.models import expected_reading
+from support.readings import plant, residual_at_home
 
 #: A planar four-bar in the x-z plane with its loop open: `reach` is where the rocker ends [m].
 FOUR_BAR = """name = "four-bar"

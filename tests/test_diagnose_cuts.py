@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
+from support.mechanism import load_mechanism
+from support.models import write_models
 
 
 @pytest.fixture

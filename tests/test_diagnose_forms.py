@@ -36,16 +36,6 @@ def arm(orientation: str, mass: float = 1.5, base: str = '<joint name="a" axis="
     )
 
 
-@pytest.fixture
-def diagnosed(tmp_path):
-    def of(a: str, b: str, ending: str = "xml", **options):
-        for name, text in ((f"a.{ending}", a), (f"b.{ending}", b)):
-            (tmp_path / name).write_text(text, encoding="utf-8")
-        return screwgauge.diagnose(tmp_path / f"a.{ending}", tmp_path / f"b.{ending}", **options)
-
-    return of
-
-
 def proved(found, tmp_path, ending="xml"):
     """The one change explains all, and the file with it made is A."""
     (sentence,) = [each.sentence for each in found.differences]

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support import robots
 
 import screwgauge
-from screwgauge.diagnosis.causes.growth import SPEEDS, growth
-from screwgauge.engines.mujoco import plain
-from screwgauge.reference.errors import ClosureError
+from support import robots
+from support.causes import SPEEDS, growth
+from support.errors import ClosureError
+from support.trees import plain
 
 #: A planar four-bar in the x-z plane, closed at home.
 FOUR_BAR = """<mujoco><worldbody>
@@ -28,16 +28,6 @@ GEARED = """<mujoco><worldbody>
 <body><joint name="a" axis="0 1 0"/><inertial pos="0.1 0 0" mass="1" diaginertia="0.01 0.01 0.01"/></body>
 <body><joint name="b" axis="0 1 0"/><inertial pos="0 0 0.1" mass="1" diaginertia="0.01 0.01 0.01"/></body>
 </worldbody><equality><joint joint1="b" joint2="a" polycoef="0.1 0.5 {0} 0 0"/></equality></mujoco>"""
-
-
-@pytest.fixture
-def diagnosed(tmp_path):
-    def of(*texts):
-        for name, text in zip("ab", texts, strict=True):
-            (tmp_path / f"{name}.xml").write_text(text, encoding="utf-8")
-        return screwgauge.diagnose(tmp_path / "a.xml", tmp_path / "b.xml")
-
-    return of
 
 
 def four_bar(loop=PIN, axis="0 1 0"):

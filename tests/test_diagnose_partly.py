@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge.diagnosis.diagnose import diagnose
+from screwgauge import diagnose
 
 LEGS = [[f"{side}_leg_{joint}" for joint in ("hpz", "hpx", "kny", "akx")] for side in "lr"]
 EQUAL = ["back_z", "back_y", "back_x", *LEGS[0], *LEGS[1]]

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.reference.errors import ReportError
-from screwgauge.report.figures.renderer import RENDERER, DrawingError, losses
+from support.command import main
+from support.errors import ReportError
+from support.report import RENDERER, DrawingError, losses
 
 ASKED = ["run", "slider-crank", "--engines", "screw", "--quantities", "joint_position"]
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="2" height="2"></svg>'

@@ -10,19 +10,30 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from asking import MOTION, check_same, further_engines, model_files
-from tolerances import LINEAR
 
 import screwgauge
-from screwgauge.engines.registry import ENGINES, Engine, Model, check_engines, get_engine
-from screwgauge.problem import GivenMotion, InitialValue, Integration, ModelFiles, Problem, States
-from screwgauge.quantities import GIVEN
-from screwgauge.reference.applied import GRAVITY, Load, hold
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
-from screwgauge.solution import Solution
+from screwgauge import ScrewgaugeError
+from support.acting import GRAVITY, Load, hold
+from support.engines import (
+    ENGINES,
+    MOTION,
+    Engine,
+    Model,
+    ModelFiles,
+    Problem,
+    Solution,
+    check_engines,
+    check_same,
+    further_engines,
+    get_engine,
+    model_files,
+)
+from support.errors import ModelFileError, UnknownNameError
+from support.scene import GIVEN, GivenMotion, InitialValue, Integration, States
+from support.tolerances import LINEAR
 
 LIBRARIES = {"truth": "flint", "drake": "pydrake"}  # what is not installed with the package
-FURTHER = {"toy": "toy_engine:TOY", "drake": "drake_engine:DRAKE"}
+FURTHER = {"toy": "support.toy_engine:TOY", "drake": "support.drake_engine:DRAKE"}
 LEGS = ("leg1", "leg2", "leg3", "leg4")
 
 #: Components of the 3-UPS-UPU-S, in the order that users rely on, and their units.

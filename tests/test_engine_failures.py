@@ -8,20 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from asking import ask, model_files
 
 import screwgauge
-from screwgauge import load_scene
-from screwgauge.cli import main
-from screwgauge.engines.registry import ENGINES
-from screwgauge.solution import Values
+from support.command import main
+from support.engines import ENGINES, Values, ask, model_files
 
 QUANTITIES = ["joint_position", "generalized_force", "actuator_force"]
-
-
-@pytest.fixture
-def scene(paper_scene):
-    return load_scene(paper_scene())
 
 
 @pytest.fixture
@@ -176,12 +168,11 @@ def test_an_interrupted_run_writes_nothing(stand_in, paper_scene, tmp_path, capf
 
 
 @pytest.mark.parametrize("broken", [["mujoco"], ["pinocchio", "mujoco"], ["screw", "pinocchio", "mujoco"]])
-def test_the_report_is_written_all_the_same(broken, elsewhere, paper_scene, tmp_path, capfd, no_progress):
+def test_the_report_is_written_all_the_same(broken, elsewhere, paper_scene, tmp_path, command, no_progress):
     elsewhere("no_such_module_at_all:load", *broken)
     out = tmp_path / "out"
     names = ",".join(QUANTITIES)
-    assert main(["run", str(paper_scene()), "--quantities", names, "--out", str(out)]) == 3
-    said = capfd.readouterr()
+    said = command("run", str(paper_scene()), "--quantities", names, "--out", out, status=3)
     assert said.err == ""
     assert "FAILED" in said.out
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))

@@ -10,13 +10,12 @@ import pytest
 
 import screwgauge
 from screwgauge import exciting
-from screwgauge.cli import main
-from screwgauge.judging.coverage import coverage
-from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene import exciting as motions
-from screwgauge.scene.preflight import check_scene, far_from_home
-from screwgauge.scene.read import scene_names
-from screwgauge.study.ask import solve
+from support.command import main
+from support.engines import solve
+from support.errors import DescriptionError
+from support.judging import coverage
+from support.scene import check_scene, far_from_home, scene_names
 
 #: Share of inertia in the actuator forces: 0.4 to 1.1 is seen, from 0.0008 on in the scenes' own motions.
 INERTIA = 0.3

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from itertools import combinations
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -13,11 +11,10 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from screwgauge.report.blocks import Picture
-from screwgauge.report.figures import chart
-from screwgauge.report.figures.bench import _error_and_time
 from screwgauge.report.figures.chart import straight, thin
-from screwgauge.report.figures.looks import by_camp
+from support.command import printed_by
+from support.pages import Picture
+from support.report import _error_and_time, by_camp, chart
 
 HOSTILE = "<script>alert(1)</script> </script> \"quoted\" 'too' & \x1b[31m \u202e \ud800 ${x} {{y}} " + 300 * "w"
 
@@ -156,5 +153,4 @@ def test_only_what_draws_imports_the_library() -> None:
         "from screwgauge.report.figures import bench, chart, diagnosis, history, run, stress; "
         "print('vl_convert' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
+    assert printed_by(code).strip() == "False"

@@ -4,28 +4,22 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import model_files, simulate, simulate_scene
-from tolerances import DENSE, ENERGY_PER_ERROR, FOLLOWED, LINEAR, ROUND_TRIP
 
 import screwgauge
-from screwgauge.engines.methods import METHODS, SIZES
-from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.pinocchio.mover import PinocchioMover
-from screwgauge.models.generate import write_models
-from screwgauge.problem import InitialValue, Integration, ModelFiles
-from screwgauge.reference.applied import JointSpring, PointSpring, hold
-from screwgauge.reference.errors import ModelFileError, SingularPoseError, UnknownNameError
-from screwgauge.reference.forward import Forces, energy
-from screwgauge.reference.kinematics import velocities
-from screwgauge.reference.pose import layout, pose
-from screwgauge.scene.observables import observe
-from screwgauge.scene.scene import Scene
+from screwgauge import Scene
+from support.acting import Forces, JointSpring, PointSpring, energy, hold
+from support.engines import ModelFiles, model_files, simulate, simulate_scene
+from support.errors import ModelFileError, SingularPoseError, UnknownNameError
+from support.mechanism import DATA
+from support.models import write_models
+from support.scene import InitialValue, Integration, observe
+from support.solve import METHODS, SIZES, layout, pose, velocities
+from support.tolerances import DENSE, ENERGY_PER_ERROR, FOLLOWED, LINEAR, ROUND_TRIP
+from support.trees import MujocoMover, PinocchioMover
 
-DATA = Path(__file__).parent / "data"
 MOVERS = {"pinocchio": PinocchioMover, "mujoco": MujocoMover}
 ENGINES = tuple(MOVERS)
 

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.judging.judge import judge
-from screwgauge.problem import States
-from screwgauge.solution import Solution, Values
-from screwgauge.study.ask import solve
+from support.engines import Solution, Values, solve
+from support.judging import judge
+from support.scene import States
 
 MOTION = ("joint_position", "joint_velocity", "joint_acceleration")
 

@@ -7,16 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from asking import ask, model_files, stopped_after
-from tolerances import NINE_DIGITS, PUBLISHED, STEPPED
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.forward import Forces
-from screwgauge.reference.pose import layout
-from screwgauge.scene.simulation import check_start, eigenvalues
-from screwgauge.solution import Values
+from support.acting import Forces
+from support.engines import Values, ask, model_files, stopped_after
+from support.mechanism import load_mechanism
+from support.scene import check_start, eigenvalues
+from support.solve import layout
+from support.tolerances import NINE_DIGITS, PUBLISHED, STEPPED
 
 OBSERVABLES = {
     "a01-pendulum": ("x", "y"),
@@ -206,7 +204,7 @@ def test_report_tells_of_start_springs_and_published_results(tmp_path):
     assert summary["warnings"] == []
 
 
-def test_command_line_runs_a_forward_scene(write, tmp_path, capsys):
+def test_command_line_runs_a_forward_scene(write, tmp_path, command):
     path = write(
         "short.toml",
         SPRUNG.format(
@@ -218,5 +216,4 @@ def test_command_line_runs_a_forward_scene(write, tmp_path, capsys):
             damping=0,
         ),
     )
-    assert main(["run", str(path), "--out", str(tmp_path / "out")]) == 0
-    assert "energy balance" in capsys.readouterr().out
+    assert "energy balance" in command("run", path, "--out", tmp_path / "out").out

@@ -7,23 +7,26 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from asking import has_integrator, model_files, opening, simulate, simulate_scene
-from tolerances import CLOSED, DRIFT, FIRST_ORDER, FIRST_ORDER_WORK, LINEAR, ORDER
 
 import screwgauge
-from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.mujoco.settings import INTEGRATORS, REFINABLE
-from screwgauge.engines.mujoco.steps import sprung_model
-from screwgauge.engines.mujoco.tree import MujocoTree
-from screwgauge.engines.registry import get_engine
-from screwgauge.engines.tree.closed import close_tree
-from screwgauge.engines.tree.forces import tree_forces
-from screwgauge.models.loops import read_loops
-from screwgauge.problem import InitialValue
-from screwgauge.reference.applied import Applied, JointSpring, Load, PointSpring, hold
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.pose import layout
-from screwgauge.scene.observables import observe
+from support.acting import Applied, JointSpring, Load, PointSpring, hold
+from support.engines import get_engine, model_files, simulate, simulate_scene
+from support.errors import DescriptionError, UnknownNameError
+from support.models import read_loops
+from support.scene import InitialValue, observe
+from support.solve import layout
+from support.tolerances import CLOSED, DRIFT, FIRST_ORDER, FIRST_ORDER_WORK, LINEAR, ORDER
+from support.trees import (
+    INTEGRATORS,
+    REFINABLE,
+    MujocoMover,
+    MujocoTree,
+    close_tree,
+    has_integrator,
+    opening,
+    sprung_model,
+    tree_forces,
+)
 
 
 def error(name, until, engine, **stepper):

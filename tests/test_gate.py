@@ -11,18 +11,14 @@ from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
-import bad_engines
 import pytest
-from gates import edited, scene, tell
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.report.gate import told
-from screwgauge.study.apart import Limits, apart
-from screwgauge.study.gate import run as gate_run
-from screwgauge.study.gate.items import Item
-from screwgauge.study.gate.measure import Settings
-from screwgauge.study.gate.run import NAME, check_items
+from screwgauge import Limits
+from support import bad_engines
+from support.command import main
+from support.gate import NAME, Item, Settings, check_items, gate_run, told
+from support.repository import edited, scene, tell
 
 
 def worse(text: str, by: float) -> str:
@@ -228,8 +224,7 @@ def test_a_kept_row_of_a_changed_model_is_not_taken(theirs):
     assert gate_run.fingerprint(Item("turn", ("turn.toml",))) != before
 
 
-def test_a_crash_costs_one_row(theirs, monkeypatch):
-    monkeypatch.setattr("screwgauge.study.apart.apart", apart)
+def test_a_crash_costs_one_row(theirs, isolated):
     names = ("segfault", "last")
     for name in names:
         (theirs / f"{name}.toml").write_text(scene(quantities='["joint_position"]'))
@@ -239,8 +234,7 @@ def test_a_crash_costs_one_row(theirs, monkeypatch):
     assert rows[0].sentence == "segfault: comparison: crashed: its process got SIGSEGV"
 
 
-def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs, monkeypatch):
-    monkeypatch.setattr("screwgauge.study.apart.apart", apart)
+def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs, isolated, monkeypatch):
     monkeypatch.setattr("screwgauge.study.apart._EXECUTORS", {})  # older processes know nothing of the new engines
     monkeypatch.syspath_prepend(theirs)
     bad_engines.install(theirs)
@@ -255,8 +249,7 @@ def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs
     assert "An engine failed: hog: MemoryError: nothing more is said." in rows[1].sentence
 
 
-def test_what_hangs_costs_its_row(theirs, monkeypatch):
-    monkeypatch.setattr("screwgauge.study.apart.apart", apart)
+def test_what_hangs_costs_its_row(theirs, isolated):
     (theirs / "hang.toml").write_text(scene(quantities='["joint_position"]'))
     rows = check_items([Item("hang", (f"{theirs}/hang.toml",))], Settings(tell), limits=Limits(seconds=0.5))
     assert rows[0].status == "failed"

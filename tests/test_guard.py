@@ -7,18 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
-from tolerances import EQUAL, TIGHT
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.judging.compare import compare
-from screwgauge.judging.conditioning import LIMIT, flagged
-from screwgauge.report.pages.run import estimates, summary, terminal
-from screwgauge.report.terminal import terminal as text
-from screwgauge.report.verdict import verdict
-from screwgauge.scene.preflight import check_scene
-from screwgauge.study.ask import solve
+from support.command import main
+from support.engines import solve
+from support.judging import LIMIT, compare, flagged
+from support.near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
+from support.pages import terminal
+from support.report import estimates, run_in_terminal, summary, verdict
+from support.scene import check_scene
+from support.solve import layout, loop_equations, posed
+from support.tolerances import EQUAL, TIGHT
 
 ENGINES = ["screw", "pinocchio", "mujoco", "truth"]
 
@@ -190,11 +189,11 @@ def test_summary_report_and_terminal_tell_of_the_guard(ladder):
     assert (theirs["ok"], theirs["flagged"]) == (False, 3)
     assert theirs["condition"] > 1e5
     assert theirs["worst_t"] in results.times
-    assert "flagged (pinocchio" in text(terminal(results))
+    assert "flagged (pinocchio" in terminal(run_in_terminal(results))
     assert "no digit" in str(estimates(results))
     assert "✗ (3 of 3" in str(estimates(results))
     quiet = screwgauge.run(screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0]), engines=["screw"])
-    assert "\nconditioning: nothing flagged" in text(terminal(quiet))
+    assert "\nconditioning: nothing flagged" in terminal(run_in_terminal(quiet))
 
 
 def test_a_rule_without_solution_is_blamed_and_not_the_engine():
@@ -228,16 +227,12 @@ def test_a_locked_chart_is_named_where_rates_are_refused():
 
 def at_lock(scene) -> np.ndarray:
     """The second pose moved to where the wrist's chart locks, to rounding."""
-    from screwgauge.reference.closed.loops import loop_equations
-    from screwgauge.reference.kinematics import positions
-    from screwgauge.reference.pose import layout
-
     lay = layout(scene.mechanism)
     cut = [joint.name for joint in lay.tree.cuts].index("leg2.wrist")
     step, a = 1e-6, WRIST
 
     def condition(a: float) -> float:
-        at = positions(lay, np.array([[a, 0.0]]), np.zeros(1))
+        at = posed(lay, a, 0.0)
         found = float(loop_equations(lay).readers(at)[1][0, cut])
         return found if np.isfinite(found) else np.inf
 

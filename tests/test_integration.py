@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import integrate
-from tolerances import CLOSED, LINEAR
 
-from screwgauge.engines.methods import METHODS
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.applied import JointSpring
-from screwgauge.reference.closed.branch import Branch
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.forward import Forces
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import layout
+from support.acting import Forces, JointSpring
+from support.errors import DescriptionError, UnknownNameError
+from support.mechanism import DATA, load_mechanism
+from support.solve import METHODS, Branch, integrate, layout, positions
+from support.tolerances import CLOSED, LINEAR
 
-DATA = Path(__file__).parent / "data"
 SLIDER_CRANK = """
 name = "dead-centre"
 [independent]

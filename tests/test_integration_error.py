@@ -5,27 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import ask, model_files
 from scipy.optimize import brentq
 
 import screwgauge
-from screwgauge.engines.methods import Pace
-from screwgauge.judging.compare import compare
+from screwgauge import Scene
 from screwgauge.judging.integration import MOST, WITHIN, Left, estimated
-from screwgauge.models.generate import write_models
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
-from screwgauge.reference.rotations import within_half_turn
-from screwgauge.report.verdict import verdict
-from screwgauge.scene.scene import Scene
-from screwgauge.solution import REFERENCE, Solution, Values
 from screwgauge.study.simulated import loosened, observed
+from support.engines import REFERENCE, Solution, Values, ask, model_files
+from support.geometry import within_half_turn
+from support.judging import compared
+from support.mechanism import DATA
+from support.models import write_models
+from support.report import verdict
+from support.solve import Pace, layout
 
-DATA = Path(__file__).parent / "data"
 SIBLING = """
 extends = "cart-pole"
 name = "sibling"
@@ -250,15 +246,9 @@ def motions(late: float, early: float = 0.0) -> tuple[Scene, dict[str, Solution]
     return scene, found
 
 
-def compared(scene: Scene, found: dict[str, Solution]):
-    lay = layout(scene.mechanism)
-    counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
-    return compare(scene.mechanism, scene.problem(()), found, {}, counts, scene.tolerance)[1].iloc[0]
-
-
 def test_what_integration_leaves_at_the_end_is_not_admitted_at_the_beginning():
-    assert compared(*motions(late=6e-5))["ok"]
-    row = compared(*motions(late=6e-5, early=1e-6))
+    assert compared(*motions(late=6e-5))[1].iloc[0]["ok"]
+    row = compared(*motions(late=6e-5, early=1e-6))[1].iloc[0]
     assert not row["ok"]
     assert (row["worst_t"], row["max_abs"]) == (1.0, pytest.approx(1e-6))
     assert "at least" in row["reason"]
@@ -267,7 +257,7 @@ def test_what_integration_leaves_at_the_end_is_not_admitted_at_the_beginning():
 def test_more_than_ten_thousandths_is_not_put_down_to_integration():
     scene, found = motions(late=2e-3)
     grown = {name: replace(s, integration={"joint_position": {"rad": np.full(3, 1.0)}}) for name, s in found.items()}
-    row = compared(scene, grown)
+    row = compared(scene, grown)[1].iloc[0]
     assert not row["ok"]
     assert "more than 0.0001 is not put down to it" in row["reason"]
 

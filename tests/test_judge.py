@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.judging.answer import answer_at
-from screwgauge.judging.compare import compare
-from screwgauge.judging.judge import judge
-from screwgauge.quantities import natural_scales
-from screwgauge.reference import dynamics, screws
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
-from screwgauge.solution import Solution, Values
+from support.engines import Solution, Values
+from support.geometry import screws
+from support.judging import answer_at, compared, judge
+from support.scene import natural_scales
+from support.solve import dynamics
 
 
 @pytest.fixture(scope="module")
@@ -135,10 +132,8 @@ def test_engines_that_solved_different_samples_are_not_compared(scene):
     results = screwgauge.run(scene, engines=["screw"], quantities=["joint_position"])
     first = replace(results.solutions["screw"], rows=np.array([0, 1]))
     other = replace(first, engine="other", rows=np.array([2, 3]))
-    lay = layout(scene.mechanism)
-    counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
     both = {"screw": first, "other": other}
-    errors, pairs = compare(scene.mechanism, scene.problem(()), both, {}, counts, scene.tolerance)
+    errors, pairs = compared(scene, both)
     assert errors.empty
     assert pairs["reason"].tolist() == ["no sample in common"]
     assert not pairs["ok"].any()
@@ -156,11 +151,9 @@ def test_what_is_zero_is_measured_by_a_millionth_of_its_natural_scale(scene):
 
 
 def test_a_pair_is_unique_where_all_of_its_components_are(scene):
-    lay = layout(scene.mechanism)
-    counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
     first = screwgauge.run(scene, engines=["screw"], quantities=["reaction", "com_acceleration"]).solutions["screw"]
     both = {"screw": first, "other": replace(first, engine="other")}
-    errors, pairs = compare(scene.mechanism, scene.problem(()), both, {}, counts, scene.tolerance)
+    errors, pairs = compared(scene, both)
     by_unit = errors.groupby(["quantity", "unit"])["unique"]
     assert (by_unit.any() & ~by_unit.all()).sum() == 1  # forces of the joints: some are, some are not
     assert pairs.set_index(["quantity", "unit"])["unique"].to_dict() == by_unit.all().to_dict()

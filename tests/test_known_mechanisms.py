@@ -7,14 +7,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from tolerances import LINEAR
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import GivenMotion
-from screwgauge.reference.pose import layout, pose
+from support.engines import IN_DOUBLES
+from support.judging import agreed
+from support.mechanism import load_mechanism
+from support.scene import GivenMotion
+from support.solve import layout, pose
+from support.tolerances import LINEAR
 
-ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 CLOSED = 1e-13  # of angles and lengths of order one
 FALLING = 1e-9  # what rounding makes of a momentum that is the difference of two a million times as large
 NAMES = [
@@ -26,7 +27,7 @@ NAMES = [
 @cache
 def solved(name: str):
     scene = screwgauge.load_scene(name)
-    return screwgauge.run(scene.at(scene.t[:: len(scene.t) // 6]), engines=ENGINES)
+    return screwgauge.run(scene.at(scene.t[:: len(scene.t) // 6]), engines=IN_DOUBLES)
 
 
 def moved(name: str):
@@ -44,9 +45,7 @@ def moved(name: str):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_all_engines_agree(name):
-    results = solved(name)
-    assert not results.failures
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    agreed(solved(name))
 
 
 def test_slider_crank():
@@ -215,7 +214,7 @@ def test_arm_of_seven_joints_holds_its_weight():
     scene = screwgauge.load_scene("arm7")
     y = np.array([0.3, -0.4, 0.2, -1.8, 0.5, 1.4, -0.6])
     zero = np.zeros((1, 7))
-    results = screwgauge.run(replace(scene, task=GivenMotion(np.zeros(1), y[None], zero, zero)), engines=ENGINES)
+    results = screwgauge.run(replace(scene, task=GivenMotion(np.zeros(1), y[None], zero, zero)), engines=IN_DOUBLES)
     assert results.ok
     T, axes, origins, centres = np.eye(4), [], [], []
     for angle, alpha, a, d, body in zip(

@@ -10,12 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
 
-import bad_works
 import pytest
 
+from screwgauge import Limits
 from screwgauge.study import apart as processes
-from screwgauge.study.apart import Limits, apart
-from screwgauge.study.ask import silent
+from support import bad_works
+from support.engines import apart, silent
 
 #: A program that puts work into processes and waits for it.
 PARENT = """
@@ -23,7 +23,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
-import bad_works
+from support import bad_works
 
 kind, folder = sys.argv[1], Path(sys.argv[2])
 if kind == "program":
@@ -32,7 +32,7 @@ if kind == "program":
 
     from screwgauge.study.lifeline import tied
 
-    code = f"import bad_works; from pathlib import Path; bad_works.spins_in_c(None, Path({str(folder)!r}))"
+    code = f"from support import bad_works; from pathlib import Path; bad_works.spins_in_c(None, Path({str(folder)!r}))"
     with ThreadPoolExecutor(2) as pool:
         for _ in range(2):
             pool.submit(subprocess.run, [sys.executable, "-c", code], preexec_fn=tied())

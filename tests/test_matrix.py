@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 
 from screwgauge.casebook.book import CASES
-from screwgauge.cli import main
 from screwgauge.report.pages.matrix import PAGE as page
 from screwgauge.study import matrix as study
+from support.command import main
 
 CASE = "fullinertia-order"
 AGREE = {"scene": "s", "status": "agree", "sentence": "", "errors": []}

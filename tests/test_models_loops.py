@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge.models.catalog import load_mechanism, mechanism_names
-from screwgauge.models.loops import loops_of, read_loops, write_loops
-from screwgauge.reference.errors import ModelFileError
-from screwgauge.reference.mechanism import Mechanism
+from support.errors import ModelFileError
+from support.mechanism import Mechanism, load_mechanism, mechanism_names
+from support.models import loops_of, read_loops, write_loops
 
 
 @pytest.mark.parametrize("cut", ["minimal", "full"])

@@ -6,21 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from near import BASE, UPU, WRIST, before_upu, errors, moving_at
 
 import screwgauge
-from screwgauge.engines.screw.model import ScrewModel
-from screwgauge.problem import ModelFiles, Problem
-from screwgauge.reference import dynamics
-from screwgauge.reference.applied import Applied
-from screwgauge.reference.closed.resting import home_equations
-from screwgauge.reference.errors import SingularPoseError
-from screwgauge.reference.pose import layout
-from screwgauge.reference.precision import wide_force_matrix
-from screwgauge.scene.preflight import check_scene
-from screwgauge.scene.read import load_scene
-from screwgauge.study.ask import solve
-from screwgauge.study.method import Method
+from screwgauge import load_scene
+from support.acting import Applied
+from support.engines import Method, ModelFiles, Problem, solve
+from support.errors import SingularPoseError
+from support.near import BASE, UPU, WRIST, before_upu, errors, moving_at
+from support.scene import check_scene
+from support.solve import ScrewModel, dynamics, home_equations, layout, wide_force_matrix
 
 THIRTEEN = 1e-13  # scaled; promised of forces that are found by virtual power
 FORCES = ("generalized_force", "actuator_force")

@@ -10,21 +10,17 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from gates import repository, scene
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.reference.errors import OutputError
 from screwgauge.reference.outputs import is_as_written, stamped
 from screwgauge.report.lock import locked
+from support.command import main
+from support.errors import OutputError
+from support.repository import repository, scene
 
 MINE = "# mine\n"
 
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch, no_progress):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("inside", "no_progress")
 
 
 @pytest.fixture
@@ -186,9 +182,8 @@ def test_a_folder_is_free_when_who_held_it_is_killed():
 
 
 @pytest.mark.parametrize("text", ["", "<a/>", "a = 1\n", "<a>\n</a>\n\n"])
-def test_a_digest_tells_a_text_as_it_was_written(text, tmp_path):
-    file = tmp_path / "file"
-    file.write_text(stamped(text), encoding="utf-8")
+def test_a_digest_tells_a_text_as_it_was_written(text, write):
+    file = write("file", stamped(text))
     assert is_as_written(file)
     for other in (text, f"{stamped(text)}\n", f"x{stamped(text)}", stamped(text).removesuffix("\n")):
         file.write_text(other, encoding="utf-8")

@@ -6,15 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tolerances import LINEAR, ROUNDING
 
 import screwgauge
-from screwgauge.judging.charts import in_one_chart
-from screwgauge.judging.compare import compare
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
-from screwgauge.reference.rotations import MIDDLE, rotation, sequence_angles
-from screwgauge.solution import Values
+from support.engines import Values
+from support.geometry import MIDDLE, rotation, sequence_angles
+from support.judging import agreed, compared, in_one_chart
+from support.tolerances import LINEAR, ROUNDING
 
 #: In the plane, so that the middle angle of the ball passes a right angle and the other two stay zero.
 CRANK = """
@@ -50,8 +47,7 @@ def scene(write):
 
 
 def test_engines_agree_after_a_gimbal_lock_in_whatever_triple_they_read(scene):
-    results = screwgauge.run(scene)
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(scene))
     middle = results.values("joint_position")[:, results.components("joint_position").index("ball.q2")]
     assert middle.min() < -2.0  # well beyond the lock
     said = [note for one in results.solutions.values() for note in one.notes if "other triple of the same" in note]
@@ -124,10 +120,8 @@ def rewritten(results, *changes):
         columns, array = [found.components.index(name) for name in names], found.array.copy()
         array[:, columns] = change(array[:, columns])
         values[quantity] = Values(found.components, found.units, array)
-    lay = layout(scene.mechanism)
-    counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
     both = in_one_chart(scene.mechanism, {"screw": one, "pinocchio": replace(other, values=values)})
-    pairs = compare(scene.mechanism, scene.problem(()), both, {}, counts, scene.tolerance)[1]
+    pairs = compared(scene, both)[1]
     return {quantity: bool(rows["ok"].all()) for quantity, rows in pairs.groupby("quantity")}, both["pinocchio"].notes
 
 

@@ -10,12 +10,10 @@ import signal
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.reference.errors import OutputError, ReportError
-from screwgauge.report.blocks import Heading, Picture
-from screwgauge.report.folder import MANIFEST
-from screwgauge.report.formatting import file_name
-from screwgauge.report.write import write_report
+from support.command import main
+from support.errors import OutputError, ReportError
+from support.pages import Heading, Picture, file_name
+from support.report import MANIFEST, write_report
 
 DATA = {"numbers.json": {"a": 1}, "summary.json": {"ok": True}}
 PICTURE = Picture("01-curve", "A curve", '<svg viewBox="0 0 1 1"></svg>')

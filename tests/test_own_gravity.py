@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 import screwgauge
-from screwgauge.models.generate import write_models
+from support.models import write_models
 
 OTHERS = [
     ("a02-fourbar-2", "0 0 0"),

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import FOLLOWED_TO_THE_END
+
+from support.tolerances import FOLLOWED_TO_THE_END
 
 
 def test_governor_follows_the_known_motion(answer):

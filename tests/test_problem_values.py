@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import FOLLOWED_TO_THE_END
+
+from support.tolerances import FOLLOWED_TO_THE_END
 
 
 def change_of_energy(found):

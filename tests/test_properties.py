@@ -13,14 +13,12 @@ import numpy as np
 import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
-from support.strategies import FEW, scenes
-from tolerances import ROUNDING
 
-from screwgauge.reference.rotations import rotation
-from screwgauge.scene.read import load_scene
-from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution
-from screwgauge.study.ask import solve
+from screwgauge import Scene, load_scene
+from support.engines import Solution, solve
+from support.geometry import rotation
+from support.strategies import FEW, scenes
+from support.tolerances import ROUNDING
 
 ENGINES = ("screw", "pinocchio", "mujoco")
 JOINTS = ("joint_velocity", "joint_acceleration")

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.generate import write_models
 from screwgauge.study.provenance import SCHEMA, provenance
 from screwgauge.study.run import run
+from support.command import main
+from support.models import write_models
 
 DATE = datetime(2020, 2, 2, 2, 2, 2, tzinfo=UTC)
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import model_texts
+from support.command import printed_by
+from support.mechanism import load_mechanism
+from support.models import model_texts
 
 pytest_plugins = ["pytester"]
 
@@ -151,7 +150,7 @@ def test_a_folder_without_scenes_is_no_pass(folder, said, tested, repository):
 
 def test_nothing_heavy_is_imported_before_it_is_used():
     code = f"import sys, screwgauge.pytest_plugin; print([name for name in {ENGINES} if name in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+    assert printed_by(code) == "[]\n"
 
 
 def test_the_plugin_is_an_entry_point():

@@ -7,18 +7,15 @@ import tomllib
 import numpy as np
 import pytest
 import tomli_w
-from tolerances import ROUNDING
 
 import screwgauge
-from screwgauge.families.draw import families
-from screwgauge.reference import linear
-from screwgauge.reference.closed.loops import loop_equations
-from screwgauge.reference.errors import UnknownNameError
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
 from screwgauge.scene.exciting import WORSE
-from screwgauge.study.run import run
+from support.errors import UnknownNameError
+from support.freedoms import mobility_at_home
+from support.geometry import linear
+from support.mechanism import families
+from support.solve import layout, loop_equations, pose, positions
+from support.tolerances import ROUNDING
 
 SMALL = ["mixed-loop", "serial", "bennett", "3-rps"]
 #: What textbooks say.
@@ -55,8 +52,7 @@ def test_without_a_family_the_seed_decides_and_an_unknown_one_is_refused():
 @pytest.mark.parametrize("family", families())
 def test_the_solver_counts_the_freedoms_that_the_family_is_known_for(family):
     mechanism = screwgauge.random(0, family).mechanism
-    lay = layout(mechanism)
-    counted = mobility(lay, pose(lay, mechanism.home[None])).mobility
+    counted = mobility_at_home(mechanism).mobility
     assert counted == len(mechanism.independent) == KNOWN.get(family, counted)
 
 
@@ -75,7 +71,7 @@ def test_a_motion_stays_away_from_singular_poses_where_the_smallest_about_home_w
 
 def answers(folder):
     """The scene in a folder, run: whether it agrees, and every value by quantity, engine and component."""
-    results = run(screwgauge.load_scene(next(folder.glob("*-scene.toml"))), ENGINES)
+    results = screwgauge.run(screwgauge.load_scene(next(folder.glob("*-scene.toml"))), ENGINES)
     open_ = set(results.errors.loc[results.errors["rule"] == "undetermined", "component"])
     values = {}
     for engine, solution in results.solutions.items():

@@ -6,8 +6,8 @@ import os
 
 import pytest
 
-from screwgauge.reference.errors import LoaderError, ModelFileError
 from screwgauge.study import apart, loading
+from support.errors import LoaderError, ModelFileError
 
 REAL = apart.apart
 INERTIAL = '<inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/>'

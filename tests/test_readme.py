@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.loops import read_loops
 from screwgauge.report.listing import listing
+from support.command import main
+from support.mechanism import load_mechanism
+from support.models import read_loops
 
 ROOT = Path(__file__).parents[1]
 TEXTS = {
@@ -169,8 +169,7 @@ def test_gate_ends_as_shown(example, run) -> None:
 @pytest.mark.parametrize(
     ("folder", "k"), [(folder, k) for folder, text in TEXTS.items() for k in range(len(blocks(text, "python")))]
 )
-def test_python_runs(folder, k, tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_python_runs(folder, k, inside) -> None:
     code = blocks(TEXTS[folder], "python")[k].replace("100_000", "1_000")
     exec(compile(code, f"{folder}/README.md", "exec"), {})
 

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.reference.errors import OutputError, ScrewgaugeError, UnknownNameError
-from screwgauge.report.results import LINES
+from screwgauge import ScrewgaugeError
+from support.command import main, printed_by
+from support.errors import OutputError, UnknownNameError
+from support.report import LINES
 
 
 @pytest.fixture(scope="module")
@@ -145,8 +144,7 @@ def test_counts_of_nothing_and_seeds_that_are_none_are_usage(arguments, capsys):
 
 def test_the_package_lists_its_public_names_and_only_those():
     code = "import screwgauge; screwgauge.load_scene('3ups-upu-s'); print(*dir(screwgauge))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    names = [name for name in done.stdout.split() if not re.fullmatch("__.*__", name)]
+    names = [name for name in printed_by(code).split() if not re.fullmatch("__.*__", name)]
     assert names == sorted(screwgauge.__all__)
     for name in names:
         assert getattr(screwgauge, name) is not None

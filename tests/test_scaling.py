@@ -10,17 +10,12 @@ from campaigns import compiled
 
 import screwgauge
 from screwgauge.engines.screw.compiled import Solver
-from screwgauge.engines.screw.traced import TracedWork
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.fourbars import four_bars
-from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed.gain import gain
-from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.extent import extent
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import layout
-from screwgauge.reference.traced.lanes import Lanes
-from screwgauge.reference.traced.program import only
+from support.mechanism import four_bars, load_mechanism
+from support.scene import GIVEN
+from support.solve import TracedWork, home_equations, layout, positions
+from support.traced import Lanes, only
 
 FORCES = ("generalized_force", "actuator_force")
 

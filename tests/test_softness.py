@@ -7,19 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import has_integrator, model_files
 
 import screwgauge
-from screwgauge.engines.mujoco.settings import INTEGRATORS
-from screwgauge.engines.mujoco.tree import MujocoTree
-from screwgauge.reference.linear import EPS
-from screwgauge.reference.rotations import Array
-from screwgauge.study.cases.case import GOOD, SILENT, Finding
-from screwgauge.study.cases.question import Question, findings
-from screwgauge.study.cases.registry import CASES
 from screwgauge.study.cases.softness import PASSES, SETTINGS, held, in_tree
-from screwgauge.study.method import Method
-from screwgauge.study.stress import climb
+from support.engines import Method, model_files
+from support.geometry import EPS, Array
+from support.questions import Question, findings
+from support.stress import CASES, GOOD, SILENT, Finding, climb
+from support.trees import INTEGRATORS, MujocoTree, has_integrator
 
 STEPS = (2e-3, 5e-4, 1e-4)  # [s]
 FLAT = 0.01  # slope of a floor: discretisation changes it by less than its own size times dt / 0.02 s

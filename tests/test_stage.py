@@ -12,15 +12,13 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.models.shapes import differing, shapes
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import layout, length
-from screwgauge.report.blocks import Items, Picture
 from screwgauge.report.stage.drawing import drawing
 from screwgauge.report.stage.picture import stage, told
 from screwgauge.study.motion import FRAMES
+from support.mechanism import Mechanism, load_mechanism, mechanism_names
+from support.pages import Items, Picture
+from support.solve import layout, length, positions
 
 SEEN = 2e-4  # of the mechanism's length: positions and quaternions have four decimals
 MOST = 400_000  # of the default scene, bytes

@@ -8,16 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import Integration
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.study.cases.asking import SCREW, loaded, push, tree_coordinates
-from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Finding
-from screwgauge.study.cases.question import Question, findings
-from screwgauge.study.cases.registry import CASES
+from screwgauge import ScrewgaugeError
 from screwgauge.study.cases.stiff import RADAU, accelerations, explicit, leg_springs, motion, tolerant
-from screwgauge.study.method import Method
-from screwgauge.study.stress import climb
+from support.engines import Method
+from support.mechanism import load_mechanism
+from support.questions import SCREW, Question, findings, loaded, push, tree_coordinates
+from support.scene import Integration
+from support.stress import CASES, DEGRADED, GOOD, OK, REFUSED, SILENT, Finding, climb
 
 SPRUNG = load_mechanism("3ups-upu-s")
 

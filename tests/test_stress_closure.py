@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge.study.cases.case import OK, SILENT, Finding
-from screwgauge.study.cases.open_states import FORWARD, HARD
-from screwgauge.study.cases.registry import CASES
-from screwgauge.study.stress import climb
+from support.stress import CASES, FORWARD, HARD, OK, SILENT, Finding, climb
 
 GAPS = (1e-9, 1e-7, 1e-5)
 #: Rounding times the condition of the default scene's poses, after a refinement of soft constraints.

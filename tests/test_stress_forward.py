@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.study.cases.case import DEGRADED, OK, SILENT, Finding
-from screwgauge.study.cases.loops import ITERATIONS
-from screwgauge.study.cases.registry import CASES
-from screwgauge.study.stress import climb
+from screwgauge import ScrewgaugeError
+from support.stress import CASES, DEGRADED, ITERATIONS, OK, SILENT, Finding, climb
 
 ROUNDING = 1e-11  # of accelerations of 0.1 that are left of forces of 1 kN
 

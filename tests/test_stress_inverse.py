@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
@@ -12,16 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from screwgauge.models.catalog import load_mechanism, mechanism_path
-from screwgauge.scene.read import load_scene
-from screwgauge.study.ask import solve
+from screwgauge import load_scene
 from screwgauge.study.cases import asking
-from screwgauge.study.cases.asking import ENGINES, POSES, compare, exactly, still
-from screwgauge.study.cases.case import DEGRADED, OK, REFUSED, Finding
-from screwgauge.study.cases.poses import WRIST_LOCKS
-from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import CASES, decades
-from screwgauge.study.stress import climb as climb_rung
+from support.command import printed_by
+from support.engines import solve
+from support.mechanism import load_mechanism, mechanism_path
+from support.questions import ENGINES, POSES, WRIST_LOCKS, compare, exactly, findings, still
+from support.stress import CASES, DEGRADED, OK, REFUSED, Finding, decades
+from support.stress import climb as climb_rung
 
 FORCES = ("generalized_force", "actuator_force")
 #: Rounding (2e-16) times the condition of regular poses (up to 300) would leave 13.2 digits if errors never cancelled.
@@ -57,8 +53,7 @@ def test_cases_are_listed_without_loading_an_engine() -> None:
         "import sys; from screwgauge.study.cases.registry import CASES; "
         "print(sorted({'pinocchio', 'mujoco', 'flint', 'scipy', 'vl_convert'} & set(sys.modules)))"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
+    assert printed_by(code).strip() == "[]"
 
 
 @pytest.mark.parametrize(

@@ -12,18 +12,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from screwgauge.cli import main
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import ModelFiles, Problem, Progress, States, quiet
-from screwgauge.reference.applied import Applied
-from screwgauge.reference.errors import ClosureError, ScrewgaugeError
-from screwgauge.solution import Cost, Solution, Values
+from screwgauge import ScrewgaugeError
 from screwgauge.study.cases import registry
-from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding
-from screwgauge.study.cases.question import Question, findings
-from screwgauge.study.method import Method
-from screwgauge.study.reference import Reference
-from screwgauge.study.stress import COLUMNS, stress
+from support.acting import Applied
+from support.command import main
+from support.engines import Cost, Method, ModelFiles, Problem, Progress, Solution, Values, quiet
+from support.errors import ClosureError
+from support.judging import Reference
+from support.mechanism import load_mechanism
+from support.questions import Question, findings
+from support.scene import States
+from support.stress import COLUMNS, DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding, stress
 
 NOWHERE = ModelFiles(Path("nowhere"))
 
@@ -189,9 +188,8 @@ def test_the_folder_has_table_report_and_page_of_plots(tmp_path) -> None:
         (["--severity", "1"], ("--severity", "one case")),
     ],
 )
-def test_bad_input_is_one_sentence(arguments, words, tmp_path, capsys) -> None:
-    assert main(["stress", *arguments, "--out", str(tmp_path / "out")]) == 2
-    text = capsys.readouterr().err
+def test_bad_input_is_one_sentence(arguments, words, tmp_path, command) -> None:
+    text = command("stress", *arguments, "--out", tmp_path / "out", status=2).err
     assert text.count("\n") == 1
     assert all(word in text for word in words), text
     assert not (tmp_path / "out").exists()

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import CASES
+from support.questions import findings
+from support.stress import CASES
 
 
 @pytest.mark.parametrize("name", ["upu-singularity", "closure-violation", "refinement", "proximal", "long-run"])

@@ -8,7 +8,7 @@ import pytest
 
 import screwgauge
 from screwgauge import Recorded, ScrewgaugeError, load_scene
-from screwgauge.report.pages.run import summary
+from support.report import summary
 
 SCENE = """mechanism = "five-bar"
 motion = { left = { harmonics = [[3, 0, 0.2]] }, right = { harmonics = [[4, -0.3, 0.2]], offset = 0.3 } }

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines.screw.model import ScrewModel
-from screwgauge.reference.applied import Motor, hold
-from screwgauge.reference.pose import layout
 from screwgauge.truth import cache
+from support.acting import Motor, hold
+from support.scene import sampled
+from support.solve import ScrewModel, layout
+from support.traced import native
 
 needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason="llvmlite is not installed")
 FORCES = ("generalized_force", "actuator_force")
@@ -24,8 +25,7 @@ SAME = 1e-12
 
 @pytest.fixture(scope="module")
 def scene():
-    scene = screwgauge.load_scene("3ups-upu-s")
-    return scene.at(scene.t[:500:5])
+    return sampled("3ups-upu-s", slice(0, 500, 5))
 
 
 @pytest.fixture(scope="module")
@@ -182,8 +182,6 @@ def test_machine_code_answers_any_number_of_samples(scene, n):
 
 @needs_llvm
 def test_machine_code_is_kept_and_a_damaged_file_is_made_anew(scene, tmp_path, monkeypatch):
-    from screwgauge.reference.traced import native
-
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
     assert screwgauge.compile(scene, FORCES).notes == ()
     (file,) = (path for path in tmp_path.iterdir() if path.name != cache.SECRET)

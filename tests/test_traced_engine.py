@@ -8,20 +8,17 @@ from functools import cache
 
 import numpy as np
 import pytest
-import tolerances
 from hypothesis import given
-from support.strategies import FEW, scenes
 
 import screwgauge
-from screwgauge.engines.registry import get_engine
-from screwgauge.engines.screw.model import LONG, ScrewModel, Settings
-from screwgauge.engines.screw.traced import TracedWork
-from screwgauge.models.catalog import load_mechanism, mechanism_names
-from screwgauge.problem import GivenMotion, ModelFiles
-from screwgauge.quantities import GIVEN
-from screwgauge.reference.errors import UnknownNameError
-from screwgauge.reference.pose import layout
-from screwgauge.reference.rotations import rotation
+from support import tolerances
+from support.engines import ModelFiles, get_engine
+from support.errors import UnknownNameError
+from support.geometry import rotation
+from support.mechanism import load_mechanism, mechanism_names
+from support.scene import GIVEN, GivenMotion
+from support.solve import LONG, ScrewModel, Settings, TracedWork, layout
+from support.strategies import FEW, scenes
 
 needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason="llvmlite is not installed")
 BACKENDS = ("numpy", pytest.param("llvm", marks=needs_llvm))

@@ -7,20 +7,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from tolerances import LINEAR
 
 import screwgauge
-from screwgauge.engines.methods import StagedDOP853
-from screwgauge.engines.screw.forward import TracedForward
-from screwgauge.engines.screw.model import ScrewModel, Settings
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import InitialValue, Integration, Problem
-from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring
-from screwgauge.reference.closed.branch import Branch
-from screwgauge.reference.forward import forces_at, forward, power
-from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.pose import layout
-from screwgauge.reference.traced.trace import NotTraceableError
+from support.acting import Applied, JointSpring, Load, Motor, PointSpring, forces_at, power
+from support.engines import Problem
+from support.mechanism import load_mechanism
+from support.scene import InitialValue, Integration
+from support.solve import Branch, ScrewModel, Settings, StagedDOP853, TracedForward, forward, layout, moved, velocities
+from support.tolerances import LINEAR
+from support.traced import NotTraceableError
 
 MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
 
@@ -70,7 +65,7 @@ def test_slopes_are_those_of_the_arrays(name, backend):
     near = y[:, None] + 1e-3 * np.arange(11)  # more than a register holds
     states = np.concatenate([near, np.repeat(yd[:, None], 11, axis=1), np.zeros((1, 11))])
     found, two, one = programs.slope(t, states), programs.slope(t, states[:, :2]), programs.one(t, states[:, 0])
-    rate = velocities(lay, positions(lay, near.T, np.zeros(11)), states[len(y) : -1].T)
+    rate = moved(lay, near.T, states[len(y) : -1].T)
     forces = forces_at(lay.mechanism, applied, t)
     right = np.concatenate([states[len(y) : -1], forward(lay, rate, forces).ydd.T, power(lay, rate, forces)[None]])
     assert np.abs(found / right - 1.0).max() < 1e-10
@@ -200,7 +195,7 @@ def test_a_motor_on_a_joint_that_closes_a_loop_acts_there():
     motor = Motor(lay.tree.cuts[0].name, np.array([2.0]), np.zeros((0, 3)))
     applied, y = replace(scene.applied, motors=(motor,)), np.array([0.4])
     found = traced(lay, applied, y, "numpy").one(0.0, np.array([0.4, 1.5, 0.0]))
-    rate = velocities(lay, positions(lay, y[None], np.zeros(1)), np.array([[1.5]]))
+    rate = moved(lay, y[None], np.array([[1.5]]))
     forces = forces_at(lay.mechanism, applied, 0.0)
     assert abs(found[1] - forward(lay, rate, forces).ydd[0, 0]) < LINEAR
     assert abs(found[2] - power(lay, rate, forces)[0]) < LINEAR

@@ -4,24 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from flint import arb, arb_mat, ctx
-from tolerances import LINEAR, ROUNDING
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism, mechanism_tables
-from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.rotations import rotation
-from screwgauge.truth.certify import Certifier
-from screwgauge.truth.exact import number, widened
-from screwgauge.truth.forces import newton_euler
-from screwgauge.truth.kinematics import state
-from screwgauge.truth.linkage import Linkage
+from support.errors import DescriptionError
+from support.geometry import rotation
+from support.mechanism import DATA, load_mechanism, mechanism_tables
+from support.tolerances import LINEAR, ROUNDING
+from support.truth import Certifier, Linkage, newton_euler, notes, number, state, widened
 
-DATA = Path(__file__).with_name("data")
 #: Radii where doubles of the geometry are read as rounded: 1e-15 times what is lost on the way to accelerations of 10.
 RADIUS_OF_ROUNDED = 1e-8
 
@@ -68,10 +62,6 @@ def turned(text):
             joint = f"{joint.rstrip()}\n{side}_frame = {{ position = {p}, rotation = {{ matrix = {rows} }} }}\n"
         out += joint + "\n"
     return out
-
-
-def notes(results):
-    return " ".join(results.solutions["truth"].notes)
 
 
 @pytest.mark.parametrize("name", ["bennett", "sarrus"])

@@ -9,9 +9,8 @@ import pytest
 
 import screwgauge
 from screwgauge.engines import truth as engine
-from screwgauge.solution import common_rows
-from screwgauge.truth.certify import NotCertified
-from screwgauge.truth.samples import Sampler
+from support.engines import common_rows
+from support.truth import NotCertified, Sampler
 
 QUANTITIES = ["joint_position", "joint_velocity", "actuator_force", "generalized_force"]
 

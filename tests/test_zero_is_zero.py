@@ -6,18 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from near import BASE, moving_at
-from planar import Bar, at_random, four_bar, moving, slider_crank
-from tolerances import NOTICED, ROUNDING
 
 import screwgauge
 from screwgauge.engines.estimate import Part, Trust, errors
-from screwgauge.judging.compare import compare
-from screwgauge.judging.judge import judge
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import layout, pose
-from screwgauge.scene.preflight import check_actuation, check_scene
-from screwgauge.solution import Solution, Values
+from support.engines import Solution, Values
+from support.freedoms import mobility_at_home
+from support.judging import compare, compared, judge
+from support.near import BASE, moving_at
+from support.planar import Bar, at_random, four_bar, moving, slider_crank
+from support.scene import check_actuation, check_scene
+from support.tolerances import NOTICED, ROUNDING
 
 FORCES = ("generalized_force", "actuator_force", "reaction")
 
@@ -92,8 +90,7 @@ def test_a_share_of_any_force_is_noticed(write):
     for seed in range(12):
         scene = at_random(write, seed)
         right = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
-        lay = layout(scene.mechanism)
-        counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
+        counts = mobility_at_home(scene.mechanism)
         for quantity in ("joint_velocity", "joint_acceleration", "com_acceleration", *FORCES):
             values = right.values[quantity]
             alone = replace(right, values={quantity: values})
@@ -136,10 +133,8 @@ def test_a_mass_off_by_a_billionth_is_noticed(write, body):
     solution = screwgauge.run(right, engines=["screw"]).solutions["screw"]
     other = screwgauge.run(moving(write, text(NOTICED), [1.0, 1.2], 5.0, 1.0), engines=["screw"]).solutions["screw"]
     assert not judge(right.mechanism, right.problem(()), other)["ok"].all()
-    lay = layout(right.mechanism)
     both = {"screw": solution, "other": replace(other, engine="other")}
-    counts = mobility(lay, pose(lay, right.mechanism.home[None]))
-    pairs = compare(right.mechanism, right.problem(()), both, {}, counts, right.tolerance)[1]
+    pairs = compared(right, both)[1]
     assert {"actuator_force", "reaction"} <= set(pairs[~pairs["ok"]]["quantity"])
 
 

@@ -9,7 +9,6 @@ import pytest
 from paper import scheme
 from paper.case import every
 from paper.erratum import about
-from tolerances import ROUNDING
 
 import screwgauge
 from screwgauge.engines.screw.scheme import PARTS, chains, integrate, platform_screws
@@ -17,6 +16,7 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.kinematics import accelerations, positions, velocities
 from screwgauge.reference.pose import layout
+from support.tolerances import ROUNDING
 
 SCENE = screwgauge.load_scene("3ups-upu-s")
 DATA = Path(__file__).parents[1] / "data"
