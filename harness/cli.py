@@ -11,6 +11,7 @@ from typing import Any
 
 from screwgauge import __version__, commands
 from screwgauge.commands import gate, view
+from screwgauge.commands.ended import check_current
 from screwgauge.report.console import console, ended, say
 from screwgauge.threads import fix_threads
 
@@ -39,6 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _command(arguments: Sequence[str] | None) -> int:
     try:
+        check_current(sys.argv[1:] if arguments is None else arguments)
         options = _parser().parse_args(arguments)
     finally:
         say("", end="")  # what cannot be said is not begun
@@ -141,7 +143,6 @@ def _parser() -> argparse.ArgumentParser:
     add("--exciting", action="store_true", help="replace its motion by one that excites all inertia that it can")
     add("--seed", type=_whole(0), metavar="N", help="of the exciting motion (0)")
     add("--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)")
-    add("--errata", action="store_true", help="add the errata of the paper to the report of one of its scenes")
     add("--pdf", action="store_true", help="print the report to report.pdf, too (needs Chromium or Chrome)")
     add("--json", action="store_true", help="print the summary as JSON")
     add("--limit", type=float, metavar="SECONDS", help="stop an engine that takes longer (3600)")
@@ -164,8 +165,6 @@ def _parser() -> argparse.ArgumentParser:
     budget = "begin nothing after that (480, --quick 48; simulated scenes 90, --quick 25)"
     add("--budget", type=float, metavar="SECONDS", help=budget)
     add("--contestants", metavar="A,B", help="families or contestants; default: all")
-    add("--random", type=_whole(1), metavar="N", help="instead, all engines on N random mechanisms of all families")
-    add("--seed", type=_whole(0), default=0, help="of the first random mechanisms")
 
     add = command(
         commands.stress,
@@ -184,9 +183,6 @@ def _parser() -> argparse.ArgumentParser:
     add("a", nargs="?", type=_named, metavar="A", help=which)
     add("b", nargs="?", type=_named, metavar="B", help="the same")
     add("--case", metavar="ID", help="instead, show a discrepancy of the engines ('list discrepancies')")
-    add("--self-test", action="store_true", help="instead, models changed at random: is each change found and named?")
-    add("--count", type=int, metavar="N", help="so many of them (500), and pairs that are alike, two for five of them")
-    add("--quick", action="store_true", help="fewer (100) and small models only")
     add("--matrix", action="store_true", help="read both by all libraries: does a model, a loader or an engine differ?")
     add("--map", type=_path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
     add(
@@ -196,7 +192,7 @@ def _parser() -> argparse.ArgumentParser:
         help="what closes loops of URDFs, one file or one for each: robot.yaml or .loops.toml (those beside them)",
     )
     add("--meshes", action="store_true", help=meshes)
-    add("--seed", type=_whole(0), default=0, metavar="N", help="of the random states, of the self-test (0)")
+    add("--seed", type=_whole(0), default=0, metavar="N", help="of the random states (0)")
     add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")
     add("--fix", type=_path, metavar="FILE", help="write B as it would have to be to agree with A")
     add("--json", action="store_true", help="print the summary as JSON")
@@ -219,8 +215,6 @@ def _parser() -> argparse.ArgumentParser:
     add("-j", "--jobs", type=int, default=1, metavar="N", help="scenes at a time (1)")
     add("--json", action="store_true", help="print all of it as JSON")
     add("--store", type=_path, metavar="DIR", help="keep errors and run times there, see 'history'")
-    add("--self-test", action="store_true", help="instead, count false alarms and missed changes at random mechanisms")
-    add("--count", type=_whole(1), default=1000, metavar="N", help="of these (1000)")
     add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
     add("--memory", type=float, metavar="GB", help="stop a scene that needs more (that of the machine)")
 
@@ -235,8 +229,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--pin", metavar="A,B", help="versions of Pinocchio (that which is installed)")
     add("--mujoco", metavar="A,B", help="versions of MuJoCo (likewise)")
-
-    command(commands.paper, "measure the errata of the paper, each by its effect", out="paper")
     return parser
 
 

@@ -94,18 +94,6 @@ def waits(progress, folder: Path) -> None:
     hang(progress)
 
 
-def campaign_hangs(item, folder: Path) -> None:
-    _begun(folder)
-    spin_in_c()
-
-
-def campaign_dies(item) -> dict[str, object]:
-    seed, family = item
-    if seed:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return {"family": family, "seed": seed}
-
-
 def timer(progress) -> float:
     return signal.getitimer(signal.ITIMER_REAL)[0]
 

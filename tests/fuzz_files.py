@@ -33,7 +33,6 @@ MECHANISMS = ("slider-crank", "five-bar", "bennett")
 JOURNAL = f"out/{gate.NAME}"
 #: What a check leaves.
 REPORT = tuple(f"out/{name}" for name in ("report.md", "report.html", "check.json", "environment.json", MANIFEST))
-REPORTS = Path(__file__).parents[1] / "reports"
 #: What no entry should be, beside what `fuzz` puts there.
 HOSTILE: tuple[Any, ...] = (
     *fuzz.BAD,
@@ -127,9 +126,6 @@ KINDS = {
         ("run", "tables.toml", *OUT), ("mine.csv", "mine.parquet", "tables.toml"), (("--json",), ("--samples",))
     ),
     "manifest": Kind(("check", "scene.toml", *OUT), (*[f"out/{MANIFEST}"] * 4, "out/report.md", "out/check.json")),
-    "random": Kind(("bench", "--random", "6", *OUT), ("out/random.csv",)),
-    "alarms": Kind(("check", "--self-test", "--count", "6", *OUT), ("out/alarms.csv",)),
-    "self-test": Kind(("diagnose", "--self-test", "--count", "5", *OUT), ("out/selftest.csv",)),
 }
 
 
@@ -154,20 +150,9 @@ def whole(name: str) -> dict[str, bytes]:
             (Path(folder) / file).write_bytes(data)
         os.chdir(folder)
         try:
-            return files | _left() | _campaigns()
+            return files | _left()
         finally:
             os.chdir(before)
-
-
-def _campaigns() -> dict[str, bytes]:
-    """The first rows of campaigns: of all that is asked for in `KINDS`."""
-    found = {}
-    for file, column, most in (("random/random.csv", "seed", 1), ("check/alarms.csv", "seed", 1)):
-        table = pd.read_csv(REPORTS / file, dtype=str, keep_default_na=False)
-        found[file] = table[table[column].astype(int) < most]
-    table = pd.read_csv(REPORTS / "selftest/selftest.csv", dtype=str, keep_default_na=False)
-    found["selftest/selftest.csv"] = table[table["number"].astype(int) < 5]
-    return {f"out/{Path(file).name}": table.to_csv(index=False).encode() for file, table in found.items()}
 
 
 def _left() -> dict[str, bytes]:

@@ -161,7 +161,7 @@ def _name(function: ast.expr) -> str:
 
 def test_a_relative_bound_is_not_held_open_by_an_absolute_one():
     """`pytest.approx` admits 1e-12 whatever the relative bound, unless told otherwise."""
-    texts = {file: file.read_text(encoding="utf-8") for file in Path(__file__).parent.glob("*.py")}
+    texts = {file: file.read_text(encoding="utf-8") for file in Path(__file__).parent.rglob("*.py")}
     for file, text in texts.items():
         for node in ast.walk(ast.parse(text)) if "approx" in text else ():
             if isinstance(node, ast.Call) and _name(node.func).endswith("approx"):

@@ -148,8 +148,8 @@ def test_unknown_case_is_one_sentence(capsys) -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ([], "write A B, --case ID or --self-test"),
-        (["a.urdf"], "write A B, --case ID or --self-test"),
+        ([], "write A B or --case ID"),
+        (["a.urdf"], "write A B or --case ID"),
         (["a.urdf", "b.urdf", "--case", "mj-gear"], "a case takes no a, b"),
         (["--case", "mj-gear", "--json", "--out", "x"], "a case takes no out, json"),
     ],

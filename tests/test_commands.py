@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterator
 from io import StringIO
@@ -13,6 +14,7 @@ import pytest
 
 from screwgauge import commands
 from screwgauge.cli import main
+from screwgauge.commands.ended import ENDED
 from screwgauge.report.progress import QUIET, Progress
 from screwgauge.study.bench import forward_run
 from screwgauge.study.bench import run as bench_run
@@ -59,7 +61,6 @@ def test_a_terminal_has_one_line_that_is_wiped_in_the_end() -> None:
         (["bench", "3ups-upu-s"], "3ups-upu-s/bench"),
         (["bench", "a01-pendulum"], "a01-pendulum/bench"),
         (["stress"], "stress"),
-        (["paper"], "paper"),
     ],
 )
 def test_every_command_has_a_folder_of_its_own(arguments, folder, monkeypatch) -> None:
@@ -67,7 +68,7 @@ def test_every_command_has_a_folder_of_its_own(arguments, folder, monkeypatch) -
 
     def study(page, out, work, **more):
         seen.append(out)
-        return SimpleNamespace(exit_status=0, failures={}, ok=True, complete=True, broken=())
+        return SimpleNamespace(exit_status=0, failures={}, ok=True, broken=())
 
     monkeypatch.setattr(commands, "carry_out", study)
     assert main(arguments) == 0
@@ -108,11 +109,11 @@ def test_no_warning_of_numpy_reaches_the_user(monkeypatch, capfd) -> None:
         np.nanmean(np.array([np.nan]))
         return 0
 
-    monkeypatch.setattr(commands, "paper", warns)
-    warns.__name__ = "paper"
+    monkeypatch.setattr(commands, "stress", warns)
+    warns.__name__ = "stress"
     with warnings.catch_warnings():
         warnings.simplefilter("always")
-        assert main(["paper"]) == 0
+        assert main(["stress"]) == 0
     assert capfd.readouterr().err == ""
 
 
@@ -121,3 +122,11 @@ def test_a_budget_must_be_positive_for_every_bench(capfd) -> None:
         assert main(["bench", scene, "--budget", "-1"]) == 2
         assert "a budget of -1 s" in capfd.readouterr().err
     assert forward_run.FULL.budget < bench_run.FULL.budget
+
+
+@pytest.mark.parametrize("words", [*ENDED, "bench --quick --random=5", "run 3ups-upu-s --errata --no-such-option"])
+def test_what_ended_says_where_it_went(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words.split()) == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert re.fullmatch(r"screwgauge: .* is no longer part of the package; run pytest .*\.\n", output.err)

@@ -124,12 +124,12 @@ def test_ctrl_c_while_arguments_are_read(monkeypatch, capfd):
     assert capfd.readouterr().err == "screwgauge: interrupted; nothing was written.\n"
 
 
-@pytest.mark.parametrize("arguments", [["run", "3ups-upu-s"], ["bench", "3ups-upu-s"], ["bench", "--random", "1"]])
+@pytest.mark.parametrize("arguments", [["run", "3ups-upu-s"], ["bench", "3ups-upu-s"]])
 def test_a_stopped_command_says_what_is_left_and_cleans_up(arguments, tmp_path, monkeypatch, capfd):
     def stopped(*given, **more):
         os.kill(os.getpid(), signal.SIGTERM)
 
-    for place in ("report.results.run", "study.bench.run.bench", "study.campaigns.campaign.campaign"):
+    for place in ("report.results.run", "study.bench.run.bench"):
         monkeypatch.setattr(f"screwgauge.{place}", stopped)
     out = tmp_path / "out"
     assert main([*arguments, "--out", str(out)]) == 143

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from campaigns.alarms import changed
 
 import screwgauge
 from screwgauge import exciting
@@ -19,7 +20,6 @@ from screwgauge.reference.applied import Applied, JointSpring, Load, hold
 from screwgauge.reference.mechanism import Body
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import layout, pose
-from screwgauge.study.gate.alarms import changed
 
 FORCES = ("tree_force", "generalized_force", "actuator_force", "reaction")
 STEP = 1e-4  # share of its size by which a parameter is changed

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 
-import arm
 import numpy as np
 import pytest
+from support import robots
 
 import screwgauge
 from screwgauge.models.catalog import load_mechanism
@@ -27,7 +27,7 @@ def machine(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def arms(tmp_path_factory):
-    return arm.write(tmp_path_factory.mktemp("arms"))
+    return robots.write(tmp_path_factory.mktemp("arms"))
 
 
 def body(text, name):
@@ -36,7 +36,7 @@ def body(text, name):
 
 
 def changed(path, old, new, name="changed"):
-    return arm.edited(path, old, new, f"{name}{path.suffix}")
+    return robots.edited(path, old, new, f"{name}{path.suffix}")
 
 
 def entry(path, link, attribute, change):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from campaigns.lookalikes import renamed
+from support.robots import mjcf, tree, urdf
 
 from screwgauge.diagnosis.causes.attribution import Torques, attribute
 from screwgauge.diagnosis.causes.conventions import com_slips, gravity_slips, placement_slips, tensor_slips, unit_slip
@@ -13,8 +15,6 @@ from screwgauge.diagnosis.differences.words import vector
 from screwgauge.diagnosis.mechanics.matter import Matter
 from screwgauge.models.readings.assemble import matrix, steiner
 from screwgauge.reference.rotations import rotation
-from screwgauge.study.selftest.lookalikes import renamed
-from screwgauge.study.selftest.trees import mjcf, tree, urdf
 
 R = rotation(np.array([0.6, 0.0, 0.8]), np.array(0.7))
 MOMENTS = np.diag([1.0, 2.0, 2.7])
@@ -89,7 +89,7 @@ def models(folder, change, full=False):
 
 def test_two_causes_are_taken_one_after_the_other(tmp_path):
     parts = tree(0)
-    damping, mass = f'damping="{float(parts[0].passive[0])!r}"', f'mass="{parts[1].mass!r}"'
+    damping, mass = f'damping="{parts[0].passive[0]!r}"', f'mass="{parts[1].mass!r}"'
     found = diagnose(*models(tmp_path, lambda text: text.replace(damping, 'damping="5"').replace(mass, 'mass="9"')))
     why = found.attribution
     assert {step.hypothesis.name.split(" of ")[0] for step in why.steps} == {"damping", "mass"}

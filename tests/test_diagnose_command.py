@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 
-import arm
 import pytest
+from support import robots
 
 from screwgauge.cli import main
 
@@ -13,13 +13,13 @@ from screwgauge.cli import main
 @pytest.fixture
 def arms(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    return [str(path) for path in arm.write(tmp_path)]
+    return [str(path) for path in robots.write(tmp_path)]
 
 
 def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_path, capsys):
     assert main(["diagnose", *arms]) == 0
     assert "SAME" in capsys.readouterr().out
-    other = arm.edited(tmp_path / "arm.xml", 'damping="0.14"', 'damping="0.24"', "other.xml")
+    other = robots.edited(tmp_path / "arm.xml", 'damping="0.14"', 'damping="0.24"', "other.xml")
     out, fix = tmp_path / "out", tmp_path / "fixed.xml"
     assert main(["diagnose", arms[0], str(other), "--out", str(out), "--fix", str(fix), "--matrix"]) == 1
     said = capsys.readouterr().out
@@ -43,7 +43,7 @@ def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_pat
 
 
 def test_a_fix_has_the_format_of_b(arms, tmp_path, capsys):
-    other = arm.edited(tmp_path / "arm.xml", 'damping="0.14"', 'damping="0.24"', "other.xml")
+    other = robots.edited(tmp_path / "arm.xml", 'damping="0.14"', 'damping="0.24"', "other.xml")
     assert main(["diagnose", arms[0], str(other), "--fix", "fixed.urdf"]) == 2
     assert "fixed.urdf: ends with .urdf, and B is a file of MJCF; choose another --fix" in capsys.readouterr().err
     assert not (tmp_path / "fixed.urdf").exists()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import arm
 import numpy as np
 import pytest
 from regressors import gravity_regressor, inertial_regressor, parameters, passive_regressor
+from support import robots
 
 from screwgauge.diagnosis.asked import answers, pairs
 from screwgauge.diagnosis.mechanics.closed import closed, left
@@ -56,7 +56,7 @@ def known(path, library):
 
 @pytest.mark.parametrize(("form", "library"), [(0, "pinocchio"), (0, "mujoco"), (1, "pinocchio"), (1, "mujoco")])
 def test_a_library_computes_what_follows_from_its_reading(tmp_path, form, library):
-    path = arm.write(tmp_path)[form]
+    path = robots.write(tmp_path)[form]
     tree = plant(known(path, library))
     states = draw(tree.reading, 8, seed=3)
     for quantity, pair in pairs(answers(path, library, tree, states), tree, states).items():

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.robots import mjcf, tree
 
 from screwgauge.diagnosis.causes.fitting import fitted
 from screwgauge.diagnosis.differences.change import Change, applied
@@ -13,7 +14,6 @@ from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
 from screwgauge.models.kinematics.tree import draw, plant
 from screwgauge.models.readings.read import read
 from screwgauge.reference.rotations import rotation
-from screwgauge.study.selftest.trees import mjcf, tree
 
 CHANGES = {
     "mass of link4": lambda r: Change("link4", "mass", np.array(1.05 * r.bodies["link4"].mass)),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import arm
 import pytest
+from support import robots
 
 import screwgauge
 from screwgauge.casebook.book import CASES as BOOK
@@ -62,7 +62,7 @@ def test_cases_that_are_named_are_in_the_casebook():
 
 
 def test_what_calls_of_libraries_leave_out_is_noted_though_the_readings_agree(tmp_path):
-    path = arm.write(tmp_path)[0]
+    path = robots.write(tmp_path)[0]
     found = screwgauge.diagnose(f"{path}@mujoco", f"{path}@pinocchio")
     assert found.same
     (note,) = [note for note in found.notes if "urdf-damping-one-side" in note]
@@ -80,7 +80,7 @@ def test_the_difference_of_calls_is_that_of_the_libraries(tmp_path):
 
     from screwgauge.models.kinematics.tree import draw
 
-    path = arm.write(tmp_path)[0]
+    path = robots.write(tmp_path)[0]
     found = screwgauge.diagnose(f"{path}@mujoco", f"{path}@pinocchio", seed=3)
     value = float(re.search(r"differ by ([\d.]+) N", next(n for n in found.notes if "casebook" in n)).group(1))
     one, other = mujoco.MjModel.from_xml_path(str(path)), pinocchio.buildModelFromUrdf(str(path))

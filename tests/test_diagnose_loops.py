@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import arm
 import numpy as np
 import pytest
+from support import robots
 
 import screwgauge
 from screwgauge.diagnosis.causes.growth import SPEEDS, growth
@@ -115,7 +115,7 @@ def test_an_engine_whose_velocity_products_are_wrong_is_told_from_one_with_other
         return replace(said, tau=said.tau + wrong(said, qd))
 
     monkeypatch.setattr(plain, "ask", faked)
-    model = arm.write(tmp_path)[1]
+    model = robots.write(tmp_path)[1]
     verdict = screwgauge.diagnose(model, model).verdict
     assert words in verdict
     assert ("to the power" in verdict) == ("masses" not in words)
@@ -137,11 +137,11 @@ def test_growth_is_measured_and_an_inertial_difference_has_none():
 
 
 def test_of_two_models_the_growth_of_the_torque_difference_is_said_in_the_report(tmp_path):
-    model = arm.write(tmp_path)[1]
+    model = robots.write(tmp_path)[1]
     text = model.read_text(encoding="utf-8")
 
     def grown(old, new):
-        arm.edited(model, old, new, "other.xml")
+        robots.edited(model, old, new, "other.xml")
         return screwgauge.diagnose(model, tmp_path / "other.xml").growth
 
     assert 'damping="0.14"' in text

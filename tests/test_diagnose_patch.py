@@ -6,6 +6,7 @@ import difflib
 
 import numpy as np
 import pytest
+from support.robots import mjcf, tree, urdf
 
 from screwgauge.diagnosis.causes.attribution import Largest, Torques
 from screwgauge.diagnosis.causes.backfill import backfill, write_fix
@@ -17,7 +18,6 @@ from screwgauge.models.kinematics.tree import draw, plant
 from screwgauge.models.readings.read import read
 from screwgauge.reference.errors import DescriptionError, OutputError
 from screwgauge.reference.rotations import rotation
-from screwgauge.study.selftest.trees import mjcf, tree, urdf
 
 #: Torques of a file that was changed and read again, over the largest: 17 digits, and MuJoCo's principal axes.
 AGAIN = 1e-13

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
-import arm
 import numpy as np
 import pytest
+from support import robots
 
 from screwgauge.diagnosis import known
 from screwgauge.diagnosis.diagnose import diagnose
@@ -35,7 +35,7 @@ STEP = np.array([1e-3, 2e-3, -1e-3])
 
 @pytest.fixture(scope="module")
 def arms(tmp_path_factory):
-    urdf, mjcf = arm.write(tmp_path_factory.mktemp("arm"))
+    urdf, mjcf = robots.write(tmp_path_factory.mktemp("arm"))
     return read(urdf, "pinocchio"), read(mjcf, "mujoco")
 
 

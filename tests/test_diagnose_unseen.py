@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import arm
 import pytest
+from support import robots
 
 import screwgauge
 from screwgauge.cli import main
@@ -129,7 +129,7 @@ def test_beside_what_torques_show(diagnosed):
 
 def test_what_no_torque_shows_is_put_right_in_the_file(tmp_path):
     """Alone, and beside what torques show."""
-    path = arm.write(tmp_path)[1]
+    path = robots.write(tmp_path)[1]
     text = path.read_text(encoding="utf-8")
     start = text.index('name="link0"')
     mass = text[text.index('mass="', start) :].split('"')[1]

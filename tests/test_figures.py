@@ -153,7 +153,7 @@ def test_lines_of_a_camp_share_its_colour_and_differ_in_shape_and_dash() -> None
 def test_only_what_draws_imports_the_library() -> None:
     code = (
         "import sys, screwgauge.report.results, screwgauge.commands; "
-        "from screwgauge.report.figures import bench, chart, diagnosis, history, paper, run, stress; "
+        "from screwgauge.report.figures import bench, chart, diagnosis, history, run, stress; "
         "print('vl_convert' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

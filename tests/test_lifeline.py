@@ -13,12 +13,9 @@ from time import monotonic
 import bad_works
 import pytest
 
-from screwgauge.families.draw import families
-from screwgauge.reference.errors import LoaderError
 from screwgauge.study import apart as processes
 from screwgauge.study.apart import Limits, apart
 from screwgauge.study.ask import silent
-from screwgauge.study.campaigns.campaign import campaign
 
 #: A program that puts work into processes and waits for it.
 PARENT = """
@@ -29,12 +26,7 @@ from pathlib import Path
 import bad_works
 
 kind, folder = sys.argv[1], Path(sys.argv[2])
-if kind == "campaign":
-    from screwgauge.study.campaigns.campaign import campaign
-
-    work = partial(bad_works.campaign_hangs, folder=folder)
-    campaign(2, folder / "rows.csv", work=work, columns=("family", "seed"))
-elif kind == "program":
+if kind == "program":
     import subprocess
     from concurrent.futures import ThreadPoolExecutor
 
@@ -70,7 +62,7 @@ def alive(pid: int) -> bool:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="looks for processes as Linux shows them")
-@pytest.mark.parametrize("kind", ["spins", "spins_in_c", "waits", "campaign", "program"])
+@pytest.mark.parametrize("kind", ["spins", "spins_in_c", "waits", "program"])
 def test_what_runs_for_a_parent_that_is_killed_ends(kind, tmp_path):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     parent = subprocess.Popen([sys.executable, "-c", PARENT, kind, str(tmp_path)], env=environment)
@@ -112,10 +104,3 @@ def test_the_limit_of_a_work_does_not_outlast_it():
 
 def test_progress_that_cannot_be_written_costs_no_result(monkeypatch):
     assert apart({"fine": bad_works.says_where_nothing_can_be_written}, Limits(), silent) == {"fine": "done"}
-
-
-def test_a_campaign_whose_process_is_killed_says_so_and_keeps_its_rows(tmp_path):
-    file, columns, count = tmp_path / "rows.csv", ("family", "seed"), len(families())
-    with pytest.raises(LoaderError, match="run the same command again"):
-        campaign(count + 1, file, work=bad_works.campaign_dies, columns=columns, workers=1)
-    assert len(file.read_text(encoding="utf-8").splitlines()) == 1 + count

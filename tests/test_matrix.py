@@ -13,7 +13,7 @@ import pytest
 from screwgauge.casebook.book import CASES
 from screwgauge.cli import main
 from screwgauge.report.pages.matrix import PAGE as page
-from screwgauge.study.campaigns import matrix as study
+from screwgauge.study import matrix as study
 
 CASE = "fullinertia-order"
 AGREE = {"scene": "s", "status": "agree", "sentence": "", "errors": []}

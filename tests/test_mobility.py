@@ -17,7 +17,6 @@ from screwgauge.reference.mobility import (
     output_freedoms,
     reciprocal_screws,
 )
-from screwgauge.reference.paper.printed import upu_screws
 from screwgauge.reference.pose import chain_screws, layout, pose
 
 R, L, THETA = 0.8, 0.6, np.pi / 6
@@ -46,7 +45,6 @@ def test_screws_of_the_upu_chain_are_those_of_eq_6(home):
         ]
     ).T
     assert np.abs(chain_screws(lay, serial_chains(lay.mechanism)[0], at)[0] - expected).max() < ROUNDING
-    assert np.abs(upu_screws(THETA, R, L) - expected).max() < ROUNDING
 
 
 def test_upu_chain_constrains_by_the_force_of_eq_9(home):

@@ -16,7 +16,6 @@ from screwgauge.report.blocks import Heading, Picture
 from screwgauge.report.folder import MANIFEST
 from screwgauge.report.formatting import file_name
 from screwgauge.report.write import write_report
-from screwgauge.study.campaigns.campaign import campaign
 
 DATA = {"numbers.json": {"a": 1}, "summary.json": {"ok": True}}
 PICTURE = Picture("01-curve", "A curve", '<svg viewBox="0 0 1 1"></svg>')
@@ -231,15 +230,6 @@ def test_stopped_while_the_pages_are_made_says_what_is_there(out, command, capfd
     assert capfd.readouterr().err == f"screwgauge: terminated; the numbers are in {out}, the report on them is not.\n"
     assert "summary.json" in files(out)
     assert not [path for path in out.iterdir() if path.name.startswith(".screwgauge")]
-
-
-def test_a_table_of_the_users_own_is_not_added_to(tmp_path):
-    mine = tmp_path / "random.csv"
-    for text in ("t,a\n0,1\n", "not a table", "\0"):
-        mine.write_text(text, encoding="utf-8")
-        with pytest.raises(OutputError, match="is no table of random mechanisms"):
-            campaign(1, mine)
-        assert mine.read_text(encoding="utf-8") == text
 
 
 @pytest.mark.parametrize("name", ["x" * 300, "x/" * 3000, "a\0b"])

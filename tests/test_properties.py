@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 import tomli_w
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from support.strategies import FEW, scenes
 from tolerances import ROUNDING
 
-import screwgauge
 from screwgauge.reference.rotations import rotation
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
@@ -25,8 +25,7 @@ from screwgauge.study.ask import solve
 ENGINES = ("screw", "pinocchio", "mujoco")
 JOINTS = ("joint_velocity", "joint_acceleration")
 FORCES = ("generalized_force", "actuator_force")
-FEW = settings(max_examples=5, derandomize=True, database=None, deadline=None)  # the same mechanisms every time
-mechanisms = {"seed": st.integers(0, 999), "family": st.sampled_from(["planar-4", "rsur", "serial", "3-rrr", "rccc"])}
+drawn = scenes("planar-4", "rsur", "serial", "3-rrr", "rccc")
 
 Tables = dict[str, Any]
 
@@ -37,18 +36,16 @@ def asked(scene: Scene) -> dict[str, Solution]:
     return answers
 
 
-def pair(seed: int, family: str, change: Callable[[Tables, Tables], None]) -> tuple[dict[str, Solution], ...]:
-    """Answers to a random scene, and to it with its mechanism's and its own tables changed."""
+def pair(scene: Scene, change: Callable[[Tables, Tables], None]) -> tuple[dict[str, Solution], ...]:
+    """Answers to a scene, and to it with its mechanism's and its own tables changed."""
+    files = [file for file in (scene.mechanism_file, scene.file) if file]
+    tables = [tomllib.loads(file.read_text(encoding="utf-8")) for file in files]
+    change(*tables)
     with tempfile.TemporaryDirectory() as name:
-        scene = screwgauge.random(seed, family, Path(name))
-        files = scene.mechanism_file, scene.file
-        assert files[1] is not None
-        tables = [tomllib.loads(file.read_text(encoding="utf-8")) for file in files if file]
-        first = asked(scene)
-        change(*tables)
-        for file, table in zip(files, tables, strict=True):
-            file.write_text(tomli_w.dumps(table), encoding="utf-8")
-        return first, asked(load_scene(files[1]))
+        copies = [Path(name) / file.name for file in files]
+        for copy, table in zip(copies, tables, strict=True):
+            copy.write_text(tomli_w.dumps(table), encoding="utf-8")
+        return asked(scene), asked(load_scene(copies[1]))
 
 
 def check(pairs: tuple[dict[str, Solution], ...], factors: dict[str, float]) -> None:
@@ -65,12 +62,12 @@ def check(pairs: tuple[dict[str, Solution], ...], factors: dict[str, float]) -> 
 
 
 @FEW
-@given(**mechanisms, angle=st.floats(-3.0, 3.0), axis=st.integers(0, 2))
-def test_forces_turn_with_the_world(seed: int, family: str, angle: float, axis: int) -> None:
+@given(scene=drawn, angle=st.floats(-3.0, 3.0), axis=st.integers(0, 2))
+def test_forces_turn_with_the_world(scene: Scene, angle: float, axis: int) -> None:
     about = np.eye(3)[axis]
     R = rotation(about, np.array(angle))
 
-    def turn(mechanism: Tables, scene: Tables) -> None:
+    def turn(mechanism: Tables, tables: Tables) -> None:
         for joint in mechanism["joints"].values():
             for side in ("parent", "child"):
                 if joint[side] == "ground":
@@ -78,30 +75,29 @@ def test_forces_turn_with_the_world(seed: int, family: str, angle: float, axis: 
                     frame["position"] = (R @ frame.get("position", [0.0] * 3)).tolist()
                     old = frame.get("rotation", [])
                     frame["rotation"] = [{"matrix": R.tolist()}, *(old if isinstance(old, list) else [old])]
-        scene["gravity"] = (R @ scene["gravity"]).tolist()
-        for load in scene.get("loads", []):
+        tables["gravity"] = (R @ tables["gravity"]).tolist()
+        for load in tables.get("loads", []):
             for vector in ("force", "torque"):
                 load[vector] = (R @ load[vector]).tolist()
 
-    check(pair(seed, family, turn), {})
+    check(pair(scene, turn), {})
 
 
 @FEW
-@given(**mechanisms, factor=st.floats(1e-3, 1e3))
-def test_forces_grow_with_masses_and_loads(seed: int, family: str, factor: float) -> None:
-    def grow(mechanism: Tables, scene: Tables) -> None:
+@given(scene=drawn, factor=st.floats(1e-3, 1e3))
+def test_forces_grow_with_masses_and_loads(scene: Scene, factor: float) -> None:
+    def grow(mechanism: Tables, tables: Tables) -> None:
         for body in mechanism["bodies"].values():
             body["mass"] *= factor
             body["inertia"] = {key: factor * value for key, value in body["inertia"].items()}
-        for load in scene.get("loads", []):
+        for load in tables.get("loads", []):
             load |= {vector: [factor * x for x in load[vector]] for vector in ("force", "torque")}
 
-    check(pair(seed, family, grow), dict.fromkeys(FORCES, factor))
+    check(pair(scene, grow), dict.fromkeys(FORCES, factor))
 
 
 @FEW
-@given(**mechanisms)
-def test_forces_do_not_know_which_way_time_runs(seed: int, family: str) -> None:
-    scene = screwgauge.random(seed, family)
+@given(drawn)
+def test_forces_do_not_know_which_way_time_runs(scene: Scene) -> None:
     back = replace(scene, task=replace(scene.motion, yd=-scene.motion.yd))
     check((asked(scene), asked(back)), {"joint_velocity": -1.0})

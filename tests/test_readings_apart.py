@@ -7,9 +7,8 @@ import os
 import pytest
 
 from screwgauge.solution import Failure
-from screwgauge.study import apart
-from screwgauge.study.campaigns import loading
-from screwgauge.study.campaigns.loading import Request, readings
+from screwgauge.study import apart, loading
+from screwgauge.study.loading import Request, readings
 
 REAL = apart.apart
 INERTIAL = '<inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/>'

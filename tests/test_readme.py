@@ -291,7 +291,7 @@ def test_every_column_of_a_table_is_documented(path) -> None:
     assert any(f"`{path.name}`" in text and columns <= set(re.findall(r"\w[\w-]*", text)) for text in passages)
 
 
-COMMANDS = ["list", "models", "run", "bench", "stress", "paper", "diagnose", "check", "history"]
+COMMANDS = ["list", "models", "run", "bench", "stress", "diagnose", "check", "history"]
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -55,14 +55,6 @@ def test_the_page_alone_can_be_written_and_leaves_the_rest(results, tmp_path):
         results.to_html(tmp_path)
 
 
-def test_errata_are_those_of_the_paper_s_scene(results, tmp_path):
-    """What is asked for is there or refused."""
-    other = replace(results, scene=replace(results.scene, mechanism=replace(results.scene.mechanism, name="other")))
-    with pytest.raises(ScrewgaugeError, match="its motion is not that of the paper"):
-        other.write(tmp_path / "out", errata=True)
-    assert not (tmp_path / "out").exists()
-
-
 def test_an_empty_path_is_not_the_current_folder(results):
     with pytest.raises(OutputError, match="is empty, which would be the current folder; name a folder"):
         results.write("")
@@ -141,9 +133,7 @@ def test_what_is_no_seed_is_refused(seed):
     "arguments",
     [
         ["run", "slider-crank", "--exciting", "--seed", "-1"],
-        ["bench", "--random", "0"],
-        ["check", "--self-test", "--count", "0"],
-        ["diagnose", "--self-test", "--seed", "-3"],
+        ["diagnose", "slider-crank", "slider-crank", "--seed", "-3"],
     ],
 )
 def test_counts_of_nothing_and_seeds_that_are_none_are_usage(arguments, capsys):
@@ -151,32 +141,6 @@ def test_counts_of_nothing_and_seeds_that_are_none_are_usage(arguments, capsys):
         main(arguments)
     assert ended.value.code == 2
     assert f"argument {arguments[-2]}: {arguments[-1]} is less than" in capsys.readouterr().err
-
-
-def test_the_errata_are_in_the_report_only_where_asked_for(results, tmp_path, monkeypatch):
-    monkeypatch.setattr("screwgauge.report.pages.run.make_plots", lambda results: [])
-    values = {
-        "errata": lambda results: [
-            {
-                "number": 1,
-                "kind": "E",
-                "equation": "an erratum",
-                "right_form": "",
-                "printed_form": "",
-                "right": 1,
-                "printed": 2,
-            }
-        ],
-        "reach": lambda results: "It reaches far.",
-    }
-    monkeypatch.setattr("screwgauge.report.pages.paper.errata_values", lambda scene: values)
-    texts = [
-        (results.write(tmp_path / str(errata), errata=errata) / "report.md").read_text(encoding="utf-8")
-        for errata in (False, True)
-    ]
-    assert "The paper, checked" not in texts[0]
-    assert "## The paper, checked\n\nIt reaches far. `screwgauge paper` writes" in texts[1]
-    assert "| an erratum |" in texts[1]
 
 
 def test_the_package_lists_its_public_names_and_only_those():

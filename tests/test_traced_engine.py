@@ -9,6 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 import tolerances
+from hypothesis import given
+from support.strategies import FEW, scenes
 
 import screwgauge
 from screwgauge.engines.registry import get_engine
@@ -90,15 +92,9 @@ def test_every_built_in_mechanism(name):
     assert mine.notes
 
 
-@pytest.mark.parametrize(
-    ("family", "seed"),
-    [
-        ("planar-4", 1), ("rccc", 1), ("rscr", 1), ("rrsrr", 3), ("bennett", 1),
-        ("7r", 1), ("serial", 3), ("spherical-loop", 1), ("rssr", 2),
-    ],
-)  # fmt: skip
-def test_random_mechanisms(family, seed):
-    scene = screwgauge.random(seed, family)
+@FEW
+@given(scenes("planar-4", "rccc", "rscr", "rrsrr", "bennett", "7r", "serial", "spherical-loop", "rssr"))
+def test_random_mechanisms(scene):
     scene = scene.at(np.linspace(scene.t[0], scene.t[-1], 40))
     assert worst(solved(scene, "numpy"), solved(scene, "array"))[1] <= SAME
 

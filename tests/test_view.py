@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import arm
 import pytest
+from support import robots
 
 from screwgauge.cli import main
 from screwgauge.commands.view import _serve
@@ -93,7 +93,7 @@ def test_a_video_that_cannot_be_made_is_said(
 
 
 def test_a_model_file_is_shown(tmp_path: Path) -> None:
-    urdf, mjcf = arm.write(tmp_path)
+    urdf, mjcf = robots.write(tmp_path)
     for file in (urdf, mjcf):
         page = tmp_path / f"{file.suffix[1:]}.html"
         assert main(["view", str(file), "--out", str(page)]) == 0

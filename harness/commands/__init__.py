@@ -65,7 +65,7 @@ def import_(options: argparse.Namespace) -> int:
     from screwgauge.models.importing.convert import Wanted
     from screwgauge.models.importing.model import Options, notes
     from screwgauge.scene.imported import write_imported
-    from screwgauge.study.campaigns.loading import import_apart
+    from screwgauge.study.loading import import_apart
 
     independent, actuated = _names(options.independent), _names(options.actuated)
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
@@ -84,7 +84,7 @@ def imported(name: str) -> None:
     if is_model(name):
         from screwgauge.models.importing.model import keep, notes
         from screwgauge.reference.files import beside
-        from screwgauge.study.campaigns.loading import import_apart
+        from screwgauge.study.loading import import_apart
 
         for sentence in notes(keep(path := beside(Path(), name), import_apart(path))[1]):
             complain(f"screwgauge: {sentence}")
@@ -119,7 +119,6 @@ def run(options: argparse.Namespace) -> int:
         inputs=_files(scene),
         force=options.force,
         samples=options.samples,
-        errata=options.errata,
         pdf=options.pdf,
     )
     for failure in results.failures.values() if options.debug else ():
@@ -134,9 +133,7 @@ def _files(scene: Scene) -> list[Path]:
 
 
 def bench(options: argparse.Namespace) -> int:
-    """Error against run time of a scene, or engines on random mechanisms."""
-    if options.random is not None:
-        return _random(options)
+    """Error against run time of a scene."""
     from screwgauge.report.pages.bench import PAGE, SIMULATION
     from screwgauge.scene.read import load_scene
     from screwgauge.study.bench import forward_run
@@ -161,22 +158,6 @@ def bench(options: argparse.Namespace) -> int:
     return 0
 
 
-def _random(options: argparse.Namespace) -> int:
-    """Random mechanisms of all families; those whose rows are there are not done again."""
-    from screwgauge.report.pages.random import PAGE as page
-    from screwgauge.study.campaigns.campaign import campaign
-
-    out, names = options.out or OUT / "random", _names(options.contestants)
-    carry_out(
-        page,
-        out,
-        lambda progress: campaign(options.random, out / page.NAME, seed=options.seed, only=names, progress=progress),
-        again=page.NAME,
-        force=options.force,
-    )
-    return 0
-
-
 def stress(options: argparse.Namespace) -> int:
     """Climbs the ladders of severity."""
     from screwgauge.reference.expressions import number
@@ -195,31 +176,18 @@ def stress(options: argparse.Namespace) -> int:
     return 0 if found.ok else 1
 
 
-def paper(options: argparse.Namespace) -> int:
-    """Measures the errata of the paper."""
-    from screwgauge.report.pages.paper import PAGE as page
-    from screwgauge.study.paper.measure import measure
-
-    out = options.out or OUT / "paper"
-    return 0 if carry_out(page, out, measure, force=options.force).complete else 1
-
-
 def diagnose(options: argparse.Namespace) -> int:
     """Compares two models, says why they differ and proves it; or shows a named discrepancy."""
     if options.case is not None:
         return _case(options)
-    if options.self_test:
-        return _self_test(options)
     from screwgauge.diagnosis.diagnose import diagnose
     from screwgauge.diagnosis.record import summary
     from screwgauge.environment import json_text
     from screwgauge.report.pages.diagnosis import PAGE as page
-    from screwgauge.study.campaigns.loading import read_apart, sides
+    from screwgauge.study.loading import read_apart, sides
 
     if options.b is None:
-        raise DescriptionError(
-            "needs two models, a case or a self-test", "diagnose", "write A B, --case ID or --self-test"
-        )
+        raise DescriptionError("needs two models or a case", "diagnose", "write A B or --case ID")
     more = {name: getattr(options, name) for name in ("map", "seed", "matrix", "loops")}
     more |= {} if options.limit is None else {"limit": options.limit}
     if options.fix is not None:
@@ -243,20 +211,6 @@ def _models(options: argparse.Namespace) -> list[Path]:
     loops = options.loops if isinstance(options.loops, list) else [options.loops]
     named = [options.a, options.b, options.a.partition("@")[0], options.b.partition("@")[0], options.map, *loops]
     return [Path(name) for name in named if name]
-
-
-def _self_test(options: argparse.Namespace) -> int:
-    """Diagnoses models changed at random; those whose rows are there are not done again."""
-    from screwgauge.report.pages.selftest import PAGE as page
-    from screwgauge.report.pages.selftest import passed
-    from screwgauge.study.selftest.run import counts, selftest
-
-    check_taken(options, "a self-test", "diagnose --self-test", "self_test", "count", "quick", "seed", "out")
-    out, (count, pairs) = options.out or OUT / "self-test", counts(options.count, options.quick)
-    file, more = out / page.NAME, {"seed": options.seed, "quick": options.quick}
-    asked = partial(selftest, count, pairs, file, **more)
-    found = carry_out(page, out, lambda progress: asked(progress=progress), again=page.NAME, force=options.force)
-    return 0 if passed(found) else 1
 
 
 def _case(options: argparse.Namespace) -> int:

@@ -7,7 +7,7 @@ import os
 from functools import partial
 from pathlib import Path
 
-from screwgauge.commands import OUT, check_taken, limits
+from screwgauge.commands import OUT, limits
 from screwgauge.commands.carrying import carry_out
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.report.console import say
@@ -20,8 +20,6 @@ def check(options: argparse.Namespace) -> int:
     from screwgauge.study.gate.run import NAME
     from screwgauge.study.gate.store import check_store, keep
 
-    if options.self_test:
-        return _self_test(options)
     if options.update and options.baseline is None:
         raise DescriptionError("--update does not know what", "check", "name a file by --baseline")
     if options.jobs < 1:
@@ -66,27 +64,13 @@ def history(options: argparse.Namespace) -> int:
     return 0
 
 
-def _self_test(options: argparse.Namespace) -> int:
-    """Counts false alarms and missed changes over random mechanisms; those whose rows are there are not done again."""
-    from screwgauge.report.pages.alarms import PAGE as page
-    from screwgauge.report.pages.alarms import passed
-    from screwgauge.study.campaigns.campaign import campaign
-    from screwgauge.study.gate.alarms import COLUMNS, NAME, measured
-
-    check_taken(options, "a self-test", "check --self-test", "self_test", "count", "jobs", "out")
-    out = options.out or OUT / "check-self-test"
-    asked = partial(campaign, options.count, out / NAME, workers=options.jobs, work=measured, columns=COLUMNS)
-    found = carry_out(page, out, lambda progress: asked(progress=progress), again=NAME, force=options.force)
-    return 0 if passed(found) else 1
-
-
 def matrix(options: argparse.Namespace) -> int:
     """The check with several versions of the engines; pairs whose rows are there are not checked again."""
     from importlib.metadata import version
     from itertools import product
 
     from screwgauge.report.pages.matrix import PAGE as page
-    from screwgauge.study.campaigns.matrix import check_versions, matrix
+    from screwgauge.study.matrix import check_versions, matrix
 
     named = {"pin": options.pin, "mujoco": options.mujoco}
     versions = [check_versions((text or version(package)).split(","), package) for package, text in named.items()]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from zlib import crc32
@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 import tomli_w
 
-from screwgauge.families import parallel, single
+from screwgauge.families.placed import FAMILIES
 from screwgauge.families.sketch import Sketch, Tables, described, shuffled, unused
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.quantities import GIVEN, QUANTITIES
@@ -24,40 +24,6 @@ from screwgauge.scene.exciting import stays_regular
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-
-
-def _any(s: Sketch, families: Iterable[Callable[[Sketch], int]]) -> int:
-    choice = list(families)
-    return choice[s.rng.integers(len(choice))](s)
-
-
-_UPS = {3: ("S", "UP"), 4: ("UPR",), 5: ("UPU",), 6: ("",)}
-
-#: Family -> draws on a sketch, and returns how many freedoms that is to have.
-FAMILIES: dict[str, Callable[[Sketch], int]] = {
-    **{f"planar-{n}": partial(single.planar, n=n) for n in (4, 5, 6)},
-    **{f"{kinds.lower()}": partial(single.loop, kinds=kinds) for kinds in ("RSSR", "RSUR", "RCCC", "RSCR", "RRSRR")},
-    "7r": partial(single.loop, kinds="RRRRRRR"),
-    "mixed-loop": single.mixed,
-    "bennett": single.bennett,
-    "sarrus": single.sarrus,
-    "spherical-loop": lambda s: single.spherical(s, int(s.rng.integers(4, 6))),
-    "ladder": lambda s: single.ladder(s, int(s.rng.integers(2, 9))),
-    "spatial-ladder": lambda s: single.spatial_ladder(s, int(s.rng.integers(2, 9))),
-    "serial": single.serial,
-    "n-ups": lambda s: _any(s, [partial(parallel.ups, n=n, middle=leg) for n, legs in _UPS.items() for leg in legs]),
-    "6-rus": parallel.six_rus,
-    "6-pus": parallel.six_pus,
-    "3-rrr": parallel.three_rrr,
-    "3-rrr-spherical": parallel.three_rrr_spherical,
-    "3-rps": parallel.three_rps,
-    "3-upu": parallel.three_upu,
-    "delta": parallel.delta,
-    "gear-train": single.gear_train,
-    "geared-loop": single.geared_loop,
-    "redundant": parallel.redundant,
-    "underactuated": lambda s: parallel.ups(s, int(s.rng.integers(3, 6)), ""),
-}
 
 SAMPLES = 5
 AMPLITUDES = (0.1, 0.2, 0.4, 0.8, 1.6)  # [rad or m] of the coordinate that moves most
@@ -79,7 +45,8 @@ def _folder() -> TemporaryDirectory[str]:
 def random(seed: int, family: str | None = None, folder: Path | None = None) -> Scene:
     """A random mechanism in a random motion that stays away from singular poses.
 
-    Lengths are about 1 m, masses about 1 kg, times within 1 s. Frames, inertias, names, loads, the direction of
+    Those are poses where the independent coordinates do not determine the motion; actuators may pass poses where they
+    do not. Lengths are about 1 m, masses about 1 kg, times within 1 s. Frames, inertias, names, loads, the direction of
     gravity, the order of all entries and the direction of every joint are random, too.
 
     Args:
@@ -108,11 +75,11 @@ def random(seed: int, family: str | None = None, folder: Path | None = None) -> 
 def _draw(rng: np.random.Generator, family: str, file: Path, redrawn: int) -> Scene | None:
     """One draw, None if it is not well conditioned at home or nowhere around."""
     sketch = Sketch(rng)
-    freedoms = FAMILIES[family](sketch)
+    FAMILIES[family](sketch)
     sketch.flip()
-    K = sketch.freedoms()
-    if K is None or K.shape[1] != freedoms:
+    if (K := sketch.freedoms()) is None:
         return None
+    freedoms = K.shape[1]
     chosen = pick(rng, K, range(len(K)))
     driven = _drive(sketch, K)
     strong = np.linalg.matrix_rank(K[driven], 1e-9) == freedoms
@@ -188,20 +155,13 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
             rows = [[1.0 + 2.0 * abs(row[0]), size * row[1], size * row[2]] for row in (a, b)]
             motion[label] = {"offset": float(value), "harmonics": np.array(rows).tolist()}
         try:
-            regular = _regular(mechanism, motion)
-        except ScrewgaugeError:
-            # home is regular, as its screws say: whoever cannot move a little from there is to be found
-            regular = amplitude == AMPLITUDES[0]
-        if not regular:
+            drive = read_drive(motion, list(mechanism.independent), Path(), "motion")[0]
+            if not stays_regular(layout(mechanism), drive(np.linspace(0.0, 1.0, POSES)), POSES):
+                break
+        except ScrewgaugeError:  # it leads to a singular pose, or to where the loops do not close
             break
         found = motion
     return found and shuffled(rng, found)
-
-
-def _regular(mechanism: Mechanism, motion: Tables) -> bool:
-    """Whether poses along the motion are about as well conditioned as home."""
-    given = read_drive(motion, list(mechanism.independent), Path(), "motion")[0](np.linspace(0.0, 1.0, POSES))
-    return stays_regular(layout(mechanism), given, POSES)
 
 
 def _load(sketch: Sketch, mechanism: Mechanism) -> Tables:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from string import ascii_letters
 from typing import Any
@@ -42,23 +42,28 @@ class Placed:
         normal = np.cross(first, second) * np.sign(np.cross(first, second) @ third)
         return float(np.arctan2(np.cross(normal, third) @ second, normal @ third))
 
+    def before(self, home: Array, W: Array) -> tuple[Array, Array, Array]:
+        """Axes before the joint moved to its coordinates at home, and how far it has turned and slid since.
+
+        Args:
+            W: Rotation of the sketch.
+
+        Returns:
+            Shapes (n_axes, 3), (3, 3), (3,).
+        """
+        axes, turn, slide = list[Array](), np.eye(3), np.zeros(3)
+        for (turns, axis), value in zip(self.freedoms, home, strict=True):
+            axes.append(turn.T @ W @ axis)  # before the freedoms that carry it turned
+            if turns:
+                turn = turn @ rotation(axes[-1], np.array(value))
+            else:
+                slide += value * W @ axis
+        return np.array(axes[: len(self.axes)]), turn, slide
+
     def screws(self) -> Array:
         """Unit screws of b relative to a about the world's origin. Shape (n, 6)."""
         pairs = [(axis, np.cross(self.point, axis)) if turn else (np.zeros(3), axis) for turn, axis in self.freedoms]
         return np.array(pairs).reshape(-1, 6)
-
-
-@dataclass(frozen=True, slots=True)
-class Tied:
-    """A coupling about home: coordinate `row` moves by slope x + bend x^2 where coordinate `of` moves by x.
-
-    Rows count all coordinates, joint by joint.
-    """
-
-    row: int
-    of: int
-    slope: float
-    bend: float
 
 
 @dataclass(slots=True)
@@ -68,12 +73,13 @@ class Sketch:
     Attributes:
         rng: Where all chance comes from.
         joints: Those placed so far.
-        ties: Couplings between their coordinates.
+        ties: Couplings (row, of, slope, bend) about home: coordinate `row` moves by slope x + bend x^2 where coordinate
+            `of` moves by x. Rows count all coordinates, joint by joint.
     """
 
     rng: np.random.Generator
     joints: list[Placed] = field(default_factory=list)
-    ties: list[Tied] = field(default_factory=list)
+    ties: list[tuple[int, int, float, float]] = field(default_factory=list)
 
     @property
     def bodies(self) -> list[str]:
@@ -110,13 +116,25 @@ class Sketch:
         axes = self.axes(kind, axes) if axes is None or axes.ndim == 1 else axes
         self.joints.append(Placed(kind, a, b, point, axes, driven))
 
+    def between(self, a: str, b: str, n: int) -> list[str]:
+        """The bodies that n joints in a row join: a, some that are not there yet, and b."""
+        return [a, *(f"{len(self.joints)}-{i}" for i in range(n - 1)), b]
+
+    def place(
+        self, kinds: str, names: Sequence[str], places: Iterable[tuple[Array, Array | None]], driven: int | None = None
+    ) -> None:
+        """Joints in a row between bodies, at points and along axes, see `join`."""
+        for i, (kind, (point, axes)) in enumerate(zip(kinds, places, strict=True)):
+            self.join(kind, names[i], names[i + 1], point, axes, driven=i == driven)
+
     def chain(self, kinds: str, a: str, b: str, points: Array, *, driven: int | None = None) -> None:
-        """A serial chain from a to b through given points, each P along the way. Shape (n_joints, 3)."""
-        names = [a, *(f"{len(self.joints)}-{i}" for i in range(len(kinds) - 1)), b]
-        for i, kind in enumerate(kinds):
-            way = points[min(i + 1, len(kinds) - 1)] - points[max(i - 1, 0)]
-            axis = way / np.linalg.norm(way) if kind == "P" else self.beside(way) if way.any() else None
-            self.join(kind, names[i], names[i + 1], points[i], axis, driven=i == driven)
+        """Joints in a row from a to b through given points, each P along the way. Shape (n_joints, 3)."""
+        ways = [points[min(i + 1, len(kinds) - 1)] - points[max(i - 1, 0)] for i in range(len(kinds))]
+        axes = (
+            way / np.linalg.norm(way) if kind == "P" else self.beside(way) if way.any() else None
+            for kind, way in zip(kinds, ways, strict=True)
+        )
+        self.place(kinds, self.between(a, b, len(kinds)), zip(points, axes, strict=True), driven)
 
     @property
     def firsts(self) -> list[int]:
@@ -126,7 +144,7 @@ class Sketch:
     def tie(self, row: int, of: int) -> None:
         """Couples a coordinate to another one, about as fast, in one case of two by a straight line."""
         slope, bend = self.rng.uniform(0.3, 1.5) * self.rng.choice([-1, 1]), self.rng.choice([0.0, 0.3])
-        self.ties.append(Tied(row, of, float(slope), float(bend)))
+        self.ties.append((row, of, float(slope), float(bend)))
 
     def flip(self) -> None:
         """Exchanges parent and child of joints at random."""
@@ -146,8 +164,8 @@ class Sketch:
             ends[i, place.get(joint.a, -1)], ends[i, place.get(joint.b, -1)] = 1.0, -1.0
         A = np.hstack([block_diag(*(screws.T for screws in S)), np.kron(ends[:, :-1], np.eye(6))])
         tied = np.zeros((len(self.ties), A.shape[1]))
-        for row, tie in zip(tied, self.ties, strict=True):
-            row[tie.row], row[tie.of] = 1.0, -tie.slope
+        for equation, (row, of, slope, _) in zip(tied, self.ties, strict=True):
+            equation[row], equation[of] = 1.0, -slope
         _, s, Vt = np.linalg.svd(np.vstack([A, tied]))
         if ((s > ZERO) & (s < REGULAR)).any():
             return None
@@ -191,43 +209,29 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
         home = np.zeros(n) if plain else rng.uniform(-0.5, 0.5, n)
         if placed.kind == "S":  # the second angle is the one that its axes include
             home[1] = placed.tilt()
-        J = np.eye(3) if plain else sketch.turned()
         homes += home.tolist()
-        point, ready, back = W @ placed.point + origin, [], np.eye(3)
-        slide = np.zeros(3)
-        for (turn, axis), value in zip(placed.freedoms, home, strict=True):
-            ready.append(back.T @ W @ axis)  # before the freedoms that carry it turned
-            if turn:
-                back = back @ rotation(ready[-1], np.array(value))
-            else:
-                slide += value * W @ axis
+        axes, turn, slide = placed.before(home, W)
+        J, point = np.eye(3) if plain else sketch.turned(), W @ placed.point + origin
         joints[label] = {
             "kind": placed.kind,
             "parent": names[placed.a],
             "child": names[placed.b],
-            "axes": (np.array(ready[: len(placed.axes)]) @ J).tolist(),
+            "axes": (axes @ J).tolist(),
             "parent_frame": _frame(frames[placed.a], J, point),
-            "child_frame": _frame(frames[placed.b], back @ J, point + slide),
+            "child_frame": _frame(frames[placed.b], turn @ J, point + slide),
             **({"home": home.tolist()} if home.any() else {}),
             **({"coordinates": own} if own else {}),
             **({"actuated": True} if placed.driven else {}),
         }
     tables = {"name": name, "bodies": shuffled(rng, bodies), "joints": shuffled(rng, joints)}
-    if sketch.ties:
-        couplings = _couplings(sketch.ties, [name for own in coordinates for name in own], homes)
-        tables["couplings"] = shuffled(rng, {unused(rng, used): coupling for coupling in couplings})
+    flat, couplings = [name for own in coordinates for name in own], {}
+    for row, of, slope, bend in sketch.ties:  # in coordinates that are not zero at home
+        x = homes[of]
+        polynomial = [homes[row] - slope * x + bend * x * x, slope - 2.0 * bend * x, bend]
+        couplings[unused(rng, used)] = {"coordinate": flat[row], "of": flat[of], "polynomial": polynomial}
+    if couplings:
+        tables["couplings"] = shuffled(rng, couplings)
     return tables, coordinates
-
-
-def _couplings(ties: Sequence[Tied], names: Sequence[str], homes: Sequence[float]) -> list[Tables]:
-    """Couplings in coordinates that are not zero at home."""
-    couplings = []
-    for tie in ties:
-        x, bend = homes[tie.of], tie.bend
-        polynomial = [homes[tie.row] - tie.slope * x + bend * x * x, tie.slope - 2.0 * bend * x, bend]
-        table = {"coordinate": names[tie.row], "of": names[tie.of], "polynomial": polynomial}
-        couplings.append(table)
-    return couplings
 
 
 def shuffled(rng: np.random.Generator, table: Tables) -> Tables:

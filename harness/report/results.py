@@ -32,27 +32,23 @@ class Results(Comparison):
 
     __slots__ = ()
 
-    def write(
-        self, out: str | Path, *, samples: bool = False, errata: bool = False, pdf: bool = False, force: bool = False
-    ) -> Path:
+    def write(self, out: str | Path, *, samples: bool = False, pdf: bool = False, force: bool = False) -> Path:
         """Writes tables and summary into a folder, then report and plots; those of the report before are replaced.
 
         Args:
             out: Folder, made if need be; if the numbers cannot be written, it is as it was before.
             samples: Also every sample of every engine, as Parquet.
-            errata: Also a section with the errata of the paper, whose scene it has to be.
             pdf: Also the page as PDF, printed by a Chromium.
             force: Files in the way are replaced, whoever wrote them.
 
         Raises:
             OutputError: The folder cannot be written or has other files of these names, or pyarrow is missing.
-            DescriptionError: Errata are asked for of another scene than the paper's.
             ReportError: The numbers are there, the report could not be made.
         """
         if out == "":
             raise OutputError("is empty, which would be the current folder", "out", "name a folder")
         with locked(Path(out)):
-            return run_page.write(self, Path(out), samples=samples, errata=errata, pdf=pdf, force=force)
+            return run_page.write(self, Path(out), samples=samples, pdf=pdf, force=force)
 
     def plot(self) -> Pictures:
         """The pictures of the report; a notebook shows them."""

@@ -1,1 +1,1 @@
-"""Studies: problems put to methods, giving tables. run, bench, stress, paper."""
+"""Studies: problems put to methods, giving tables. run, bench, stress."""

@@ -1,16 +1,12 @@
 """Random mechanisms in motions larger than those that they are drawn with, and what truth says of each difference.
 
-    python tests/campaigns/larger_motions.py --out reports/larger-motions
-
 Amplitudes are taken three times, else twice, else one and a half times: the largest that no engine refuses. Where the
 default engines do not agree, the scene is run again with the engine ``truth``: a difference is confirmed where one of
-the two engines is off from the truth, too. Rows that are there are kept.
+the two engines is off from the truth, too.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 import tomllib
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,9 +15,10 @@ import pandas as pd
 import tomli_w
 
 import screwgauge
+from screwgauge.study.table import added_to, rows_in
 
 FACTORS = (3.0, 2.0, 1.5)
-FIRST, COUNT = 2000, 300
+FIRST = 2000  # seed
 COLUMNS = ["seed", "family", "factor", "verdict", "confirmed", "reason"]
 
 
@@ -78,27 +75,12 @@ def row(seed: int, folder: Path) -> dict[str, object]:
     return found
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description="Random mechanisms in larger motions.")
-    parser.add_argument("--first", type=int, default=FIRST, help="first seed")
-    parser.add_argument("--count", type=int, default=COUNT, help="mechanisms that are not refused")
-    parser.add_argument("--out", type=Path, required=True)
-    options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    file = options.out / "larger-motions.csv"
-    table = pd.read_csv(file).to_dict("records") if file.exists() else []
-    seed = max((int(one["seed"]) + 1 for one in table), default=options.first)
-    with TemporaryDirectory() as folder:
-        while sum(one["verdict"] != "refused" for one in table) < options.count:
-            table.append(row(seed, Path(folder)))
-            pd.DataFrame(table, columns=COLUMNS).to_csv(file, index=False)
-            print(f"{seed} {table[-1]['verdict']}", file=sys.stderr)
-            seed += 1
-    found = pd.DataFrame(table, columns=COLUMNS)
-    false = found[(found["verdict"] == "differ") & ~found["confirmed"].astype("boolean").fillna(False)]
-    print(f"{found['verdict'].value_counts().to_dict()}; differences that truth does not confirm: {len(false)}")
-    return int(len(false) > 0)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def rows_of_larger_motions(count: int, file: Path) -> list[dict[str, str]]:
+    """Rows until so many mechanisms are not refused; those that the CSV file has already are kept."""
+    table = rows_in(file, COLUMNS, "larger motions")
+    seed = max((int(each["seed"]) + 1 for each in table), default=FIRST)
+    with added_to(file, COLUMNS) as add, TemporaryDirectory() as folder:
+        while sum(each["verdict"] != "refused" for each in table) < count:
+            add(row(seed, Path(folder)))
+            table, seed = rows_in(file, COLUMNS, "larger motions"), seed + 1
+    return table

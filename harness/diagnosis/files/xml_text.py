@@ -132,10 +132,6 @@ class XmlText:
         """Puts a text in the place of an element with all that is in it."""
         self._replaced[element] = text
 
-    def piece(self, element: Element) -> str:
-        """The text of an element as it was read."""
-        return self._text[element.start : element.end]
-
     def text(self) -> str:
         """The text with all changes made."""
         edits = [(element.start, element.end, new) for element, new in self._replaced.items()]

@@ -14,6 +14,7 @@ import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.parts import component_names
+from screwgauge.engines.screw.scheme import integrate
 from screwgauge.problem import GivenMotion, Problem, Progress, quiet
 from screwgauge.reference import dynamics, linear
 from screwgauge.reference.chains import closed_form
@@ -21,7 +22,6 @@ from screwgauge.reference.closed.continuation import Evaluation, velocity_map
 from screwgauge.reference.closed.continuation import newton as newtons_method
 from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
 from screwgauge.reference.kinematics import accelerations, closure_system, positions, velocities
-from screwgauge.reference.paper.scheme import PARTS, integrate
 from screwgauge.reference.pose import Layout, layout, pose
 from screwgauge.reference.precision import in_precision, rounded
 from screwgauge.reference.rotations import Array
@@ -131,14 +131,12 @@ def without_drift(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
 
 
 def paper(lay: Layout, problem: Problem, motion: GivenMotion, *, twist: str, method: str) -> Arrays:
-    """The paper's own scheme, see `screwgauge.reference.paper.scheme.integrate`; all but the first pose is integrated.
+    """The paper's own scheme, see `screwgauge.engines.screw.scheme.integrate`; all but the first pose is integrated.
 
     The motion is given at every step of the method, for ``rk4`` also halfway between. Values are those of the steps.
     """
-    duration, steps = float(motion.t[-1] - motion.t[0]), (len(motion) - 1) // PARTS[method]
-    start = float(motion.t[0])
-    run = integrate(lay, lambda t: motion, duration / steps, duration, start=start, twist=twist, method=method)
-    return {"joint_position": run.q, "joint_velocity": run.w, "joint_acceleration": run.beta}
+    q, w, beta = integrate(lay, motion, twist=twist, method=method)
+    return {"joint_position": q, "joint_velocity": w, "joint_acceleration": beta}
 
 
 #: Name -> what it computes.

@@ -10,7 +10,7 @@ from screwgauge.casebook.book import CASES
 from screwgauge.report.blocks import Banner, Block, Folded, Items
 from screwgauge.report.formatting import Row, listed, rows
 from screwgauge.report.study import study
-from screwgauge.study.campaigns.matrix import COLUMNS
+from screwgauge.study.matrix import COLUMNS
 
 ENGINES = {"pin": "pinocchio", "mujoco": "mujoco"}
 #: Column -> what became of a case.

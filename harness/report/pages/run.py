@@ -217,7 +217,6 @@ VALUES: dict[str, Value] = {
     "notes": lambda results: [f"{name}: {note}" for name, s in results.solutions.items() for note in s.notes],
     "published": published,
     "times": _times,
-    **dict.fromkeys(("reach", "errata", "meaning"), lambda results: ""),  # see `errata_values`
     "worst pairs": lambda results: _worst(compared(results), "quantity"),
     "worst residuals": lambda results: _worst(rows(results.judge), "residual"),
     "conditioning": _conditioning,
@@ -258,11 +257,6 @@ def terminal(results: Comparison, *, judge: bool = True) -> list[Block]:
     return replace(RUN, values={**VALUES, **brief}).terminal(results)
 
 
-def write(results: Comparison, out: Path, *, samples: bool = False, errata: bool = False, **writing: Any) -> Path:
+def write(results: Comparison, out: Path, *, samples: bool = False, **writing: Any) -> Path:
     """Writes everything, see `screwgauge.report.results.Results.write`, and `Report.write` for the rest."""
-    page = RUN
-    if errata:
-        from screwgauge.report.pages.paper import errata_values  # brings all that measures them
-
-        page = replace(RUN, values={**VALUES, **errata_values(results.scene)})
-    return page.write(results, out, more={SAMPLES: samples_table(results)} if samples else {}, **writing)
+    return RUN.write(results, out, more={SAMPLES: samples_table(results)} if samples else {}, **writing)

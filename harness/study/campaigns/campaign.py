@@ -1,125 +1,16 @@
-"""A campaign: random mechanisms of all families put to engines, one row each; rows that are there are kept."""
+"""The verdict of a comparison in a row: who agrees, and the worst pair."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from pathlib import Path
-from tempfile import TemporaryDirectory
-from time import process_time
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from screwgauge.families.draw import families, random
 from screwgauge.judging.answer import largest
 from screwgauge.judging.assembly import assembly_of, other_assemblies
-from screwgauge.reference.errors import LoaderError, ScrewgaugeError, check_choice
-from screwgauge.scene.scene import Scene
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.lifeline import hold, lifeline
-from screwgauge.study.run import run
-from screwgauge.study.table import added_to, rows_in
 
-ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
-TRUTH, CERTIFIED = "truth", "certified"
 EXPLAINED = "within the error"  # how the comparison begins where an estimate admits what differs
-TRUTH_EVERY = 10  # seeds
-COLUMNS = (
-    *("family", "seed", "redrawn", "bodies", "joints", "freedoms", "loops", "engines", "verdict"),
-    *("max_scaled", "tolerance", "quantity", "pair", "component", "estimate", "judge", "branch", "reason"),
-    *("truth", "cpu_s", *(f"{engine}_s" for engine in ENGINES)),
-)
-#: Columns of any campaign that hold numbers from 0 on.
-SIZES = {"bodies", "joints", "freedoms", "loops", "redrawn", "max_scaled", "tolerance", "estimate", "error", "cpu_s"}
-SIZES |= {f"{engine}_s" for engine in ENGINES}
-
-
-def campaign(
-    count: int,
-    file: Path,
-    *,
-    seed: int = 0,
-    only: Sequence[str] | None = None,
-    workers: int = 2,
-    progress: Callable[[str, float], None] = lambda step, share: None,
-    work: Callable[[tuple[int, str]], dict[str, Any]] | None = None,
-    columns: Sequence[str] = COLUMNS,
-) -> pd.DataFrame:
-    """Puts so many mechanisms to the engines, family by family, and the next seed of each when all had their turn.
-
-    Args:
-        file: CSV file that rows are added to as they come; those that it has already are kept.
-        seed: The first one. Seeds that `TRUTH_EVERY` divides are put to the engine ``truth``, too.
-        only: Families; all by default.
-        workers: Processes.
-        work: Makes a row of seed and family; `measured` by default. It pickles.
-
-    Returns:
-        The table, sorted.
-
-    Raises:
-        LoaderError: A process was killed, or crashed; all rows that were finished are in the file.
-    """
-    names = families() if only is None else check_choice("family", only, families())
-    items = [(seed + i // len(names), names[i % len(names)]) for i in range(count)]
-    sizes = [name for name in columns if name in SIZES]
-    done = {(int(row["seed"]), row["family"]) for row in rows_in(file, columns, "random mechanisms", ["seed"], sizes)}
-    todo = [item for item in items if item not in done]
-    lost = None
-    with (
-        added_to(file, columns) as add,
-        ProcessPoolExecutor(workers, initializer=hold, initargs=(lifeline(),)) as pool,
-    ):
-        try:
-            for i, future in enumerate(as_completed([pool.submit(work or measured, item) for item in todo])):
-                if isinstance(future.exception(), BrokenProcessPool):  # others have finished all the same
-                    lost = future.exception()
-                    continue
-                add(row := future.result())
-                progress(f"{row['family']} {row['seed']}", (i + 1) / len(todo))
-        finally:
-            pool.shutdown(cancel_futures=True)
-    if lost is not None:
-        what, remedy = "a process of the campaign was killed, or crashed", "run the same command again to go on"
-        raise LoaderError(what, str(file), remedy) from lost
-    return pd.read_csv(file, keep_default_na=False).sort_values(["family", "seed"], ignore_index=True)
-
-
-def measured(item: tuple[int, str]) -> dict[str, Any]:
-    """The row of one mechanism, by seed and family."""
-    seed, family = item
-    row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "family": family, "seed": seed}
-    with TemporaryDirectory(prefix="screwgauge-") as folder:
-        scene = random(seed, family, Path(folder))
-        mechanism = scene.mechanism
-        row["redrawn"] = re.findall(r"\d+(?= draws)", scene.description)[0]
-        row["bodies"], row["joints"] = len(mechanism.bodies), len(mechanism.joints)
-        row["freedoms"], row["loops"] = len(mechanism.independent), len(mechanism.joints) - len(mechanism.bodies)
-        begin = process_time()
-        try:
-            row |= judged(run(scene, ENGINES))
-        except ScrewgaugeError as error:
-            row |= {"verdict": "refused", "reason": f"{type(error).__name__}: {error.what}"}
-        row["cpu_s"] = f"{process_time() - begin:.3g}"
-        if seed % TRUTH_EVERY == 0 and row["verdict"] != "refused":
-            row["truth"] = _certified(scene)
-    return row
-
-
-def _certified(scene: Scene) -> str:
-    """``certified`` if ``screw`` is right by the truth at every sample, else what is wrong."""
-    results = run(scene, (TRUTH, ENGINES[0]))
-    if TRUTH in results.failures:
-        return str(results.failures[TRUTH].reason)
-    truth = results.solutions[TRUTH]
-    if truth.rows is not None:
-        return f"{len(truth.rows)} of {len(scene.t)} samples certified"
-    found = judged(results)
-    return CERTIFIED if found["verdict"] in ("agree", "estimated") else f"{found['verdict']} by {found['max_scaled']}"
 
 
 def judged(results: Comparison) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.scene.imported import write_imported
 from screwgauge.scene.read import load_scene
 from screwgauge.study.campaigns.campaign import judged
-from screwgauge.study.campaigns.loading import import_apart
+from screwgauge.study.loading import import_apart
 from screwgauge.study.run import run
 from screwgauge.study.table import columns_of, frame
 

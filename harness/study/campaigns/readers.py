@@ -17,7 +17,7 @@ from screwgauge.reference.wording import first_few
 from screwgauge.solution import Failure
 from screwgauge.study.apart import Limits
 from screwgauge.study.campaigns.imports import Public
-from screwgauge.study.campaigns.loading import LOADING, Request, readings
+from screwgauge.study.loading import LOADING, Request, readings
 from screwgauge.study.table import columns_of, frame
 
 #: Causes that are named; the others are counted.

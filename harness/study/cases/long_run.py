@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from screwgauge.engines.screw.scheme import PARTS, chains, march, platform_screws
 from screwgauge.judging.answer import timed
 from screwgauge.problem import ModelFiles, Problem, Progress, quiet
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.paper.scheme import PARTS, chains, march
-from screwgauge.reference.paper.twist import platform_screws
 from screwgauge.reference.pose import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
@@ -102,7 +101,7 @@ class PaperScheme(Method):
         for begin in range(0, int(ends[-1]), PART):
             n = min(PART, int(ends[-1]) - begin)
             t = (begin + np.arange(parts * n + 1) / parts) * SCHEME_STEP
-            V = platform_screws(lay, self.scene.moved(t), t)[0]
+            V = platform_screws(lay, self.scene.moved(t))[0]
             theta = march(side, theta[-1], V, SCHEME_STEP, method)
             kept.append(theta[ends[(ends > begin) & (ends <= begin + n)] - begin])
         q = side.scatter(np.concatenate(kept), len(mechanism.coordinates))

@@ -1,0 +1,253 @@
+"""The check in fresh environments, one for each pair of versions of Pinocchio and MuJoCo; one row each.
+
+Run as a module it shows the cases of the casebook that are named, a line for each, in the Python that runs it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from importlib import import_module
+from importlib.metadata import requires
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pandas as pd
+
+import screwgauge
+from screwgauge.casebook.book import CASES, reproduce
+from screwgauge.quantities import digits
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.study.gate.row import EXIT, JUDGE
+from screwgauge.study.lifeline import tied
+from screwgauge.study.table import added_to, columns_of, rows_in
+
+#: What pin before 4 was built with and asks for in any version: newer ones have no libtinyxml2.so.10 or
+#: liburdfdom_sensor.so.4.0 (pin 3.4.0 and 3.9.0 were tried), and it cannot be imported.
+BUILT_WITH = ("cmeel-tinyxml2<11", "cmeel-urdfdom<5")
+#: Of an installation, and of a check [s].
+LIMIT = 3600.0
+CRASHED = "crashed"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A pair of versions.
+
+    Attributes:
+        status: ``agree``, ``differ``, ``failed`` or ``not installed``.
+        passing, scenes: Scenes that pass, of so many.
+        digits: Fewest digits of two engines that agree, `worst`: scene and quantity that have them.
+        differing: Quantities out of tolerance, with the number of scenes.
+        reason: What is said of the first scene that does not pass, or why there is none.
+        shown, not_shown, failed: Cases of the casebook by what became of them.
+    """
+
+    pin: str
+    mujoco: str
+    status: str
+    passing: int = 0
+    scenes: int = 0
+    digits: float = float("nan")
+    worst: str = ""
+    differing: str = ""
+    reason: str = ""
+    shown: str = ""
+    not_shown: str = ""
+    failed: str = ""
+
+
+COLUMNS = tuple(columns_of(Row))
+
+
+class CannotError(Exception):
+    """An environment that cannot be made, or a command that does not answer in it."""
+
+
+Maker = Callable[[Path, Sequence[str]], Path]
+"""Takes a folder that is to be made and requirements; returns the Python of an environment that has them."""
+
+
+def matrix(
+    pairs: Iterable[tuple[str, str]],
+    file: Path,
+    *,
+    make: Maker | None = None,
+    scenes: Sequence[str] = (),
+    cases: Sequence[str] = tuple(CASES),
+    progress: Callable[[str, float], None] = lambda step, share: None,
+) -> pd.DataFrame:
+    """Checks scenes with each pair of versions.
+
+    Args:
+        pairs: Versions of pin and of mujoco.
+        file: CSV file that rows are added to as they come; those that it has already are kept.
+        make: Makes an environment, by uv or pip.
+        scenes: As `screwgauge check` takes them; all built-in ones by default.
+        cases: Names of discrepancies that are looked at.
+
+    Returns:
+        The table, columns `COLUMNS`.
+    """
+    done = {(row["pin"], row["mujoco"]) for row in rows_in(file, COLUMNS, "versions", ["passing", "scenes"])}
+    todo = [pair for pair in pairs if pair not in done]
+    with added_to(file, COLUMNS) as add:
+        for i, (pin, mujoco) in enumerate(todo):
+            progress(f"pin {pin}, mujoco {mujoco}", i / len(todo))
+            with TemporaryDirectory(prefix="screwgauge-") as folder:
+                add(asdict(_row(pin, mujoco, Path(folder), make or fresh, (scenes, cases))))
+    return pd.read_csv(
+        file, dtype={"pin": str, "mujoco": str}, keep_default_na=False, na_values={"digits": ["nan", ""]}
+    )
+
+
+def check_versions(names: Sequence[str], package: str) -> Sequence[str]:
+    """Refuses what is no version: it is handed to an installer."""
+    for name in names:
+        if not re.fullmatch(r"\d+(\.\w+)*", name):
+            raise DescriptionError(f"'{name}' is no version", f"--{package}", "write 4.1.0, or 3.9.0,4.1.0")
+    return names
+
+
+def _row(pin: str, mujoco: str, folder: Path, make: Maker, what: tuple[Sequence[str], Sequence[str]]) -> Row:
+    scenes, cases = what
+    try:
+        python = make(folder / "environment", requirements(pin=pin, mujoco=mujoco))
+    except CannotError as error:
+        return Row(pin, mujoco, "not installed", reason=str(error))
+    lay_out(folder / "package")
+    try:
+        found = _checked(python, folder, scenes)
+    except CannotError as error:
+        found = {"status": "failed", "reason": str(error)}
+    by: dict[str, list[str]] = {}
+    for case, status in _shown(python, folder, [*cases]):
+        by.setdefault(status, []).append(case)
+    shown, not_shown = (" ".join(by.get(status, ())) for status in ("shown", "not shown"))
+    failed = " ".join([*by.get("failed", ()), *by.get(CRASHED, ())])
+    return Row(pin, mujoco, **found, shown=shown, not_shown=not_shown, failed=failed)
+
+
+def requirements(**pinned: str) -> list[str]:
+    """What this package needs, some of it in one version only, with what that was built with."""
+    needed = [text for text in requires("screwgauge") or () if "extra ==" not in text]
+    names = [match[0] for text in needed if (match := re.match(r"[\w.-]+", text))]
+    found = [f"{name}=={pinned[name]}" if name in pinned else text for name, text in zip(names, needed, strict=True)]
+    return [*found, *(BUILT_WITH if int(pinned["pin"].split(".")[0]) < 4 else ())]
+
+
+def fresh(folder: Path, wanted: Sequence[str]) -> Path:
+    """An environment of this Python's version, by uv where that is there, else by venv and pip.
+
+    Raises:
+        CannotError: It cannot be made; the message is the last of the installer.
+    """
+    python, uv = folder / "bin" / "python", shutil.which("uv")
+    if uv:
+        _run([uv, "venv", "--quiet", "--python", sys.executable, str(folder)])
+        _run([uv, "pip", "install", "--quiet", "--python", str(python), *wanted])
+    else:
+        _run([sys.executable, "-m", "venv", str(folder)])
+        _run([str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *wanted])
+    return python
+
+
+def lay_out(folder: Path) -> None:
+    """This package, as it runs here and whatever it was installed from, for another Python."""
+    for name in ("screwgauge", "screwgauge.reference", "screwgauge.models"):
+        source = Path(str(import_module(name).__file__)).parent
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(source, folder.joinpath(*name.split(".")), ignore=ignored, dirs_exist_ok=True)
+    said = folder / f"screwgauge-{screwgauge.__version__}.dist-info"
+    said.mkdir()
+    text = f"Metadata-Version: 2.1\nName: screwgauge\nVersion: {screwgauge.__version__}\n"
+    (said / "METADATA").write_text(text, encoding="utf-8")
+
+
+def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[int] = (0,)) -> str:
+    """What a command prints.
+
+    Args:
+        folder: Where this package is laid out, if it is a command of it.
+        ends: Statuses that it may end with; any if there are none.
+
+    Raises:
+        CannotError: It takes too long or ends otherwise; the message is its last line.
+    """
+    # compiled modules are kept: the package is imported by every process of a check
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    more = {"PYTHONPATH": str(folder / "package")} if folder else {}
+    ask = partial(subprocess.run, capture_output=True, text=True, errors="replace", check=False, timeout=LIMIT)
+    try:
+        done = ask(command, cwd=folder, env={**kept, **more}, preexec_fn=tied())
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise CannotError(f"{type(error).__name__}: {error}") from None
+    if ends and done.returncode not in ends:
+        lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+        raise CannotError(lines[-1] if lines else f"ended with status {done.returncode}")
+    return str(done.stdout)
+
+
+def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any]:
+    """What `screwgauge check --smoke` finds, in the terms of a row."""
+    command = [str(python), "-m", "screwgauge.cli", "check", *scenes, "--smoke", "--json", "--out", str(folder / "out")]
+    text = _run(command, folder, (0, 1, 3))
+    try:
+        rows = json.loads(text)["rows"]
+    except (ValueError, KeyError, TypeError):
+        raise CannotError("the check printed no JSON") from None
+    bad = [row for row in rows if EXIT[row["status"]]]
+    pairs = [
+        (digits(error["error"]), f"{row['scene']}: {error['quantity']}")
+        for row in rows
+        for error in row["errors"]
+        if error["ok"] and error["b"] != JUDGE and error["error"] is not None
+    ]
+    fewest, worst = min(pairs, default=(float("nan"), ""))
+    out = Counter(name for row in bad for name in dict.fromkeys(_beyond(row["errors"])))
+    failed = any(row["status"] in ("failed", "refused") for row in bad)
+    said: Mapping[str, Any] = bad[0] if bad else {"scene": "", "sentence": ""}
+    return {
+        "status": "failed" if failed else "differ" if bad or not rows else "agree",
+        "passing": len(rows) - len(bad),
+        "scenes": len(rows),
+        "digits": round(fewest, 1),
+        "worst": worst,
+        "differing": ", ".join(f"{name} {n}" for name, n in out.most_common()),
+        "reason": f"{said['scene']}: {said['sentence']}" if bad else "",
+    }
+
+
+def _beyond(errors: Iterable[Mapping[str, Any]]) -> Iterator[str]:
+    """Quantities in which two engines are out of tolerance."""
+    return (error["quantity"] for error in errors if not error["ok"] and error["b"] != JUDGE)
+
+
+def _shown(python: Path, folder: Path, cases: list[str]) -> Iterator[tuple[str, str]]:
+    """What becomes of each case. One that takes its process with it is said to have, and the others go on."""
+    while cases:
+        try:
+            text = _run([str(python), "-m", "screwgauge.study.matrix", *cases], folder, ())
+        except CannotError:
+            text = ""
+        lines = [line.split("\t") for line in text.splitlines() if line.count("\t") == 1]
+        for case, status in lines:
+            if case in cases:
+                yield case, status
+        cases = [case for case in cases if case not in {name for name, _ in lines}]
+        if cases:
+            yield cases.pop(0), CRASHED
+
+
+if __name__ == "__main__":
+    for name in sys.argv[1:]:
+        print(name, reproduce(name).status, sep="\t", flush=True)

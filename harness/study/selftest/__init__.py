@@ -1,1 +1,0 @@
-"""What a diagnosis finds: models changed at random, and models that only look different."""

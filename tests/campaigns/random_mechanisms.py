@@ -1,0 +1,57 @@
+"""Random mechanisms put to all engines, a row each: do these agree, and does the truth certify `screw`?"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+from typing import Any
+
+import screwgauge
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.scene.scene import Scene
+from screwgauge.study.campaigns.campaign import judged
+from screwgauge.study.run import run
+
+ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
+TRUTH, CERTIFIED = "truth", "certified"
+TRUTH_EVERY = 10  # seeds
+COLUMNS = (
+    *("family", "seed", "redrawn", "bodies", "joints", "freedoms", "loops", "engines", "verdict"),
+    *("max_scaled", "tolerance", "quantity", "pair", "component", "estimate", "judge", "branch", "reason"),
+    *("truth", "cpu_s", *(f"{engine}_s" for engine in ENGINES)),
+)
+
+
+def measured(item: tuple[int, str]) -> dict[str, Any]:
+    """The row of one mechanism, by seed and family."""
+    seed, family = item
+    row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "family": family, "seed": seed}
+    with TemporaryDirectory(prefix="screwgauge-") as folder:
+        scene = screwgauge.random(seed, family, Path(folder))
+        mechanism = scene.mechanism
+        row["redrawn"] = re.findall(r"\d+(?= draws)", scene.description)[0]
+        row["bodies"], row["joints"] = len(mechanism.bodies), len(mechanism.joints)
+        row["freedoms"], row["loops"] = len(mechanism.independent), len(mechanism.joints) - len(mechanism.bodies)
+        begin = process_time()
+        try:
+            row |= judged(run(scene, ENGINES))
+        except ScrewgaugeError as error:
+            row |= {"verdict": "refused", "reason": f"{type(error).__name__}: {error.what}"}
+        row["cpu_s"] = f"{process_time() - begin:.3g}"
+        if seed % TRUTH_EVERY == 0 and row["verdict"] != "refused":
+            row["truth"] = _certified(scene)
+    return row
+
+
+def _certified(scene: Scene) -> str:
+    """``certified`` if ``screw`` is right by the truth at every sample, else what is wrong."""
+    results = run(scene, (TRUTH, ENGINES[0]))
+    if TRUTH in results.failures:
+        return str(results.failures[TRUTH].reason)
+    truth = results.solutions[TRUTH]
+    if truth.rows is not None:
+        return f"{len(truth.rows)} of {len(scene.t)} samples certified"
+    found = judged(results)
+    return CERTIFIED if found["verdict"] in ("agree", "estimated") else f"{found['verdict']} by {found['max_scaled']}"

@@ -1,0 +1,257 @@
+"""Models changed at random, each put to a diagnosis, and as many that only look different: one row each."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from campaigns.changes import CannotError
+from campaigns.lookalikes import REWRITES
+from campaigns.mutations import EVERYWHERE, KINDS, LOST, TRANSPOSED, Expected, mutated
+from support.robots import arm, mjcf, tree, urdf
+
+from screwgauge.diagnosis.causes.attribution import Step
+from screwgauge.diagnosis.causes.hypothesis import Hypothesis, Value
+from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.mjcf import write_mjcf
+from screwgauge.models.urdf import write_urdf
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.rotations import rotation_vector
+from screwgauge.study.table import added_to, rows_in
+
+#: Changes, and pairs that are alike for each.
+COUNT, PAIRS = 500, 0.4
+SMALLEST, LARGEST = 1e-6, 0.1  # relative size of a change
+#: A change of torques below it [of the largest torque] need not be detected.
+VISIBLE = 1e-9
+#: A magnitude that is named is right within so much of it.
+CLOSE = 0.01
+CHANGED, ALIKE = "changed", "alike"
+COLUMNS = (
+    *("group", "number", "kind", "model", "public", "a", "b", "size", "effect", "detected", "right", "error"),
+    *("left", "backfill", "cpu_s", "verdict", "first"),
+)
+#: Of these, numbers from 0 on.
+SIZES = ("size", "effect", "error", "left", "cpu_s")
+BUILT_IN = ("arm7", "3ups-upu-s", "stewart")
+#: Path below a folder that Python packages are installed in; the packages are those of the extra ``study``.
+PUBLIC = {
+    name: f"cmeel.prefix/share/example-robot-data/robots/{path}"
+    for name, path in {
+        "panda": "panda_description/urdf/panda.urdf",
+        "ur5": "ur_description/urdf/ur5_robot.urdf",
+        "solo12": "solo_description/robots/solo12.urdf",
+        "kinova": "kinova_description/robots/kinova.urdf",
+        "anymal": "anymal_b_simple_description/robots/anymal.urdf",
+        "tiago": "tiago_description/robots/tiago.urdf",
+        "allegro": "allegro_hand_description/urdf/allegro_right_hand.urdf",
+    }.items()
+} | {
+    "sawyer": "robosuite/models/assets/robots/sawyer/robot.xml",
+    "panda-mjcf": "robosuite/models/assets/robots/panda/robot.xml",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """A machine and files that describe it, all in the same way.
+
+    Attributes:
+        files: Path and library that reads it, of each.
+    """
+
+    name: str
+    files: tuple[tuple[Path, str], ...]
+    public: bool = False
+
+
+def machines(folder: Path) -> list[Machine]:
+    """Random trees and built-in mechanisms, each written into a folder; public robots that are installed."""
+    files = {f"tree{seed}{ending}": text for seed in range(4) for ending, text in _texts(seed).items()}
+    files["coupled.urdf"] = urdf(arm()).replace("</joint>", '<mimic joint="joint1" multiplier="0.5"/></joint>', 1)
+    for name in BUILT_IN:
+        mechanism = load_mechanism(name)
+        files |= {f"{name}.urdf": write_urdf(mechanism, "minimal"), f"{name}.xml": write_mjcf(mechanism, "minimal")}
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return [*_made(folder), *_public()]
+
+
+def _texts(seed: int) -> dict[str, str]:
+    parts = tree(seed)
+    return {".urdf": urdf(parts), ".xml": mjcf(parts), "-full.xml": mjcf(parts, full=True)}
+
+
+def _read(*files: Path) -> tuple[tuple[Path, str], ...]:
+    """Files with each of the libraries that read them."""
+    return tuple(
+        (file, library)
+        for file in files
+        for library in (("pinocchio", "yourdfpy") if file.suffix == ".urdf" else ("mujoco",))
+    )
+
+
+def _made(folder: Path) -> Iterator[Machine]:
+    for i in range(4):
+        yield Machine(f"tree{i}", _read(folder / f"tree{i}.urdf", folder / f"tree{i}.xml"))
+        yield Machine(f"tree{i}-full", _read(folder / f"tree{i}-full.xml"))
+    yield Machine("coupled", _read(folder / "coupled.urdf"))
+    for name in BUILT_IN:
+        yield Machine(name, _read(folder / f"{name}.urdf"))
+        yield Machine(f"{name}-mjcf", _read(folder / f"{name}.xml"))
+
+
+def _public() -> Iterator[Machine]:
+    for name, path in PUBLIC.items():
+        if file := next((file for entry in sys.path if (file := Path(entry) / path).is_file()), None):
+            yield Machine(name, _read(file), True)
+
+
+def selftest(count: int, file: Path, progress: Callable[[str, float], None]) -> pd.DataFrame:
+    """Diagnoses so many changed models, kinds of change in turn, and `PAIRS` as many pairs that are alike.
+
+    Args:
+        file: CSV file that rows are added to as they come; those that it has already are kept.
+
+    Returns:
+        The table, sorted, columns `COLUMNS`.
+    """
+    of = {CHANGED: (count, [*KINDS]), ALIKE: (round(PAIRS * count), [*REWRITES])}
+    done = {(row["group"], int(row["number"])) for row in rows_in(file, COLUMNS, "a self-test", ["number"], SIZES)}
+    todo = [(group, i, kinds[i % len(kinds)]) for group, (n, kinds) in of.items() for i in range(n)]
+    todo = [item for item in todo if item[:2] not in done]
+    with TemporaryDirectory(prefix="screwgauge-") as folder, added_to(file, COLUMNS) as add:
+        known = machines(Path(folder))
+        for i, (group, number, kind) in enumerate(todo):
+            add({"group": group, "number": number, **row(kind, known, Path(folder), [0, group == ALIKE, number])})
+            progress(f"{kind} {number}", (i + 1) / len(todo))
+    return pd.read_csv(file, keep_default_na=False).sort_values(["group", "number"], ignore_index=True)
+
+
+def row(kind: str, known: Sequence[Machine], folder: Path, seed: Sequence[int]) -> dict[str, Any]:
+    """What a diagnosis makes of a random machine that has a place for a change, or that can be written so."""
+    rng = np.random.default_rng(seed)
+    size, reason = float(10.0 ** rng.uniform(np.log10(SMALLEST), np.log10(LARGEST))), ""
+    for i in rng.permutation(len(known)):
+        machine = known[int(i)]
+        (first, library_a), (second, library_b) = (machine.files[k] for k in rng.integers(len(machine.files), size=2))
+        copy = folder / f"b-{second.name}"
+        try:
+            text, expected = _written(kind, second, rng, size)
+            copy.write_text(text, encoding="utf-8")
+            begin = process_time()
+            answer = diagnose(f"{first}@{library_a}", f"{copy}@{library_b}")
+        except (CannotError, ScrewgaugeError) as error:
+            reason = f"{type(error).__name__}: {error}"
+            continue
+        if first.suffix != second.suffix:  # the slip is made in an orientation that A does not write
+            expected = [replace(e, slip="turned by") if e.slip in (LOST, TRANSPOSED) else e for e in expected]
+        return {
+            "kind": kind,
+            "model": machine.name,
+            "public": machine.public,
+            "size": f"{size:.3g}" if expected else "",
+            "a": f"{first.suffix[1:]} {library_a}",
+            "b": f"{second.suffix[1:]} {library_b}",
+            "cpu_s": f"{process_time() - begin:.3g}",
+            "effect": f"{_effect(answer):.3g}",
+            **(judged(answer, expected) if expected else _alike(answer)),
+        }
+    return {"kind": kind, "verdict": "no place", "first": reason}
+
+
+def _written(kind: str, file: Path, rng: np.random.Generator, size: float) -> tuple[str, list[Expected]]:
+    """A file changed, with what a diagnosis has to say of it, or written in another way, with nothing."""
+    text = file.read_text(encoding="utf-8")
+    return mutated(kind, text, rng, size) if kind in KINDS else (REWRITES[kind](text, rng), [])
+
+
+def _effect(answer: Diagnosis) -> float:
+    """Largest difference of torques, of the largest torque."""
+    return answer.attribution.before.scaled if answer.attribution else np.inf
+
+
+def _alike(answer: Diagnosis) -> dict[str, Any]:
+    quiet = answer.same or answer.undecided
+    return {
+        "detected": not quiet,
+        "verdict": "ok" if quiet else "false alarm",
+        "first": "" if quiet else answer.verdict,
+    }
+
+
+def judged(answer: Diagnosis, expected: Sequence[Expected]) -> dict[str, Any]:
+    """Compares a diagnosis with what was changed.
+
+    Returns:
+        Columns: detected; first, what it names first; right, whether that, or something that it cannot tell from it, is
+        what was changed; error of the magnitude, relative; what backfill leaves; verdict.
+    """
+    steps = answer.attribution.steps if answer.attribution else ()
+    detected = not (answer.same or answer.undecided)
+    right, error = _right(answer, expected, steps) if detected else (False, np.nan)
+    name = steps[0].hypothesis.name if steps else answer.differences[0].sentence if answer.differences else ""
+    good = "wrong" if not right else "imprecise" if error > CLOSE else "ok"
+    return {
+        "detected": detected,
+        "right": right,
+        "error": f"{error:.2g}" if np.isfinite(error) else "",
+        "first": name,
+        **({"left": f"{answer.proof.left.scaled:.2g}", "backfill": answer.proof.on} if answer.proof else {}),
+        "verdict": good if detected else "missed",
+    }
+
+
+def _right(answer: Diagnosis, expected: Sequence[Expected], steps: Sequence[Step]) -> tuple[bool, float]:
+    """Whether each change is named, as the slip that it is, and by how much the worst magnitude is off."""
+    named = [cause for step in steps[: len(expected)] for cause in (step.hypothesis, *step.alike)]
+    if expected[0].what == ("digits",):
+        rounded = answer.differences and all(difference.kind == "digits" for difference in answer.differences)
+        return rounded or any("digits" in slip for cause in named[:1] for slip in cause.slips), np.nan
+    values = _values(answer, named, len(expected) - len(steps))
+    carriers = {link: name for name, body in answer.b.reading.bodies.items() for link in body.fixed}
+    fitting = [[value for value in values if _fits(value, each, carriers)] for each in expected]
+    thought = answer.attribution.ranking if answer.attribution and not steps else ()
+    slips = {slip for cause in (*named, *(cause for cause, _ in thought)) for slip in cause.slips}
+    slipped = all(not each.slip or any(each.slip in slip for slip in slips) for each in expected)
+    errors = [
+        min(_error(value, each.magnitude, answer) for value in some)
+        for each, some in zip(expected, fitting, strict=True)
+        if some and np.isfinite(each.magnitude)
+    ]
+    return all(fitting) and slipped, max(errors, default=np.nan)
+
+
+def _values(answer: Diagnosis, named: Sequence[Hypothesis], missing: int) -> list[Value]:
+    """Values that causes are named with, or, of what no torque shows, differences; of these as many as are missing."""
+    unseen = answer.attribution.unseen if answer.attribution else answer.differences
+    static = [*(d for d in answer.differences if d.what == "branch"), *unseen[: max(missing, 0)]]
+    nothing = np.array(np.nan)
+    sides = [(d, *(nothing if side is None else side for side in (d.a, d.b))) for d in static]
+    return [
+        *(value for cause in named for value in cause.values),
+        *(Value(d.item_b or d.item_a, d.what, a, b) for d, a, b in sides),
+    ]
+
+
+def _fits(value: Value, expected: Expected, carriers: Mapping[str, str]) -> bool:
+    """Whether it is of the property and the part that was changed."""
+    part = expected.item in (EVERYWHERE, value.item) or carriers.get(expected.item) == value.item
+    return part and value.what in expected.what
+
+
+def _error(value: Value, magnitude: float, answer: Diagnosis) -> float:
+    """Of a magnitude, relative to it."""
+    sizes = [float(np.linalg.norm(value.a - value.b))]
+    if value.what == "placement":
+        R, p, c = value.a[:3, :3], value.a[:3, 3], answer.b.reading.joints[value.item].centre
+        sizes = [float(np.linalg.norm(rotation_vector(R))), float(np.linalg.norm(R @ c + p - c))]
+    return min(abs(size - abs(magnitude)) / abs(magnitude) for size in sizes)

@@ -1,0 +1,95 @@
+"""The paper's case, solved: eq. (59) on the mechanism of Tables 1 to 3. All errata are measured on it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from screwgauge.engines.screw.scheme import chains, platform_screws
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.reference import dynamics
+from screwgauge.reference.kinematics import accelerations, positions, velocities
+from screwgauge.reference.pose import layout
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.read import load_scene
+
+SCENE = "3ups-upu-s"
+TABLE_2 = "3ups-upu-s-table2"  # the mechanism with the wrist angles of the paper's Table 2; the bodies move alike
+STEP = 0.05  # s: the curves of the case are smooth on a scale of seconds
+DURATION = 10.0  # s, as in the paper
+HALF = 0.3  # m, a leg half: the length that eq. (24) adds to p_3
+UPU_CHAIN, S_CHAIN = 0, 4  # of the five
+
+
+class Case:
+    """Eq. (59) solved at times `t` [s], shape (n,), on the mechanism of Tables 1 to 3.
+
+    Attributes:
+        motion: The independent coordinates there.
+        rate: Joint velocities and twists of the closed mechanism.
+        beta: Joint accelerations. Shape (n, n_q).
+        A: Acceleration screws of the bodies. Shape (n, n_body + 1, 6).
+        bodies: Motion of the bodies.
+        twist: Twist and acceleration screw of the platform, from the S joint's angles alone. Shape (n, 6) each.
+        B: Velocities of the actuators per velocity of y. Shape (n, 4, 2).
+        side: The five chains side by side.
+        screws, theta, w: Screws, coordinates and velocities chain by chain. Shapes (n, 5, m, 6), (n, 5, m), (n, 5, m).
+    """
+
+    def __init__(self, t: Array) -> None:
+        self.scene, self.t = load_scene(SCENE), t
+        self.lay = lay = layout(load_mechanism(TABLE_2))
+        self.motion = self.scene.moved(t)
+        self.rate = velocities(lay, positions(lay, self.motion.y, t), self.motion.yd)
+        self.beta, self.A = accelerations(lay, self.rate, self.motion.ydd)
+        self.bodies = dynamics.body_motion(lay, self.rate.pose, self.rate.V, self.A)
+        self.twist = platform_screws(lay, self.motion)
+        self.B = self.rate.K[:, lay.mechanism.actuated_columns]
+        self.side = chains(lay)
+        self.theta, self.w = self.side.gather(self.rate.pose.q), self.side.gather(self.rate.w)
+        self.screws = self.side.walk(self.theta)[0]
+
+    def leg_ends(self, R: Array, p: Array) -> Array:
+        """Points C [m] for poses of the platform, one or one a leg: (n, 1 or 4, 3, 3), (n, 1 or 4, 3) -> (n, 4, 3)."""
+        wrists = [self.lay.mechanism.joint(f"leg{k}.wrist").child_frame.p for k in range(1, 5)]
+        return p + (R @ np.stack(wrists)[..., None])[..., 0]
+
+    def left_over(self, V: Array, chain: int) -> float:
+        """What eq. (15) leaves over where eq. (26) makes a chain follow twists V, shape (n, 6): the largest."""
+        w = self.side.solve(self.screws, V[:, None])[:, chain]
+        return longest((self.screws[:, chain].swapaxes(1, 2) @ w[..., None])[..., 0] - V)
+
+    def wrench(
+        self, gravity: Array | None = None, *, loaded: bool = True, bodies: dynamics.BodyMotion | None = None
+    ) -> tuple[Array, Array]:
+        """Required force and moment of each body, by the case's gravity, loads and motion or others. (n, n_body, 3)."""
+        applied = self.scene.applied
+        gravity, loads = applied.g if gravity is None else gravity, applied.loads if loaded else ()
+        return dynamics.required_wrench(self.lay, self.rate.pose, bodies or self.bodies, gravity, loads)
+
+    def generalized(self, F: Array, T: Array) -> Array:
+        """Generalised forces [N m]. Shape (n, 2)."""
+        return dynamics.generalized_force(self.lay, self.rate, self.bodies, F, T)
+
+    def driving(self, F: Array, T: Array) -> Array:
+        """Actuator forces of smallest norm [N]. Shape (n, 4)."""
+        return dynamics.min_norm(self.B, self.generalized(F, T))[0]
+
+
+def every(step: float) -> Array:
+    """The 10 s of the case by steps. Shape (n,)."""
+    return np.arange(round(DURATION / step) + 1) * step
+
+
+def largest(array: Array) -> float:
+    """Largest magnitude of all entries."""
+    return float(np.abs(array).max())
+
+
+def longest(vectors: Array) -> float:
+    """Largest length of the vectors along the last axis."""
+    return float(np.linalg.norm(vectors, axis=-1).max())
+
+
+def percent(wrong: Array, right: Array) -> float:
+    """Largest error as a share of the largest value [%]."""
+    return 100.0 * largest(wrong - right) / largest(right)

@@ -1,0 +1,51 @@
+"""The paper, checked: its formulas as printed and the right ones, each of its 18 errata measured and tested.
+
+pytest tests/paper                       # every erratum has its size
+pytest tests/paper --reports reports     # and reports/paper is written anew
+"""
+
+from __future__ import annotations
+
+import pytest
+from paper import dynamics, kinematics, mobility, numbering, scheme
+from paper.case import STEP, Case, every
+from paper.page import Paper
+
+
+@pytest.fixture(scope="session")
+def case() -> Case:
+    """The paper's case at the times at which errata are measured."""
+    return Case(every(STEP))
+
+
+@pytest.fixture(scope="session")
+def forces(case: Case) -> dynamics.Forces:
+    """All its forces, those of the actuators the smallest."""
+    return dynamics.Forces(case)
+
+
+@pytest.fixture(scope="session")
+def axial() -> dynamics.AxialRule:
+    """Its driving forces under eq. (56)."""
+    return dynamics.AxialRule()
+
+
+@pytest.fixture(scope="session")
+def runs(case: Case) -> scheme.Runs:
+    """The paper's scheme, which takes seconds for its 10 000 steps."""
+    return scheme.runs(case)
+
+
+@pytest.fixture(scope="session")
+def checked(case: Case, forces: dynamics.Forces, axial: dynamics.AxialRule, runs: scheme.Runs) -> Paper:
+    """All errata in the order of their numbers."""
+    errata = [
+        *mobility.errata(case),
+        *kinematics.errata(case),
+        *numbering.references(),
+        *scheme.units(case),
+        *scheme.steps_in_time(runs),
+        *dynamics.errata(case, forces),
+        *dynamics.one_dimension(axial),
+    ]
+    return Paper(sorted(errata, key=lambda row: row.number), dynamics.Reach(case), runs, axial)

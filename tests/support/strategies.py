@@ -1,0 +1,18 @@
+"""Random mechanisms as a strategy of Hypothesis."""
+
+from __future__ import annotations
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.strategies import SearchStrategy
+
+import screwgauge
+from screwgauge.families.draw import families
+
+#: A few examples, the same every time.
+FEW = settings(max_examples=5, derandomize=True, database=None, deadline=None)
+
+
+def scenes(*only: str) -> SearchStrategy[screwgauge.Scene]:
+    """Random mechanisms in motion, of some families or of all."""
+    return st.builds(screwgauge.random, st.integers(0, 999), st.sampled_from(only or families()))
