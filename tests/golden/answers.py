@@ -1,4 +1,4 @@
-"""Facts of what engines answer: values, what is said of their errors, comparison and judgement."""
+"""Facts of what engines answer: values, what they admit of their errors, comparison and judgement."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def largest(values: Any) -> dict[str, float]:
 
 
 def offs(solution: Any, quantity: str, least: float = LEAST) -> dict[str, float]:
-    """Unit -> what numbers of a quantity may be off by: ten times what the engine says of its own error."""
+    """Unit -> what numbers of a quantity may be off by: ten times the error that the engine admits."""
     estimate, admitted = solution.estimate.get(quantity), solution.tolerances.get(quantity, {})
     share = max(least, SLACK * float(np.max(estimate)) if estimate is not None else 0.0)
     sizes = largest(solution.values[quantity])
@@ -64,7 +64,7 @@ def values_of(results: Any, rows: Callable[..., Iterator[Row]], least: float = L
             yield from rows(solution, quantity, least)
 
 
-def said_of_errors(solution: Any) -> Iterator[Row]:
+def errors_of(solution: Any) -> Iterator[Row]:
     """Estimates, admitted errors, conditions and radii, largest of each quantity in turn."""
     name, conditions = solution.engine, [solution.condition, *solution.conditions.values()]
     admitted = [size for sizes in solution.tolerances.values() for size in sizes.values()]
@@ -85,7 +85,7 @@ def logarithms(numbers: list[float], off: float = ESTIMATED) -> Fact:
 
 
 def verdicts_of(results: Any) -> Iterator[Row]:
-    """What comparison and judge make of it, and what is said besides."""
+    """What comparison and judge make of it, and sentences."""
     yield "verdict", text(f"{results.exit_status}; {len(results.pairs)} pairs, {len(results.judge)} residuals")
     for kind, rows in (("pair", results.pairs), ("residual", results.judge)):
         for quantity, some in rows.groupby("quantity" if kind == "pair" else "residual"):

@@ -17,12 +17,12 @@ from golden.answers import (
     by_component,
     by_unit,
     counted,
+    errors_of,
     fact,
     facts_of,
     largest,
     logarithms,
     measured,
-    said_of_errors,
     values_of,
     verdicts_of,
 )
@@ -46,7 +46,7 @@ def listed(what: str) -> list[str]:
 
 
 def own_scenes() -> list[str]:
-    """Names of the scenes beside this module."""
+    """Names of the scenes that only these tests have."""
     return sorted(path.stem for path in OWN.glob("*.toml"))
 
 
@@ -93,12 +93,12 @@ def scene(name: str) -> Iterator[Row]:
     results = screwgauge.run(few(scene_of(name)), ENGINES)
     yield from values_of(results, by_component)
     for solution in results.solutions.values():
-        yield from said_of_errors(solution)
+        yield from errors_of(solution)
     yield from verdicts_of(results)
 
 
 def simulated(name: str) -> Iterator[Row]:
-    """The first part of a simulation; what is known of it beside."""
+    """The first part of a simulation, with its reference."""
     whole = scene_of(name)
     some = whole if name in own_scenes() else whole.at(whole.t[[1, 2, 4, 8]])
     steps = some.start.integration
@@ -154,12 +154,12 @@ def covered(name: str) -> Iterator[Row]:
 
 
 def proved(name: str) -> Iterator[Row]:
-    """The engine whose numbers are proved, beside the solver."""
+    """The solver and the engine whose numbers are proved."""
     results = screwgauge.run(few(scene_of(name), 2), ("screw", "truth"))
     truth = results.solutions["truth"]
     for quantity in truth.values:
         yield from by_unit(truth, quantity)
-    yield from said_of_errors(truth)
+    yield from errors_of(truth)
     yield from verdicts_of(results)
 
 
@@ -176,7 +176,7 @@ def _drawn(seed: int, engines: tuple[str, ...]) -> Iterator[Row]:
         return
     yield "name", text(results.scene.name)
     yield from values_of(results, by_unit)
-    yield from said_of_errors(results.solutions["screw"])
+    yield from errors_of(results.solutions["screw"])
     yield "verdict", text(results.exit_status)
     yield from counted(results)
 

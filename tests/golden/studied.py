@@ -30,9 +30,9 @@ def rungs() -> list[str]:
 def rung(case: str) -> Iterator[Row]:
     """What every engine makes of every quantity on a rung: ``CASE SEVERITY`` of a full run, ``... quick``."""
     name, severity, *quick = case.split()
-    found = stress([name], quick=bool(quick), severities=[float(severity)])
+    study = stress([name], quick=bool(quick), severities=[float(severity)])
     by_engine, reasons = defaultdict[str, list[Any]](list), defaultdict[str, list[str]](list)
-    for row in found.rows:
+    for row in study.rows:
         by_engine[row.engine].append(row)
         if row.reason:
             reasons[f"{row.engine}: {row.reason}"].append(row.quantity)

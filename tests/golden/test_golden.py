@@ -18,5 +18,5 @@ CASES = [
 @pytest.mark.parametrize(("part", "case"), CASES)
 def test_nothing_has_changed(part, case):
     with np.errstate(all="ignore"):
-        found = PARTS[part].facts(case)
-    assert differences(found, TABLES[part][case]) == []
+        now = PARTS[part].facts(case)
+    assert differences(now, TABLES[part][case]) == []
