@@ -49,6 +49,6 @@ PARTS: dict[str, Part] = {
     "imported": Part(solved.files, solved.imported, every(5)),
     "compiled": Part(solved.programs, solved.compiled),
     "stress": Part(studied.rungs, studied.rung, lambda i, case: case.endswith("quick") and usual(i, case)),
-    "leaving-out": Part(lambda: studied.ENGINES, studied.left_out),
+    "leaving-out": Part(lambda: ["3ups-upu-s-fast"], studied.left_out),
     "diagnoses": Part(lambda: diagnosed.CASES, diagnosed.diagnosis),
 }

@@ -18,7 +18,6 @@ from screwgauge.study.stress import stress
 #: Digits beyond these are rounding, and so is one more or less.
 KNOWN, OFF = 12.0, 1.0
 DECADE = 0.3  # of a condition number
-ENGINES = ("screw", "pinocchio", "mujoco")
 
 
 def rungs() -> list[str]:
@@ -45,11 +44,11 @@ def rung(case: str) -> Iterator[Row]:
         yield f"reason {i}", text(f"{', '.join(quantities)} of {reason}")
 
 
-def left_out(engine: str) -> Iterator[Row]:
+def left_out(scene: str) -> Iterator[Row]:
     """What leaving out changes."""
     plan = Plan(samples=3, rounds=1, budget=math.inf, quick=True)
-    table = bench(screwgauge.load_scene("3ups-upu-s-fast"), plan=plan, contestants=["leaving-out"]).leaving_out
-    for row in table[table["engine"] == engine].to_dict("records"):
-        key = f"{row['group']}, {row['setting']}"
+    table = bench(screwgauge.load_scene(scene), plan=plan, contestants=["leaving-out"]).leaving_out
+    for row in table.to_dict("records"):
+        key = f"{row['engine']} {row['group']}, {row['setting']}"
         yield key, text(f"{row['status']}, unchanged: {row['unchanged']} {row['reason']}")
         yield f"{key}, changes", Fact((float(row["max_difference"]),), 1e-12)
