@@ -78,7 +78,7 @@ def errors_of(solution: Any) -> Iterator[Row]:
         yield f"{name} radii", logarithms(radii, 0.5)
 
 
-def logarithms(numbers: list[float], off: float = ESTIMATED) -> Fact:
+def logarithms(numbers: Any, off: float = ESTIMATED) -> Fact:
     """Sizes that vary by orders of magnitude, as decades."""
     with np.errstate(all="ignore"):
         return Fact(tuple(float(x) for x in np.log10(np.abs(numbers))), off)
@@ -94,7 +94,8 @@ def verdicts_of(results: Any) -> Iterator[Row]:
                 who = bad[["a", "b", "unit"] if kind == "pair" else ["engine", "unit"]].to_numpy().tolist()
                 yield f"{kind} {quantity} not ok", text("; ".join(" ".join(map(str, each)) for each in who))
             off = ESTIMATED if quantity != "tree_force_soft" else MEASURED
-            yield f"{kind} {quantity} tolerances", logarithms([*some["tolerance"].dropna()], off)
+            each = np.log10(some["tolerance"].dropna())
+            yield f"{kind} {quantity} tolerances", fact([each.min(), each.max(), each.mean()], off)
     yield from facts_of(results)
 
 

@@ -16,7 +16,7 @@ NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)")
 ROUNDING, SHARE = 1e-9, 1e-3
 #: Engines that others may resemble, and those others.
 MODELS, OTHERS = ("screw", "pinocchio", "pinocchio-full"), ("mujoco", "mujoco-full")
-FINER = 0.03  # share of what a number may be off by that is still written
+FINER = 0.1  # share of what a number may be off by that is still written
 
 
 @dataclass(frozen=True, slots=True)

