@@ -65,8 +65,12 @@ def values_of(results: Any, rows: Callable[..., Iterator[Row]], least: float = L
 
 
 def errors_of(solution: Any) -> Iterator[Row]:
-    """Estimates, admitted errors, conditions and radii, largest of each quantity in turn."""
-    name, conditions = solution.engine, [solution.condition, *solution.conditions.values()]
+    """Largest estimate, admitted error and radius of each quantity in turn.
+
+    Conditions are that of the closing system, and the worst that any quantity was solved from.
+    """
+    name, met = solution.engine, [float(np.max(each)) for each in solution.conditions.values()]
+    conditions = [float(np.max(solution.condition)), *([max(met)] if met else [])]
     admitted = [size for sizes in solution.tolerances.values() for size in sizes.values()]
     sizes = {"estimates": [*solution.estimate.values()], "tolerances": admitted, "conditions": conditions}
     for what, arrays in sizes.items():

@@ -15,6 +15,7 @@ NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)")
 #: Below it a number within words is rounding; above it it may be off by this share, or by its last digit.
 ROUNDING, SHARE = 1e-9, 1e-3
 #: Engines that others may resemble, and those others.
+SOFT = ("tree_force_soft", "tree_force")  # which differ where equalities are soft only
 MODELS, OTHERS = ("screw", "pinocchio", "pinocchio-full"), ("mujoco", "mujoco-full")
 FINER = 0.1  # share of what a number may be off by that is still written
 
@@ -77,7 +78,9 @@ def candidates(key: str, facts: Facts) -> list[Fact]:
     """What stands for a row of an engine that is not kept: the same row of those that others may resemble."""
     engine, _, rest = key.partition(" ")
     before = MODELS[: MODELS.index(engine)] if engine in MODELS else MODELS if engine in OTHERS else ()
-    return [facts[name] for other in before if (name := f"{other} {rest}") in facts]
+    names = [key, *(f"{other} {rest}" for other in before)]
+    names += [name.replace(*SOFT) for name in names]
+    return [facts[name] for name in names if name != key and name in facts]
 
 
 def differences(now: Facts, kept: Facts) -> list[str]:

@@ -21,6 +21,7 @@ from screwgauge.study.stress import stress
 KNOWN, OFF = 12.0, (1.0, 3.0)
 AMPLIFIED = ("upu-singularity", "u-lock", "assembly", "wrist-chart")
 ANSWERED = {"ok": "answered", "degraded": "answered"}
+DIVERGENT = "stiff-legs"  # engines' own steps grow without bound: where that is noticed varies
 STATE = re.compile(r"\[[^]]*\]")  # in a reason
 DECADE = 0.3  # of a condition number
 
@@ -38,7 +39,7 @@ def rung(case: str) -> Iterator[Row]:
     by_engine, reasons = defaultdict[str, list[Any]](list), defaultdict[str, list[str]](list)
     for row in study.rows:
         by_engine[row.engine].append(row)
-        if row.reason:
+        if row.reason and not (name == DIVERGENT and row.verdict == "refused" and not row.own):
             reasons[f"{row.engine}: {STATE.sub('...', row.reason)}"].append(row.quantity)
     for engine, rows in by_engine.items():
         verdicts = [ANSWERED.get(row.verdict, row.verdict) if name in AMPLIFIED else row.verdict for row in rows]
