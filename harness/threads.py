@@ -23,9 +23,3 @@ def fix_threads() -> bool:
 def one_thread() -> bool:
     """Whether every variable says one thread."""
     return ONE.items() <= os.environ.items()
-
-
-def alone() -> None:
-    """Starts this program again with one thread, if it has more."""
-    if not one_thread():
-        os.execve(sys.executable, [sys.executable, *sys.orig_argv[1:]], {**os.environ, **ONE})

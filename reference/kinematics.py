@@ -1,7 +1,7 @@
 """Positions, velocities and accelerations of all joints and bodies (sections 3 and 4 of the paper).
 
 The loops of any graph stand for the chains of the paper: ``G w = 0`` says for every loop what ``S w = V``
-(eq. 15) says for two chains that carry the same body. `chain_velocities` is eq. (15) for one chain.
+(eq. 15) says for two chains that carry the same body.
 """
 
 from __future__ import annotations
@@ -119,22 +119,6 @@ def velocities(lay: Layout, at: Pose, yd: Array) -> Velocities:
     tree = lay.tree_columns
     V = np.einsum("bi,ni,nix->nbx", lay.path[:, tree], w[:, tree], at.S[:, tree])
     return Velocities(at, K, A, w, V, system, orientation)
-
-
-def chain_velocities(S: Array, V: Array) -> tuple[Array, Array]:
-    """Joint velocities of a serial chain from the twist of its end, eqs. (15), (25), (26), and what is left over.
-
-    A twist outside the range of `S` has none; its residual says so, the least-squares answer does not.
-
-    Args:
-        S: Screw matrix. Shape (n, 6, m).
-        V: Twist of the end body at O. Shape (n, 6).
-
-    Returns:
-        Velocities, shape (n, m), and the residual ``|S w - V|``, shape (n,) [rad/s and m/s].
-    """
-    w = (np.linalg.pinv(S) @ V[..., None])[..., 0]
-    return w, np.linalg.norm((S @ w[..., None])[..., 0] - V, axis=-1)
 
 
 def lie_matrix(S: Array) -> Array:

@@ -47,6 +47,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """What campaigns take."""
     group = parser.getgroup("campaigns", "campaigns (-m campaign)")
     group.addoption("--count", type=int, metavar="N", help="rows of each campaign (those of the report that is kept)")
+    group.addoption("--models", type=Path, action="append", default=[], metavar="DIR", help="further public models")
     group.addoption("--reports", type=Path, metavar="DIR", help="folder of their reports (one that goes away)")
 
 

@@ -19,7 +19,6 @@ from screwgauge.cli import main
 from screwgauge.engines.samples import FourBar
 from screwgauge.engines.shown import Shown
 from screwgauge.models.generate import write_models
-from screwgauge.report.casebook import readme_table
 from screwgauge.report.verdict import verdict
 
 ROOT = Path(__file__).parents[1]
@@ -179,7 +178,8 @@ def test_readme_has_the_table_as_measured(results) -> None:
     assert len(stated) == 2
     if any(version(name) != number for name, number in stated.items()):
         pytest.skip(f"the table is that of {stated}")
-    assert readme_table(results.values()) in README
+    table = "".join(f"| `{r.case.id}` | {r.case.title} | {r.case.cause} | {r.status} |\n" for r in results.values())
+    assert table in README
 
 
 def test_main_readme_counts_the_cases() -> None:

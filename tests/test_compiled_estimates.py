@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import importlib.util
-import sys
 import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from campaigns import compiled
 
 import screwgauge
 from screwgauge.engines.registry import get_engine
@@ -16,7 +16,6 @@ from screwgauge.engines.screw.bounds import Bounds
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.problem import ModelFiles
 from screwgauge.reference.pose import layout
-from screwgauge.study.campaigns import compiled
 
 BACKENDS = ["numpy", *(["llvm"] if importlib.util.find_spec("llvmlite") else [])]
 STATES = 300
@@ -123,13 +122,3 @@ def test_streams_take_the_same_memory_however_long_they_are(estimates):
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] <= peaks[0] + 2**16
-
-
-def test_the_command_keeps_the_rows_that_are_there(tmp_path, monkeypatch, capsys):
-    file = tmp_path / "out.csv"
-    monkeypatch.setattr(compiled, "cases", lambda count, drawn: iter([("states", 0)]))
-    monkeypatch.setattr(sys, "argv", ["compiled", str(file), "--states", "20", "--backends", "numpy"])
-    compiled.main()
-    monkeypatch.delattr(compiled, "measured")
-    compiled.main()
-    assert capsys.readouterr().out == "1 right, 0 refused, 0 wrong: \n" * 2

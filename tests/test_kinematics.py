@@ -8,7 +8,7 @@ from tolerances import CLOSED, DIFFERENCE, ROUNDING, TWENTY_DIGITS
 
 from screwgauge.reference import kinematics, screws
 from screwgauge.reference.graph import serial_chains
-from screwgauge.reference.kinematics import accelerations, chain_acceleration, chain_velocities, positions, velocities
+from screwgauge.reference.kinematics import accelerations, chain_acceleration, positions, velocities
 from screwgauge.reference.pose import chain_screws, layout
 
 
@@ -70,6 +70,15 @@ def test_accelerations_are_derivatives_of_rates(lay):
     rate = velocities(lay, positions(lay, motion(T)[0], T), motion(T)[1])
     found, _ = accelerations(lay, rate, motion(T)[2])
     assert np.abs((w(T + h) - w(T - h)) / (2 * h) - found).max() < DIFFERENCE
+
+
+def chain_velocities(S, V):
+    """Joint velocities of a serial chain from the twist of its end, eq. (15), and what is left over.
+
+    Shapes (n, 6, m), (n, 6) -> (n, m), (n,).
+    """
+    w = (np.linalg.pinv(S) @ V[..., None])[..., 0]
+    return w, np.linalg.norm((S @ w[..., None])[..., 0] - V, axis=-1)
 
 
 def test_every_chain_carries_the_platform_by_eq_15_and_eq_44(lay):

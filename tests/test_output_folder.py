@@ -175,6 +175,13 @@ def test_entries_that_prove_nothing_are_passed_over(entry, out):
     assert files(out) == {*DATA, MANIFEST, "report.md", "report.html"}
 
 
+def test_a_page_that_was_left_out_is_made_again(out):
+    report(out)
+    (out / "report.html").unlink()
+    report(out)
+    assert files(out) == {*DATA, MANIFEST, "report.md", "report.html"}
+
+
 def test_no_manifest_is_waited_for(out):
     out.mkdir()
     os.mkfifo(out / MANIFEST)

@@ -1,4 +1,4 @@
-"""A library that crashes or takes all memory costs its reading only."""
+"""A library that crashes costs its reading only, and is named; one that refuses a file says why, as in this process."""
 
 from __future__ import annotations
 
@@ -6,41 +6,33 @@ import os
 
 import pytest
 
-from screwgauge.solution import Failure
+from screwgauge.reference.errors import LoaderError, ModelFileError
 from screwgauge.study import apart, loading
-from screwgauge.study.loading import Request, readings
 
 REAL = apart.apart
 INERTIAL = '<inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/>'
 ROOTS = "".join(f'<body name="{name}"><joint name="{name}j"/>{INERTIAL}</body>' for name in "abc")
-MATTER = '<inertial><mass value="1"/><inertia ixx="@" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+MATTER = '<inertial><mass value="1"/><inertia ixx="5" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 HINGE = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint>'
 ARM = f'<robot name="r"><link name="a"/><link name="b">{MATTER}</link>{HINGE}</robot>'
 
 
-@pytest.fixture
-def roots(write):
-    return write("roots.xml", f"<mujoco><worldbody>{ROOTS}</worldbody></mujoco>")
+def test_a_crash_costs_one_reading(write, monkeypatch):
+    roots, read = write("roots.xml", f"<mujoco><worldbody>{ROOTS}</worldbody></mujoco>"), loading.read
 
-
-def test_a_crash_costs_one_reading(roots, monkeypatch):
-    work = loading._work
-
-    def crashing(request):  # goes to its process by value, being of no module
-        return os.abort() if request.library == "pinocchio" else work(request)
+    def crashing(path, library, **more):  # goes to its process by value, being of no module
+        return os.abort() if library == "pinocchio" else read(path, library, **more)
 
     monkeypatch.setattr(apart, "apart", REAL)
-    monkeypatch.setattr(loading, "_work", crashing)
-    found = readings({"one": Request(roots, "mujoco"), "other": Request(roots, "pinocchio")})
-    assert list(found) == ["one", "other"]
-    assert list(found["one"].bodies) == ["a", "b", "c"]
-    assert isinstance(found["other"], Failure)
-    assert found["other"].reason == "crashed: its process got SIGABRT"
+    monkeypatch.setattr(loading, "read", crashing)
+    with pytest.raises(LoaderError, match=r"pinocchio does not survive it \(crashed: its process got SIGABRT\)"):
+        loading.read_apart(roots, "pinocchio")
+    assert list(loading.read_apart(roots, "mujoco").bodies) == ["a", "b", "c"]
 
 
-def test_a_refusal_is_a_failure_with_its_reason(write):
-    path = write("arm.urdf", ARM.replace("@", "5"))
-    found = readings({"A": Request(path, "pinocchio"), "B": Request(path, "mujoco"), "C": Request(path, "pinocchio")})
-    assert found["B"].engine == "mujoco"
-    assert "MuJoCo refuses it (" in found["B"].reason
-    assert list(found["A"].bodies) == list(found["C"].bodies) == ["b"]
+def test_a_refusal_has_its_reason(write, monkeypatch):
+    path = write("arm.urdf", ARM)
+    monkeypatch.setattr(apart, "apart", REAL)
+    with pytest.raises(ModelFileError, match=r"MuJoCo refuses it \("):
+        loading.read_apart(path, "mujoco")
+    assert list(loading.read_apart(path, "pinocchio").bodies) == ["b"]

@@ -11,13 +11,11 @@ from typing import Any
 import pytest
 
 import screwgauge
-from screwgauge.reference.errors import DescriptionError, OutputError
-from screwgauge.report.blocks import Banner, Front, Heading, Paragraph, Picture
-from screwgauge.report.gallery import gallery
+from screwgauge.reference.errors import OutputError
+from screwgauge.report.blocks import Heading, Paragraph, Picture
 from screwgauge.report.html import page as page_of
 from screwgauge.report.pages import run as run_page
 from screwgauge.report.pdf import browser, print_page
-from screwgauge.report.write import write_report
 
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 PAPER = 703  # what is left of A4 between the margins [pixels]
@@ -195,18 +193,6 @@ def test_only_what_a_page_needs_is_put_in(monkeypatch: pytest.MonkeyPatch) -> No
     texts = [page_of([picture]) for picture in (still, chart, stage)]
     assert [("CHARTS" in text, "STAGES" in text) for text in texts] == [(False, False), (True, False), (False, True)]
     assert "STAGES</script>" not in texts[2]
-
-
-def test_a_gallery_has_a_line_and_a_picture_of_each_report(tmp_path: Path) -> None:
-    with pytest.raises(DescriptionError, match="has no reports"):
-        gallery(tmp_path)
-    picture = Picture("01-x", "x", "<svg ></svg>")
-    told = [Heading("One <report>", 1), Front((Banner("They *agree*.", "✓ AGREE", "agree"), picture))]
-    for name in ("a", "b/c"):
-        write_report(tmp_path / name, lambda: told, {})
-    page = gallery(tmp_path)
-    for said in ("One &lt;report&gt;", "✓ AGREE They *agree*.", 'href="b/c/report.html"', 'src="a/plots/01-x.svg"'):
-        assert said in page
 
 
 def test_what_data_say_ends_no_script() -> None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from campaigns import compiled
 
 import screwgauge
 from screwgauge.engines.screw.compiled import Solver
@@ -21,8 +21,6 @@ from screwgauge.reference.kinematics import positions
 from screwgauge.reference.pose import layout
 from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.program import only
-from screwgauge.study.bench import scaling
-from screwgauge.study.campaigns import compiled
 
 FORCES = ("generalized_force", "actuator_force")
 
@@ -127,44 +125,3 @@ def test_a_program_for_some_outputs_computes_these_and_no_more(followed):
     Lanes(less).bind([given], [some])()
     assert np.array_equal(some, whole[rows], equal_nan=True)
     assert len(only(program, []).code) == 0 < len(less.code) < len(program.code)
-
-
-@pytest.mark.parametrize("power", [0.5, 1.0, 1.3])
-def test_exponents_are_fitted(power):
-    rungs = [scaling.Rung("legs", n, 0, 0, 0.0, 7.0 * n**power) for n in (3, 6, 12)]
-    assert scaling.exponent(rungs) == pytest.approx(power)
-    rungs = [scaling.Rung("samples", n, 0, 0, 0.0, 7.0 * n ** (power - 1.0)) for n in (100, 1000)]
-    assert scaling.exponent(rungs) == pytest.approx(power)
-
-
-@pytest.mark.parametrize("ladder", ["four-bars", "legs", "joints"])
-def test_every_ladder_is_climbed_by_programs(ladder):
-    small, large = scaling.climbed(ladder, (3, 4), "numpy", 1)
-    assert (small.size, large.size) == (3, 4)
-    assert 0 < small.operations < large.operations
-    assert small.by_array == large.by_array == 0
-    assert small.sample_us > 0.0
-
-
-def test_one_command_prints_exponents_and_leaves_a_table(tmp_path, monkeypatch, capsys):
-    arguments = [
-        "samples",
-        "--sizes",
-        "10,2000",
-        "--backend",
-        "numpy",
-        "--rounds",
-        "1",
-        "--out",
-        str(tmp_path / "a.csv"),
-    ]
-    monkeypatch.setattr(sys, "argv", ["scaling", *arguments])
-    scaling.main()
-    assert "samples    exponent" in capsys.readouterr().out
-    assert (
-        (tmp_path / "a.csv").read_text(encoding="utf-8").startswith("ladder,size,operations,by_array,setup_s,sample_us")
-    )
-    monkeypatch.setattr(sys, "argv", ["scaling", "snakes"])
-    with pytest.raises(SystemExit):
-        scaling.main()
-    assert "no ladder snakes: choose of samples, four-bars, legs, joints" in capsys.readouterr().err

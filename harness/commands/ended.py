@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from screwgauge.reference.errors import DescriptionError
 
 _CAMPAIGN = "run pytest -m campaign -k {} in a checkout, see reports/README.md"
-_PAPER = "run pytest tests/paper --reports DIR in a checkout, see reports/README.md"
+_PAPER = "run pytest tests/paper --reports=DIR in a checkout, see reports/README.md"
 #: Command, or command and option -> what to type in its place.
 ENDED = {
     "bench --random": _CAMPAIGN.format("random"),

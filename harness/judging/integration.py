@@ -22,9 +22,6 @@ MOST = 1e-4
 #: How the reason of a pair begins that agrees by what integration leaves.
 WITHIN = "within the error of integration"
 
-Integrated = Mapping[str, Mapping[str, Array]]
-"""Quantity -> unit -> estimated error up to each sample [unit]. Shape (n,)."""
-
 
 def with_estimate(solution: Solution, looser: Sequence[Solution]) -> Solution:
     """A simulation with the estimated error of its integration, as runs with looser tolerances show it.

@@ -1,8 +1,6 @@
-"""The casebook on a terminal and in its README."""
+"""The casebook on a terminal."""
 
 from __future__ import annotations
-
-from collections.abc import Iterable
 
 from screwgauge.casebook.book import CASES
 from screwgauge.casebook.case import CaseResult
@@ -28,10 +26,3 @@ _NUMBERS = (("as users get it", "symptom"), ("as it should be", "expected"), ("a
 def discrepancies() -> dict[str, str]:
     """Name -> what users see."""
     return {case.id: case.title for case in CASES.values()}
-
-
-def readme_table(results: Iterable[CaseResult]) -> str:
-    """All cases as a table of Markdown."""
-    lines = ["| case | what users see | because | here |", "|---|---|---|---|"]
-    lines += [f"| `{r.case.id}` | {r.case.title} | {r.case.cause} | {r.status} |" for r in results]
-    return "\n".join(lines)

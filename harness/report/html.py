@@ -15,7 +15,7 @@ from screwgauge.report.formatting import file_name, free_name
 
 PAGE = Path(__file__).with_name("page.html")
 #: Nothing is asked of anybody; vega makes functions of the head of a table, so pages with charts evaluate.
-POLICY = "default-src 'none'; script-src 'unsafe-inline'{}; style-src 'unsafe-inline'; img-src{} data:"
+POLICY = "default-src 'none'; script-src 'unsafe-inline'{}; style-src 'unsafe-inline'; img-src data:"
 WIDE = 8  # columns from which a table is set tighter
 UNTOUCHED = ("svg", "a", "code", "h1", "h2", "dl")  # elements in which words are no links
 MOVING = {"chart": libraries.chart, "stage": libraries.stage}  # part of a picture -> what draws it
@@ -27,13 +27,9 @@ def page(blocks: Iterable[Block]) -> str:
     title = next((block.text for block in blocks if isinstance(block, b.Heading)), "Screwgauge")
     pictures = [block for block in walk(blocks) if isinstance(block, b.Picture)]
     words = [term for block in walk(blocks) if isinstance(block, b.Glossary) for term, _ in block.entries]
-    return fill(plain(title), _linked(_with_contents(fragment(blocks)), words), _scripts(pictures))
-
-
-def fill(title: str, body: str, scripts: str = "", images: str = "") -> str:
-    """A page of finished parts; `images`: where its security policy lets it take pictures from."""
-    policy = POLICY.format(" 'unsafe-eval'" * ('id="chart"' in scripts), images)
-    parts = {"title": escape(title, quote=False), "body": body, "scripts": scripts, "policy": policy}
+    body, scripts = _linked(_with_contents(fragment(blocks)), words), _scripts(pictures)
+    policy = POLICY.format(" 'unsafe-eval'" * ('id="chart"' in scripts))
+    parts = {"title": escape(plain(title), quote=False), "body": body, "scripts": scripts, "policy": policy}
     style = PAGE.with_suffix(".css").read_text(encoding="utf-8")
     return Template(PAGE.read_text(encoding="utf-8")).substitute(parts, style=style)
 

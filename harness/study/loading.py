@@ -5,75 +5,20 @@ Pinocchio's parser ends in signal 11 on 20 000 chained links; one muscle of an M
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
 from screwgauge.diagnosis.model import Weighed, weighed
 from screwgauge.models.importing.convert import Imported
 from screwgauge.models.importing.model import Options, import_model, scratch_folder
-from screwgauge.models.readings.loops import with_loops
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import Reading
-from screwgauge.reference.errors import LoaderError, ModelFileError, ScrewgaugeError
+from screwgauge.reference.errors import LoaderError, ModelFileError
 from screwgauge.solution import Failure
 from screwgauge.study.apart import Limits, unwatched_apart
 
 #: Of one reading: the largest models take a second. Of one import: the largest public models take a few.
 LOADING, IMPORTING = Limits(seconds=60.0), Limits(seconds=120.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Request:
-    """A file to be read.
-
-    Attributes:
-        library: Who reads it, see `screwgauge.models.readings.read.LIBRARIES`.
-        loops: File beside it that says what closes its loops.
-        home, floating: See `screwgauge.models.readings.read.read`.
-    """
-
-    path: Path
-    library: str
-    loops: Path | None = None
-    home: Mapping[str, float] = field(default_factory=dict)
-    floating: bool = False
-
-
-def load(request: Request) -> Reading:
-    """Reads a file in this process.
-
-    Raises:
-        ScrewgaugeError: It cannot be read.
-    """
-    reading = read(request.path, request.library, home=request.home, floating=request.floating)
-    return with_loops(reading, request.loops) if request.loops else reading
-
-
-def readings(requests: Mapping[str, Request], limits: Limits = LOADING) -> dict[str, Reading | Failure]:
-    """Reads files, all at once as far as cores allow, each in a process that is kept for the next of its library.
-
-    Args:
-        requests: By any name.
-
-    Returns:
-        What each request gives, or why it gives nothing, in their order.
-    """
-    used, processes = Counter[str](), dict[str, str]()
-    for name, request in requests.items():
-        used[request.library] += 1
-        processes[name] = f"{request.library}-reading-{used[request.library]}"
-    found = unwatched_apart({processes[name]: partial(_work, each) for name, each in requests.items()}, limits)
-    return {name: found[process] for name, process in processes.items()}
-
-
-def _work(request: Request) -> Reading | Failure:
-    try:
-        return load(request)
-    except ScrewgaugeError as error:
-        return Failure(request.library, str(error))
 
 
 def read_apart(path: Path, library: str, floating: bool = False) -> Reading:
@@ -83,7 +28,7 @@ def read_apart(path: Path, library: str, floating: bool = False) -> Reading:
         ScrewgaugeError: It cannot be read.
         LoaderError: The library crashed or met a limit.
     """
-    process = f"{library}-reading-1"
+    process = f"{library}-reading"
     found = unwatched_apart({process: partial(read, path, library, floating=floating)}, LOADING)[process]
     if isinstance(found, Failure):
         raise LoaderError(f"{library} does not survive it ({found.reason})", str(path), "let another library read it")

@@ -1,7 +1,9 @@
 """Campaigns: what tests the product at large and writes a report of it, on request.
 
-pytest -m campaign --reports reports                       # all of them, as many rows as a report is kept with
-pytest -m campaign -k random --count 50 --reports DIR      # one of them, smaller, elsewhere
+pytest -m campaign --reports=reports                       # all of them, as many rows as a report is kept with
+pytest -m campaign -k random --count 50 --reports=DIR      # one of them, smaller, elsewhere
+
+With a blank in place of ``=``, pytest takes a folder that is there for one of tests.
 """
 
 from __future__ import annotations
@@ -14,6 +16,10 @@ from typing import Any
 import pytest
 
 from screwgauge.commands.carrying import carry_out
+from screwgauge.study import apart
+
+#: Before tests put another in its place, see the fixture `here`.
+IN_PROCESSES = apart.apart
 
 
 @dataclass(frozen=True)
@@ -23,10 +29,12 @@ class Campaign:
     Attributes:
         count: Rows asked for by ``--count``, None for those that the kept report has.
         reports: Folder of all reports: that of ``--reports``, else one that goes away.
+        models: Folders of models, those of ``--models``.
     """
 
     count: int | None
     reports: Path
+    models: tuple[Path, ...] = ()
 
     def carry_out(self, page: Any, name: str, work: Callable[[Any], Any], again: str = "") -> Any:
         """Works and writes the report ``reports/NAME``; returns what was found.
@@ -40,7 +48,8 @@ class Campaign:
 
 
 @pytest.fixture
-def campaign(request: pytest.FixtureRequest, tmp_path: Path) -> Campaign:
-    """What the command line asks of a campaign."""
-    reports = request.config.getoption("--reports")
-    return Campaign(request.config.getoption("--count"), tmp_path if reports is None else Path(reports).absolute())
+def campaign(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Campaign:
+    """What the command line asks of a campaign. Its engines run in processes of their own: those of users do."""
+    monkeypatch.setattr(apart, "apart", IN_PROCESSES)
+    option = request.config.getoption
+    return Campaign(option("--count"), (option("--reports") or tmp_path).absolute(), tuple(option("--models")))

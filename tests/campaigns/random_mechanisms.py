@@ -8,10 +8,11 @@ from tempfile import TemporaryDirectory
 from time import process_time
 from typing import Any
 
+from campaigns.verdict import judged
+
 import screwgauge
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.scene.scene import Scene
-from screwgauge.study.campaigns.campaign import judged
 from screwgauge.study.run import run
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")

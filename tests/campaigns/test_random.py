@@ -8,10 +8,10 @@ import pytest
 from campaigns.random_mechanisms import COLUMNS, measured
 from campaigns.random_page import PAGE, plain
 from campaigns.rows import rows_of_mechanisms
+from campaigns.verdict import judged
 
 import screwgauge
 from screwgauge.solution import Failure
-from screwgauge.study.campaigns.campaign import judged
 from screwgauge.study.run import run
 
 COUNT = 2000

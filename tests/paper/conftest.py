@@ -1,7 +1,7 @@
 """The paper, checked: its formulas as printed and the right ones, each of its 18 errata measured and tested.
 
 pytest tests/paper                       # every erratum has its size
-pytest tests/paper --reports reports     # and reports/paper is written anew
+pytest tests/paper --reports=reports     # and reports/paper is written anew
 """
 
 from __future__ import annotations

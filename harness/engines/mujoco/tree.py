@@ -6,7 +6,7 @@ contain minus gravity; forces between bodies (cfrc_int) are taken about the cent
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import mujoco
@@ -211,15 +211,6 @@ class MujocoTree:
         for i in self._inverse(q, v, a):
             out[i] = force
         return out
-
-    def bare(self, q: Array, v: Array, a: Array) -> dict[str, Callable[[], None]]:
-        """`mj_inverse` and nothing else, called for each sample: what a clock is held to."""
-
-        def run() -> None:
-            for _ in self._inverse(q, v, a):
-                pass
-
-        return {"mj_inverse": run}
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
         """mj_inverse with its soft equality constraints, and what their stiffness makes of the closure residuals."""

@@ -6,8 +6,6 @@ the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -126,17 +124,6 @@ class PinocchioTree:
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         model, data = self.model, self.data
         return np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
-
-    def bare(self, q: Array, v: Array, a: Array) -> dict[str, Callable[[], None]]:
-        """`rnea` and nothing else, called from Python for each sample or for all at once: what a clock is held to."""
-        rows, columns = [*zip(q, v, a, strict=True)], [np.asfortranarray(each.T) for each in (q, v, a)]
-        pool, tau = pin.ModelPool(self.model, 1), np.empty_like(columns[0])
-
-        def run() -> None:
-            for row in rows:
-                pin.rnea(self.model, self.data, *row)
-
-        return {"rnea": run, "rneaInParallel, 1 thread": partial(pin.rneaInParallel, 1, pool, *columns, tau)}
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
         """Pinocchio's constraints are rigid: the same as `tree_force`."""

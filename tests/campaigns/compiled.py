@@ -1,12 +1,10 @@
 """Compiled programs against truth and the array solver, sample by sample: no number is wrong by more than its estimate.
 
-``python -m screwgauge.study.campaigns.compiled OUT.csv --states 40000 --random 200`` adds a row for each mechanism and
-backend; rows that are there are kept. The array solver answers all samples, truth some of them.
+A row for each mechanism and backend; rows that are there are kept. The array solver answers all samples, truth some.
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from screwgauge.engines.registry import get_engine
 from screwgauge.engines.screw.array_work import ArrayWork
@@ -40,6 +39,9 @@ COLUMNS = (
 PART, SAMPLES, CERTIFIED = 2000, 300, 40
 #: Farthest random states [rad]: beyond the leg singularity of the 3-UPS-UPU-S.
 REACH = 0.9
+#: Random mechanisms, and random states of the paper's for each of them.
+DRAWN, STATES = 200, 200
+BACKENDS = ("numpy", "llvm")
 #: Forty four-bars take minutes by the array solver.
 LEFT_OUT = ("a02-fourbar-40",)
 
@@ -73,7 +75,7 @@ def spread(errors: Array, units: Sequence[str]) -> Array:
 
 
 def by_array(scene: Scene, motion: GivenMotion) -> Answers:
-    """What the array solver says of all samples."""
+    """All samples by the array solver."""
     work = ArrayWork(layout(scene.mechanism), scene.problem(GIVEN), motion, "compared")
     parts = [work.part(motion.part(slice(i, i + PART))) for i in range(0, len(motion), PART)]
     errors = np.concatenate([examined(part, work.units, work.length) for part in parts])
@@ -83,16 +85,16 @@ def by_array(scene: Scene, motion: GivenMotion) -> Answers:
 
 
 def by_truth(scene: Scene, motion: GivenMotion) -> tuple[Rows, Answers]:
-    """Samples that truth could certify, and what it says of them; what redundancy leaves open has no bound.
+    """Samples that truth could certify, and its answers there; what redundancy leaves open has no bound.
 
     Raises:
         ScrewgaugeError: There is none.
     """
     rows: Rows = np.unique(np.linspace(0, len(motion) - 1, CERTIFIED).astype(np.intp))
     problem = replace(scene, task=motion.part(rows), drive=None, text={}).problem(GIVEN)
-    found = get_engine("truth").load(ModelFiles(scene.mechanism_file)).solve(problem)
-    done = np.arange(len(rows)) if found.rows is None else found.rows
-    answers = {name: (x.array[done], found.radius[name][done].copy()) for name, x in found.values.items()}
+    truth = get_engine("truth").load(ModelFiles(scene.mechanism_file)).solve(problem)
+    done = np.arange(len(rows)) if truth.rows is None else truth.rows
+    answers = {name: (x.array[done], truth.radius[name][done].copy()) for name, x in truth.values.items()}
     if "reaction" in answers:
         lay, three = layout(scene.mechanism), motion.part(rows[done[[0, len(done) // 2, -1]]])
         at = positions(lay, three.y, three.t, (three.yd, three.ydd))
@@ -102,7 +104,7 @@ def by_truth(scene: Scene, motion: GivenMotion) -> tuple[Rows, Answers]:
 
 
 def by_program(solver: Solver, motion: GivenMotion) -> tuple[int, Answers]:
-    """How many samples a program answered, and all that its solver says."""
+    """How many samples a program answered, and all answers of its solver."""
     left, parts = 0, list[Answer]()
     for first in range(0, len(motion), PART):
         some = motion.part(slice(first, first + PART))
@@ -135,14 +137,14 @@ def compared(scene: Scene, motion: GivenMotion, backends: Iterable[str]) -> Iter
             for rows, others in ((every, arrays), (certified, truths))
         )
         counts = {"samples": len(motion), "by_program": n, "certified": len(certified)}
-        found = {
+        shares = {
             "worst": f"{worst:.2g}",
             "quantity": where,
             "true_worst": f"{true_worst:.2g}",
             "true_quantity": true_where,
         }
-        ok, said = max(worst, true_worst) <= 1.0, "; ".join(filter(None, [*solver.notes, why]))
-        yield {"backend": backend, **counts, **found, "ok": ok, "reason": said}
+        ok, reason = max(worst, true_worst) <= 1.0, "; ".join(filter(None, [*solver.notes, why]))
+        yield {"backend": backend, **counts, **shares, "ok": ok, "reason": reason}
 
 
 def furthest(mine: Answers, others: Answers, units: Mapping[str, Sequence[str]]) -> tuple[float, str]:
@@ -168,12 +170,11 @@ def beyond(a: Array, b: Array, bound: Array, *, angle: bool) -> float:
     return float(np.nan_to_num(share, nan=np.inf).max(initial=0.0))
 
 
-def cases(count: int, drawn: int) -> Iterator[tuple[str, int]]:
-    """Name and seed of each case: random states, built-in mechanisms, and random ones family by family."""
-    if count:
-        yield "states", 0
-    yield from ((f"built-in {name}", 0) for name in mechanism_names() if name not in LEFT_OUT)
-    yield from ((families()[i % len(families())], i // len(families())) for i in range(drawn))
+def cases(count: int | None) -> Iterator[tuple[str, int]]:
+    """Name and seed of each case: random states, and so many mechanisms built in and random ones, family by family."""
+    yield "states", 0
+    yield from [(f"built-in {name}", 0) for name in mechanism_names() if name not in LEFT_OUT][:count]
+    yield from ((families()[i % len(families())], i // len(families())) for i in range(count or DRAWN))
 
 
 def measured(case: str, seed: int, backends: Sequence[str], count: int) -> list[dict[str, Any]]:
@@ -194,26 +195,12 @@ def measured(case: str, seed: int, backends: Sequence[str], count: int) -> list[
     return [{"case": case, "seed": seed, **row} for row in rows]
 
 
-def main() -> None:
-    """Adds the rows to a file, and says how many of them are right."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--states", type=int, default=2000)
-    parser.add_argument("--random", type=int, default=len(families()))
-    parser.add_argument("--backends", default="numpy,llvm")
-    asked = parser.parse_args()
-    before = rows_in(asked.out, COLUMNS, "programs", ["seed"])
-    done = {(row["case"], int(row["seed"]), row["backend"]) for row in before}
-    with added_to(asked.out, COLUMNS) as add:
-        for case, seed in cases(asked.states, asked.random):
-            left = [backend for backend in asked.backends.split(",") if (case, seed, backend) not in done]
-            for row in measured(case, seed, left, asked.states) if left else ():
+def compiled(file: Path, count: int | None) -> pd.DataFrame:
+    """Adds the rows that a file has not, see `cases`, and returns all."""
+    done = {(row["case"], int(row["seed"]), row["backend"]) for row in rows_in(file, COLUMNS, "programs", ["seed"])}
+    with added_to(file, COLUMNS) as add:
+        for case, seed in cases(count):
+            left = [backend for backend in BACKENDS if (case, seed, backend) not in done]
+            for row in measured(case, seed, left, STATES * (count or DRAWN)) if left else ():
                 add(row)
-    rows = rows_in(asked.out, COLUMNS, "programs")
-    wrong = [f"{row['case']} {row['seed']} {row['backend']}" for row in rows if row["ok"] == "False"]
-    refused = sum(row["ok"] == "refused" for row in rows)
-    print(f"{len(rows) - len(wrong) - refused} right, {refused} refused, {len(wrong)} wrong: {', '.join(wrong)}")
-
-
-if __name__ == "__main__":
-    main()
+    return pd.read_csv(file, dtype=str, keep_default_na=False)

@@ -2,48 +2,32 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
 
 import numpy as np
 import pandas as pd
+from campaigns.public import Public, by_source
+from campaigns.rows import TEXTS
+from campaigns.verdict import judged
 
-from screwgauge.models.importing import is_model
 from screwgauge.models.importing.convert import Imported
 from screwgauge.models.importing.model import Options
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.report.blocks import Banner
+from screwgauge.report.formatting import rows
+from screwgauge.report.study import counted, study
 from screwgauge.scene.imported import write_imported
 from screwgauge.scene.read import load_scene
-from screwgauge.study.campaigns.campaign import judged
 from screwgauge.study.loading import import_apart
 from screwgauge.study.run import run
 from screwgauge.study.table import columns_of, frame
 
-#: Models of packages that the extra ``study`` installs.
-LIST = Path(__file__).with_name("public.toml")
 ENGINES = ("screw", "pinocchio", "mujoco")
 SAMPLES = 5
-
-
-@dataclass(frozen=True, slots=True)
-class Public:
-    """A model file of others.
-
-    Attributes:
-        name: Its path in there, without the ending.
-        source: Package, or folder, that it is from.
-        floating: Its base moves freely, which a URDF does not say.
-    """
-
-    file: Path
-    name: str
-    source: str
-    floating: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +37,7 @@ class ImportRow:
     Attributes:
         joints: Kinds of its joints, one letter each.
         freedoms, loops, couplings, actuators: How many.
-        verdict: As of a random mechanism (see `campaign.judged`), or ``refused`` before any engine ran.
+        verdict: As of a random mechanism (see `verdict.judged`), or ``refused`` before any engine ran.
         max_scaled: Largest scaled error of a pair of engines, of `quantity`.
         import_s, run_s: Processor time of this process [s].
     """
@@ -77,47 +61,13 @@ class ImportRow:
     left_out: str = ""
 
 
-def listed_models() -> list[Public]:
-    """Models of the installed packages.
-
-    Raises:
-        DescriptionError: A package is not installed.
-    """
-    found = []
-    for package, models in tomllib.loads(LIST.read_text(encoding="utf-8")).items():
-        try:
-            root = distribution(package)
-        except PackageNotFoundError:
-            raise DescriptionError(f"{package} is not installed", "public models", "pip install '.[study]'") from None
-        for name in models["files"]:
-            path = Path(str(root.locate_file(f"{models['folder']}/{name}")))
-            found.append(Public(path, _label(name), package, name in models.get("floating", ())))
-    return found
-
-
-def models_in(folders: Iterable[Path]) -> list[Public]:
-    """All model files in some folders."""
-    return [
-        Public(path, _label(path.relative_to(folder)), folder.name)
-        for folder in folders
-        for path in sorted(folder.rglob("*"))
-        if is_model(path)
-    ]
-
-
-def _label(path: Path | str) -> str:
-    return Path(path).with_suffix("").as_posix()
-
-
-def imports(
-    models: Sequence[Public], progress: Callable[[str, float], None] = lambda step, share: None
-) -> pd.DataFrame:
+def imports(models: Sequence[Public], progress: Callable[[str, float], None]) -> pd.DataFrame:
     """A row for each model, a column for each field of `ImportRow`."""
-    rows = []
+    table = []
     for i, model in enumerate(models):
         progress(model.name, i / len(models))
-        rows.append(import_row(model))
-    return frame(rows, columns_of(ImportRow))
+        table.append(import_row(model))
+    return frame(table, columns_of(ImportRow))
 
 
 def import_row(model: Public) -> ImportRow:
@@ -134,16 +84,16 @@ def import_row(model: Public) -> ImportRow:
         with TemporaryDirectory() as folder:
             _, file = write_imported(imported, Path(folder) / "model.toml")
             scene = load_scene(file)
-            rows = np.unique(np.linspace(0, len(scene.t) - 1, SAMPLES).astype(int))
-            found = judged(run(scene.at(scene.t[rows]), ENGINES))
+            some = np.unique(np.linspace(0, len(scene.t) - 1, SAMPLES).astype(int))
+            outcome = judged(run(scene.at(scene.t[some]), ENGINES))
     except ScrewgaugeError as error:
         return replace(row, reason=error.what)
     return replace(
         row,
-        verdict=str(found["verdict"]),
-        max_scaled=str(found.get("max_scaled", "")),
-        quantity=str(found.get("quantity", "")),
-        reason=str(found.get("reason") or found.get("judge", "")),
+        verdict=str(outcome["verdict"]),
+        max_scaled=str(outcome.get("max_scaled", "")),
+        quantity=str(outcome.get("quantity", "")),
+        reason=str(outcome.get("reason") or outcome.get("judge", "")),
         run_s=round(process_time() - begin, 2),
     )
 
@@ -161,3 +111,22 @@ def _counted(row: ImportRow, imported: Imported) -> ImportRow:
         remarks=" ".join(imported.remarks[1:]),
         left_out="; ".join(imported.left_out),
     )
+
+
+def _banner(table: pd.DataFrame) -> Banner:
+    closed, free = int((table["loops"] > 0).sum()), sum("F" in kinds for kinds in table["joints"])
+    have = f"{closed} have closed loops, {free} bodies that move freely."
+    return Banner(f"{len(table)} models: {counted(table['verdict'])}. {have}")
+
+
+SHOWN = "model | format | bodies | joints | freedoms | loops | couplings | actuators | verdict | error = {max_scaled}"
+PAGE = study(
+    "imports.csv",
+    "Public models",
+    _banner,
+    grown=False,
+    texts=TEXTS,
+    reasons=lambda table: [row for row in rows(table) if row["reason"]],
+    models=lambda table: by_source(rows(table), SHOWN),
+    omitted=lambda table: [row for row in rows(table) if row["left_out"]],
+)

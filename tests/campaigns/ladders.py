@@ -1,4 +1,4 @@
-"""Descriptions (TOML) of mechanisms that grow: legs of one kind beside each other, joints of one kind in a row."""
+"""Descriptions (TOML) of mechanisms that grow: legs of one kind side by side, joints of one kind in a row."""
 
 from __future__ import annotations
 

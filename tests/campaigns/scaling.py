@@ -1,11 +1,7 @@
-"""What compiled programs cost as motions and mechanisms grow, with fitted exponents.
-
-``python -m screwgauge.study.bench.scaling [LADDER ...] [--sizes 2,4,8] [--backend numpy] [--out FILE.csv]``
-"""
+"""What compiled programs cost as motions and mechanisms grow, with fitted exponents."""
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -14,17 +10,15 @@ from tempfile import TemporaryDirectory
 from time import process_time
 
 import numpy as np
+from campaigns import ladders
+from campaigns.compiled import near_home
+from campaigns.volume import FORCES, measured, samples
 
 from screwgauge.engines.screw.compiled import Solver
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.models.fourbars import four_bars
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.study.bench import ladders
-from screwgauge.study.bench.volume import FORCES, measured, samples
-from screwgauge.study.campaigns.compiled import near_home
-from screwgauge.study.table import columns_of, frame
-from screwgauge.threads import alone
 
 #: Samples of a chunk where only their number grows.
 CHUNK = 1024
@@ -113,35 +107,9 @@ def exponent(rungs: Sequence[Rung]) -> float:
     return float(np.polyfit(np.log(size), np.log(cost), 1)[0])
 
 
-def main() -> None:
-    """Prints what was measured."""
-    alone()
-    names = ("samples", *MECHANISMS)
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("ladders", nargs="*", metavar="LADDER", help=f"of {', '.join(names)}; all by default")
-    parser.add_argument("--sizes", help="of one ladder, in place of its own")
-    parser.add_argument("--backend", default="llvm", choices=("llvm", "numpy"))
-    parser.add_argument("--rounds", type=int, default=ROUNDS)
-    parser.add_argument("--out", type=Path)
-    asked, every = parser.parse_args(), list[Rung]()
-    if unknown := {*asked.ladders} - {*names}:
-        parser.error(f"no ladder {', '.join(sorted(unknown))}: choose of {', '.join(names)}")
-    for name in asked.ladders or names:
-        sizes = [*map(int, asked.sizes.split(","))] if asked.sizes else MOTIONS if name == "samples" else None
-        if name == "samples":
-            rungs = [*lengthened(sizes or MOTIONS, asked.backend, asked.rounds)]
-        else:
-            rungs = [*climbed(name, sizes or MECHANISMS[name][1], asked.backend, asked.rounds)]
-        every += rungs
-        for rung in rungs:
-            print(
-                f"{name:10} {rung.size:8} {rung.operations:7} operations, set-up {rung.setup_s:6.2f} s, "
-                f"{rung.sample_us:9.3f} us a sample, {rung.by_array} by array"
-            )
-        print(f"{name:10} exponent {exponent(rungs):.3f}", flush=True)
-    if asked.out:
-        frame(every, columns_of(Rung)).to_csv(asked.out, index=False)
-
-
-if __name__ == "__main__":
-    main()
+def rungs(count: int | None, backend: str = "llvm", rounds: int = ROUNDS) -> dict[str, list[Rung]]:
+    """Each ladder, or its `count` lowest rungs."""
+    ladders = {"samples": [*lengthened(MOTIONS[:count], backend, rounds)]}
+    return ladders | {
+        name: [*climbed(name, sizes[:count], backend, rounds)] for name, (_, sizes, _) in MECHANISMS.items()
+    }

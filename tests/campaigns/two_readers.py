@@ -1,4 +1,4 @@
-"""One file read by two libraries: what they read otherwise, and what torques either computes itself."""
+"""One file read by two libraries: what they read in other ways, and what torques either computes itself."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class TwoReaders:
         torque: Largest difference of their own inverse dynamics at random states, over the largest torque; NaN where
             they do not move alike.
         rigid: The same of inertia, gravity and velocities alone, without what joints add.
-        causes: What they read or compute otherwise.
+        causes: What they read or compute in another way.
     """
 
     torque: float
@@ -51,9 +51,9 @@ def compared(file: Path, one: Reading, two: Reading, *, floating: bool = False) 
         floating: The base of a URDF was read as moving freely.
     """
     pairing = paired(one, two)
-    found = sorted(differences_between(one, two, pairing), key=lambda each: each.what in SILENT)
+    differences = sorted(differences_between(one, two, pairing), key=lambda each: each.what in SILENT)
     by = [f"as {each.library} reads it" for each in (one, two)]
-    causes = [with_sides(each.sentence, *by) for each in found]
+    causes = [with_sides(each.sentence, *by) for each in differences]
     if pairing.only_a or pairing.only_b or not pairing.joints:
         return TwoReaders(math.nan, math.nan, tuple(causes))
     try:
@@ -83,9 +83,9 @@ def _torques(
     return _apart(first.tau, second.tau @ C), _apart(*rigid), _omitted((first, second), readings)
 
 
-def _rigid(said: Answers, qdd: Array) -> Array:
+def _rigid(answer: Answers, qdd: Array) -> Array:
     """Inverse dynamics without damping, springs and the medium. Shape (n, n_freedom)."""
-    return np.asarray((said.mass_matrix @ qdd[..., None])[..., 0] + said.bias)
+    return np.asarray((answer.mass_matrix @ qdd[..., None])[..., 0] + answer.bias)
 
 
 def _apart(a: Array, b: Array) -> float:
@@ -93,14 +93,14 @@ def _apart(a: Array, b: Array) -> float:
     return off / scale if scale else off
 
 
-def _omitted(said: tuple[Answers, Answers], readings: tuple[Reading, Reading]) -> list[str]:
+def _omitted(both: tuple[Answers, Answers], readings: tuple[Reading, Reading]) -> list[str]:
     """What a reading has, and the inverse dynamics of its library has not."""
-    found = []
+    missing = []
     for i, reading in enumerate(readings):
         has = {what for joint in reading.joints.values() for what in ("damping", "stiffness") if getattr(joint, what)}
         has |= {"armature" for joint in reading.joints.values() if joint.armature}
         has |= {"medium"} if any(reading.medium) else set()
         # what neither has is no difference
-        if left := sorted((has - said[i].covers) & said[1 - i].covers):
-            found.append(f"inverse dynamics of {reading.library} leave out {', '.join(left)}")
-    return found
+        if left := sorted((has - both[i].covers) & both[1 - i].covers):
+            missing.append(f"inverse dynamics of {reading.library} leave out {', '.join(left)}")
+    return missing

@@ -1,0 +1,111 @@
+"""Elements of a URDF or MJCF that an edit may take, and what an edit is."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+T = TypeVar("T")
+
+
+class NoPlaceError(Exception):
+    """The model has no place for that edit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Edit:
+    """What was done.
+
+    Attributes:
+        what: In words, with the numbers as they stand in the two files.
+        item: Name of the part that a diagnosis has to name; empty where it need not name one.
+        beside: Text of a loops file that is put beside the edited file.
+    """
+
+    what: str
+    item: str = ""
+    beside: str = ""
+
+
+Editor = Callable[[ET.Element, np.random.Generator], Edit]
+
+
+def check_place(there: bool) -> None:
+    if not there:
+        raise NoPlaceError
+
+
+def of_urdf(edit: Editor) -> Editor:
+    """The edit, which an MJCF has no place for."""
+
+    def checked(root: ET.Element, rng: np.random.Generator) -> Edit:
+        check_place(is_urdf(root))
+        return edit(root, rng)
+
+    return checked
+
+
+def of_mjcf(edit: Editor) -> Editor:
+    """The edit, which a URDF has no place for."""
+
+    def checked(root: ET.Element, rng: np.random.Generator) -> Edit:
+        check_place(not is_urdf(root))
+        return edit(root, rng)
+
+    return checked
+
+
+def pick(elements: Iterable[ET.Element], rng: np.random.Generator) -> ET.Element:
+    """One of them."""
+    some = [*elements]
+    check_place(bool(some))
+    return some[int(rng.integers(len(some)))]
+
+
+def two_of(some: Sequence[T], rng: np.random.Generator) -> list[T]:
+    """Two of them."""
+    check_place(len(some) > 1)
+    return [some[int(i)] for i in rng.permutation(len(some))[:2]]
+
+
+def is_urdf(root: ET.Element) -> bool:
+    return root.tag == "robot"
+
+
+def numbers(text: str) -> np.ndarray:
+    return np.array([float(word) for word in text.split()])
+
+
+def put(element: ET.Element, name: str, values: np.ndarray | list[float]) -> str:
+    """Sets an attribute to numbers. Returns from what to what, in words."""
+    old = element.get(name, "none")
+    element.set(name, " ".join(f"{value:.9g}" for value in np.atleast_1d(values)))
+    return f"{name} {old} -> {element.get(name)}"
+
+
+def moving_joints(root: ET.Element) -> list[ET.Element]:
+    """Hinges and slides with a name; joints that follow others are left out."""
+    if is_urdf(root):
+        kinds = ("revolute", "continuous", "prismatic")
+        return [j for j in root.iterfind("joint") if j.get("type") in kinds and j.find("mimic") is None]
+    return [j for j in root.iterfind("worldbody//joint") if j.get("name") and j.get("type", "hinge") != "ball"]
+
+
+def bodies(root: ET.Element) -> list[ET.Element]:
+    """Links behind a moving joint, or bodies with joints, that have mass; in an MJCF those that state it."""
+    if is_urdf(root):
+        moved = {j.find("child").get("link") for j in root.iterfind("joint") if j.get("type") != "fixed"}
+        links = [link for link in root.iterfind("link") if link.get("name") in moved]
+        return [k for k in links if k.find("inertial/mass") is not None and float(k.find("inertial/mass").get("value"))]
+    own = [body for body in root.iterfind("worldbody//body") if body.find("joint") is not None]
+    return [body for body in own if body.find("inertial") is not None]
+
+
+def child(element: ET.Element, tag: str) -> ET.Element:
+    """The first child of that tag, made where there is none."""
+    first = element.find(tag)
+    return first if first is not None else ET.SubElement(element, tag)
