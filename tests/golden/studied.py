@@ -22,6 +22,7 @@ KNOWN, OFF = 12.0, (1.0, 3.0)
 AMPLIFIED = ("upu-singularity", "u-lock", "assembly", "wrist-chart")
 ANSWERED = {"ok": "answered", "degraded": "answered"}
 DIVERGENT = "stiff-legs"  # engines' own steps grow without bound: where that is noticed varies
+ADMITTED = re.compile(r"admits [^ ;,]+")
 STATE = re.compile(r"\[[^]]*\]")  # in a reason
 DECADE = 0.3  # of a condition number
 
@@ -40,7 +41,8 @@ def rung(case: str) -> Iterator[Row]:
     for row in study.rows:
         by_engine[row.engine].append(row)
         if row.reason and not (name == DIVERGENT and row.verdict == "refused" and not row.own):
-            reasons[f"{row.engine}: {STATE.sub('...', row.reason)}"].append(row.quantity)
+            reason = ADMITTED.sub("admits ...", row.reason) if name in AMPLIFIED else row.reason
+            reasons[f"{row.engine}: {STATE.sub('...', reason)}"].append(row.quantity)
     for engine, rows in by_engine.items():
         verdicts = [ANSWERED.get(row.verdict, row.verdict) if name in AMPLIFIED else row.verdict for row in rows]
         named = [f"{row.quantity} {verdict}" for row, verdict in zip(rows, verdicts, strict=True)]
