@@ -1,19 +1,19 @@
-"""Changes the source at random places, one at a time, and sees who notices: the tests, or a run.
+"""Changes the source at random places, one at a time, and sees who notices: the tests, or the golden numbers.
 
     python tests/mutants.py tests --count 120 --seed 0    # killed by the tests?
-    python tests/mutants.py run --count 60 --seed 0       # noticed by `screwgauge run --exciting` on built-in scenes?
+    python tests/mutants.py golden --count 40 --seed 0    # of those that change a number: noticed by tests/golden?
 
 A mutant is an operator, a sign, a constant, an index, a transpose or a word like ``any`` exchanged in a function of
-``reference/``, ``harness/engines/`` or ``harness/judging/``. Each is written into a copy of the package, so that the
-checkout stays as it is. One line is printed for each; mutants that change nothing (equivalent ones) are for people to
-tell.
+`ROOMS`, on a line that those tests execute. Each is written into a copy of the package, so that the checkout stays as
+it is. One line is printed for each. Mutants that change nothing (equivalent ones) are for people to tell; those that
+golden numbers overlook are looked at by `witness`: the same kinds of facts of other scenes, seeds, rungs and edits. A
+mutant counts as one that changes a number if any of these is off by more than a twentieth of what golden numbers admit.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
-import json
 import os
 import pickle
 import random
@@ -22,16 +22,16 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
-from types import FrameType
 from typing import Any, NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ("reference", "harness/engines", "harness/judging")
+ROOMS = ("reference", "harness/engines", "harness/judging", "harness/truth", "harness/diagnosis/mechanics")
+ROOMS += ("models/kinematics",)
+GOLDEN = "tests/golden/test_golden.py"
 SWAPS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Add: ("+", "-"),
     ast.Sub: ("-", "+"),
@@ -50,7 +50,7 @@ TEXT = (ast.Constant, ast.JoinedStr)
 WORDS = {"any": "all", "all": "any", "max": "min", "min": "max", "sin": "cos", "cos": "sin", "argmax": "argmin"}
 QUICK = 5.0  # s that a test takes at the most to be put to a mutant by ``--quick``
 HUNG = 1800  # seconds
-CHANGED = 1e-9  # share of the largest number of a scene
+CHANGED = 0.05  # of what golden numbers may be off by
 
 
 class Mutant(NamedTuple):
@@ -125,11 +125,10 @@ def sources() -> list[Path]:
     return [path.relative_to(ROOT) for room in ROOMS for path in sorted((ROOT / room).rglob("*.py"))]
 
 
-def drawn(count: int, seed: int, lines: set[tuple[Path, int]] | None = None) -> list[Mutant]:
-    """So many mutants, all rooms alike by their size; of some lines only, if these are given."""
-    every = dict.fromkeys(one for file in sources() for one in mutants(file))
-    known = [one for one in every if lines is None or (one.file, one.line) in lines]
-    return random.Random(seed).sample(known, min(count, len(known)))
+def drawn(count: int, seed: int) -> list[Mutant]:
+    """So many mutants, all rooms alike by their size."""
+    every = [*dict.fromkeys(one for file in sources() for one in mutants(file))]
+    return random.Random(seed).sample(every, min(count, len(every)))
 
 
 def package(folder: Path) -> Path:
@@ -156,21 +155,21 @@ def execute(folder: Path, *command: str) -> subprocess.CompletedProcess[str] | N
         return None
 
 
-def covering(folder: Path) -> Callable[[Mutant], list[tuple[float, str]]]:
-    """Runs all tests once; gives the tests that execute the line of a mutant, the shortest first, with their times [s].
+def covering(folder: Path, *which: str) -> Callable[[Mutant], list[tuple[float, str]]]:
+    """Runs all tests, or some, once; gives those that execute the line of a mutant, the shortest first.
 
-    What a fixture executes is seen by all tests of its file.
+    Times are in s. What a fixture executes is seen by all tests of its file.
     """
     from coverage import CoverageData
 
-    said, settings = folder / "tests.xml", folder / "coveragerc"
+    times_file, settings = folder / "tests.xml", folder / "coveragerc"
     settings.write_text(f"[run]\nsource_pkgs = screwgauge\ndata_file = {folder / 'coverage'}\n", encoding="utf-8")
-    how = f"--cov=screwgauge --cov-config={settings} --cov-context=test --cov-report= --junit-xml={said}".split()
-    done = execute(folder, "-m", "pytest", "-p", "no:cacheprovider", *how)
+    how = f"--cov=screwgauge --cov-config={settings} --cov-context=test --cov-report= --junit-xml={times_file}".split()
+    done = execute(folder, "-m", "pytest", "-p", "no:cacheprovider", *how, *which)
     assert done is not None
     assert done.returncode == 0, done.stdout[-2000:]
     times = {}
-    for case in ET.parse(said).iter("testcase"):
+    for case in ET.parse(times_file).iter("testcase"):
         times[f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name')}"] = float(case.get("time", 0))
     data = CoverageData(str(folder / "coverage"))
     data.read()
@@ -199,108 +198,100 @@ def by_tests(folder: Path, tests: list[tuple[float, str]]) -> str:
         return "hangs"
     if not done.returncode:
         return f"survived {len(tests)} tests"
-    said = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    return said[0].partition(" - ")[0] if said else (done.stdout + done.stderr).strip().splitlines()[-1]
+    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return failed[0].partition(" - ")[0] if failed else (done.stdout + done.stderr).strip().splitlines()[-1]
 
 
-def executed(folder: Path, *options: str) -> dict[str, Any] | None:
-    """What a run of all scenes in the copy gives; None if it breaks, which nobody can overlook."""
-    file = folder / "found.json"
+def looked_at() -> Iterator[tuple[str, str]]:
+    """Parts of the golden numbers, and cases that they have not."""
+    yield from (("random", str(seed)) for seed in range(1000, 1040, 5))
+    yield from (("random", str(seed)) for seed in range(1001, 1025, 2))
+    yield from (("diagnoses", f"edit {number}") for number in range(200, 233, 3))
+    yield from (("stress", f"{case} quick") for case in ("upu-singularity 0.003", "u-lock 1e-5", "load 3e4"))
+    yield from (("stress", f"{case} quick") for case in ("proximal 1e-5", "scale 0.03", "closure-violation 1e-6"))
+    yield from (("compiled", f"{name} llvm") for name in ("five-bar", "3-rrr", "planetary-gear"))
+    yield from (("proved", name) for name in ("3-rrr", "delta", "double-cardan"))
+    for name in ("3ups-upu-s-fast", "stewart-legs", "planetary-gear", "springs", "screw-press"):
+        yield from ((part, name) for part in ("scenes", "wrong"))
+    yield from (("simulations", name) for name in ("falls", "falls-radau", "a05-governor", "a04-bricard-box"))
+
+
+def witness(out: Path) -> None:
+    """Facts of cases that golden numbers have not, and what breaks."""
+    sys.path.insert(0, str(ROOT / "tests"))
+    from golden.kept import PARTS
+
+    facts: dict[tuple[str, str], Any] = {}
+    for part, case in looked_at():
+        with np.errstate(all="ignore"):
+            try:
+                facts[part, case] = dict(PARTS[part].facts(case))
+            except Exception as error:  # a mutant may break anything
+                facts[part, case] = type(error).__name__
+    out.write_bytes(pickle.dumps(facts))
+
+
+def witnessed(folder: Path) -> Any:
+    """What `witness` gives in the copy; None if it breaks or hangs."""
+    file = folder / "witness.pickle"
     file.unlink(missing_ok=True)
-    done = execute(folder, __file__, "scenes", "--out", str(file), *options)
-    return json.loads(file.read_text()) if done is not None and file.exists() else None
+    done = execute(folder, __file__, "witness", "--out", str(file))
+    return pickle.loads(file.read_bytes()) if done is not None and file.exists() else None
 
 
-def scenes(out: Path, *, trace: bool) -> None:
-    """Runs all built-in scenes of given motions, excited, at a few samples: verdicts, values, and lines if wanted."""
-    import screwgauge
-    from screwgauge.scene.read import scene_names
-
-    lines: set[tuple[str, int]] = set()
-    rooms = tuple(str(installed(Path(screwgauge.__file__).parents[1], Path(room))) for room in ROOMS)
-
-    def follow(frame: FrameType, event: str, argument: object) -> Any:
-        if not frame.f_code.co_filename.startswith(rooms):
-            return None
-        lines.add((frame.f_code.co_filename, frame.f_lineno))
-        return follow
-
-    given = [scene for scene in map(screwgauge.load_scene, scene_names()) if not scene.simulated]
-    kept = out.with_name("motions.pickle")  # to find them takes as long as the runs
-    if not kept.exists():
-        motions = {scene.name: (excited := screwgauge.exciting(scene)).at(excited.t[10::30]).motion for scene in given}
-        kept.write_bytes(pickle.dumps(motions))
-    motions = pickle.loads(kept.read_bytes())
-    sys.settrace(follow if trace else None)
-    found: dict[str, Any] = {}
-    for scene in map(screwgauge.load_scene, scene_names()):
-        if not scene.simulated:
-            results = screwgauge.run(replace(scene, task=motions[scene.name]))
-            values = [s.values[q].array.ravel() for s in results.solutions.values() for q in sorted(s.values)]
-            found[scene.name] = {
-                "exit": results.exit_status,
-                "values": np.concatenate(values or [np.zeros(1)]).tolist(),
-            }
-    sys.settrace(None)
-    out.write_text(json.dumps({"scenes": found, "lines": sorted(lines)}))
+def change(answer: Any, right: Any) -> str:
+    """The first thing that differs; empty if nothing does."""
+    if answer is None:
+        return "it breaks"
+    for which, known in right.items():
+        now = answer[which]
+        if isinstance(now, str) or isinstance(known, str):
+            if now != known:
+                return f"{' '.join(which)} ends in another way"
+            continue
+        if now.keys() != known.keys():
+            return f"{' '.join(which)} has other rows"
+        for key, fact in now.items():
+            if not fact.within(known[key], CHANGED):
+                return f"{' '.join(which)}, {key}: {fact}, not {known[key]}"
+    return ""
 
 
-def by_run(folder: Path, right: dict[str, Any]) -> str:
-    """Whether a run notices, and whether there is something to notice."""
-    found = executed(folder)
-    if found is None:
-        return "noticed: it breaks"
-    pairs = [(found["scenes"][name], right["scenes"][name]) for name in right["scenes"]]
-    change = max(_apart(one["values"], other["values"]) for one, other in pairs)
-    noticed = [name for name, (one, _) in zip(right["scenes"], pairs, strict=True) if one["exit"]]
-    if noticed:
-        return f"noticed in {len(noticed)} scenes, numbers change by {change:.1g}"
-    return f"MISSED, numbers change by {change:.1g}" if change > CHANGED else f"nothing changes ({change:.1g})"
-
-
-def _apart(one: list[float], other: list[float]) -> float:
-    """Largest change of a number, over the largest of its scene; numbers that come or go are a change."""
-    if len(one) != len(other):
-        return float("inf")
-    a, b = (np.nan_to_num(np.array(values), nan=1e300) for values in (one, other))
-    return float(np.abs(a - b).max() / np.nanmax(np.abs(other)))
+def overlooked(folder: Path, right: Any) -> str:
+    """What golden numbers did not notice, in words."""
+    changed = change(witnessed(folder), right)
+    return f"MISSED: {changed}" if changed else "nothing changes"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("who", choices=["tests", "run", "scenes"])
-    parser.add_argument("--count", type=int, default=120)
+    parser.add_argument("who", choices=["tests", "golden", "witness"])
+    parser.add_argument("--count", type=int, default=120, help="mutants; of golden: those that change a number")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--skip", type=int, default=0, help="so many of them were done before")
     parser.add_argument("--quick", action="store_true", help=f"without the tests that take {QUICK:g} s")
     parser.add_argument("--out", type=Path, help=argparse.SUPPRESS)
-    parser.add_argument("--trace", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.who == "scenes":
-        scenes(options.out, trace=options.trace)
+    if options.who == "witness":
+        witness(options.out)
         return
     with tempfile.TemporaryDirectory() as name:
-        folder = package(Path(name))
-        lines, right, tests = None, None, None
-        if options.who == "tests":
-            tests = covering(folder)
-        else:
-            right = executed(folder)
-            traced = executed(folder, "--trace")
-            assert right is not None
-            assert traced is not None
-            homes = {str(installed(folder, file)): file for file in sources()}
-            lines = {(homes[file], line) for file, line in traced["lines"] if file in homes}
-        for mutant in drawn(options.count, options.seed, lines)[options.skip :]:
+        folder, golden = package(Path(name)), options.who == "golden"
+        tests = covering(folder, *([GOLDEN, "-m", "not slow"] if golden else []))
+        right = witnessed(folder) if golden else None
+        changing = 0
+        for mutant in drawn(10 * options.count if golden else options.count, options.seed)[options.skip :]:
+            able = [one for one in tests(mutant) if not options.quick or one[0] < QUICK]
+            if changing == options.count or (golden and not able):
+                continue
             target = installed(folder, mutant.file)
             kept = target.read_bytes()
             target.write_bytes(mutant.source())
-            if tests is not None:
-                found = by_tests(folder, [one for one in tests(mutant) if not options.quick or one[0] < QUICK])
-            else:
-                assert right is not None
-                found = by_run(folder, right)
-            print(f"{found}\t{mutant}", flush=True)
+            verdict = by_tests(folder, able)
+            if golden and verdict.startswith("survived"):
+                verdict = overlooked(folder, right)
+            changing += verdict != "nothing changes"
+            print(f"{verdict}\t{mutant}", flush=True)
             target.write_bytes(kept)
 
 
