@@ -142,6 +142,7 @@ def check(name: str, which: int, folder: Path) -> screwgauge.Results:
     return results
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "which"), [(name, which) for name in MECHANISMS for which in range(3)])
 def test_every_joint_closes_a_loop_wherever_it_is_listed(name, which, tmp_path):
     check(name, which, tmp_path)
@@ -199,6 +200,7 @@ home = [0.1, 0.2, 0.3, "30*deg", 0.5, "atan2(1, 2)"]
 TWIN = '[joints.twin]\nkind = "F"\nparent = "ground"\nchild = "stone"'
 
 
+@pytest.mark.slow
 def test_a_body_that_nothing_holds_flies(write):
     write("flying.toml", FLYING)
     text = (

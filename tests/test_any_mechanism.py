@@ -21,6 +21,7 @@ def results(request):
     return screwgauge.run(screwgauge.load_scene(DATA / f"{request.param}-scene.toml"), engines=IN_DOUBLES)
 
 
+@pytest.mark.slow
 def test_all_engines_agree_and_satisfy_the_judge(results):
     agreed(results)
 

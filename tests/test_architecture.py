@@ -71,6 +71,7 @@ def run(laid: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_imports_point_one_way(laid):
     pytest.importorskip("importlinter", reason="import-linter is not installed")
     config = PROJECT / "pyproject.toml"
@@ -110,6 +111,7 @@ def test_no_module_imports_itself_by_a_detour(laid):
     assert not stuck, f"circles among {stuck}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("library", ROOMS)
 def test_a_library_is_imported_in_its_engine_s_room_only(modules, library):
     users = [path for path, nodes in modules.items() if library in {name.split(".")[0] for name in imported(nodes)}]
@@ -172,6 +174,7 @@ def test_a_relative_bound_is_not_held_open_by_an_absolute_one():
                 assert loose or "abs" in bounds, f"{file.name}:{node.lineno}: add abs=0"
 
 
+@pytest.mark.slow
 def test_every_name_of_the_facade_is_used():
     """What `support` imports is there for tests, so that no linter says what none of them needs any more."""
     trees = {path: [*ast.walk(ast.parse(path.read_text(encoding="utf-8")))] for path in TESTS.rglob("*.py")}

@@ -62,6 +62,7 @@ def test_what_nobody_gives_is_named_of_everyone(stand_in, scene):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [("joint_position",), ("joint_velocity", "joint_acceleration"), ()])
 def test_a_simulation_without_all_joint_motions_is_no_agreement(given, stand_in):
     stand_in(mujoco=only(*given, of="a01-pendulum"))
@@ -88,6 +89,7 @@ def test_what_an_engine_cannot_give_is_said_and_no_failure(monkeypatch, stand_in
     assert not any("sealed" in note for note in alone.solutions["mujoco"].notes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENGINES)
 def test_entries_say_what_their_engines_cannot_give(name, scene):
     """Every engine answers all that its entry does not except; `ask` refuses whatever lacks something."""
@@ -141,6 +143,7 @@ def test_an_engine_that_exits_is_a_row(how, stand_in, scene):
     assert results.failures["mujoco"].reason.startswith("SystemExit: ")
 
 
+@pytest.mark.slow
 def test_what_one_engine_gives_alone_is_said_to_be_compared_with_none(scene):
     results = screwgauge.run(scene, engines=["pinocchio", "mujoco-full"], quantities=["tree_force", "actuator_force"])
     alone = "Compared with no other engine: tree_force of pinocchio. Compared with no other engine: tree_force of"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import screwgauge
 from support.engines import solve
@@ -11,6 +12,8 @@ from support.near import BASE, UPU
 from support.questions import SCENE, still
 from support.scene import check_scene
 from support.solve import closed_form, layout
+
+pytestmark = pytest.mark.slow
 
 #: Sizes of steps, and the least distance from the lines on which leg 3 locks (BASE) and leg 1 lets go (UPU) [rad].
 STEPS, LEAST = (1e-6, 0.3), 1e-6
@@ -35,6 +38,7 @@ def walk(n, seed):
     return np.array(y[:n])
 
 
+@pytest.mark.slow
 def test_random_steps_about_locks_change_no_assembly_and_are_not_refused():
     scene = still(screwgauge.load_scene(SCENE), walk(150, seed=1))
     check_scene(scene)

@@ -391,6 +391,7 @@ def test_debug_shows_the_traceback_and_still_exits_with_2(command):
     assert "unknown scene 'nothing'" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("idle", "driven"), [((1, 2, 3, 4), 0), ((2, 3, 4), 1), ((2, 4), 1)])
 def test_actuators_that_cannot_make_the_motion_are_refused(idle, driven, changed_scene, refused):
     changes = "".join(f'[joints."leg{leg}.slide"]\nactuated = false\n' for leg in idle)

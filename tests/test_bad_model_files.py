@@ -31,6 +31,7 @@ def test_a_model_file_that_does_not_exist_is_refused(engine, name, paper_scene, 
     assert f"scene.toml, models: model file of {engine} does not exist" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["screw", *SUFFIX])
 @pytest.mark.parametrize("text", ["", "not a model", "<robot", "<html></html>", "\0\1", "[1, 2]"])
 def test_a_file_that_is_no_model_is_refused(engine, text, own_model, refused):
@@ -52,6 +53,7 @@ def test_a_model_of_something_else_is_refused_by_what_it_lacks(engine, text, own
     assert f"model of {engine}: has no body 'leg1.lower'" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", SUFFIX)
 @pytest.mark.parametrize(
     ("old", "new", "what"),

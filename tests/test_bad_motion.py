@@ -67,6 +67,7 @@ def test_a_motion_to_where_a_leg_locks_is_refused(changed_scene, refused):
     assert "leg3.base locks" in said
 
 
+@pytest.mark.slow
 def test_a_far_pose_that_can_be_reached_is_not_refused(paper_scene):
     far = paper_scene(
         mechanism='mechanism = "3ups-upu-s-offset"',  # its third rotation grows to -0.9 rad
@@ -84,6 +85,7 @@ def test_passing_a_singular_pose_between_samples_is_refused(paper_scene, refused
     assert "keep the motion away from it" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("direction", "said"), [(1, "between t = 1 s and 2 s"), (-1, "t = 0 s: the motion lies beyond")]
 )
@@ -109,6 +111,7 @@ def singular_b(scene) -> float:
     return low
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beside", [0.0, 1e-14, -1e-14])
 def test_sampling_a_singular_pose_is_refused(beside, paper_scene, refused):
     b = singular_b(load_scene(paper_scene())) + beside

@@ -318,6 +318,7 @@ def test_output_below_a_file_is_refused_and_the_file_kept(below, tmp_path, paper
     assert "cannot be written" in said
 
 
+@pytest.mark.slow
 def test_a_refused_run_leaves_an_earlier_report_untouched(tmp_path, paper_scene, capfd):
     out = tmp_path / "out"
     command = ["run", str(paper_scene()), "--engines", "screw", "--quantities", "generalized_force", "--out", str(out)]

@@ -39,6 +39,7 @@ def worst(found, name: str, quantity: str, setting: str = "") -> float:
     return max(row.max_scaled for row in rows if setting in row.contestant.setting)
 
 
+@pytest.mark.slow
 def test_there_are_enough_of_them(found):
     assert len(found.rows) >= 40
     assert len({row.contestant.family for row in found.rows}) >= 8
@@ -78,6 +79,7 @@ def test_whole_paths_agree_with_the_reference(found, name, quantity):
     assert worst(found, name, quantity) < 1e-13
 
 
+@pytest.mark.slow
 def test_newton_improves_with_every_step(monkeypatch):
     scene = screwgauge.load_scene("3ups-upu-s").at(np.linspace(0.0, 2.0, 51))  # close enough for a prediction
     plan = Plan(samples=51, rounds=1, budget=1e9, quick=True)
@@ -123,6 +125,7 @@ def test_the_four_bar_shows_not_a_number_by_default_and_its_cure(found):
     assert two.max_scaled < 1e-12 < one.max_scaled < 4e-8
 
 
+@pytest.mark.slow
 def test_single_precision_closes_loops_that_closed_form_leaves_open():
     rows = bench(screwgauge.load_scene("3ups-upu-s-offset"), plan=PLAN, contestants=["float32", "closed-form"]).rows
     errors = {(row.contestant.name, row.quantity): row.max_scaled for row in rows}
@@ -184,6 +187,7 @@ def test_all_contestants_are_data(chosen):
         assert again.method == contestant.method
 
 
+@pytest.mark.slow
 def test_a_question_that_went_through_a_pickle_has_the_same_answer(tmp_path):
     posed = pose_scene(screwgauge.load_scene("3ups-upu-s"), tmp_path, samples=3)
     all_settings = registry.choose(["constraint-dynamics-default", "paper-corrected", "float32"], quick=True)
@@ -229,6 +233,7 @@ def test_springs_and_motors_are_refused():
         bench(scene, plan=PLAN)
 
 
+@pytest.mark.slow
 def test_a_mechanism_without_closed_form_says_so():
     scene = screwgauge.load_scene(Path(__file__).parent / "data" / "four-bar-scene.toml")
     rows = bench(scene, plan=PLAN, contestants=["closed-form", "newton", "mujoco-path"]).rows

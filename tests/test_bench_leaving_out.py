@@ -12,6 +12,8 @@ from screwgauge.engines.tree import closed_forces, inverse
 from support.bench import Plan, bench
 from support.solve import dynamics
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def calls(monkeypatch) -> Counter[str]:
@@ -80,6 +82,7 @@ def test_screw_executes_only_what_is_needed(calls, monkeypatch, asked, stages):
     assert all(n == 1 for stage, n in calls.items() if stage != "reactions")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 @pytest.mark.parametrize(
     ("asked", "stages"),
@@ -115,6 +118,7 @@ def table():
     return bench(scene, plan=plan, contestants=["leaving-out"]).leaving_out
 
 
+@pytest.mark.slow
 def test_every_engine_has_its_rows(table):
     assert set(table["engine"]) == {"screw", "pinocchio", "mujoco"}
     assert (table["status"] == "ok").all()

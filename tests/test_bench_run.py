@@ -35,6 +35,7 @@ def small(monkeypatch):
     monkeypatch.setattr(run_module, "QUICK", PLAN)
 
 
+@pytest.mark.slow
 def test_files_and_columns_are_those_of_the_contract(found, tmp_path):
     out = PAGE.write(found, tmp_path / "out")
     table = pd.read_csv(out / "bench.csv")
@@ -66,6 +67,7 @@ def test_files_and_columns_are_those_of_the_contract(found, tmp_path):
     assert not re.search(r'(?:src|href)="http', page)
 
 
+@pytest.mark.slow
 def test_a_failure_is_a_row_and_in_the_report(found, tmp_path):
     out = PAGE.write(found, tmp_path / "out")
     table = pd.read_csv(out / "bench.csv")
@@ -86,6 +88,7 @@ def test_terminal_fits_a_hundred_columns(found):
     assert max(len(line) for line in text(PAGE.terminal(found)).splitlines()) <= 100
 
 
+@pytest.mark.slow
 def test_plots_are_the_same_for_the_same_data(found):
     assert [plot.svg for plot in make_plots(found)] == [plot.svg for plot in make_plots(found)]
 
@@ -97,6 +100,7 @@ def test_reach_lists_the_quickest_setting_of_each_family(found):
     assert table["seconds_per_sample"].gt(0).all()
 
 
+@pytest.mark.slow
 def test_a_budget_too_small_says_who_was_cut_short(scene, tmp_path):
     clock = iter(range(0, 10**15, 10**9))  # every look at the clock costs a second
     plan = Plan(samples=5, rounds=1, budget=12.0, quick=True)
@@ -129,6 +133,7 @@ def test_a_budget_too_small_leaves_no_contestant_out(scene):
     assert len(reach(found.rows))
 
 
+@pytest.mark.slow
 def test_an_interrupted_bench_goes_on_where_it_stopped(scene, tmp_path, monkeypatch):
     original = run_module.timing.measure
 
@@ -157,6 +162,7 @@ def test_a_model_file_of_ones_own_is_refused_not_passed_over(paper_scene, write,
     assert "scene.toml, models: the bench measures methods on models made from the description and reads none" in said
 
 
+@pytest.mark.slow
 def test_the_command_writes_its_report(tmp_path, command, small, no_progress):
     out = tmp_path / "out"
     said = command("bench", "--quick", "--contestants", "closed-form,floor", "--out", out)

@@ -15,6 +15,8 @@ from support.models import write_models
 from support.report import first_difference
 from support.scene import sampled
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(params=["3ups-upu-s", "3ups-upu-s-fast"])
 def scene(request):
@@ -42,6 +44,7 @@ def swap_inertia(root) -> None:
     inertial.set("fullinertia", " ".join([zz, yy, xx, *rest]))
 
 
+@pytest.mark.slow
 def test_two_swapped_inertia_entries_in_the_mjcf(scene, tmp_path):
     path = edited(scene, tmp_path, ".xml", swap_inertia)
     status, quantity, engines = found(screwgauge.run(replace(scene, models={"mujoco": path})))
@@ -54,6 +57,7 @@ def flip_axis(root) -> None:
     axis.set("xyz", " ".join(str(-float(value)) for value in axis.get("xyz").split()))
 
 
+@pytest.mark.slow
 def test_a_flipped_axis_in_the_urdf(scene, tmp_path):
     path = edited(scene, tmp_path, ".urdf", flip_axis)
     results = screwgauge.run(replace(scene, models={"pinocchio": path}))
@@ -68,6 +72,7 @@ def no_gravity(root) -> None:
     root.find("./option").set("gravity", "0 0 0")
 
 
+@pytest.mark.slow
 def test_gravity_off_in_one_engine(scene, tmp_path):
     path = edited(scene, tmp_path, ".xml", no_gravity)
     status, quantity, engines = found(screwgauge.run(replace(scene, models={"mujoco": path})))
@@ -81,6 +86,7 @@ def shift_anchor(root) -> None:
     site.set("pos", f"{x} {y} {z + 1e-6}")
 
 
+@pytest.mark.slow
 def test_a_closure_anchor_that_is_off_by_a_micrometre(scene, tmp_path):
     path = edited(scene, tmp_path, ".xml", shift_anchor)
     results = screwgauge.run(replace(scene, models={"mujoco": path}))
@@ -91,6 +97,7 @@ def test_a_closure_anchor_that_is_off_by_a_micrometre(scene, tmp_path):
     assert worst["max_abs"] == pytest.approx(1e-6, rel=0.5)
 
 
+@pytest.mark.slow
 def test_a_wrong_sign_in_the_lie_bracket(monkeypatch):
     """Only a fast motion tells: the paper's own case is nearly static."""
     right = screws.lie_bracket
@@ -125,6 +132,7 @@ def turn_motor_round(root) -> None:
     root.find("./actuator/motor").set("gear", "-1")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("change", "said"), [(switch_off, "switched off"), (turn_motor_round, "no motor of gear 1")])
 def test_a_constraint_or_a_motor_that_is_not_what_it_should_be_is_refused(scene, tmp_path, change, said):
     path = edited(scene, tmp_path, ".xml", change)
@@ -132,6 +140,7 @@ def test_a_constraint_or_a_motor_that_is_not_what_it_should_be_is_refused(scene,
         screwgauge.run(replace(scene, models={"mujoco": path}), engines=["mujoco"])
 
 
+@pytest.mark.slow
 def test_a_loops_file_with_another_actuation_is_refused(scene, tmp_path):
     path = edited(scene, tmp_path, ".urdf", lambda root: None)
     loops = path.with_suffix(".loops.toml")

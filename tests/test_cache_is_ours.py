@@ -37,6 +37,7 @@ def test_folder_and_files_are_the_user_s_alone(cache_folder):
     assert (found["numbers"].tolist(), said) == ([0.0, 1.0, 2.0], "")
 
 
+@pytest.mark.slow
 def test_a_program_of_one_mechanism_under_the_name_of_another_is_not_run(cache_folder):
     pytest.importorskip("llvmlite")
 

@@ -38,6 +38,7 @@ def placeholders(text: str) -> set[str]:
     return {name for _, name, _, _ in string.Formatter().parse(text) if name is not None}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_reproduction_runs_and_its_remedy_works(name, results) -> None:
     result = results[name]
@@ -160,6 +161,7 @@ def test_list_has_every_case_uncut(command) -> None:
     assert [line.split("  ", 1)[1].strip() for line in lines] == [case.title for case in CASES.values()]
 
 
+@pytest.mark.slow
 def test_nothing_is_written_and_nothing_but_the_sentence_said(tmp_path, inside, capfd) -> None:
     for name in RUN:
         reproduce(name)
@@ -187,6 +189,7 @@ def test_links_are_reports_of_users() -> None:
     assert all(re.fullmatch(r"https://github\.com/[\w.-]+/[\w.-]+/(issues|pull)/\d+", link) for link in links)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("touches", "gravity", "named"),
     [

@@ -36,6 +36,7 @@ def changed(scene):
     return replace(scene, mechanism=heavier(scene.mechanism))
 
 
+@pytest.mark.slow
 def test_all_engines_solve_the_mechanism_as_it_is(scene, changed):
     results = agreed(screwgauge.run(changed, engines=[*ENGINES], quantities=FORCE))
     before = screwgauge.run(scene, engines=["screw"], quantities=FORCE).values("actuator_force")
@@ -62,6 +63,7 @@ def longer(mechanism):
     return replace(mechanism, bodies=(replace(body, com=1.5 * body.com),))
 
 
+@pytest.mark.slow
 def test_the_report_says_so(scene, changed):
     results = screwgauge.run(changed, engines=["screw"], quantities=FORCE)
     assert results.warnings == (
@@ -76,6 +78,7 @@ def test_the_report_says_so(scene, changed):
     assert verdict(usual).status == "agree"
 
 
+@pytest.mark.slow
 def test_other_times_streams_and_compiled_programs_are_of_the_changed_mechanism(changed):
     expected = screwgauge.run(changed, engines=["pinocchio"], quantities=FORCE).values("actuator_force")
     size = SOLVED * np.abs(expected).max()

@@ -81,6 +81,7 @@ def test_models_are_written_beside_what_else_is_left_of_a_mechanism(tmp_path, in
     assert "a01-pendulum.urdf" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("debug", [False, True])
 def test_the_traceback_of_an_engine_is_shown_on_request(debug, monkeypatch, paper_scene, tmp_path, command) -> None:
     def broken(files):

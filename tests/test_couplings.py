@@ -21,10 +21,13 @@ from support.scene import GIVEN, SIMULATED
 from support.solve import accelerations, forward, forward_dense, in_precision, layout, moved, pose, posed, velocities
 from support.tolerances import LINEAR, ROUND_TRIP
 
+pytestmark = pytest.mark.slow
+
 #: The driven joint's neighbour, and the joint that would be cut if it were not coupled.
 GEARS = {"right": [0.0, 0.5, 0.3, -0.2], "tip": [np.pi / 3, 0.5, -0.3]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engines", [IN_DOUBLES, ["screw", "truth"]], ids=["engines", "truth"])
 @pytest.mark.parametrize("gear", [None, *GEARS])
 def test_polynomials_between_joints_of_every_kind(gear, engines, write):
@@ -40,6 +43,7 @@ def test_polynomials_between_joints_of_every_kind(gear, engines, write):
         assert np.abs(q[name] - Polynomial(p)(q[of] if of else 0 * q[name])).max() < LINEAR
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gear", [None, *GEARS])
 def test_simulations_agree_and_keep_the_energy(gear, write):
     text = every_kind() if gear is None else geared_five_bar("left", gear, GEARS[gear])
@@ -48,6 +52,7 @@ def test_simulations_agree_and_keep_the_energy(gear, write):
     assert any("curvature is added" in note for note in results.solutions["mujoco"].notes)
 
 
+@pytest.mark.slow
 def test_a_screw_that_mujoco_holds_softly_is_simulated_alike(write):
     text = 'name = "press"\nextends = "screw-press"\n'
     agreed(screwgauge.run(started(write, text, {"screw": 0.0})))
@@ -69,6 +74,7 @@ def test_fixed_steps_keep_them_and_mujoco_says_what_its_own_lack(write, tmp_path
     assert any("curvature is missing from what it says: gear" in note for note in own.notes)
 
 
+@pytest.mark.slow
 def test_a_coupling_that_a_loop_keeps_already_is_redundant(write):
     bars = four_bar([Bar(0.3), Bar(0.5), Bar(0.3)], 0.5, 1.0)
     gear = '[couplings.gear]\ncoordinate = "c"\nof = "a"\npolynomial = [0, 1]\n'

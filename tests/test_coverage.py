@@ -20,6 +20,8 @@ from support.mechanism import Body
 from support.scene import FLOOR, SOLVED, natural_scales
 from support.solve import layout, solve_motion
 
+pytestmark = pytest.mark.slow
+
 FORCES = ("tree_force", "generalized_force", "actuator_force", "reaction")
 STEP = 1e-4  # share of its size by which a parameter is changed
 LINEAR = 0.01  # what is left of a change of that size by its square, and by what scales are measured at
@@ -68,6 +70,7 @@ def effect(scene, counted, before, after) -> float:
     return worst
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["slider-crank", "bennett", "3-rps", "3ups-upu-s-offset"])
 def test_every_parameter_does_what_is_said_and_those_not_tested_do_nothing(name, monkeypatch):
     monkeypatch.setattr(Body, "__post_init__", lambda self: None)  # a thin rod may be given any inertia
@@ -88,6 +91,7 @@ def test_every_parameter_does_what_is_said_and_those_not_tested_do_nothing(name,
         assert change == pytest.approx(row["effect"], rel=LINEAR, abs=NOTHING), row
 
 
+@pytest.mark.slow
 def test_in_an_exciting_motion_a_millionth_is_seen_of_all_that_is_tested_and_of_nothing_else(monkeypatch):
     monkeypatch.setattr(Body, "__post_init__", lambda self: None)
     scene = exciting(screwgauge.load_scene("bennett"), 2)
@@ -100,6 +104,7 @@ def test_in_an_exciting_motion_a_millionth_is_seen_of_all_that_is_tested_and_of_
         assert (effect(scene, counted, before, after) > SOLVED) == row["tested"], row
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["3-rps", "3ups-upu-s-offset"])
 def test_the_share_of_a_term_is_what_is_lost_without_it(name, monkeypatch):
     scene = loaded(few(name))
@@ -188,6 +193,7 @@ def test_of_a_simulation_it_is_said_that_nothing_is_said():
     assert results.coverage.sentence == "Coverage is stated of given motions, not of simulations."
 
 
+@pytest.mark.slow
 def test_verdict_report_and_summary_say_what_is_not_tested(tmp_path, monkeypatch):
     monkeypatch.setattr("screwgauge.report.figures.run.make_plots", lambda results: [])
     results = screwgauge.run(few("slider-crank"), ["screw", "pinocchio"])

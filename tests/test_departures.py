@@ -201,6 +201,7 @@ def own(write, texts):
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("engine", "kind", "old", "new", "becomes"), EDITS)
 def test_no_edit_is_silent(engine, kind, old, new, becomes, own, scene):
     files = own(engine, kind, old, new)
@@ -241,6 +242,7 @@ def test_long_chains_are_searched_to_their_end(scene, write):
     assert [extra.whose for extra in found] == [f" of body b{i}" for i in range(n)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mechanism", mechanism_names())
 @pytest.mark.parametrize("cut", CUTS)
 def test_generated_files_say_nothing_beyond_the_description(mechanism, cut):
@@ -394,6 +396,7 @@ def simulated(write):
     return screwgauge.load_scene(write("forward.toml", FORWARD))
 
 
+@pytest.mark.slow
 def test_so_in_a_simulation(own, simulated):
     files = own("pinocchio", "urdf", _AXIS, '&<dynamics damping="0.5"/>')
     results = screwgauge.run(replace(simulated, models={"pinocchio": files.model}), engines=("screw", "pinocchio"))
@@ -401,6 +404,7 @@ def test_so_in_a_simulation(own, simulated):
     assert verdict(results).text.startswith(f"{DAMPED}. ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -419,6 +423,7 @@ def test_friction_in_an_mjcf_is_simulated_beside_closed_loops(old, new, own, sim
     assert np.abs(results.values("joint_velocity", "screw") - same).max() > 0.05
 
 
+@pytest.mark.slow
 def test_a_stop_in_an_mjcf_closes_no_loop(own, simulated):
     stops = '</option><default><joint range="-1 1"/></default>'
     files = own("mujoco", "xml", f'{_FLAG} sensor="disable" />\n  </option>', stops)

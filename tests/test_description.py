@@ -36,6 +36,7 @@ def test_actuators_are_named_by_all_but_the_last_part_where_that_is_unique(paper
     assert actuator_names([replace(slide, name=name) for name in names]) == ("left.leg", "right.leg", *names[2:])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("axes", "kind", "taken_back"), RESTING)
 def test_a_coordinate_that_rests_keeps_its_home_that_is_not_zero(axes, kind, taken_back, write):
     bars = [Bar(0.2), Bar(0.5, com=(0.25, 0.01, 0.02)), Bar(0.4)]

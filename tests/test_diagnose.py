@@ -65,6 +65,7 @@ def check(found, what, item, words):
     assert found.witnesses
 
 
+@pytest.mark.slow
 def test_of_the_mechanism_five_changes_are_said_in_one_sentence_each(machine):
     def diagnosed(path):
         return screwgauge.diagnose(machine, path)
@@ -81,6 +82,7 @@ def test_of_the_mechanism_five_changes_are_said_in_one_sentence_each(machine):
     check(gravity, "gravity", "", "gravity (0, 0, -9.8000) m/s^2 in B, (0, 0, -9.8100) m/s^2 in A")
 
 
+@pytest.mark.slow
 def test_of_an_arm_in_another_format_too(arms):
     urdf, mjcf = arms
 
@@ -96,6 +98,7 @@ def test_of_an_arm_in_another_format_too(arms):
     check(diagnosed(changed(mjcf, "0 0 -9.81", "0 0 -9.8")), "gravity", "", "gravity (0, 0, -9.8000) m/s^2 in B")
 
 
+@pytest.mark.slow
 def test_what_is_the_same_is_said_to_be(machine, arms):
     for pair in (arms, (machine, machine), ("3ups-upu-s", machine), (f"{arms[0]}@pinocchio", f"{arms[0]}@mujoco")):
         found = screwgauge.diagnose(*pair)
@@ -175,6 +178,7 @@ def test_the_loader_that_keeps_the_first_tree_is_named(tmp_path):
     assert len(matrix.cells) == 4
 
 
+@pytest.mark.slow
 def test_an_engine_that_computes_otherwise_than_it_reads_is_told_from_a_model(arms, monkeypatch):
     from dataclasses import replace
 
@@ -203,6 +207,7 @@ def test_a_failed_run_names_the_static_difference_beside_the_quantity(machine, t
     assert "leg3.upper: mass 1.4342 kg in own.xml, 1.4200 kg in the description (+1.00 %)" in verdict(results).text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "word", "said"),
     [

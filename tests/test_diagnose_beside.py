@@ -14,6 +14,8 @@ from support.errors import ModelFileError
 from support.mechanism import load_mechanism
 from support.models import write_models
 
+pytestmark = pytest.mark.slow
+
 NAME = "five-bar"
 
 
@@ -55,6 +57,7 @@ def test_the_loops_file_beside_a_urdf_is_read(folders):
         assert f"what closes loops of {side} is said by {NAME}.loops.toml beside it" in found.notes
 
 
+@pytest.mark.slow
 def test_loops_of_one_side_alone_are_never_the_same(folders):
     bare = only(folders[0], f"{NAME}.urdf")
     for a, b in ((bare, NAME), (NAME, bare), (bare, folders[1] / f"{NAME}.xml"), (urdf(folders[1]), bare)):
@@ -84,6 +87,7 @@ def test_two_urdfs_with_other_robot_yamls_beside_them_differ(folders):
     assert "a weld in B, a point in A" in found.verdict
 
 
+@pytest.mark.slow
 def test_loops_elsewhere_are_named_for_each_side(folders, tmp_path, command):
     a, b = (only(folder, f"{NAME}.urdf", f"{NAME}.loops.toml") for folder in folders)
     beside = [path.with_suffix(".loops.toml") for path in (a, b)]

@@ -79,11 +79,13 @@ def test_two_legs_of_which_one_ends_elsewhere_are_refused(write):
         screwgauge.diagnose(write("moved.toml", moved), "five-bar")
 
 
+@pytest.mark.slow
 def test_models_that_close_nowhere_are_refused_with_loop_size_and_file(write):
     with pytest.raises(ClosureError, match=r"reach-3.0.xml: loops do not close .*'d' by \S+ m"):
         screwgauge.diagnose(sites(write, FAR), sites(write, FAR))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reaches", [(0.4, FAR), (FAR, 0.4)])
 def test_one_model_that_closes_nowhere_differs_and_is_named(reaches, write):
     found = screwgauge.diagnose(*(sites(write, reach) for reach in reaches))

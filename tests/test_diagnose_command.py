@@ -15,6 +15,7 @@ def arms(tmp_path, inside):
     return [str(path) for path in robots.write(tmp_path)]
 
 
+@pytest.mark.slow
 def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_path, command):
     assert "SAME" in command("diagnose", *arms).out
     other = robots.edited(tmp_path / "arm.xml", 'damping="0.14"', 'damping="0.24"', "other.xml")

@@ -38,6 +38,7 @@ def stopping(monkeypatch, work):
     monkeypatch.setattr(diagnose, "Deadline", deadline)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("work", "said", "there"),
     [

@@ -34,6 +34,7 @@ def four_bar(loop=PIN, axis="0 1 0"):
     return FOUR_BAR.format(loop=loop, axis=axis)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("other", "mobility", "said"),
     [
@@ -63,6 +64,7 @@ def test_a_closure_seen_from_its_other_end_is_the_same(diagnosed):
     assert scaled["Jdot v"] <= 1e-12
 
 
+@pytest.mark.slow
 def test_loops_that_no_pose_closes_are_refused(diagnosed):
     far = four_bar('<connect name="d" body1="coupler" body2="world" anchor="0 0.3 0"/>')
     apart = far.replace("<connect", '<joint joint1="a" polycoef="0.5 0 0 0 0"/><joint joint1="a"/><connect')
@@ -83,6 +85,7 @@ def test_the_curvature_of_a_joint_equality_that_mujoco_leaves_out_is_told_by_its
     assert diagnosed(straight, straight).same
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [

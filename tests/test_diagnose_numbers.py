@@ -91,6 +91,7 @@ def test_a_body_of_several_links_names_those_that_have_mass(diagnosed):
     assert "with" not in diagnosed({"inside": frame}, {"inside": frame, "mass": "3"}).differences[0].sentence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", ["description", "full model file"])
 def test_masses_that_we_divide_among_copies_are_said_as_the_file_has_them(other, write, tmp_path):
     write("heavy.toml", 'extends = "five-bar"\nname = "heavy"\nbodies."right.rod".mass = 250\n')

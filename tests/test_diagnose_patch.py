@@ -73,6 +73,7 @@ PROPERTIES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", PROPERTIES)
 def test_a_changed_file_is_read_as_the_changed_reading(model, what):
     file, library, reading = model

@@ -8,6 +8,8 @@ import screwgauge
 from support.command import main
 from support.diagnosis import linkage
 
+pytestmark = pytest.mark.slow
+
 STIFF, YIELDING = ' solref="0.05 1"', ' solimp="0.8 0.9 0.002 0.4 3"'
 
 
@@ -21,6 +23,7 @@ def files(tmp_path):
     return of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("loop", "gear", "said"),
     [

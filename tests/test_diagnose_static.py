@@ -67,6 +67,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", CHANGES)
 def test_a_change_is_found_as_itself_and_undone_by_its_change(arms, what):
     a, b = arms
@@ -80,6 +81,7 @@ def test_a_change_is_found_as_itself_and_undone_by_its_change(arms, what):
     assert off(a, again) < 1e-13
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint", ["joint0", "joint3", "joint5", "joint6"])
 @pytest.mark.parametrize("size", [1e-2, 1e-6])
 def test_a_joint_that_sits_elsewhere_is_told_from_one_whose_axis_is_another(arms, joint, size):

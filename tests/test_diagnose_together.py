@@ -68,6 +68,7 @@ def test_a_urdf_that_floats_beside_an_mjcf(files):
     assert found.together.calls == ("rnea", "mj_inverse")
 
 
+@pytest.mark.slow
 def test_loops_in_either_cut_and_a_description_agree_at_closed_states(files, tmp_path):
     write_models(load_mechanism("a02-fourbar-2"), tmp_path)
     name = "a02-fourbar-2"

@@ -117,6 +117,7 @@ def test_beside_what_torques_show(diagnosed):
     assert "The motions that loops leave differ by 0." in found.verdict
 
 
+@pytest.mark.slow
 def test_what_no_torque_shows_is_put_right_in_the_file(tmp_path):
     """Alone, and beside what torques show."""
     path = robots.write(tmp_path)[1]
@@ -135,6 +136,7 @@ def test_what_no_torque_shows_is_put_right_in_the_file(tmp_path):
         assert screwgauge.diagnose(path, out).same
 
 
+@pytest.mark.slow
 def test_what_cannot_be_put_right_is_said(diagnosed, tmp_path, capsys):
     moved = ('<motor name="m" joint="a"', '<motor name="m" joint="c"')
     with pytest.raises(OutputError, match=r"nothing to write: no change of B's file is known for this: m: drives c"):
@@ -147,6 +149,7 @@ def test_what_cannot_be_put_right_is_said(diagnosed, tmp_path, capsys):
     )
 
 
+@pytest.mark.slow
 def test_softness_of_a_closure_and_of_a_coupling(diagnosed):
     found = diagnosed(('name="loop"', 'name="loop" solref="0.5 1"'))
     assert sentences(found) == ["loop: softness, solref (0.5000, 1) in B, (0.02000, 1) in A"]
@@ -190,6 +193,7 @@ TIES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", TIES)
 def test_closures_are_put_right_in_the_file(case, tmp_path):
     text = TIED
@@ -206,6 +210,7 @@ def test_closures_are_put_right_in_the_file(case, tmp_path):
     assert screwgauge.diagnose(paths[0], paths[2]).same
 
 
+@pytest.mark.slow
 def test_what_a_file_cannot_say_of_closures_is_said(tmp_path):
     """A site that others use does not move alone."""
     both = TIED.replace("<worldbody>", '<sensor><framepos objtype="site" objname="s"/></sensor><worldbody>')

@@ -78,6 +78,7 @@ def test_forces_derive_from_the_potential_at_rest(paper):
     assert np.abs(Q - expected).max() < 0.1 * SLOPE_OF_ENERGY
 
 
+@pytest.mark.slow
 def test_actuators_deliver_the_power_of_the_generalized_forces():
     """Power of the actuators is power of the generalised forces, at 150 rad/s too."""
     scene = screwgauge.load_scene("3ups-upu-s-fast")
@@ -89,6 +90,7 @@ def test_actuators_deliver_the_power_of_the_generalized_forces():
     assert np.abs(power - of_actuators).max() < ROUND_TRIP * np.abs(power).max()
 
 
+@pytest.mark.slow
 def test_spherical_axial_gives_the_known_forces():
     scene = replace(screwgauge.load_scene("3ups-upu-s").at([1.0]), rule="spherical_axial")
     for engine in IN_DOUBLES:
@@ -98,6 +100,7 @@ def test_spherical_axial_gives_the_known_forces():
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_spherical_axial_says_where_it_is_singular(engine):
     times = np.pi * np.arange(4)

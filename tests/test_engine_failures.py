@@ -51,6 +51,7 @@ def check_only_mujoco_failed(results, reason: str) -> None:
     assert set(results.pairs[~failed]["quantity"]) == set(QUANTITIES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "error",
     [ValueError("bad pose"), RuntimeError("bad\npose"), MemoryError("bad pose"), AssertionError("bad pose"),
@@ -91,6 +92,7 @@ def test_a_package_that_is_there_but_cannot_be_loaded_is_to_be_installed_anew(st
     assert reason == f"cannot be loaded ({error}); pip install --force-reinstall pin"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "target", ["screwgauge.engines.screw.model:nothing", "screwgauge.engines.screw.model", "json:dumps"]
 )
@@ -116,6 +118,7 @@ def test_the_stand_in_for_an_engine_is_accepted_when_it_answers_in_full(stand_in
     assert screwgauge.run(scene, quantities=QUANTITIES).exit_status == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("answer", "reason"),
     [(lambda problem: None, "TypeError"), (lambda problem: {}, "TypeError"), (cut_short, "1 samples of")],
@@ -167,6 +170,7 @@ def test_an_interrupted_run_writes_nothing(stand_in, paper_scene, tmp_path, capf
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("broken", [["mujoco"], ["pinocchio", "mujoco"], ["screw", "pinocchio", "mujoco"]])
 def test_the_report_is_written_all_the_same(broken, elsewhere, paper_scene, tmp_path, command, no_progress):
     elsewhere("no_such_module_at_all:load", *broken)

@@ -32,6 +32,7 @@ def spoilt(results) -> str:
     return results.failures["mujoco"].reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", hostile_engine.WRONG)
 def test_an_answer_with_something_wrong_is_its_own_row(kind, stand_in, scene, tmp_path):
     change, word = hostile_engine.WRONG[kind]
@@ -44,6 +45,7 @@ def test_an_answer_with_something_wrong_is_its_own_row(kind, stand_in, scene, tm
         results.write(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # as the command line has it
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e308, -1e308, 5e-324])
 def test_any_double_can_be_compared_and_told(value, stand_in, scene, tmp_path):
@@ -64,6 +66,7 @@ def test_any_double_can_be_compared_and_told(value, stand_in, scene, tmp_path):
     results.write(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [np.float32, np.longdouble, ">f8", np.int64])
 def test_real_numbers_of_other_kinds_are_doubles(kind, stand_in, scene):
     def answer(problem):
@@ -114,6 +117,7 @@ def test_an_engine_is_called_as_its_entry_says(scene):
     assert {name: answer.engine for name, answer in results.solutions.items()} == {"loud": "loud", "screw": "screw"}
 
 
+@pytest.mark.slow
 def test_nothing_that_an_engine_prints_stands_before_the_json(
     paper_scene, isolated, tmp_path, capfd, monkeypatch, no_progress
 ):

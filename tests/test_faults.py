@@ -16,6 +16,8 @@ from support.errors import OutputError
 from support.gate import added_to
 from support.report import put_files
 
+pytestmark = pytest.mark.slow
+
 RUN = ["run", "slider-crank", "--engines", "screw", "--quantities", "joint_position"]
 
 
@@ -45,6 +47,7 @@ def test_rows_before_the_disk_was_full_are_there_in_whole(tmp_path):
     assert pd.read_csv(file)["b"].tolist() == ["first", "third"]
 
 
+@pytest.mark.slow
 def test_a_check_whose_rows_cannot_be_kept_says_what_it_found(tmp_path, command, monkeypatch, no_progress):
     def keep(self, key, result):
         raise OutputError("cannot be written (no space left on device)", "check.partial.jsonl", "choose another --out")
@@ -66,6 +69,7 @@ def test_a_run_whose_numbers_cannot_be_written_says_what_it_found(tmp_path, comm
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("home", [None, "", "/dev/null/home"])
 def test_who_has_no_home_runs_all_the_same(home, tmp_path, monkeypatch, no_progress):
     for name in (cache.VARIABLE, "XDG_CACHE_HOME", "HOME"):

@@ -44,6 +44,7 @@ def drawn(curves: dict[str, Any], title: str = "A title", unit: str = "q [m]", *
 AWKWARD = ([0.46, 0.46 + 1e-9], [0.0, 0.0], [-3e-7, 2e-7], [1e9, 1.2e9], [np.nan, np.nan], [-np.inf, 5.0, 6.0], [7.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("values", AWKWARD, ids=str)
 def test_whatever_the_numbers_the_picture_is_well_formed_and_the_same_twice(values: list[float], caplog) -> None:
     plot = drawn({"screw": values}, notes=["how to read it"])
@@ -147,6 +148,7 @@ def test_lines_of_a_camp_share_its_colour_and_differ_in_shape_and_dash() -> None
     assert len({(look.colour, look.shape, look.dash) for look in looks.values()}) == 14
 
 
+@pytest.mark.slow
 def test_only_what_draws_imports_the_library() -> None:
     code = (
         "import sys, screwgauge.report.results, screwgauge.commands; "

@@ -34,6 +34,7 @@ def at_rest_or_moving(scene, n=9):
     return scene, lay, rate, Forces(gravity=scene.applied.g, loads=scene.applied.loads)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES, ids=lambda name: Path(name).stem)
 def test_inverse_then_forward_returns_the_accelerations(name):
     scene, lay, rate, forces = at_rest_or_moving(screwgauge.load_scene(name))

@@ -24,6 +24,7 @@ MOVERS = {"pinocchio": PinocchioMover, "mujoco": MujocoMover}
 ENGINES = tuple(MOVERS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", ["3ups-upu-s", "3ups-upu-s-fast", DATA / "four-bar-scene.toml"], ids=str)
 def test_inverse_then_forward_returns_the_accelerations(name, engine, tmp_path):
@@ -61,6 +62,7 @@ def scene_of(name: str, until: float = 1.0, **applied: object) -> tuple[Scene, n
     return scene.at(scene.known.t[rows]).under(**applied), scene.known.values[rows]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", UNTIL)
 def test_established_problem(name, engine):
@@ -202,6 +204,7 @@ class Sticking(METHODS["DOP853"]):
         return super().step()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tries", [1, 3, 99])
 def test_where_steps_shrink_it_goes_back_to_the_last_step_of_usual_size(tries, monkeypatch):
     begun = []

@@ -48,6 +48,7 @@ def run(path: Path, **more: object):
     return screwgauge.run(screwgauge.load_scene(path), **more)
 
 
+@pytest.mark.slow
 def test_a_motion_through_a_singular_pose_says_so_and_is_flagged_from_there_on(scene):
     """Falling freely, the platform tilts beyond b = 0.3568 rad, where its third rotation is no longer held."""
     results = run(

@@ -64,6 +64,7 @@ def test_a_right_motion_passes(driven):
     assert rows.loc["virtual_work", "max_scaled"] < 1e-14
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["motors", "springs", "loads"])
 def test_forces_of_another_scene_fail_though_their_energy_may_balance(driven, what):
     acting = driven.applied

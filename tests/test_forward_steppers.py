@@ -28,6 +28,8 @@ from support.trees import (
     tree_forces,
 )
 
+pytestmark = pytest.mark.slow
+
 
 def error(name, until, engine, **stepper):
     """Largest error of the observable, and what the stepper returned."""
@@ -45,6 +47,7 @@ def order(name, until, steps, **stepper):
     return np.log(errors[0] / errors[1]) / np.log(steps[0] / steps[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("integrator", "expected", "steps"), [("Euler", 1.0, (4e-3, 2e-3)), ("RK4", 4.0, (2e-2, 1e-2))]
 )
@@ -53,6 +56,7 @@ def test_pinocchio_steps_converge_on_a_closed_loop(integrator, expected, steps):
     assert found == pytest.approx(expected, abs=ORDER)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("integrator", "expected", "steps"),
     [
@@ -106,6 +110,7 @@ def held():
     return step
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_held_mechanism_opens_its_loops_by_millimetres(held, integrator):
     """7.3 mm in the end, by default, for every step and integrator; 15 um at the largest impedance."""
@@ -158,6 +163,7 @@ def test_springs_of_mujoco_are_ours():
         assert np.abs(data.qfrc_passive - tau).max() < LINEAR * np.abs(tau).max()
 
 
+@pytest.mark.slow
 def test_what_varies_is_held_over_each_step_and_said():
     """A load beside the centre of mass and springs at a cut joint: they end near the motion of finer steps."""
     scene = screwgauge.load_scene("a02-fourbar-2").at(np.array([0.0, 0.1, 0.3]))

@@ -24,6 +24,7 @@ def results(installed):
     return screwgauge.run(scene, engines=["screw", "toy", "pinocchio"])
 
 
+@pytest.mark.slow
 def test_comparison_names_quantity_component_and_size(results):
     assert results.exit_status == 1
     bad = results.pairs[~results.pairs["ok"]]

@@ -107,6 +107,7 @@ def test_what_could_not_be_checked_is_no_known_state(known):
     assert known.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_updating_is_explicit(tmp_path, inside, command, capfd):
     usual = ["check", "a01-pendulum", "--smoke", "--baseline", "known.json"]
     assert main(usual) == 2
@@ -147,6 +148,7 @@ def test_a_full_disk_leaves_the_file_as_it_was(known, monkeypatch):
     assert [path.name for path in known.parent.iterdir()] == [known.name]
 
 
+@pytest.mark.slow
 def test_of_two_at_once_one_is_there_in_whole(known):
     code = "import pathlib, sys\nfrom screwgauge.reference.files import replace_file\n"
     code += "for i in range(200): replace_file(pathlib.Path(sys.argv[1]), sys.argv[2] * 10000)"

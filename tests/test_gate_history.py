@@ -32,6 +32,7 @@ def store(tmp_path):
     return tmp_path / "store"
 
 
+@pytest.mark.slow
 def test_checks_are_told_in_their_order_by_their_worst_error(store):
     found = history(store, "a")
     assert found["status"].tolist() == ["agree", "agree", "failed"]
@@ -57,6 +58,7 @@ def test_a_baseline_is_the_last_state_that_passed(store, tmp_path):
         write_latest(file, store, smoke=True)
 
 
+@pytest.mark.slow
 def test_a_kill_and_a_full_disk_leave_the_store_as_it_was(store, monkeypatch):
     before = {path.name: path.read_bytes() for path in store.glob("*.parquet")}
     code = (
@@ -76,6 +78,7 @@ def test_a_kill_and_a_full_disk_leave_the_store_as_it_was(store, monkeypatch):
     assert len(history(store, "a")) == 3
 
 
+@pytest.mark.slow
 def test_two_at_once_are_both_kept(store):
     code = (
         "import pathlib, sys\nfrom screwgauge.study.gate.row import Row\nfrom screwgauge.study.gate.store import keep\n"

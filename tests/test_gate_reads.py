@@ -78,6 +78,7 @@ def enormous(name: str) -> None:
         file.truncate(10**10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
     [
@@ -114,6 +115,7 @@ def turned(self: Loops, at, V, A):
 right = Loops.bias
 
 
+@pytest.mark.slow
 def test_a_smoke_test_notices_what_only_the_full_cuts_see(monkeypatch):
     found = screwgauge.check("bennett", smoke=True).rows[0]
     assert found.ok
@@ -137,6 +139,7 @@ def scaled(by: float):
 each = comparing._components
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "instead", "said"),
     [
@@ -158,6 +161,7 @@ def test_a_smoke_test_notices_that_the_comparison_is_blind(name, instead, said, 
     assert said in row.sentence
 
 
+@pytest.mark.slow
 def test_engines_that_share_no_quantity_are_no_agreement(monkeypatch):
     monkeypatch.setattr(comparing, "combinations", lambda *arguments: [])
     (row,) = screwgauge.check("slider-crank").rows

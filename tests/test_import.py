@@ -184,6 +184,7 @@ LOOP = (
 YAML = "closed_loop: [['tip', 'eye']]\ntype: ['3d']\nname_mot: ['motor']\n"
 
 
+@pytest.mark.slow
 def test_a_loop_that_is_open_at_zero_is_assembled(tmp_path):
     path = robot(tmp_path, *LOOP)
     (tmp_path / "robot.yaml").write_text(YAML, encoding="utf-8")
@@ -214,6 +215,7 @@ FOOT = """<mujoco model="leg"><compiler angle="radian"/><worldbody><body name="s
 <actuator><motor joint="knee"/><motor joint="foot"/></actuator>{}</mujoco>"""
 
 
+@pytest.mark.slow
 def test_home_is_well_conditioned_and_within_the_limits_if_a_closed_pose_is(write):
     path = write("leg.xml", FOOT.format(""))
     imported = import_model(path)
@@ -258,6 +260,7 @@ def test_ball_and_free_joints_close_loops_too(tmp_path):
     check_home(imported.mechanism)
 
 
+@pytest.mark.slow
 def test_a_loop_that_cannot_close_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(homes, "STARTS", 8)
     far = [part.replace("0.45 0 0", "0.01 0 0") for part in LOOP]
@@ -313,6 +316,7 @@ def test_import_writes_both_files_or_none(gripper, tmp_path, command):
     assert main(["import", str(gripper), "-o", str(out)]) == 0  # what it wrote itself it writes again
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["grip.toml", "grip.scene.toml"])
 @pytest.mark.parametrize(
     "edited", [lambda text: "# mine\n", lambda text: text.replace("mass = 0.2", "mass = 0.3"), str.upper]
@@ -379,6 +383,7 @@ def planar(folder: Path, right_angle: str) -> Path:
     return robot(folder, *parts, name="planar.urdf")
 
 
+@pytest.mark.slow
 def test_a_robot_whose_limits_leave_no_motion_is_refused_by_joint_limits_and_file(tmp_path, inside, command):
     path = planar(tmp_path, "1.5707963267948966")
     text = path.read_text(encoding="utf-8").replace("lower", "LOWER").replace("upper", "UPPER")
@@ -411,6 +416,7 @@ def test_loops_written_as_robot_yaml_come_back(inside):
     check_home(imported.mechanism)
 
 
+@pytest.mark.slow
 def test_limits_that_a_coupling_cannot_keep_are_left_out(tmp_path):
     mimic = AXIS.format(0.5, 1.0) + '<mimic joint="shoulder" multiplier="-0.1"/>'
     parts = [part.replace(AXIS.format(0.5, 2.5), mimic) for part in ARM]

@@ -17,6 +17,8 @@ from support.mechanism import Mechanism, load_mechanism, mechanism_names
 from support.models import description, import_model, lay_out, write_models
 from support.scene import GivenMotion
 
+pytestmark = pytest.mark.slow
+
 #: Rounding of the numbers of a model file, of MuJoCo's principal axes and of merging a body with its copies.
 MASSES = 1e-13
 #: The same, times the condition of the closed loops.
@@ -64,6 +66,7 @@ def forces(mechanism: Mechanism, home: Array, folder: Path) -> dict[str, np.ndar
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "file"), CASES)
 def test_the_same_mechanism_comes_back(name, file, tmp_path):
     mechanism, found = imported(name, file)

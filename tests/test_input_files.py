@@ -150,6 +150,7 @@ def test_a_number_that_is_a_novel_is_refused(folder):
         load_mechanism(folder / "rod.toml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("engine", "suffix"), [("pinocchio", ".urdf"), ("mujoco", ".xml")])
 @pytest.mark.parametrize("damage", ["bom", "latin-1", "links", "fifo"])
 def test_a_model_file_is_read_as_all_others(

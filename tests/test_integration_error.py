@@ -22,6 +22,8 @@ from support.models import write_models
 from support.report import verdict
 from support.solve import Pace, layout
 
+pytestmark = pytest.mark.slow
+
 SIBLING = """
 extends = "cart-pole"
 name = "sibling"
@@ -56,6 +58,7 @@ def fall(write):
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 @pytest.mark.parametrize("name", CARTS)
 def test_a_light_cart_that_darts_aside_does_not_stop_an_engine(fall, name, engine, tmp_path):
@@ -78,6 +81,7 @@ def test_steps_that_would_never_reach_the_end_are_told_from_a_fast_phase():
     assert Pace("Radau", 1e-12, 1.0).window > 10 * window
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cart-pole", "spatial-slider-crank"])
 def test_engines_agree_by_the_default_tolerance(name):
     scene = screwgauge.load_scene(name)
@@ -91,6 +95,7 @@ def test_engines_agree_by_the_default_tolerance(name):
     assert any("from further runs" in note for note in results.solutions["screw"].notes)
 
 
+@pytest.mark.slow
 def test_the_sibling_agrees_by_the_estimate(fall):
     results = screwgauge.run(fall("sibling"))
     assert results.ok, str(results)
@@ -105,6 +110,7 @@ def test_where_engines_agree_nobody_integrates_again(monkeypatch):
     assert screwgauge.run(screwgauge.load_scene("cart-pole").at([0.0, 0.2]), engines=["screw", "mujoco"]).ok
 
 
+@pytest.mark.slow
 def test_a_tolerance_of_the_scene_is_binding(fall):
     scene = replace(fall("cart-pole"), tolerances={"joint_velocity": 1e-10})
     results = screwgauge.run(scene, engines=["screw", "mujoco"], quantities=["joint_velocity"])
@@ -114,6 +120,7 @@ def test_a_tolerance_of_the_scene_is_binding(fall):
     assert "the tolerance is that of the scene" in verdict(results).text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "right", "wrong"),
     [
@@ -153,6 +160,7 @@ def honest(estimate: np.ndarray, error: np.ndarray) -> None:
     assert estimate[-1] < 1000.0 * error[-1] + 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "engine", "until"),
     [
@@ -206,6 +214,7 @@ def exact(name: str, times: tuple[float, ...]) -> np.ndarray:
     return np.array(found)[:, None]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])
 def test_the_estimate_holds_the_true_error_of_the_cart_pole(engine):
     """Rounding decides there: speeds of 4 km/s, of which the pole's own are what is left over."""
@@ -218,6 +227,7 @@ def test_the_estimate_holds_the_true_error_of_the_cart_pole(engine):
     assert error[-1] < 1e-7
 
 
+@pytest.mark.slow
 def test_the_estimate_grows_with_a_chaotic_motion(write):
     """A double pendulum that turns over: errors grow a hundred million times in twenty seconds."""
     text = FALL.format(mechanism=DATA / "pendulum.toml", duration=20, step=0.25).replace("1e-12", "1e-9")

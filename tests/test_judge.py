@@ -85,6 +85,7 @@ def test_lever_arms_with_the_sign_of_eq_55(scene, monkeypatch):
     assert faults(scene)["newton_euler"].startswith("platform.m")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("quantity", "component", "residual", "named"),
     [

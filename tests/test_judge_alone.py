@@ -61,6 +61,7 @@ def shifted(solution: Solution, quantity: str, component: str, share: float) -> 
     return replace(solution, values={**solution.values, quantity: replace(values, array=array)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", ["min_norm", "spherical_axial"])
 @pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_each_quantity_is_judged_though_nothing_else_was_asked(engine, rule):
@@ -90,6 +91,7 @@ def test_one_wrong_number_of_the_only_quantity_asked_is_found(quantity, componen
     assert residual in {*rows["residual"][~rows["ok"]]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_the_sign_of_all_moments_of_universal_joints(engine, monkeypatch):
     right = reactions._directions
@@ -103,6 +105,7 @@ def test_the_sign_of_all_moments_of_universal_joints(engine, monkeypatch):
     assert "newton_euler" in faults(scene, solution) & faults(scene, solution, "reaction")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_forces_that_are_not_the_smallest(engine, monkeypatch):
     """A newton of preload: it balances, gives the right power, and is not what the rule says."""
@@ -121,6 +124,7 @@ def test_forces_that_are_not_the_smallest(engine, monkeypatch):
     assert faults(scene, solution) == {"force_rule"} | ({"newton_euler"} if engine == "screw" else set())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_a_spherical_joint_whose_force_lies_along_another_line(engine, monkeypatch):
     right = dynamics.across_direction
@@ -136,6 +140,7 @@ def test_a_spherical_joint_whose_force_lies_along_another_line(engine, monkeypat
         assert faults(scene, solution, *asked) == {"force_rule"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_a_sign_in_the_forces_of_the_open_tree(engine, monkeypatch):
     def signed(owner, name):

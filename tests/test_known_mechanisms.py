@@ -43,6 +43,7 @@ def moved(name: str):
     return dict(zip(mechanism.coordinates, q.T, strict=True)), point, at.R[:, mechanism.body_index.get("platform", 0)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_all_engines_agree(name):
     agreed(solved(name))
@@ -62,6 +63,7 @@ def falling(name: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
     return dict(zip(results.components("joint_position"), q.T, strict=True)), results.values("observable")
 
 
+@pytest.mark.slow
 def test_spatial_slider_crank():
     q, slider = falling("spatial-slider-crank")
     assert np.ptp(q["crank"]) > np.pi

@@ -12,6 +12,8 @@ import screwgauge
 from support.command import printed_by
 from support.engines import Solution
 
+pytestmark = pytest.mark.slow
+
 
 def modules_after(code: str) -> set[str]:
     """Names of the modules that a fresh Python has loaded after running `code`."""
@@ -19,6 +21,7 @@ def modules_after(code: str) -> set[str]:
     return set(printed_by(script).splitlines()[-1].split())
 
 
+@pytest.mark.slow
 def test_screw_alone_imports_no_engine():
     code = (
         "import screwgauge\n"
@@ -28,6 +31,7 @@ def test_screw_alone_imports_no_engine():
     assert not modules_after(code) & {"pinocchio", "mujoco", "yourdfpy", "vl_convert"}
 
 
+@pytest.mark.slow
 def test_screw_alone_on_the_command_line_imports_no_engine(paper_scene, tmp_path):
     arguments = ["run", str(paper_scene()), "--engines", "screw", "--quantities", "joint_position"]
     code = f"import screwgauge.cli\nassert screwgauge.cli.main({[*arguments, '--out', str(tmp_path / 'out')]}) == 0"
@@ -45,6 +49,7 @@ def solved(engine: str, *quantities: str) -> Solution:
     return screwgauge.run(scene, engines=[engine], quantities=quantities or None).solutions[engine]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])
 @pytest.mark.parametrize("quantity", ["joint_position", "joint_velocity", "com_acceleration", "generalized_force"])
 def test_only_what_was_asked_for_is_returned_and_unchanged(engine, quantity):
@@ -54,6 +59,7 @@ def test_only_what_was_asked_for_is_returned_and_unchanged(engine, quantity):
     assert len(alone.timings) < len(everything.timings)
 
 
+@pytest.mark.slow
 def test_a_reader_who_leaves_changes_no_exit_status(tmp_path, write):
     """``screwgauge ... | head`` with a comparison out of tolerance still ends with 1."""
     scene = write(

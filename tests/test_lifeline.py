@@ -61,6 +61,7 @@ def alive(pid: int) -> bool:
     return state not in "ZX"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="looks for processes as Linux shows them")
 @pytest.mark.parametrize("kind", ["spins", "spins_in_c", "waits", "program"])
 def test_what_runs_for_a_parent_that_is_killed_ends(kind, tmp_path):
@@ -88,6 +89,7 @@ def test_a_thread_that_has_ended_takes_no_process_with_it():
     assert apart({"thread": bad_works.fine}, Limits(), silent) == first
 
 
+@pytest.mark.slow
 def test_a_process_keeps_its_own_limit_of_time(monkeypatch):
     monkeypatch.setattr(processes, "GRACE", -59.9)  # long before the parent does
     (found,) = apart({"own-limit": bad_works.spin_in_c}, Limits(seconds=60.0), silent).values()

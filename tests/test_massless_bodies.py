@@ -145,6 +145,7 @@ def scene(write):
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "lines"), [(CROSS, CROSSED), (FOUR_BAR, CRANKED), (PLATFORM, POSED)], ids=["cross", "coupler", "carriers"]
 )
@@ -168,6 +169,7 @@ def test_a_massless_cross_falls_as_a_universal_joint_does(scene):
     assert results.values("joint_position", "screw") == pytest.approx(same.values("joint_position"), abs=STEPPED)
 
 
+@pytest.mark.slow
 def test_a_platform_on_massless_carriers_falls_alike_in_all_engines(scene):
     start = "[forward]\nstart = { z = 1 }\nrates = { x = 0.5, z = -0.2, turn = 0.3 }"
     agreed(screwgauge.run(scene(PLATFORM, start), engines=["screw", "pinocchio", "mujoco"]))
@@ -200,6 +202,7 @@ axes = [[0, 0, 1]]
         screwgauge.run(scene(text, FALLING.replace("b = 0.4", "b = 0.4, c = 0")), engines=["screw"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [CROSS, FOUR_BAR, PLATFORM], ids=["cross", "coupler", "carriers"])
 def test_model_files_say_what_the_description_says(text, write, tmp_path):
     mechanism = load_mechanism(write("m.toml", text))

@@ -46,6 +46,7 @@ def element(root: ET.Element, path: str) -> ET.Element:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("name", mechanism_names())
 def test_kept_files_say_what_the_description_says(name: str, reader: str) -> None:

@@ -18,6 +18,7 @@ from support.tolerances import PLACED
 EXTRA_ELEMENTS = {"geom", "contact", "sensor", "exclude", "camera", "light", "asset", "tendon"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", mechanism_names())
 def test_kept_files_are_those_written_now(name: str) -> None:
     texts = model_texts(load_mechanism(name))

@@ -10,6 +10,7 @@ from support.mechanism import Mechanism, load_mechanism, mechanism_names
 from support.models import loops_of, read_loops, write_loops
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cut", ["minimal", "full"])
 @pytest.mark.parametrize("name", mechanism_names())
 def test_round_trip(name: str, cut: str, write) -> None:

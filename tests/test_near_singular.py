@@ -38,6 +38,7 @@ def test_nothing_is_held_where_it_moves():
         assert held == ([] if name.endswith("offset") else ["s.q3"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "quantity", [*FORCES, "joint_velocity", "joint_acceleration", "com_acceleration", "joint_position"]
 )
@@ -52,6 +53,7 @@ def test_reactions_lose_what_the_distance_says(close):
     assert worst <= 4 * np.finfo(float).eps / CLOSE * 10  # they grow as 1 / distance, and it is known to eps
 
 
+@pytest.mark.slow
 def test_the_newton_euler_system_has_the_same_forces(monkeypatch):
     kept = []
     solve = dynamics.solve_newton_euler
@@ -107,6 +109,7 @@ ENGINES = ["screw", "pinocchio", "mujoco", "truth"]
 DYNAMICS = ["joint_acceleration", "com_acceleration", "tree_force", "generalized_force", "actuator_force"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1e-6, 1e6])
 def test_mass_ratios_cost_no_engine_its_digits(ratio, changed_scene):
     legs = [f"leg{k}.{half}" for k in range(1, 5) for half in ("lower", "upper")]
@@ -117,6 +120,7 @@ def test_mass_ratios_cost_no_engine_its_digits(ratio, changed_scene):
     assert results.pairs["max_scaled"].max() <= THIRTEEN, results.pairs.to_string()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.0, 1e3])
 def test_speed_costs_no_engine_its_digits(speed):
     scene = moving_at([[0.1, 0.2], [-0.3, 0.1], [0.2, -0.3]])
@@ -143,6 +147,7 @@ def test_a_motion_beyond_a_singular_pose_is_refused(paper_scene, refused):
     assert "the constraint of leg1.wrist is lost" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("y", "what"),
     [

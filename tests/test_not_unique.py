@@ -41,6 +41,7 @@ def open_(results):
     return results.errors[results.errors["rule"] == "undetermined"]
 
 
+@pytest.mark.slow
 def test_they_are_far_apart_and_carry_no_verdict(results, open_):
     assert open_["max_abs"].max() > 1.0  # newtons or newton metres
     assert not open_["unique"].any()
@@ -52,6 +53,7 @@ def test_they_are_far_apart_and_carry_no_verdict(results, open_):
     assert results.ok
 
 
+@pytest.mark.slow
 def test_in_the_table_their_cells_are_empty(open_, written):
     with (written / "errors.csv").open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["rule"] == "undetermined"]
@@ -92,6 +94,7 @@ def test_a_unique_component_that_differs_still_fails(results, open_):
     assert not errors.loc[errors["component"] == unique, "ok"].any()
 
 
+@pytest.mark.slow
 def test_the_plots_show_them_apart_and_without_a_tolerance(results, open_):
     pictures = results.plot()
     apart = [picture for picture in pictures if picture.title == "Reaction: not unique"]
@@ -117,6 +120,7 @@ def test_every_form_of_the_report_says_how_many_there_are(results, written):
     assert len(said["not_unique"]["reaction"]) == 12
 
 
+@pytest.mark.slow
 def test_the_gate_says_so_too(results):
     found = screwgauge.check(results.scene.name, smoke=True)
     found.assert_ok()

@@ -65,6 +65,7 @@ def test_plots_and_samples_show_what_was_compared(scene):
         assert np.abs(one - other).max() < LINEAR * np.abs(one).max(), quantity
 
 
+@pytest.mark.slow
 def test_a_simulation_agrees_there_too(write):
     write("ball-crank.toml", CRANK)
     text = 'mechanism = "ball-crank.toml"\ntime.times = [0, 0.1, 0.2, 0.3]\n[forward]\nstart.crank = 0.8\n'

@@ -20,6 +20,8 @@ from support.models import check_file, check_table, write_models
 from support.scene import GIVEN
 from support.solve import ScrewModel, Settings, layout
 
+pytestmark = pytest.mark.slow
+
 TREES = ["pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 
 
@@ -48,6 +50,7 @@ def resized(scene: Scene, folder: Path, length: float, mass: float) -> Scene:
     return replace(scene, mechanism=load_mechanism(path), mechanism_file=path).under(loads=())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mechanism", ["four-bar-scene.toml", "3ups-upu-s"])
 @pytest.mark.parametrize(
     ("length", "mass"), [(1e-9, 1.0), (1e-8, 1e12), (1e-9, 1e12), (1e5, 1.0), (1e9, 1e-12), (1e9, 1e12), (1.0, 1e-12)]
@@ -65,6 +68,7 @@ def test_the_verdict_is_the_same_from_a_nanometre_to_a_million_kilometres(mechan
     assert max(row.estimate for row in results.guard) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["array", "numpy"])
 def test_estimates_do_not_know_the_unit_of_mass(backend, tmp_path):
     scene, found = few(screwgauge.load_scene("3ups-upu-s")), []
@@ -101,6 +105,7 @@ def turned(path: Path) -> None:
     path.write_text(ET.tostring(root, encoding="unicode"))
 
 
+@pytest.mark.slow
 def test_model_files_that_say_the_same_in_another_order_agree(tmp_path):
     scene = few(screwgauge.load_scene("3ups-upu-s-offset"))
     name = scene.mechanism.name
@@ -119,6 +124,7 @@ def test_model_files_that_say_the_same_in_another_order_agree(tmp_path):
     assert len(results.pairs) > 50
 
 
+@pytest.mark.slow
 def test_a_description_of_ones_own_in_another_order_agrees(write):
     scene = few(screwgauge.load_scene("3ups-upu-s"))
     tables = read_tables(scene.mechanism_file, mechanism_path)

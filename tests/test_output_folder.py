@@ -73,6 +73,7 @@ def test_a_file_of_the_users_own_in_the_way_is_refused_before_any_work(name, out
     assert files(out) == {name}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["plots", "report.md", "errors.csv", "report-files.json"])
 def test_links_are_not_followed_out_of_the_folder(name, out, tmp_path, command, capfd):
     elsewhere = tmp_path / "elsewhere"

@@ -7,6 +7,8 @@ import pytest
 
 from support.tolerances import FOLLOWED_TO_THE_END
 
+pytestmark = pytest.mark.slow
+
 
 def change_of_energy(found):
     return np.abs(found.trajectory.energy - found.trajectory.energy[0]).max()
@@ -40,6 +42,7 @@ def test_bricard_moves_with_its_redundant_constraint(answer, rods, until):
     assert change_of_energy(found) < 1e-8
 
 
+@pytest.mark.slow
 def test_forty_four_bars_pass_their_singular_poses(answer):
     found, known = answer("a02-fourbar-40")
     off = np.abs(found.observable - known[["B0.x", "B0.y"]]).to_numpy().max(axis=1)

@@ -105,6 +105,7 @@ def change(repository: Path, file: str, old: str, new: str) -> None:
     assert changed != text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_change_fails_the_gate_and_is_named(name, repository):
     where, said = CHANGES[name]
@@ -114,6 +115,7 @@ def test_a_change_fails_the_gate_and_is_named(name, repository):
     assert said in str(error.value)
 
 
+@pytest.mark.slow
 def test_fixture_and_scenes_pass_then_fail_without_a_traceback(tested, repository):
     (repository / "test_robot.py").write_text(TEST, encoding="utf-8")
     tested(repository, "--screwgauge", repository / "scenes").assert_outcomes(passed=2)
@@ -128,6 +130,7 @@ def test_fixture_and_scenes_pass_then_fail_without_a_traceback(tested, repositor
     assert "scenes/robot.toml::screwgauge" in text
 
 
+@pytest.mark.slow
 def test_scenes_are_tests_of_their_own_on_many_workers(tested, repository):
     (repository / "scenes/again.toml").write_text(SCENE, encoding="utf-8")
     found = tested("--screwgauge", "scenes", "-n1")

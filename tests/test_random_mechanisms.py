@@ -17,6 +17,8 @@ from support.mechanism import families
 from support.solve import layout, loop_equations, pose, positions
 from support.tolerances import ROUNDING
 
+pytestmark = pytest.mark.slow
+
 SMALL = ["mixed-loop", "serial", "bennett", "3-rps"]
 #: What textbooks say.
 KNOWN = {"planar-4": 1, "rssr": 2, "rsur": 1, "rccc": 1, "7r": 1, "bennett": 1, "sarrus": 1, "6-rus": 6, "6-pus": 6}
@@ -33,6 +35,7 @@ KNOWN |= {
 ENGINES = ["screw", "pinocchio", "mujoco-full"]
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_files_and_another_gives_others(tmp_path):
     for folder in ("a", "b"):
         screwgauge.random(7, "rsur", tmp_path / folder)
@@ -43,12 +46,14 @@ def test_a_seed_gives_the_same_files_and_another_gives_others(tmp_path):
     assert (tmp_path / "a" / names[0]).read_bytes() != (tmp_path / "b" / "rsur-8.toml").read_bytes()
 
 
+@pytest.mark.slow
 def test_without_a_family_the_seed_decides_and_an_unknown_one_is_refused():
     assert len({screwgauge.random(seed).name.rsplit("-", 2)[0] for seed in (2, 3, 8, 9)}) > 3  # soon drawn
     with pytest.raises(UnknownNameError, match="unknown family 'bennet'; did you mean 'bennett'"):
         screwgauge.random(1, "bennet")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", families())
 def test_the_solver_counts_the_freedoms_that_the_family_is_known_for(family):
     mechanism = screwgauge.random(0, family).mechanism
@@ -56,6 +61,7 @@ def test_the_solver_counts_the_freedoms_that_the_family_is_known_for(family):
     assert counted == len(mechanism.independent) == KNOWN.get(family, counted)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("family", "seed"), [("6-rus", 63), ("6-rus", 67), ("delta", 2), ("geared-loop", 59), ("redundant", 50)]
 )
@@ -87,6 +93,7 @@ def answers(folder):
     return results.ok, values
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", SMALL)
 def test_the_order_of_bodies_joints_and_labels_changes_no_verdict_and_no_number(tmp_path, family):
     screwgauge.random(1, family, tmp_path / "one")

@@ -16,6 +16,8 @@ from support.solve import ScrewModel, layout, reaction_components
 from support.tolerances import AGREE, FORMULA
 from support.trees import MujocoTree, PinocchioTree, TreeModel, close_tree
 
+pytestmark = pytest.mark.slow
+
 X, Y, Z = np.eye(3)
 TURNED = rotation(np.array([2.0, 3.0, 6.0]) / 7, np.array(0.7))
 OTHER = rotation(np.array([6.0, -2.0, 3.0]) / 7, np.array(1.1))
@@ -99,6 +101,7 @@ def scene():
     return sampled("3ups-upu-s-fast", slice(205, 2000, 500))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])
 def test_frames_of_slides_that_are_turned_and_moved_change_only_where_reactions_are_taken(scene, engine, tmp_path):
     right, found = (solved(scene, it, engine, tmp_path) for it in (scene.mechanism, reframed(scene.mechanism, "P")))
@@ -107,6 +110,7 @@ def test_frames_of_slides_that_are_turned_and_moved_change_only_where_reactions_
         assert np.abs(right[quantity] - found[quantity]).max() < AGREE * np.abs(right[quantity]).max(), quantity
 
 
+@pytest.mark.slow
 def test_the_axial_rule_of_another_mechanism(scene, tmp_path):
     """Its spherical joint is declared from the platform to the ground, where the line is fixed then."""
     usual = scene.mechanism.joint("s")

@@ -68,6 +68,7 @@ def test_what_is_attached_is_read_with_all_that_it_has(arm):
     assert any("wind: parent has 0 0 0" in phrase for phrase in reading.ignored)
 
 
+@pytest.mark.slow
 def test_an_arm_is_imported_with_its_limbs_and_moves(arm, tmp_path):
     imported = import_model(arm)
     assert len(imported.mechanism.independent) == 6

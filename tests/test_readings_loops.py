@@ -218,6 +218,7 @@ BAD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", BAD)
 def test_a_bad_robot_yaml_is_refused(text, legs, write):
     with pytest.raises(ScrewgaugeError, match=re.escape(BAD[text])):

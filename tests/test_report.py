@@ -318,6 +318,7 @@ def test_html_is_one_file_without_outside_references(make: Make, tmp_path: Path)
     assert "<title>Toy | scene &lt;one&gt;: verification report</title>" in page
 
 
+@pytest.mark.slow
 def test_written_twice_is_the_same(make: Make, tmp_path: Path) -> None:
     first, second = make(1e-8).write(tmp_path / "one"), make(1e-8).write(tmp_path / "two")
     names = sorted(path.relative_to(first) for path in first.rglob("*") if path.is_file())
@@ -364,6 +365,7 @@ def test_a_folder_in_the_way_of_a_file_leaves_the_rest_alone(make: Make, tmp_pat
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["report.md"]
 
 
+@pytest.mark.slow
 def test_writing_again_replaces_old_plots_and_keeps_other_files(make: Make, tmp_path: Path) -> None:
     out = make().write(tmp_path / "out")
     (out / "notes.txt").write_text("mine", encoding="utf-8")
@@ -488,6 +490,7 @@ def test_a_commit_is_marked_where_its_code_was_changed_and_not_where_reports_wer
     assert re.fullmatch(r"[0-9a-f]{40}-dirty", env._commit.__wrapped__())
 
 
+@pytest.mark.slow
 def test_environment_imports_no_engine() -> None:
     code = "import sys, screwgauge.environment as e; e.environment(); print([m in sys.modules for m in names])"
     code = "names = ['pinocchio', 'mujoco', 'vl_convert']; " + code

@@ -35,6 +35,7 @@ def opened(report: list[Any], tmp_path_factory: pytest.TempPathFactory) -> Itera
         yield shown
 
 
+@pytest.mark.slow
 def test_a_page_that_asks_is_seen_and_not_served(opened: Opened) -> None:
     opened.ask("fetch('https://example.org/').catch(() => 0)")
     assert any("Content Security Policy" in text for text in opened.said)

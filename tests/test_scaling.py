@@ -26,6 +26,7 @@ def chain(n, folder):
     return file
 
 
+@pytest.mark.slow
 def test_eight_four_bars_are_answered_by_the_program_within_its_estimates(tmp_path):
     scene = compiled.near_home(chain(8, tmp_path), 100)
     solver = Solver(scene, [name for name in GIVEN if name != "reaction"], "numpy", 1, mode=(False, True))
@@ -52,6 +53,7 @@ def test_loops_have_their_own_lengths(tmp_path):
     assert {*found.owner} == {0, 1, 2}
 
 
+@pytest.mark.slow
 def test_operations_grow_by_the_same_with_every_loop(tmp_path):
     counts = []
     for n in (4, 8, 12):
@@ -68,6 +70,7 @@ def followed():
     return scene, TracedWork(layout(scene.mechanism), scene.problem(["joint_position"]), scene.motion, "numpy")
 
 
+@pytest.mark.slow
 def test_poses_that_the_program_closes_lead_where_those_of_the_array_solver_do(followed):
     scene, work = followed
     predictor = work.again().predictor
@@ -79,6 +82,7 @@ def test_poses_that_the_program_closes_lead_where_those_of_the_array_solver_do(f
     assert np.abs(near - expected)[:, columns].max() < 0.5
 
 
+@pytest.mark.slow
 def test_parts_go_on_from_each_other_and_leaps_are_walked(followed, monkeypatch):
     scene, work = followed
     work, motion = work.again(), scene.motion

@@ -72,6 +72,7 @@ def results(scene):
     return screwgauge.run(scene, engines=IN_DOUBLES)
 
 
+@pytest.mark.slow
 def test_all_engines_agree_and_the_judge_is_content(results):
     assert results.pairs[~results.pairs["ok"]].empty
     assert results.judge[~results.judge["ok"]].empty

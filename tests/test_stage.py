@@ -45,6 +45,7 @@ def words_of(svg: str) -> list[str]:
     return re.findall(r"<text[^>]*>([^<]*)</text>", svg)
 
 
+@pytest.mark.slow
 def test_bodies_are_where_the_motion_has_them() -> None:
     scene, picture = solved()
     data, mechanism = data_of(picture), scene.mechanism
@@ -98,6 +99,7 @@ def test_words_say_what_the_paper_begins_with() -> None:
     assert third.startswith("4 actuators for two degrees of freedom: two combinations of their forces move nothing")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "said"),
     [
@@ -139,6 +141,7 @@ def test_a_simulation_without_an_answer_stands_still() -> None:
     assert data_of(stage(screwgauge.load_scene("a03-andrews-ivp")))["said"] == "home pose"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in mechanism_names() if name != "a02-fourbar-40"])
 def test_every_mechanism_can_be_drawn_with_all_its_names_and_none_upon_another(name: str) -> None:
     mechanism = load_mechanism(name)

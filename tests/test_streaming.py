@@ -86,6 +86,7 @@ def test_a_part_that_cannot_be_solved_is_named_after_those_that_can(monkeypatch)
         next(parts)
 
 
+@pytest.mark.slow
 def test_memory_is_that_of_one_part_however_many_there_are() -> None:
     """What stays allocated, counted to the byte from the third part on."""
     parts = screwgauge.stream(screwgauge.load_scene("3ups-upu-s"), times(8 * 16, 1e-3, part=16))
@@ -104,6 +105,7 @@ def test_memory_is_that_of_one_part_however_many_there_are() -> None:
     assert allocated[-1] - allocated[0] < size  # that of one part; five have followed
 
 
+@pytest.mark.slow
 def test_a_usual_part_takes_what_the_guide_says() -> None:
     said = printed_by(MEASURED)
     assert float(said) < MOST

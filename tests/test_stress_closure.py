@@ -18,6 +18,7 @@ def found() -> dict[tuple[float, str, str], Finding]:
     return {(gap, one.engine, one.quantity): one for gap in GAPS for one in climb(case, gap, quick=True)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["screw", "pinocchio projected", "mujoco projected"])
 @pytest.mark.parametrize("quantity", ["actuator_force", FORWARD])
 def test_engines_that_close_first_keep_their_digits(found, engine: str, quantity: str) -> None:

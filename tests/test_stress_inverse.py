@@ -48,6 +48,7 @@ def test_a_case_has_six_rungs_on_a_ladder_within_its_range(name: str) -> None:
         assert np.allclose(ratios, ratios[0])
 
 
+@pytest.mark.slow
 def test_cases_are_listed_without_loading_an_engine() -> None:
     code = (
         "import sys; from screwgauge.study.cases.registry import CASES; "
@@ -56,6 +57,7 @@ def test_cases_are_listed_without_loading_an_engine() -> None:
     assert printed_by(code).strip() == "[]"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "severities"),
     [
@@ -104,11 +106,13 @@ def check_none_is_wrong_without_a_word(found: dict[tuple[float, str, str], Findi
     assert any(finding.verdict != OK for finding in found.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["upu-singularity", "u-lock"])
 def test_near_singular_poses_nobody_is_wrong_without_a_word(case: str) -> None:
     check_none_is_wrong_without_a_word(climb(case, 1e-6, 1e-12))
 
 
+@pytest.mark.slow
 def test_a_locked_chart_costs_the_minimal_cut_no_force() -> None:
     found = climb("wrist-chart", 1e-10)
     check_none_is_wrong_without_a_word(found)
@@ -137,6 +141,7 @@ def test_what_is_refused_says_which_singularity_it_is() -> None:
     assert "leg2.base locks" in climb("u-lock", 1e-12)[1e-12, "screw", "generalized_force"].reason
 
 
+@pytest.mark.slow
 def test_near_a_base_lock_a_digit_is_lost_with_every_decade() -> None:
     ladder = (1e-3, 1e-6, 1e-9)
     found = climb("u-lock", *ladder)
@@ -146,6 +151,7 @@ def test_near_a_base_lock_a_digit_is_lost_with_every_decade() -> None:
         assert -1.3 < slope < -0.7  # rounding of 1e-16 m over the distance, from one sample: a matter of luck
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "lock"), WRIST_LOCKS.items())
 def test_truth_encloses_what_is_close_to_a_lock(name: str, lock: float) -> None:
     """192 bits leave five digits of an acceleration 1e-12 rad from a lock; twice as many leave twenty and more."""

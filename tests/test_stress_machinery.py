@@ -148,6 +148,7 @@ def test_every_rung_is_there_and_one_that_breaks_is_a_row() -> None:
     assert (row["verdict"], row["reason"]) == (REFUSED, "ValueError: the third rung breaks")
 
 
+@pytest.mark.slow
 def test_the_exit_status_blames_our_own_solver_only(tmp_path, capsys) -> None:
     assert main(["stress", "toy", "--severity", "0,1,1e4", "--out", str(tmp_path / "toy")]) == 0
     assert "these give wrong numbers without a word: pinocchio in 1 of 1 cases" in capsys.readouterr().out

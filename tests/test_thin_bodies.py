@@ -57,6 +57,7 @@ def compiled(one: Body) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("turn", TURNS.values(), ids=TURNS)
 @pytest.mark.parametrize("moments", MOMENTS.values(), ids=MOMENTS)
@@ -130,6 +131,7 @@ def test_a_mechanism_without_thin_bodies_says_nothing(paper) -> None:
     assert not left_out(paper)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "bob",
     [
@@ -146,6 +148,7 @@ def test_forces_of_thin_bodies_agree_in_all_engines(bob, arm, write) -> None:
     agreed(screwgauge.run(scene, engines=["truth", *IN_DOUBLES]))
 
 
+@pytest.mark.slow
 def test_a_platform_on_legs_without_axial_inertia_agrees_in_all_engines(write) -> None:
     """Rods along their slides, which no axis of a frame is."""
     tables = mechanism_tables("stewart")
@@ -161,6 +164,7 @@ def test_a_platform_on_legs_without_axial_inertia_agrees_in_all_engines(write) -
     agreed(screwgauge.run(load_scene(path).at([0.0, 0.3, 1.1]), engines=IN_DOUBLES))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a01-pendulum", "a04-bricard-thin"])
 def test_thin_mechanisms_fall_alike_in_all_engines(name: str) -> None:
     results = screwgauge.run(load_scene(name).at([0.0, 0.05, 0.1]))

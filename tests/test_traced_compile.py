@@ -145,6 +145,7 @@ def test_bad_settings_are_refused(scene, settings, message):
         screwgauge.compile(scene, **{"quantities": FORCES, "backend": "numpy", **settings})
 
 
+@pytest.mark.slow
 def test_what_cannot_be_traced_is_answered_by_arrays_and_said():
     scene = screwgauge.random(2, "underactuated")
     solver = screwgauge.compile(scene, ["actuator_force"], backend="numpy")
@@ -172,6 +173,7 @@ def test_without_llvmlite_numpy_runs_the_program_and_that_is_said(scene, monkeyp
     assert far(solver(*motion(scene))["actuator_force"], expected(scene)) <= SAME
 
 
+@pytest.mark.slow
 @needs_llvm
 @pytest.mark.parametrize("n", [1, 7, 8, 100])
 def test_machine_code_answers_any_number_of_samples(scene, n):
@@ -180,6 +182,7 @@ def test_machine_code_answers_any_number_of_samples(scene, n):
     assert far(found, expected(scene)[:n]) <= SAME
 
 
+@pytest.mark.slow
 @needs_llvm
 def test_machine_code_is_kept_and_a_damaged_file_is_made_anew(scene, tmp_path, monkeypatch):
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path))

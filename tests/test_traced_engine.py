@@ -20,6 +20,8 @@ from support.scene import GIVEN, GivenMotion
 from support.solve import LONG, ScrewModel, Settings, TracedWork, layout
 from support.strategies import FEW, scenes
 
+pytestmark = pytest.mark.slow
+
 needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason="llvmlite is not installed")
 BACKENDS = ("numpy", pytest.param("llvm", marks=needs_llvm))
 #: Of the numbers of the same sample, badly conditioned ones left out: the program's and the array solver's rounding.
@@ -52,6 +54,7 @@ def by_program(solution):
     return int(solution.notes[0].split(" of ")[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("name", ["3ups-upu-s", "3ups-upu-s-fast", "3ups-upu-s-offset"])
 def test_as_close_to_the_truth_as_promised(name, backend):
@@ -72,6 +75,7 @@ def test_as_close_to_the_truth_as_promised(name, backend):
 
 
 #: Forty four-bars take a minute by the array solver.
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in mechanism_names() if name != "a02-fourbar-40"])
 def test_every_built_in_mechanism(name):
     mechanism = load_mechanism(name)
@@ -89,6 +93,7 @@ def test_every_built_in_mechanism(name):
     assert mine.notes
 
 
+@pytest.mark.slow
 @FEW
 @given(scenes("planar-4", "rccc", "rscr", "rrsrr", "bennett", "7r", "serial", "spherical-loop", "rssr"))
 def test_random_mechanisms(scene):
@@ -105,6 +110,7 @@ def on_both_sides(backend):
     return solved(replace(screwgauge.load_scene("3ups-upu-s"), task=motion, drive=None, text={}), backend)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_random_states_on_both_sides_of_the_leg_singularity(backend):
     """Beyond it expressions that agree at home differ by kilonewtons."""
@@ -183,6 +189,7 @@ def test_badly_conditioned_samples_are_left_to_the_array_solver_and_counted():
     assert np.array_equal(mine.values["reaction"].array[2:], other.values["reaction"].array[2:])
 
 
+@pytest.mark.slow
 def test_a_prediction_from_afar_is_left_to_the_array_solver(monkeypatch):
     scene = screwgauge.load_scene("stewart-legs").at(np.linspace(0.0, 1.0, 41))
     lay = layout(scene.mechanism)
@@ -222,6 +229,7 @@ def test_there_is_no_other_backend():
         get_engine("screw").load(ModelFiles(screwgauge.load_scene("3ups-upu-s").mechanism_file), backend="numba")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_ball_whose_middle_angle_is_beyond_a_right_angle_is_read_so(backend):
     """Of two triples of angles that mean the same, programs know the one whose middle angle is within a right angle."""

@@ -52,6 +52,7 @@ def traced(lay, applied, start, backend, near=1e5):
     return TracedForward(lay, Problem(applied, task, MOTION), task, backend)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", backends())
 @pytest.mark.parametrize(
     "name", ["3ups-upu-s", "a02-fourbar-2", "a03-andrews", "a04-bricard-box", "arm7", "3-rrr", "rccc"]
@@ -81,6 +82,7 @@ def simulated(name, until, backend):
     return model.solve(Problem(scene.applied, task, MOTION))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", backends())
 @pytest.mark.parametrize(
     ("name", "until"), [("a03-andrews-ivp", 0.004), ("a02-fourbar-2", 0.5), ("a05-governor", 0.02)]
@@ -95,6 +97,7 @@ def test_simulations_are_those_of_the_array_solver(name, until, backend):
     assert np.abs(mine.work - other.work).max() < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", backends())
 def test_next_to_a_singular_pose_no_digit_is_lost_on_the_way(backend):
     """Parallelograms are one pendulum, phi'' = kappa sin phi. A step of Newton's method from a pose that is closed to

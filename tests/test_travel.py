@@ -66,6 +66,7 @@ def test_every_contestant_of_a_bench_of_simulations_travels(method, quick):
     check_travels(everyone)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_every_stress_case_with_its_questions_and_methods_travels(name, tmp_path):
     """At both ends of its quick ladder."""
@@ -121,6 +122,7 @@ ENGINES_AND_TASKS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENGINES_AND_TASKS)
 def test_a_spawned_process_gives_the_same_bits(name, asked, elsewhere):
     assert [*asked] == sorted(ENGINES_AND_TASKS, key=[*asked].index)

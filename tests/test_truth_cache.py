@@ -43,6 +43,7 @@ def test_second_run_computes_nothing_and_gives_the_same(calls):
     assert "anew" not in notes(second)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "other",
     [
@@ -70,6 +71,7 @@ def test_another_gravity_is_another_question(calls):
     assert not np.allclose(moon.values("generalized_force"), mars.values("generalized_force"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
@@ -107,6 +109,7 @@ WRONG = (
 )
 
 
+@pytest.mark.slow
 def test_another_payload_with_its_own_hash_is_computed_anew_and_said_so(calls, cache_folder):
     first = solve([0.1])
     (file,) = (path for path in cache_folder.iterdir() if path.name != cache.SECRET)

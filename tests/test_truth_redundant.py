@@ -81,6 +81,7 @@ def test_bennett_linkage_moves_as_its_closed_form_says(scene):
     assert np.array([j3, j4]) == pytest.approx(-np.array([j1, j2]), abs=ROUNDING)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("digits", [15, 16, 17])
 def test_redundant_loops_of_long_decimals_are_read_as_rounded(digits, scene):
     text = (DATA / "bennett.toml").read_text()
@@ -147,6 +148,7 @@ def test_size_does_not_matter(name, size, write):
         assert float(forces[1].rel_accuracy_bits()) > 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["slider-crank", "four-bar"])
 def test_motion_that_nothing_drives_has_a_truth(name, scene):
     motion = scene(re.sub(r"actuated = true\n", "", (DATA / f"{name}.toml").read_text()))

@@ -19,6 +19,7 @@ def results(request):
     return screwgauge.run(scene.at(scene.t[rows]), engines=["screw", "truth"])
 
 
+@pytest.mark.slow
 def test_radius_of_every_quantity_is_below_the_promise(results):
     truth = results.solutions["truth"]
     assert {"joint_acceleration", "body_angular_acceleration", "generalized_force", "reaction"} <= set(truth.radius)
@@ -60,6 +61,7 @@ def test_known_forces_of_the_paper_scene(t, Q, f):
     assert results.values("actuator_force")[0] == pytest.approx(f, abs=PRINTED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["four-bar", "slider-crank", "rscr", "pendulum"])
 def test_any_mechanism_has_a_truth(name):
     results = screwgauge.run(sampled(DATA / f"{name}-scene.toml", slice(None, None, 5)), engines=["screw", "truth"])

@@ -20,6 +20,8 @@ from support import robots
 from support.browser import Opened, open_page
 from support.command import main
 
+pytestmark = pytest.mark.slow
+
 BLANK = 6000  # a picture without anything in it is smaller [bytes]
 STUCK = """
 name = "stuck"
@@ -46,6 +48,7 @@ def test_the_page_is_written(tmp_path: Path) -> None:
     assert "That leaves bob one rotation about z through pivot." in text
 
 
+@pytest.mark.slow
 def test_a_picture_is_written_of_one_or_two_mechanisms(tmp_path: Path) -> None:
     one, two = tmp_path / "one.png", tmp_path / "two.png"
     assert main(["view", "3ups-upu-s", "--png", str(one)]) == 0
@@ -54,6 +57,7 @@ def test_a_picture_is_written_of_one_or_two_mechanisms(tmp_path: Path) -> None:
     assert one.read_bytes() != two.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["gif", "webp"])
 def test_a_motion_is_written_as_frames(tmp_path: Path, kind: str) -> None:
     from PIL import Image
@@ -86,6 +90,7 @@ def test_a_video_that_cannot_be_made_is_said(tmp_path: Path, command, monkeypatc
     assert not file.exists()
 
 
+@pytest.mark.slow
 def test_a_model_file_is_shown(tmp_path: Path) -> None:
     urdf, mjcf = robots.write(tmp_path)
     for file in (urdf, mjcf):
@@ -133,6 +138,7 @@ def test_a_port_that_is_taken_is_said(capsys) -> None:
     assert "cannot be served at (address already in use); leave --port out" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="interrupts are sent otherwise")
 def test_it_serves_one_page_to_this_machine_until_it_is_interrupted() -> None:
     command = [sys.executable, "-m", "screwgauge.cli", "view", "a01-pendulum"]
@@ -154,6 +160,7 @@ def test_it_serves_one_page_to_this_machine_until_it_is_interrupted() -> None:
         assert served.stderr.read() == ""
 
 
+@pytest.mark.slow
 def test_an_interrupt_that_a_library_swallows_ends_it_too(monkeypatch) -> None:
     monkeypatch.setattr(console, "_stopped_by", [signal.SIGINT])
     assert _serve(b"", 0) == 0

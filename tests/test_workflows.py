@@ -48,6 +48,7 @@ def commands():
     return {"action": check["run"], "hook": f"{hook['entry']} scenes"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["action", "hook"])
 def test_commands_gate_somebody_s_models(name, somebody, monkeypatch, command):
     monkeypatch.setenv("WHAT", "scenes")

@@ -17,6 +17,8 @@ from support.planar import Bar, at_random, four_bar, moving, slider_crank
 from support.scene import check_actuation, check_scene
 from support.tolerances import NOTICED, ROUNDING
 
+pytestmark = pytest.mark.slow
+
 FORCES = ("generalized_force", "actuator_force", "reaction")
 
 
@@ -42,6 +44,7 @@ def test_a_slider_crank_at_its_dead_centre(write):
     check_clear(screwgauge.run(moving(write, text, [0.0], 10.0)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("crank", [0.695, 0.6992, 0.69935])
 def test_reactions_that_are_zero_near_a_dead_centre_are_no_lost_digits(write, crank):
     """Moments of a planar mechanism, at condition numbers around 50: no difference, and hardly any tolerance."""
@@ -77,6 +80,7 @@ def test_light_carriers_between_heavy_bodies(write):
     check_clear(screwgauge.run(moving(write, text, [1.0, 1.2], 5.0, 1.0)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_planar_mechanisms_at_random_agree(write, seed):
     results = screwgauge.run(at_random(write, seed))
@@ -84,6 +88,7 @@ def test_planar_mechanisms_at_random_agree(write, seed):
     assert all(np.isfinite(row.estimate) for row in results.guard)
 
 
+@pytest.mark.slow
 def test_a_share_of_any_force_is_noticed(write):
     """A component off by `NOTICED` of the largest, in every quantity and unit that does not vanish."""
     seen = 0
@@ -119,6 +124,7 @@ def disturbed(solution: Solution, quantity: str, unit: str):
         yield replace(solution, engine="other", values=wrong), size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", range(3))
 def test_a_mass_off_by_a_billionth_is_noticed(write, body):
     """By comparison and by the judge, which knows the right mass."""
@@ -145,6 +151,7 @@ def test_a_small_force_among_large_ones_is_seen(write):
     assert all(size < 1e-12 for by_unit in right.tolerances.values() for size in by_unit.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decade", np.arange(-9.0, -6.5, 0.5))
 def test_next_to_a_lock_the_actuators_still_drive_every_freedom(decade):
     scene = moving_at([[0.0, BASE + 10.0**decade]])

@@ -10,7 +10,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from screwgauge.threads import alone
+from screwgauge.threads import fix_threads
 
 
 def facts(part: str, case: str) -> tuple[dict, float]:
@@ -44,5 +44,5 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    alone()
+    fix_threads()  # of the processes that this starts, too
     main(sys.argv[1:])
