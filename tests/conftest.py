@@ -17,30 +17,30 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pandas as pd
 import pytest
-from gates import repository
 
-from screwgauge.cli import main
-from screwgauge.engines.registry import ENGINES
-from screwgauge.engines.screw.forward import TracedForward
-from screwgauge.engines.screw.integrate import Trajectory, integrate
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import Problem
-from screwgauge.reference.forward import Forces, forces_at
-from screwgauge.reference.layout import Layout, layout
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.rotations import Array
-from screwgauge.scene.observables import observe
-from screwgauge.scene.read import FOLDER, load_scene
+import screwgauge
+from screwgauge import load_scene
+from screwgauge.engines.screw.integrate import integrate
 from screwgauge.study import apart
-from screwgauge.study.ask import in_turn
 from screwgauge.study.bench import timing
-from screwgauge.study.bench.leaving_out import LEAVING_OUT
-from screwgauge.study.bench.registry import contestants
-from screwgauge.study.bench.run import Bench, Plan, bench
+from support.acting import Forces, forces_at
+from support.bench import LEAVING_OUT, Bench, Plan, bench, contestants
+from support.command import main
+from support.engines import ENGINES, Problem, in_turn
+from support.geometry import Array
+from support.mechanism import Mechanism, load_mechanism
+from support.repository import repository
+from support.scene import FOLDER, observe
+from support.solve import Layout, TracedForward, Trajectory, layout
+
+if TYPE_CHECKING:
+    from screwgauge import Diagnosis
+
+IN_PROCESSES = apart.apart
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -72,6 +72,14 @@ def paper() -> Mechanism:
     return load_mechanism("3ups-upu-s")
 
 
+@pytest.fixture(scope="session")
+def paper_models(paper: Mechanism) -> dict[str, str]:
+    """Its model files: name -> text."""
+    from support.models import model_texts  # whatever reads and imports models comes along, which takes a moment
+
+    return model_texts(paper)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory):
     """Truths are not kept in the user's own folder, but in one that all workers of a run share."""
@@ -93,6 +101,32 @@ def here():
             lambda works, limits, report, **more: in_turn(works, lambda name, share, *at: report(name, share)),
         )
         yield
+
+
+@pytest.fixture
+def isolated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Engines run in processes of their own, as the command line does it and other tests do not."""
+    monkeypatch.setattr(apart, "apart", IN_PROCESSES)
+
+
+@pytest.fixture
+def cache_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache that is empty when the test begins."""
+    monkeypatch.setenv("SCREWGAUGE_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+@pytest.fixture
+def diagnosed(tmp_path: Path) -> Callable[..., Diagnosis]:
+    """Writes two texts as model files, ``a`` and ``b``, and diagnoses them."""
+
+    def of(a: str, b: str, ending: str = "xml", **options: Any) -> Diagnosis:
+        files = [tmp_path / f"{side}.{ending}" for side in "ab"]
+        for file, text in zip(files, (a, b), strict=True):
+            file.write_text(text, encoding="utf-8")
+        return screwgauge.diagnose(*files, **options)
+
+    return of
 
 
 def first_times(calls, protocol, record, known, first) -> list[str]:
@@ -121,7 +155,7 @@ def no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="session")
 def their_repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A repository of somebody's, see `gates.repository`; tests work on a copy of it."""
+    """A repository of somebody's, see `support.repository.repository`; tests work on a copy of it."""
     return repository(tmp_path_factory.mktemp("theirs"))
 
 
@@ -132,6 +166,13 @@ def theirs(their_repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     shutil.copytree(their_repository, folder)
     monkeypatch.chdir(folder)
     return folder
+
+
+@pytest.fixture
+def inside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The test's own folder, and the working folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
 @pytest.fixture
@@ -168,6 +209,17 @@ def refused(capfd: pytest.CaptureFixture[str], tmp_path: Path, no_progress: None
 
 
 @pytest.fixture
+def command(capfd: pytest.CaptureFixture[str]):
+    """Runs the command line, which has to exit with a status; returns what was printed since the last time."""
+
+    def run(*arguments: object, status: int = 0) -> pytest.CaptureResult[str]:
+        assert main([*map(str, arguments)]) == status
+        return capfd.readouterr()
+
+    return run
+
+
+@pytest.fixture
 def paper_scene(write):
     """A scene with the paper's mechanism; entries replace its own. Returns the path."""
 
@@ -180,6 +232,12 @@ def paper_scene(write):
         return write("scene.toml", "\n".join([*(usual | entries).values()]) + "\n")
 
     return make
+
+
+@pytest.fixture
+def scene(paper_scene) -> screwgauge.Scene:
+    """Two samples of the paper's mechanism, where a file of tests has no scene of its own."""
+    return load_scene(paper_scene())
 
 
 @pytest.fixture

@@ -27,9 +27,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism, mechanism_path
-from screwgauge.models.generate import model_texts
-from screwgauge.scene.read import load_scene
+from screwgauge import load_scene
+from support.mechanism import load_mechanism, mechanism_path
+from support.models import model_texts
 
 MECHANISMS = ("slider-crank", "five-bar", "bennett", "double-cardan")
 FORMATS = ("mechanism.toml", "scene.toml", "motion.csv", "model.urdf", "model.xml", "model.loops.toml")

@@ -30,10 +30,10 @@ from typing import Any
 
 from fuzz_files import KINDS, Case, drawn, whole
 
-from screwgauge.cli import main as command
 from screwgauge.report import write as writing
 from screwgauge.study import apart
-from screwgauge.study.ask import in_turn
+from support.command import main as command
+from support.engines import in_turn
 
 LIMIT, MEMORY = 60.0, 4.0  # s, GB
 IMPORTED = ("mujoco", "pinocchio", "yourdfpy", "yaml", "duckdb", "pyarrow.parquet", "scipy.optimize", "scipy.integrate")
@@ -90,7 +90,7 @@ def _child(case: Case, folder: Path, *, separate: bool, draws: bool) -> None:
         if not draws:
             writing.page = lambda blocks: "<html></html>"
             writing.walk = lambda blocks: []
-            from screwgauge.report.figures import chart
+            from support.report import chart
 
             chart.picture = lambda *arguments, **more: writing.Picture("x", "x", "<svg ></svg>")
         status = command(list(case.command))

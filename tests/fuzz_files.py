@@ -19,15 +19,12 @@ import numpy as np
 import pandas as pd
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism, mechanism_path
-from screwgauge.models.generate import model_texts
-from screwgauge.report.gate import PAGE, told
 from screwgauge.report.manifest import MANIFEST
-from screwgauge.study.gate import run as gate
-from screwgauge.study.gate.items import items
-from screwgauge.study.gate.measure import Settings
-from screwgauge.study.gate.store import keep
-from screwgauge.study.journal import Journal
+from support.bench import Journal
+from support.gate import PAGE, Settings, items, keep, told
+from support.gate import gate_run as gate
+from support.mechanism import load_mechanism, mechanism_path
+from support.models import model_texts
 
 MECHANISMS = ("slider-crank", "five-bar", "bennett")
 JOURNAL = f"out/{gate.NAME}"

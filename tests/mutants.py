@@ -156,20 +156,20 @@ def execute(folder: Path, *command: str) -> subprocess.CompletedProcess[str] | N
 
 
 def covering(folder: Path, *which: str) -> Callable[[Mutant], list[tuple[float, str]]]:
-    """Runs all tests, or some, once; gives those that execute the line of a mutant with their times [s], shortest first.
+    """Runs all tests, or some, once; gives those that execute the line of a mutant, the shortest first.
 
-    What a fixture executes is seen by all tests of its file.
+    Times are in s. What a fixture executes is seen by all tests of its file.
     """
     from coverage import CoverageData
 
-    said, settings = folder / "tests.xml", folder / "coveragerc"
+    times_file, settings = folder / "tests.xml", folder / "coveragerc"
     settings.write_text(f"[run]\nsource_pkgs = screwgauge\ndata_file = {folder / 'coverage'}\n", encoding="utf-8")
-    how = f"--cov=screwgauge --cov-config={settings} --cov-context=test --cov-report= --junit-xml={said}".split()
+    how = f"--cov=screwgauge --cov-config={settings} --cov-context=test --cov-report= --junit-xml={times_file}".split()
     done = execute(folder, "-m", "pytest", "-p", "no:cacheprovider", *how, *which)
     assert done is not None
     assert done.returncode == 0, done.stdout[-2000:]
     times = {}
-    for case in ET.parse(said).iter("testcase"):
+    for case in ET.parse(times_file).iter("testcase"):
         times[f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name')}"] = float(case.get("time", 0))
     data = CoverageData(str(folder / "coverage"))
     data.read()
@@ -198,8 +198,8 @@ def by_tests(folder: Path, tests: list[tuple[float, str]]) -> str:
         return "hangs"
     if not done.returncode:
         return f"survived {len(tests)} tests"
-    said = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    return said[0].partition(" - ")[0] if said else (done.stdout + done.stderr).strip().splitlines()[-1]
+    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return failed[0].partition(" - ")[0] if failed else (done.stdout + done.stderr).strip().splitlines()[-1]
 
 
 def looked_at() -> Iterator[tuple[str, str]]:
@@ -239,15 +239,15 @@ def witnessed(folder: Path) -> Any:
     return pickle.loads(file.read_bytes()) if done is not None and file.exists() else None
 
 
-def change(found: Any, right: Any) -> str:
+def change(answer: Any, right: Any) -> str:
     """The first thing that differs; empty if nothing does."""
-    if found is None:
+    if answer is None:
         return "it breaks"
     for which, known in right.items():
-        now = found[which]
+        now = answer[which]
         if isinstance(now, str) or isinstance(known, str):
             if now != known:
-                return f"{' '.join(which)} ends otherwise"
+                return f"{' '.join(which)} ends in another way"
             continue
         if now.keys() != known.keys():
             return f"{' '.join(which)} has other rows"
@@ -287,11 +287,11 @@ def main() -> None:
             target = installed(folder, mutant.file)
             kept = target.read_bytes()
             target.write_bytes(mutant.source())
-            found = by_tests(folder, able)
-            if golden and found.startswith("survived"):
-                found = overlooked(folder, right)
-            changing += found != "nothing changes"
-            print(f"{found}\t{mutant}", flush=True)
+            verdict = by_tests(folder, able)
+            if golden and verdict.startswith("survived"):
+                verdict = overlooked(folder, right)
+            changing += verdict != "nothing changes"
+            print(f"{verdict}\t{mutant}", flush=True)
             target.write_bytes(kept)
 
 

@@ -6,15 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tolerances import LINEAR
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.layout import lay_out
-from screwgauge.quantities import GIVEN
-from screwgauge.reference.errors import DescriptionError
+from support.engines import IN_DOUBLES
+from support.errors import DescriptionError
+from support.judging import agreed
+from support.mechanism import load_mechanism
+from support.models import lay_out
+from support.scene import GIVEN
+from support.tolerances import LINEAR
 
-ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full", "truth")
+ENGINES = (*IN_DOUBLES, "truth")
 X, Y, Z = [1, 0, 0], [0, 1, 0], [0, 0, 1]
 A, B, C, D = ["3/5", 0, "4/5"], [0, "5/13", "12/13"], ["2/3", "2/3", "1/3"], ["-6/7", "2/7", "3/7"]
 
@@ -132,9 +134,7 @@ def check(name: str, which: int, folder: Path) -> screwgauge.Results:
     scene = screwgauge.load_scene(described(name, orders(name)[which], folder))
     forceless = {"actuator_force", "reaction"} if not scene.mechanism.actuators else set()
     engines = ENGINES[: 3 if which else -1 if forceless else None]  # without actuators the truth knows no forces
-    results = screwgauge.run(scene, engines=engines, quantities=[q for q in GIVEN if q not in forceless])
-    assert not results.failures
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string() + results.judge.to_string()
+    results = agreed(screwgauge.run(scene, engines=engines, quantities=[q for q in GIVEN if q not in forceless]))
     between = {
         frozenset(pair) for pair in results.pairs.loc[results.pairs["quantity"] == "tree_force", ["a", "b"]].values
     }
@@ -142,6 +142,7 @@ def check(name: str, which: int, folder: Path) -> screwgauge.Results:
     return results
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "which"), [(name, which) for name in MECHANISMS for which in range(3)])
 def test_every_joint_closes_a_loop_wherever_it_is_listed(name, which, tmp_path):
     check(name, which, tmp_path)
@@ -199,6 +200,7 @@ home = [0.1, 0.2, 0.3, "30*deg", 0.5, "atan2(1, 2)"]
 TWIN = '[joints.twin]\nkind = "F"\nparent = "ground"\nchild = "stone"'
 
 
+@pytest.mark.slow
 def test_a_body_that_nothing_holds_flies(write):
     write("flying.toml", FLYING)
     text = (

@@ -17,7 +17,8 @@ import screwgauge
 import screwgauge.models
 import screwgauge.reference
 
-PROJECT = Path(__file__).parents[1]
+TESTS = Path(__file__).parent
+PROJECT = TESTS.parent
 MOST_MODULES, MOST_LINES, MOST_PARAMETERS = 8, 300, 8
 #: Library -> the only places that import it: its engine's, and the second reading of model files.
 ROOMS = {
@@ -70,6 +71,7 @@ def run(laid: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.slow
 def test_imports_point_one_way(laid):
     pytest.importorskip("importlinter", reason="import-linter is not installed")
     config = PROJECT / "pyproject.toml"
@@ -109,6 +111,7 @@ def test_no_module_imports_itself_by_a_detour(laid):
     assert not stuck, f"circles among {stuck}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("library", ROOMS)
 def test_a_library_is_imported_in_its_engine_s_room_only(modules, library):
     users = [path for path, nodes in modules.items() if library in {name.split(".")[0] for name in imported(nodes)}]
@@ -161,7 +164,7 @@ def _name(function: ast.expr) -> str:
 
 def test_a_relative_bound_is_not_held_open_by_an_absolute_one():
     """`pytest.approx` admits 1e-12 whatever the relative bound, unless told otherwise."""
-    texts = {file: file.read_text(encoding="utf-8") for file in Path(__file__).parent.rglob("*.py")}
+    texts = {file: file.read_text(encoding="utf-8") for file in TESTS.rglob("*.py")}
     for file, text in texts.items():
         for node in ast.walk(ast.parse(text)) if "approx" in text else ():
             if isinstance(node, ast.Call) and _name(node.func).endswith("approx"):
@@ -169,3 +172,17 @@ def test_a_relative_bound_is_not_held_open_by_an_absolute_one():
                 rel = bounds.get("rel", ast.Constant(1.0))
                 loose = isinstance(rel, ast.Constant) and rel.value >= 1e-6
                 assert loose or "abs" in bounds, f"{file.name}:{node.lineno}: add abs=0"
+
+
+@pytest.mark.slow
+def test_every_name_of_the_facade_is_used():
+    """What `support` imports is there for tests, so that no linter says what none of them needs any more."""
+    trees = {path: [*ast.walk(ast.parse(path.read_text(encoding="utf-8")))] for path in TESTS.rglob("*.py")}
+    froms = [node for nodes in trees.values() for node in nodes if isinstance(node, ast.ImportFrom)]
+    used = {(node.module, alias.name) for node in froms for alias in node.names}
+    for path in (TESTS / "support").glob("*.py"):
+        own = {node.id for node in trees[path] if isinstance(node, ast.Name)}
+        imports = [node for node in trees[path] if isinstance(node, ast.Import | ast.ImportFrom)]
+        lent = {(alias.asname or alias.name).partition(".")[0] for node in imports for alias in node.names}
+        idle = {name for name in lent - own if (f"support.{path.stem}", name) not in used}
+        assert idle <= {"annotations"}, path.name

@@ -6,20 +6,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from asking import ask, model_files
 
 import screwgauge
-from screwgauge import load_scene
-from screwgauge.engines.registry import ENGINES
-from screwgauge.problem import GivenMotion
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.report.pages.run import summary
-from screwgauge.study.ask import ask as put
-from screwgauge.study.bench.run import QUICK, bench
-from screwgauge.study.cases.case import REFUSED
-from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import CASES
-from screwgauge.study.method import Method
+from screwgauge import ScrewgaugeError, load_scene
+from support.bench import QUICK, bench
+from support.engines import ENGINES, Method, ask, model_files, put
+from support.questions import findings
+from support.report import summary
+from support.scene import GivenMotion
+from support.stress import CASES, REFUSED
 
 QUANTITIES = ["joint_position", "joint_velocity", "generalized_force", "actuator_force"]
 SAID = "gives no generalized_force, actuator_force, though asked for"
@@ -33,11 +28,6 @@ def only(*names: str, of: str = "3ups-upu-s"):
         return replace(found, values={name: found.values[name] for name in names if name in found.values})
 
     return solve
-
-
-@pytest.fixture
-def scene(paper_scene):
-    return load_scene(paper_scene())
 
 
 def test_a_run_names_what_is_missing(stand_in, scene):
@@ -72,6 +62,7 @@ def test_what_nobody_gives_is_named_of_everyone(stand_in, scene):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [("joint_position",), ("joint_velocity", "joint_acceleration"), ()])
 def test_a_simulation_without_all_joint_motions_is_no_agreement(given, stand_in):
     stand_in(mujoco=only(*given, of="a01-pendulum"))
@@ -98,6 +89,7 @@ def test_what_an_engine_cannot_give_is_said_and_no_failure(monkeypatch, stand_in
     assert not any("sealed" in note for note in alone.solutions["mujoco"].notes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENGINES)
 def test_entries_say_what_their_engines_cannot_give(name, scene):
     """Every engine answers all that its entry does not except; `ask` refuses whatever lacks something."""
@@ -151,6 +143,7 @@ def test_an_engine_that_exits_is_a_row(how, stand_in, scene):
     assert results.failures["mujoco"].reason.startswith("SystemExit: ")
 
 
+@pytest.mark.slow
 def test_what_one_engine_gives_alone_is_said_to_be_compared_with_none(scene):
     results = screwgauge.run(scene, engines=["pinocchio", "mujoco-full"], quantities=["tree_force", "actuator_force"])
     alone = "Compared with no other engine: tree_force of pinocchio. Compared with no other engine: tree_force of"

@@ -6,26 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planar import Bar, four_bar, moving
-from tolerances import ROUNDING
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
 from screwgauge.reference.closed import following
-from screwgauge.reference.closed.loops import loop_equations
-from screwgauge.reference.closed.ways import straight_and_bent
-from screwgauge.reference.errors import ClosureError, SingularPoseError
-from screwgauge.reference.kinematics import closed_form
-from screwgauge.reference.layout import layout
-from screwgauge.reference.rotations import within_half_turn
-from screwgauge.scene.preflight import check_scene
-from screwgauge.study.ask import solve
-from screwgauge.study.cases.asking import SCENE, still
-from screwgauge.study.cases.case import OK, SILENT
-from screwgauge.study.cases.poses import BASE_LOCK, SINGULAR_B
-from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import CASES
+from support.engines import solve
+from support.errors import ClosureError, SingularPoseError
+from support.geometry import within_half_turn
+from support.mechanism import load_mechanism
+from support.models import write_models
+from support.planar import Bar, four_bar, moving
+from support.questions import BASE_LOCK, SCENE, SINGULAR_B, findings, still
+from support.scene import check_scene
+from support.solve import closed_form, layout, loop_equations, straight_and_bent
+from support.stress import CASES, OK, SILENT
+from support.tolerances import ROUNDING
+
+pytestmark = pytest.mark.slow
 
 FAR = 1.2
 #: Angles of joints near the lock of a leg at 1e-5 rad, from closed loops.
@@ -36,6 +32,7 @@ def scene_at(y):
     return still(screwgauge.load_scene(SCENE), np.asarray(y, dtype=float))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [1201, 1, 5], ids=["steps of 1 ms", "one far pose", "coarse"])
 def test_no_engine_jumps_over_the_lock_of_a_leg(steps):
     a = np.linspace(0.0, FAR, steps) if steps > 1 else np.array([FAR])
@@ -47,16 +44,19 @@ def test_no_engine_jumps_over_the_lock_of_a_leg(steps):
     assert right[-1, column : column + 2] == pytest.approx([-3.123, -0.451], abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [1e-2, 1e-5])
 def test_a_coarse_motion_past_a_lock_is_not_refused(distance):
     check_scene(scene_at([[BASE_LOCK + 0.2, distance], [BASE_LOCK - 0.2, distance], [-1.0, 0.3]]))
 
 
+@pytest.mark.slow
 def test_a_motion_through_a_lock_is_refused_by_name():
     with pytest.raises(SingularPoseError, match=r"passes through a singular pose near a = -0.804634.*leg2.base locks"):
         check_scene(scene_at([[BASE_LOCK + 0.2, 0.0], [BASE_LOCK - 0.2, 0.0]]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("to", [[0.1, 0.9], [0.0, 0.5], [-0.3, 0.36], [0.2, SINGULAR_B + 1e-7]])
 def test_a_motion_over_the_lost_constraint_is_refused_there_and_follows_no_branch_that_turns_off(to):
     with pytest.raises(
@@ -65,6 +65,7 @@ def test_a_motion_over_the_lost_constraint_is_refused_there_and_follows_no_branc
         check_scene(scene_at([[0.0, 0.0], to]))
 
 
+@pytest.mark.slow
 def test_random_steps_stay_on_the_branch_of_the_closed_form():
     rng, lay = np.random.default_rng(4), layout(load_mechanism(SCENE))
     around = 10.0 ** rng.uniform(-5.0, -0.5, 12)
@@ -97,6 +98,7 @@ def test_another_assembly_is_one_sentence(tmp_path, write):
     assert repr(results).replace("\n", " ").count("another assembly") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("step", "verdict"), [(following.STEP, OK), (np.inf, SILENT)])
 def test_the_stress_case_tells_an_engine_that_jumps(step, verdict, tmp_path, monkeypatch):
     if step > following.STEP:  # as if no step were bounded
@@ -108,6 +110,7 @@ def test_the_stress_case_tells_an_engine_that_jumps(step, verdict, tmp_path, mon
     assert {one.verdict for one in found if one.own} == {OK}
 
 
+@pytest.mark.slow
 def test_a_motion_beyond_where_the_loops_close_is_refused_there(write):
     """A four-bar that ends with coupler and rocker in line, at cos a = (1 + 1 - 1.3^2) / 2."""
     text, last = four_bar([Bar(1.0), Bar(0.5), Bar(0.8)], 1.0, 0.9), np.arccos(0.155)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from near import BASE, UPU
+import pytest
 
 import screwgauge
-from screwgauge.reference.kinematics import closed_form
-from screwgauge.reference.layout import layout
-from screwgauge.reference.rotations import within_half_turn
-from screwgauge.scene.preflight import check_scene
-from screwgauge.study.ask import solve
-from screwgauge.study.cases.asking import SCENE, still
+from support.engines import solve
+from support.geometry import within_half_turn
+from support.near import BASE, UPU
+from support.questions import SCENE, still
+from support.scene import check_scene
+from support.solve import closed_form, layout
+
+pytestmark = pytest.mark.slow
 
 #: Sizes of steps, and the least distance from the lines on which leg 3 locks (BASE) and leg 1 lets go (UPU) [rad].
 STEPS, LEAST = (1e-6, 0.3), 1e-6
@@ -36,6 +38,7 @@ def walk(n, seed):
     return np.array(y[:n])
 
 
+@pytest.mark.slow
 def test_random_steps_about_locks_change_no_assembly_and_are_not_refused():
     scene = still(screwgauge.load_scene(SCENE), walk(150, seed=1))
     check_scene(scene)

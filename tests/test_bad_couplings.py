@@ -6,21 +6,17 @@ import re
 
 import numpy as np
 import pytest
-from asking import ask, model_files
-from coupled import every_kind, geared_five_bar, moving
-from tolerances import FORMULA
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.check import check_models
-from screwgauge.models.generate import write_models
-from screwgauge.models.layout import lay_out
-from screwgauge.models.loops import read_loops
-from screwgauge.models.readings.mujoco import joint_equality
-from screwgauge.quantities import GIVEN
-from screwgauge.reference.couplings import Coupling
-from screwgauge.reference.errors import DescriptionError, ModelFileError, ScrewgaugeError
-from screwgauge.scene.preflight import check_home
+from screwgauge import ScrewgaugeError
+from support.coupled import every_kind, geared_five_bar, moving
+from support.engines import ask, model_files
+from support.errors import DescriptionError, ModelFileError
+from support.mechanism import Coupling, load_mechanism
+from support.models import check_models, lay_out, read_loops, write_models
+from support.readings import joint_equality
+from support.scene import GIVEN, check_home
+from support.tolerances import FORMULA
 
 GEAR = geared_five_bar("left", "right", [0.0, 0.5])
 FIRST = "coordinate = \"right\"\nof = \"left\"\npolynomial = ['0.0', '0.5']"

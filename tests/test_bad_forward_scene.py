@@ -81,6 +81,7 @@ BAD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", BAD)
 def test_bad_forward_scene_is_refused(case, write, refused):
     changes, sentence = BAD[case]

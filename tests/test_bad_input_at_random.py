@@ -11,9 +11,10 @@ from fuzz import FORMATS, attempted, document, mutate
 
 import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
-from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
-from screwgauge.scene.preflight import check_home
-from screwgauge.scene.read import FOLDER, scene_names
+from support.mechanism import load_mechanism, mechanism_names, mechanism_path
+from support.scene import FOLDER, check_home, scene_names
+
+pytestmark = pytest.mark.slow
 
 TRIES = 30  # of the mechanisms together so many that what may be put in, and what may be hit, all occur
 
@@ -44,6 +45,7 @@ def accepted(table, chance: random.Random, tries: int, path: Path, action) -> in
     return count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", mechanism_names())
 def test_a_mutated_mechanism_is_read_or_refused(name, tmp_path):
     chance, path = random.Random(f"mechanism {name}"), tmp_path / "m.toml"
@@ -54,6 +56,7 @@ def test_a_mutated_mechanism_is_read_or_refused(name, tmp_path):
 
 
 # the scene of forty four-bars has the entries of that of two, and a mechanism that takes long to read
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in scene_names() if name != "a02-fourbar-40"])
 def test_a_mutated_scene_is_read_or_refused(name, tmp_path):
     chance, path = random.Random(f"scene {name}"), tmp_path / "s.toml"
@@ -64,6 +67,7 @@ def test_a_mutated_scene_is_read_or_refused(name, tmp_path):
     assert accepted(table, chance, TRIES, path, lambda: load_scene(path)) < TRIES
 
 
+@pytest.mark.slow
 def test_a_scene_of_a_mutated_mechanism_runs_or_is_refused(tmp_path, paper_scene):
     table = tomllib.loads(mechanism_path("3ups-upu-s").read_text(encoding="utf-8"))
     path = paper_scene(mechanism='mechanism = "m.toml"')
@@ -74,6 +78,7 @@ def test_a_scene_of_a_mutated_mechanism_runs_or_is_refused(tmp_path, paper_scene
     assert accepted(table, random.Random("runs"), TRIES, tmp_path / "m.toml", run) < TRIES
 
 
+@pytest.mark.slow
 def test_a_mutated_scene_runs_or_is_refused(tmp_path):
     path, table = tmp_path / "s.toml", tomllib.loads((FOLDER / "3ups-upu-s.toml").read_text(encoding="utf-8"))
     table["time"] = {"times": [0, 0.5]}
@@ -81,6 +86,7 @@ def test_a_mutated_scene_runs_or_is_refused(tmp_path):
     assert accepted(table, random.Random("scenes"), TRIES, path, lambda: screwgauge.run(load_scene(path), ["screw"]))
 
 
+@pytest.mark.slow
 def test_a_mutated_forward_scene_runs_or_is_refused(tmp_path):
     """An integration that cannot go on is a row with its reason, and no error either."""
     path, table = tmp_path / "s.toml", tomllib.loads((FOLDER / "a05-governor.toml").read_text(encoding="utf-8"))
@@ -90,6 +96,7 @@ def test_a_mutated_forward_scene_runs_or_is_refused(tmp_path):
     assert accepted(table, random.Random("forward"), TRIES, path, lambda: screwgauge.run(load_scene(path), ["screw"]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", range(2254, 2314, 20))  # every way to break every format is among these
 def test_a_scene_with_a_broken_file_runs_or_is_refused_in_one_sentence(first):
     found = [attempted(seed) for seed in range(first, first + 20)]

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import PLACED
 
-from screwgauge import ScrewgaugeError, load_scene, run
+from screwgauge import ScrewgaugeError, load_scene, run, stream
 from screwgauge.engines.screw.compiled import compile
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference import linear
-from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.expressions import number
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mechanism import Body
-from screwgauge.reference.pose import loop_matrix, pose
-from screwgauge.scene.preflight import check_home
-from screwgauge.study.stream import stream
+from support.errors import DescriptionError
+from support.geometry import linear, number, rotation
+from support.mechanism import Body, load_mechanism
+from support.scene import check_home
+from support.solve import at_home, loop_matrix
+from support.tolerances import PLACED
 
 ROD = """
 name = "rod"
@@ -220,8 +216,6 @@ def test_the_triangle_inequality_has_a_tolerance_of_1e_12_of_the_trace(scale):
 
 
 def test_a_rod_turned_into_any_axes_stays_legal():
-    from screwgauge.reference.rotations import rotation
-
     for angle in np.linspace(0.1, 3.0, 17):
         R = rotation(np.array([0.6, 0.0, 0.8]), np.array(angle)) @ rotation(
             np.array([0.0, 1.0, 0.0]), np.array(2 * angle)
@@ -263,8 +257,7 @@ def test_models_of_an_open_loop_are_not_written(changed_scene, refused):
 
 def dependent(mechanism, pair: tuple[str, str]) -> bool:
     """Whether two coordinates together leave a freedom of the closed loops at home, by a rank of its own."""
-    lay = layout(mechanism)
-    G = loop_matrix(lay, pose(lay, mechanism.home[None]))[0]
+    G = loop_matrix(*at_home(mechanism))[0]
     rows = np.vstack([G, np.eye(G.shape[1])[mechanism.columns(pair)]])
     return linear.rank(rows) < G.shape[1]
 
@@ -392,15 +385,13 @@ def test_expressions_are_read(text, value):
     assert number(text, "") == pytest.approx(value, rel=PLACED, abs=0)
 
 
-def test_debug_shows_the_traceback_and_still_exits_with_2(capfd):
-    from screwgauge.cli import main
-
-    assert main(["run", "nothing", "--debug"]) == 2
-    said = capfd.readouterr().err
+def test_debug_shows_the_traceback_and_still_exits_with_2(command):
+    said = command("run", "nothing", "--debug", status=2).err
     assert "Traceback" in said
     assert "unknown scene 'nothing'" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("idle", "driven"), [((1, 2, 3, 4), 0), ((2, 3, 4), 1), ((2, 4), 1)])
 def test_actuators_that_cannot_make_the_motion_are_refused(idle, driven, changed_scene, refused):
     changes = "".join(f'[joints."leg{leg}.slide"]\nactuated = false\n' for leg in idle)

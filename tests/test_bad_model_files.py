@@ -6,17 +6,11 @@ import pytest
 
 import screwgauge
 from screwgauge import load_scene
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import model_texts
+from support.mechanism import ROD, load_mechanism
 
 SUFFIX = {"pinocchio": ".urdf", "mujoco": ".xml", "pinocchio-full": "-full.urdf", "mujoco-full": "-full.xml"}
 OTHER_URDF = '<robot name="x"><link name="ground"/></robot>'
 OTHER_MJCF = "<mujoco><worldbody><body name='b'><geom size='1'/></body></worldbody></mujoco>"
-
-
-@pytest.fixture(scope="session")
-def texts(paper):
-    return model_texts(paper)
 
 
 @pytest.fixture
@@ -37,6 +31,7 @@ def test_a_model_file_that_does_not_exist_is_refused(engine, name, paper_scene, 
     assert f"scene.toml, models: model file of {engine} does not exist" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["screw", *SUFFIX])
 @pytest.mark.parametrize("text", ["", "not a model", "<robot", "<html></html>", "\0\1", "[1, 2]"])
 def test_a_file_that_is_no_model_is_refused(engine, text, own_model, refused):
@@ -58,6 +53,7 @@ def test_a_model_of_something_else_is_refused_by_what_it_lacks(engine, text, own
     assert f"model of {engine}: has no body 'leg1.lower'" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", SUFFIX)
 @pytest.mark.parametrize(
     ("old", "new", "what"),
@@ -66,16 +62,16 @@ def test_a_model_of_something_else_is_refused_by_what_it_lacks(engine, text, own
         ('"leg3.upper"', '"leg3.other"', "has no body 'leg3.upper'"),
     ],
 )
-def test_a_renamed_joint_or_body_is_named(engine, old, new, what, own_model, texts, refused):
-    text = texts[f"3ups-upu-s{SUFFIX[engine]}"]
+def test_a_renamed_joint_or_body_is_named(engine, old, new, what, own_model, paper_models, refused):
+    text = paper_models[f"3ups-upu-s{SUFFIX[engine]}"]
     assert old in text
     said = refused("run", own_model(engine, text.replace(old, new)), "--engines", engine)
     assert what in said or "cannot load it" in said
 
 
 @pytest.mark.parametrize("engine", ["pinocchio", "pinocchio-full"])
-def test_what_the_urdf_parser_only_prints_is_refused(engine, own_model, texts, refused):
-    text = texts[f"3ups-upu-s{SUFFIX[engine]}"].replace('mass value="2.87"', 'mass value="heavy"')
+def test_what_the_urdf_parser_only_prints_is_refused(engine, own_model, paper_models, refused):
+    text = paper_models[f"3ups-upu-s{SUFFIX[engine]}"].replace('mass value="2.87"', 'mass value="heavy"')
     if "heavy" not in text:  # the full cut shares the platform among the chain ends
         text = text.replace('mass value="', 'mass value="heavy', 1)
     said = refused("run", own_model(engine, text), "--engines", engine)
@@ -83,25 +79,21 @@ def test_what_the_urdf_parser_only_prints_is_refused(engine, own_model, texts, r
     assert "heavy" in said
 
 
-def test_a_mjcf_without_its_closures_is_refused(own_model, texts, refused):
-    text = texts["3ups-upu-s.xml"]
+def test_a_mjcf_without_its_closures_is_refused(own_model, paper_models, refused):
+    text = paper_models["3ups-upu-s.xml"]
     begin, end = text.index("<equality>"), text.index("</equality>") + len("</equality>")
     said = refused("run", own_model("mujoco", text[:begin] + text[end:]), "--engines", "mujoco")
     assert "model of mujoco: has no closure of joint '" in said
 
 
 def test_a_description_of_something_else_is_refused(own_model, refused):
-    rod = (
-        'name = "rod"\nindependent = { x = "h" }\nbodies.rod = { mass = 1, inertia = {} }\n'
-        'joints.h = { kind = "R", parent = "ground", child = "rod", axes = [[1, 0, 0]], actuated = true }\n'
-    )
-    said = refused("run", own_model("screw", rod, "own.toml"), "--engines", "screw")
+    said = refused("run", own_model("screw", ROD, "own.toml"), "--engines", "screw")
     assert "own.toml: has 1 independent coordinates, the motion 2" in said
 
 
-def test_the_generated_files_themselves_are_accepted(write, paper_scene, texts):
+def test_the_generated_files_themselves_are_accepted(write, paper_scene, paper_models):
     for engine, suffix in SUFFIX.items():
-        write(f"{engine}{suffix}", texts[f"3ups-upu-s{suffix}"])
+        write(f"{engine}{suffix}", paper_models[f"3ups-upu-s{suffix}"])
     lines = ", ".join(f'{engine} = "{engine}{suffix}"' for engine, suffix in SUFFIX.items())
     scene = load_scene(paper_scene(models=f"models = {{ {lines} }}"))
     assert screwgauge.run(scene, engines=["screw", *SUFFIX], quantities=["actuator_force"]).exit_status == 0

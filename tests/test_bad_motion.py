@@ -10,11 +10,10 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
-from screwgauge.reference.errors import ClosureError, JointLimitError, SingularPoseError
-from screwgauge.reference.kinematics import closure_system, positions
-from screwgauge.reference.layout import layout
-from screwgauge.reference.linear import SINGULAR, condition
-from screwgauge.scene.preflight import check_scene
+from support.errors import ClosureError, JointLimitError, SingularPoseError
+from support.geometry import SINGULAR, condition
+from support.scene import check_scene
+from support.solve import closure_system, layout, posed, positions
 
 SINGULAR_B = 0.356801  # [rad] where the leg forces no longer carry the platform about y, a being 0
 
@@ -68,6 +67,7 @@ def test_a_motion_to_where_a_leg_locks_is_refused(changed_scene, refused):
     assert "leg3.base locks" in said
 
 
+@pytest.mark.slow
 def test_a_far_pose_that_can_be_reached_is_not_refused(paper_scene):
     far = paper_scene(
         mechanism='mechanism = "3ups-upu-s-offset"',  # its third rotation grows to -0.9 rad
@@ -85,6 +85,7 @@ def test_passing_a_singular_pose_between_samples_is_refused(paper_scene, refused
     assert "keep the motion away from it" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("direction", "said"), [(1, "between t = 1 s and 2 s"), (-1, "t = 0 s: the motion lies beyond")]
 )
@@ -100,7 +101,7 @@ def singular_b(scene) -> float:
     lay = layout(scene.mechanism)
 
     def sign(b: float) -> float:
-        at = positions(lay, np.array([[0.0, b]]), np.zeros(1))
+        at = posed(lay, 0.0, b)
         return float(np.linalg.slogdet(closure_system(lay, at)[0])[0])
 
     low, high = SINGULAR_B - 1e-3, SINGULAR_B + 1e-3
@@ -110,6 +111,7 @@ def singular_b(scene) -> float:
     return low
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beside", [0.0, 1e-14, -1e-14])
 def test_sampling_a_singular_pose_is_refused(beside, paper_scene, refused):
     b = singular_b(load_scene(paper_scene())) + beside

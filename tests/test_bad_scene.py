@@ -9,7 +9,7 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
-from screwgauge.cli import main
+from support.command import main
 
 
 @pytest.mark.parametrize("name", ["3ups", "scene.json", "x" * 5000, "", ".", "\udcff"])
@@ -318,6 +318,7 @@ def test_output_below_a_file_is_refused_and_the_file_kept(below, tmp_path, paper
     assert "cannot be written" in said
 
 
+@pytest.mark.slow
 def test_a_refused_run_leaves_an_earlier_report_untouched(tmp_path, paper_scene, capfd):
     out = tmp_path / "out"
     command = ["run", str(paper_scene()), "--engines", "screw", "--quantities", "generalized_force", "--out", str(out)]
@@ -333,8 +334,7 @@ def test_a_refused_run_leaves_an_earlier_report_untouched(tmp_path, paper_scene,
     "arguments",
     [["run", "--out", ""], ["check", ""], ["diagnose", "", "b"], ["import", ""], ["view", "a", "--png", ""]],
 )
-def test_an_empty_path_is_not_the_current_folder(arguments, tmp_path, monkeypatch, capfd):
-    monkeypatch.chdir(tmp_path)
+def test_an_empty_path_is_not_the_current_folder(arguments, tmp_path, inside, capfd):
     with pytest.raises(SystemExit) as caught:
         main(arguments)
     assert caught.value.code == 2

@@ -13,22 +13,18 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines.registry import ENGINES, Engine
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import GivenMotion, ModelFiles, States
-from screwgauge.reference.applied import JointSpring
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, UnknownNameError
-from screwgauge.reference.layout import layout
-from screwgauge.reference.precision import in_precision
-from screwgauge.solution import Values
+from screwgauge import ScrewgaugeError
 from screwgauge.study.bench import registry
 from screwgauge.study.bench import run as run_module
-from screwgauge.study.bench.contestant import TABLE, Contestant
-from screwgauge.study.bench.run import Plan, bench
 from screwgauge.study.four_bar import FILE, LENGTHS, MASSES, MOMENTS, four_bar_states, write_four_bar
-from screwgauge.study.method import Method
-from screwgauge.study.posed import QUANTITIES, pose_scene
-from screwgauge.study.reference import score
+from support.acting import JointSpring
+from support.bench import TABLE, Contestant, Plan, bench
+from support.engines import ENGINES, Engine, Method, ModelFiles, Values
+from support.errors import DescriptionError, UnknownNameError
+from support.judging import score
+from support.mechanism import load_mechanism
+from support.scene import QUANTITIES, GivenMotion, States, pose_scene
+from support.solve import in_precision, layout
 
 PLAN = Plan(samples=5, rounds=1, budget=1e9, quick=True)
 
@@ -43,6 +39,7 @@ def worst(found, name: str, quantity: str, setting: str = "") -> float:
     return max(row.max_scaled for row in rows if setting in row.contestant.setting)
 
 
+@pytest.mark.slow
 def test_there_are_enough_of_them(found):
     assert len(found.rows) >= 40
     assert len({row.contestant.family for row in found.rows}) >= 8
@@ -82,6 +79,7 @@ def test_whole_paths_agree_with_the_reference(found, name, quantity):
     assert worst(found, name, quantity) < 1e-13
 
 
+@pytest.mark.slow
 def test_newton_improves_with_every_step(monkeypatch):
     scene = screwgauge.load_scene("3ups-upu-s").at(np.linspace(0.0, 2.0, 51))  # close enough for a prediction
     plan = Plan(samples=51, rounds=1, budget=1e9, quick=True)
@@ -127,6 +125,7 @@ def test_the_four_bar_shows_not_a_number_by_default_and_its_cure(found):
     assert two.max_scaled < 1e-12 < one.max_scaled < 4e-8
 
 
+@pytest.mark.slow
 def test_single_precision_closes_loops_that_closed_form_leaves_open():
     rows = bench(screwgauge.load_scene("3ups-upu-s-offset"), plan=PLAN, contestants=["float32", "closed-form"]).rows
     errors = {(row.contestant.name, row.quantity): row.max_scaled for row in rows}
@@ -188,6 +187,7 @@ def test_all_contestants_are_data(chosen):
         assert again.method == contestant.method
 
 
+@pytest.mark.slow
 def test_a_question_that_went_through_a_pickle_has_the_same_answer(tmp_path):
     posed = pose_scene(screwgauge.load_scene("3ups-upu-s"), tmp_path, samples=3)
     all_settings = registry.choose(["constraint-dynamics-default", "paper-corrected", "float32"], quick=True)
@@ -233,6 +233,7 @@ def test_springs_and_motors_are_refused():
         bench(scene, plan=PLAN)
 
 
+@pytest.mark.slow
 def test_a_mechanism_without_closed_form_says_so():
     scene = screwgauge.load_scene(Path(__file__).parent / "data" / "four-bar-scene.toml")
     rows = bench(scene, plan=PLAN, contestants=["closed-form", "newton", "mujoco-path"]).rows

@@ -7,10 +7,8 @@ from dataclasses import replace
 import pytest
 
 import screwgauge
-from screwgauge.reference.errors import OutputError
-from screwgauge.study.bench.run import fits
-from screwgauge.study.bench.stamp import stamp
-from screwgauge.study.journal import Journal
+from support.bench import Journal, fits, stamp
+from support.errors import OutputError
 
 
 @pytest.fixture

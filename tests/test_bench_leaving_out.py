@@ -9,8 +9,10 @@ import pytest
 import screwgauge
 from screwgauge.engines.screw import inverse as screw
 from screwgauge.engines.tree import closed_forces, inverse
-from screwgauge.reference import dynamics
-from screwgauge.study.bench.run import Plan, bench
+from support.bench import Plan, bench
+from support.solve import dynamics
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
@@ -36,8 +38,7 @@ def calls(monkeypatch) -> Counter[str]:
     count(inverse._Pass, "_velocities", "rates")
     count(closed_forces, "min_norm", "min_norm")
     count(closed_forces, "joint_reactions", "reactions")
-    from screwgauge.engines.mujoco.tree import MujocoTree
-    from screwgauge.engines.pinocchio.tree import PinocchioTree
+    from support.trees import MujocoTree, PinocchioTree
 
     for tree in (MujocoTree, PinocchioTree):
         for name in ("bias", "com_accelerations", "tree_force", "soft_force", "transmitted"):
@@ -81,6 +82,7 @@ def test_screw_executes_only_what_is_needed(calls, monkeypatch, asked, stages):
     assert all(n == 1 for stage, n in calls.items() if stage != "reactions")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 @pytest.mark.parametrize(
     ("asked", "stages"),
@@ -116,6 +118,7 @@ def table():
     return bench(scene, plan=plan, contestants=["leaving-out"]).leaving_out
 
 
+@pytest.mark.slow
 def test_every_engine_has_its_rows(table):
     assert set(table["engine"]) == {"screw", "pinocchio", "mujoco"}
     assert (table["status"] == "ok").all()

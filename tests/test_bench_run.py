@@ -9,14 +9,12 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.report.figures.bench import make_plots
-from screwgauge.report.pages.bench import PAGE
-from screwgauge.report.terminal import terminal as text
 from screwgauge.study.bench import run as run_module
-from screwgauge.study.bench.rows import COLUMNS, CUT, reach
-from screwgauge.study.bench.run import Plan, bench
-from screwgauge.study.bench.stamp import NAME
+from support.bench import COLUMNS, CUT, NAME, Plan, bench, reach
+from support.command import main
+from support.pages import terminal as text
+from support.report import BENCH_PAGE as PAGE
+from support.report import make_plots
 
 FEW = ["closed-form", "missing-jdotv", "mj-forward", "four-bar", "floor"]
 PLAN = Plan(samples=5, rounds=2, budget=1e9, quick=True)
@@ -37,6 +35,7 @@ def small(monkeypatch):
     monkeypatch.setattr(run_module, "QUICK", PLAN)
 
 
+@pytest.mark.slow
 def test_files_and_columns_are_those_of_the_contract(found, tmp_path):
     out = PAGE.write(found, tmp_path / "out")
     table = pd.read_csv(out / "bench.csv")
@@ -68,6 +67,7 @@ def test_files_and_columns_are_those_of_the_contract(found, tmp_path):
     assert not re.search(r'(?:src|href)="http', page)
 
 
+@pytest.mark.slow
 def test_a_failure_is_a_row_and_in_the_report(found, tmp_path):
     out = PAGE.write(found, tmp_path / "out")
     table = pd.read_csv(out / "bench.csv")
@@ -88,6 +88,7 @@ def test_terminal_fits_a_hundred_columns(found):
     assert max(len(line) for line in text(PAGE.terminal(found)).splitlines()) <= 100
 
 
+@pytest.mark.slow
 def test_plots_are_the_same_for_the_same_data(found):
     assert [plot.svg for plot in make_plots(found)] == [plot.svg for plot in make_plots(found)]
 
@@ -99,6 +100,7 @@ def test_reach_lists_the_quickest_setting_of_each_family(found):
     assert table["seconds_per_sample"].gt(0).all()
 
 
+@pytest.mark.slow
 def test_a_budget_too_small_says_who_was_cut_short(scene, tmp_path):
     clock = iter(range(0, 10**15, 10**9))  # every look at the clock costs a second
     plan = Plan(samples=5, rounds=1, budget=12.0, quick=True)
@@ -131,6 +133,7 @@ def test_a_budget_too_small_leaves_no_contestant_out(scene):
     assert len(reach(found.rows))
 
 
+@pytest.mark.slow
 def test_an_interrupted_bench_goes_on_where_it_stopped(scene, tmp_path, monkeypatch):
     original = run_module.timing.measure
 
@@ -159,10 +162,10 @@ def test_a_model_file_of_ones_own_is_refused_not_passed_over(paper_scene, write,
     assert "scene.toml, models: the bench measures methods on models made from the description and reads none" in said
 
 
-def test_the_command_writes_its_report(tmp_path, capsys, small, no_progress):
+@pytest.mark.slow
+def test_the_command_writes_its_report(tmp_path, command, small, no_progress):
     out = tmp_path / "out"
-    assert main(["bench", "--quick", "--contestants", "closed-form,floor", "--out", str(out)]) == 0
-    said = capsys.readouterr()
+    said = command("bench", "--quick", "--contestants", "closed-form,floor", "--out", out)
     assert "closed-form" in said.out
     assert str(out / "report.html") in said.out
     assert said.err == ""
@@ -191,9 +194,8 @@ def test_the_command_keeps_what_it_has_when_interrupted(tmp_path, capsys, monkey
         (["no-such-scene"], "unknown scene 'no-such-scene'"),
     ],
 )
-def test_bad_input_is_one_sentence_and_status_2(tmp_path, capsys, arguments, message):
-    assert main(["bench", *arguments, "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr()
+def test_bad_input_is_one_sentence_and_status_2(tmp_path, command, arguments, message):
+    said = command("bench", *arguments, "--out", tmp_path / "out", status=2)
     assert message in said.err
     assert said.err.count("\n") == 1
     assert not (tmp_path / "out").exists()

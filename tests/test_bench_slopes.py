@@ -7,11 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from screwgauge.study.bench.contestant import Contestant
-from screwgauge.study.bench.questions import motion
-from screwgauge.study.bench.rows import CUT, Row
-from screwgauge.study.bench.slopes import RULES, Rule, fits, table
-from screwgauge.study.method import Method
+from support.bench import CUT, RULES, Contestant, Row, Rule, fit_slopes, motion, table
+from support.engines import Method
 
 
 def rows(points: list[tuple[float, float]]) -> list[Row]:
@@ -25,33 +22,33 @@ def rows(points: list[tuple[float, float]]) -> list[Row]:
 def test_a_power_law_is_found_between_floor_and_saturation():
     x = 10.0 ** -np.arange(9.0)
     error = 3.0 * x**2 / (1.0 + 3.0 * x**2) + 2e-11
-    (fit,) = fits(rows(list(zip(x, error, strict=True))), [Rule("line", "q", 2.0)])
+    (fit,) = fit_slopes(rows(list(zip(x, error, strict=True))), [Rule("line", "q", 2.0)])
     assert fit.slope == pytest.approx(2.0, rel=0.02)
     assert fit.ok
     assert not fit.used[[0, -1]].any()
 
 
 def test_another_slope_is_not_ok():
-    (fit,) = fits(rows([(x, 1e-3 * x) for x in (1e-3, 1e-2, 1e-1)]), [Rule("line", "q", 2.0)])
+    (fit,) = fit_slopes(rows([(x, 1e-3 * x) for x in (1e-3, 1e-2, 1e-1)]), [Rule("line", "q", 2.0)])
     assert fit.slope == pytest.approx(1.0)
     assert not fit.ok
 
 
 def test_two_points_are_no_slope():
-    (fit,) = fits(rows([(1e-3, 1e-6), (1e-2, 1e-4)]), [Rule("line", "q", 2.0)])
+    (fit,) = fit_slopes(rows([(1e-3, 1e-6), (1e-2, 1e-4)]), [Rule("line", "q", 2.0)])
     assert np.isnan(fit.slope)
     assert not fit.ok
 
 
 def test_a_line_cut_short_before_it_had_three_points_has_no_slope():
     points = rows([(1e-3, 1e-6), (1e-2, 1e-4)])
-    assert fits([*points, replace(points[0], max_scaled=np.nan, status=CUT)], [Rule("line", "q", 2.0)]) == []
+    assert fit_slopes([*points, replace(points[0], max_scaled=np.nan, status=CUT)], [Rule("line", "q", 2.0)]) == []
     three = rows([(1e-3, 1e-6), (1e-2, 1e-4), (1e-1, 1e-2)])
-    assert fits([*three, replace(points[0], max_scaled=np.nan, status=CUT)], [Rule("line", "q", 2.0)])[0].ok
+    assert fit_slopes([*three, replace(points[0], max_scaled=np.nan, status=CUT)], [Rule("line", "q", 2.0)])[0].ok
 
 
 def test_lines_without_rows_have_no_slope():
-    assert fits([], RULES) == []
+    assert fit_slopes([], RULES) == []
 
 
 def test_every_family_on_the_paper_scene_has_its_slope(bench_of_all):

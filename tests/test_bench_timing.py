@@ -6,7 +6,7 @@ import gc
 
 import pytest
 
-from screwgauge.study.bench.timing import Protocol, enough, measure, once
+from support.bench import Protocol, enough, measure, once
 
 
 class Clock:

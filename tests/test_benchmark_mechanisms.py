@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import FORMULA, PLACED, TWENTY_DIGITS
 
-from screwgauge.models.catalog import load_mechanism, mechanism_path
-from screwgauge.models.fourbars import four_bars
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mobility import check_independent, mobility
-from screwgauge.reference.pose import pose
-from screwgauge.reference.reactions import joint_point
+from support.freedoms import check_independent, mobility
+from support.mechanism import four_bars, load_mechanism, mechanism_path
+from support.solve import at_home, joint_point, layout, pose
+from support.tolerances import FORMULA, PLACED, TWENTY_DIGITS
 
 #: bodies, joint freedoms, Kutzbach's count, mobility, redundant constraints
 COUNTS = {
@@ -24,14 +21,9 @@ COUNTS = {
 }
 
 
-def at_home(name):
-    lay = layout(load_mechanism(name))
-    return lay, pose(lay, lay.mechanism.home[None])
-
-
 def points(name):
     """World position of every joint on its child at home, by name."""
-    lay, at = at_home(name)
+    lay, at = at_home(load_mechanism(name))
     index = lay.mechanism.body_index
     return {
         joint.name: joint_point(joint, at.R[:, index[joint.child]], at.p[:, index[joint.child]])[0]
@@ -41,7 +33,7 @@ def points(name):
 
 @pytest.mark.parametrize("name", COUNTS)
 def test_counts_are_the_known_ones(name):
-    lay, at = at_home(name)
+    lay, at = at_home(load_mechanism(name))
     check_independent(lay, at)
     found = mobility(lay, at)
     counts = (found.bodies, found.joint_freedoms, found.kutzbach, found.mobility, found.overconstraints)
@@ -63,7 +55,7 @@ def test_four_bars_are_singular_where_all_links_are_horizontal():
 
 
 def test_pendulum_starts_to_the_left():
-    lay, at = at_home("a01-pendulum")
+    lay, at = at_home(load_mechanism("a01-pendulum"))
     bob = at.R[0, 1] @ lay.mechanism.bodies[0].com
     assert np.abs(bob - [-1.0, 0.0, 0.0]).max() < PLACED
 
@@ -89,14 +81,14 @@ def test_andrews_starts_where_the_test_set_puts_it():
 
 
 def test_andrews_spring_starts_compressed():
-    lay, at = at_home("a03-andrews")
+    lay, at = at_home(load_mechanism("a03-andrews"))
     i = lay.mechanism.body_index["K3"]
     end = at.p[0, i] + at.R[0, i] @ [0.02, -0.018, 0.0]
     assert np.linalg.norm(end - [0.014, 0.072, 0.0]) == pytest.approx(0.052672516110736675951, rel=FORMULA, abs=0)
 
 
 def test_governor_starts_with_unstretched_springs():
-    lay, at = at_home("a05-governor")
+    lay, at = at_home(load_mechanism("a05-governor"))
     index = lay.mechanism.body_index
     for rod, side in (("right", 1.0), ("left", -1.0)):
         pin = at.p[0, index["slider"]] + [0.05 * side, 0.0, 0.0]

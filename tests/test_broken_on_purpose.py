@@ -10,15 +10,17 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.models.generate import write_models
-from screwgauge.reference import screws
-from screwgauge.report.verdict import first_difference
+from support.geometry import screws
+from support.models import write_models
+from support.report import first_difference
+from support.scene import sampled
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(params=["3ups-upu-s", "3ups-upu-s-fast"])
 def scene(request):
-    scene = screwgauge.load_scene(request.param)
-    return scene.at(scene.t[:2000:100])
+    return sampled(request.param, slice(0, 2000, 100))
 
 
 def edited(scene, folder: Path, suffix: str, change) -> Path:
@@ -42,6 +44,7 @@ def swap_inertia(root) -> None:
     inertial.set("fullinertia", " ".join([zz, yy, xx, *rest]))
 
 
+@pytest.mark.slow
 def test_two_swapped_inertia_entries_in_the_mjcf(scene, tmp_path):
     path = edited(scene, tmp_path, ".xml", swap_inertia)
     status, quantity, engines = found(screwgauge.run(replace(scene, models={"mujoco": path})))
@@ -54,6 +57,7 @@ def flip_axis(root) -> None:
     axis.set("xyz", " ".join(str(-float(value)) for value in axis.get("xyz").split()))
 
 
+@pytest.mark.slow
 def test_a_flipped_axis_in_the_urdf(scene, tmp_path):
     path = edited(scene, tmp_path, ".urdf", flip_axis)
     results = screwgauge.run(replace(scene, models={"pinocchio": path}))
@@ -68,6 +72,7 @@ def no_gravity(root) -> None:
     root.find("./option").set("gravity", "0 0 0")
 
 
+@pytest.mark.slow
 def test_gravity_off_in_one_engine(scene, tmp_path):
     path = edited(scene, tmp_path, ".xml", no_gravity)
     status, quantity, engines = found(screwgauge.run(replace(scene, models={"mujoco": path})))
@@ -81,6 +86,7 @@ def shift_anchor(root) -> None:
     site.set("pos", f"{x} {y} {z + 1e-6}")
 
 
+@pytest.mark.slow
 def test_a_closure_anchor_that_is_off_by_a_micrometre(scene, tmp_path):
     path = edited(scene, tmp_path, ".xml", shift_anchor)
     results = screwgauge.run(replace(scene, models={"mujoco": path}))
@@ -91,12 +97,12 @@ def test_a_closure_anchor_that_is_off_by_a_micrometre(scene, tmp_path):
     assert worst["max_abs"] == pytest.approx(1e-6, rel=0.5)
 
 
+@pytest.mark.slow
 def test_a_wrong_sign_in_the_lie_bracket(monkeypatch):
     """Only a fast motion tells: the paper's own case is nearly static."""
     right = screws.lie_bracket
     monkeypatch.setattr(screws, "lie_bracket", lambda first, second: -right(first, second))
-    scene = screwgauge.load_scene("3ups-upu-s-fast")
-    results = screwgauge.run(scene.at(scene.t[:2000:100]))
+    results = screwgauge.run(sampled("3ups-upu-s-fast", slice(0, 2000, 100)))
     status, quantity, engines = found(results)
     assert (status, quantity) == (1, "joint_acceleration")
     assert "screw" in engines
@@ -114,8 +120,7 @@ def test_the_first_row_of_the_bracket_as_printed(monkeypatch):
         return np.concatenate([row, row], axis=-1)
 
     monkeypatch.setattr(screws, "lie_bracket", printed)
-    scene = screwgauge.load_scene("3ups-upu-s-fast")
-    results = screwgauge.run(scene.at(scene.t[:2000:100]), engines=["screw"])
+    results = screwgauge.run(sampled("3ups-upu-s-fast", slice(0, 2000, 100)), engines=["screw"])
     assert results.exit_status == 1
 
 
@@ -127,6 +132,7 @@ def turn_motor_round(root) -> None:
     root.find("./actuator/motor").set("gear", "-1")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("change", "said"), [(switch_off, "switched off"), (turn_motor_round, "no motor of gear 1")])
 def test_a_constraint_or_a_motor_that_is_not_what_it_should_be_is_refused(scene, tmp_path, change, said):
     path = edited(scene, tmp_path, ".xml", change)
@@ -134,6 +140,7 @@ def test_a_constraint_or_a_motor_that_is_not_what_it_should_be_is_refused(scene,
         screwgauge.run(replace(scene, models={"mujoco": path}), engines=["mujoco"])
 
 
+@pytest.mark.slow
 def test_a_loops_file_with_another_actuation_is_refused(scene, tmp_path):
     path = edited(scene, tmp_path, ".urdf", lambda root: None)
     loops = path.with_suffix(".loops.toml")

@@ -13,16 +13,12 @@ import pytest
 
 import screwgauge
 from screwgauge.report import libraries
-from screwgauge.report.figures.renderer import RENDERER
 from screwgauge.truth import cache
+from support.report import RENDERER
 
 ARRAYS = {"numbers": np.arange(3.0)}
 
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
-    return tmp_path / "cache"
+pytestmark = pytest.mark.usefixtures("cache_folder")
 
 
 def entries(folder: Path) -> list[Path]:
@@ -33,15 +29,16 @@ def keep(key: str = "key", version: str = "version") -> None:
     assert cache.write(key, version, ARRAYS) == ""
 
 
-def test_folder_and_files_are_the_user_s_alone(folder):
+def test_folder_and_files_are_the_user_s_alone(cache_folder):
     keep()
-    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
-    assert {stat.S_IMODE(path.stat().st_mode) for path in folder.iterdir()} == {0o600}
+    assert stat.S_IMODE(cache_folder.stat().st_mode) == 0o700
+    assert {stat.S_IMODE(path.stat().st_mode) for path in cache_folder.iterdir()} == {0o600}
     found, said = cache.read("key", "version")
     assert (found["numbers"].tolist(), said) == ([0.0, 1.0, 2.0], "")
 
 
-def test_a_program_of_one_mechanism_under_the_name_of_another_is_not_run(folder):
+@pytest.mark.slow
+def test_a_program_of_one_mechanism_under_the_name_of_another_is_not_run(cache_folder):
     pytest.importorskip("llvmlite")
 
     def forces(name: str) -> screwgauge.compile:
@@ -49,25 +46,25 @@ def test_a_program_of_one_mechanism_under_the_name_of_another_is_not_run(folder)
 
     first, second = ("slider-crank", "five-bar")
     forces(first)
-    (a,) = entries(folder)
+    (a,) = entries(cache_folder)
     kept = a.read_bytes()
     forces(second)
-    (b,) = {*entries(folder)} - {a}
+    (b,) = {*entries(cache_folder)} - {a}
     b.write_bytes(kept)
     assert [*forces(second).notes] == [cache.DAMAGED]
     assert b.read_bytes() != kept
     assert forces(second).notes == ()
 
 
-def test_an_entry_under_another_name_is_not_used(folder):
+def test_an_entry_under_another_name_is_not_used(cache_folder):
     keep("a")
-    shutil.copy(folder / "a", folder / "b")
+    shutil.copy(cache_folder / "a", cache_folder / "b")
     assert cache.read("b", "version") == (None, cache.DAMAGED)
 
 
-def test_an_edited_entry_with_a_fresh_hash_is_not_used(folder):
+def test_an_edited_entry_with_a_fresh_hash_is_not_used(cache_folder):
     keep()
-    file = folder / "key"
+    file = cache_folder / "key"
     head, _, payload = file.read_bytes().partition(b"\n")
     edited = payload + b"more"
     for code in (hashlib.sha256(edited).hexdigest().encode(), b"", head.split(b" ")[2]):
@@ -75,39 +72,39 @@ def test_an_edited_entry_with_a_fresh_hash_is_not_used(folder):
         assert cache.read("key", "version") == (None, cache.DAMAGED)
 
 
-def test_what_another_format_has_left_is_stale(folder):
+def test_what_another_format_has_left_is_stale(cache_folder):
     keep()
-    payload = (folder / "key").read_bytes().partition(b"\n")[2]
+    payload = (cache_folder / "key").read_bytes().partition(b"\n")[2]
     digest = hashlib.sha256(payload).hexdigest().encode()
-    (folder / "key").write_bytes(b" ".join([b"screwgauge-truth", b"version", digest]) + b"\n" + payload)
+    (cache_folder / "key").write_bytes(b" ".join([b"screwgauge-truth", b"version", digest]) + b"\n" + payload)
     assert cache.read("key", "version") == (None, cache.STALE)
 
 
-def test_another_secret_makes_all_of_it_anew(folder):
+def test_another_secret_makes_all_of_it_anew(cache_folder):
     keep()
-    (folder / cache.SECRET).write_bytes(bytes(cache.LENGTH))
+    (cache_folder / cache.SECRET).write_bytes(bytes(cache.LENGTH))
     assert cache.read("key", "version") == (None, cache.DAMAGED)
 
 
 @pytest.mark.parametrize("damage", [lambda p: p.write_bytes(b"short"), lambda p: p.chmod(0o644), Path.unlink])
-def test_a_secret_that_is_none_any_more_is_replaced(damage, folder):
+def test_a_secret_that_is_none_any_more_is_replaced(damage, cache_folder):
     keep()
-    before = (folder / cache.SECRET).read_bytes()
-    damage(folder / cache.SECRET)
+    before = (cache_folder / cache.SECRET).read_bytes()
+    damage(cache_folder / cache.SECRET)
     assert cache.read("key", "version") == (None, cache.DAMAGED)
     keep()
     assert cache.read("key", "version")[1] == ""
-    assert (folder / cache.SECRET).read_bytes() != before
-    assert stat.S_IMODE((folder / cache.SECRET).stat().st_mode) == 0o600
+    assert (cache_folder / cache.SECRET).read_bytes() != before
+    assert stat.S_IMODE((cache_folder / cache.SECRET).stat().st_mode) == 0o600
 
 
 @pytest.mark.parametrize("mode", [0o770, 0o707, 0o777, 0o1777])
-def test_a_folder_that_others_can_write_is_not_used(mode, folder):
+def test_a_folder_that_others_can_write_is_not_used(mode, cache_folder):
     keep()
-    folder.chmod(mode)
+    cache_folder.chmod(mode)
     for said in (cache.read("key", "version")[1], cache.write("key", "version", ARRAYS)):
         assert "others can write the folder; chmod go-w makes it yours alone" in said
-    folder.chmod(0o755)  # they may look
+    cache_folder.chmod(0o755)  # they may look
     assert cache.read("key", "version")[1] == ""
 
 
@@ -130,9 +127,9 @@ def opened_up(file: Path) -> None:
 
 
 @pytest.mark.parametrize("change", [linked, doubled, piped, opened_up])
-def test_what_is_no_file_of_the_user_s_own_is_not_used_and_made_anew(change, folder):
+def test_what_is_no_file_of_the_user_s_own_is_not_used_and_made_anew(change, cache_folder):
     keep()
-    change(folder / "key")
+    change(cache_folder / "key")
     found, said = cache.read("key", "version")
     assert found is None
     assert said.startswith("the cache cannot be read (")
@@ -141,20 +138,20 @@ def test_what_is_no_file_of_the_user_s_own_is_not_used_and_made_anew(change, fol
     assert cache.read("key", "version")[1] == ""
 
 
-def test_a_folder_of_another_user_is_not_used(folder, monkeypatch):
+def test_a_folder_of_another_user_is_not_used(cache_folder, monkeypatch):
     keep()
     monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
     assert "the folder belongs to another user" in cache.read("key", "version")[1]
     assert "the folder belongs to another user" in cache.write("key", "version", ARRAYS)
 
 
-def test_a_file_beside_it_puts_no_script_into_a_page(folder, monkeypatch):
+def test_a_file_beside_it_puts_no_script_into_a_page(cache_folder, monkeypatch):
     monkeypatch.setattr(RENDERER, "ask", lambda call: "vega();")
     assert libraries.chart() == "vega();"
-    (file,) = entries(folder)
+    (file,) = entries(cache_folder)
     for _ in range(2):
         keep("other", "release")
-        file.write_bytes((folder / "other").read_bytes())
+        file.write_bytes((cache_folder / "other").read_bytes())
         assert libraries.chart() == "vega();"
 
 

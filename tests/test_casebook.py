@@ -15,11 +15,11 @@ import screwgauge
 from screwgauge.casebook import book
 from screwgauge.casebook.book import CASES, reproduce
 from screwgauge.casebook.case import Case, CaseResult
-from screwgauge.cli import main
 from screwgauge.engines.samples import FourBar
 from screwgauge.engines.shown import Shown
-from screwgauge.models.generate import write_models
-from screwgauge.report.verdict import verdict
+from support.command import main
+from support.models import write_models
+from support.report import verdict
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "harness/casebook/README.md").read_text(encoding="utf-8")
@@ -38,6 +38,7 @@ def placeholders(text: str) -> set[str]:
     return {name for _, name, _, _ in string.Formatter().parse(text) if name is not None}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_reproduction_runs_and_its_remedy_works(name, results) -> None:
     result = results[name]
@@ -117,14 +118,13 @@ def test_close_numbers_are_told_apart() -> None:
     assert near.numbers["symptom"] == "1.0000001"
 
 
-def test_an_engine_that_raises_fails_its_case_and_no_other(monkeypatch, capsys) -> None:
+def test_an_engine_that_raises_fails_its_case_and_no_other(monkeypatch, command) -> None:
     broken = replace(CASE, run="casebook.readers:nothing_there")
     monkeypatch.setitem(book.CASES, "x", broken)
     found = reproduce("x")
     assert found.status == "failed"
     assert "AttributeError" in found.sentence
-    assert main(["diagnose", "--case", "x"]) == 3
-    assert "x, failed: The reproduction failed with mujoco" in capsys.readouterr().out
+    assert "x, failed: The reproduction failed with mujoco" in command("diagnose", "--case", "x", status=3).out
 
 
 def test_remedy_that_fails_ends_with_3(monkeypatch) -> None:
@@ -132,16 +132,14 @@ def test_remedy_that_fails_ends_with_3(monkeypatch) -> None:
     assert main(["diagnose", "--case", "x"]) == 3
 
 
-def test_command_says_sentence_numbers_versions_and_links(capsys) -> None:
-    assert main(["diagnose", "--case", "sparse-hessian-4.0.0"]) == 0
-    said = " ".join(capsys.readouterr().out.split())
+def test_command_says_sentence_numbers_versions_and_links(command) -> None:
+    said = " ".join(command("diagnose", "--case", "sparse-hessian-4.0.0").out.split())
     for part in ("sparse-hessian-4.0.0, ", "as it should be 0 rad/s^2", version("mujoco"), "issues/3767"):
         assert part in said
 
 
-def test_unknown_case_is_one_sentence(capsys) -> None:
-    assert main(["diagnose", "--case", "mj-soft-flor"]) == 2
-    assert "did you mean 'mj-soft-floor'?" in capsys.readouterr().err
+def test_unknown_case_is_one_sentence(command) -> None:
+    assert "did you mean 'mj-soft-floor'?" in command("diagnose", "--case", "mj-soft-flor", status=2).err
 
 
 @pytest.mark.parametrize(
@@ -153,20 +151,18 @@ def test_unknown_case_is_one_sentence(capsys) -> None:
         (["--case", "mj-gear", "--json", "--out", "x"], "a case takes no out, json"),
     ],
 )
-def test_two_models_or_one_case(given, said, capsys) -> None:
-    assert main(["diagnose", *given]) == 2
-    assert said in capsys.readouterr().err
+def test_two_models_or_one_case(given, said, command) -> None:
+    assert said in command("diagnose", *given, status=2).err
 
 
-def test_list_has_every_case_uncut(capsys) -> None:
-    assert main(["list", "discrepancies"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+def test_list_has_every_case_uncut(command) -> None:
+    lines = command("list", "discrepancies").out.splitlines()
     assert [line.split("  ", 1)[0] for line in lines] == list(CASES)
     assert [line.split("  ", 1)[1].strip() for line in lines] == [case.title for case in CASES.values()]
 
 
-def test_nothing_is_written_and_nothing_but_the_sentence_said(tmp_path, monkeypatch, capfd) -> None:
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.slow
+def test_nothing_is_written_and_nothing_but_the_sentence_said(tmp_path, inside, capfd) -> None:
     for name in RUN:
         reproduce(name)
     assert list(tmp_path.iterdir()) == []
@@ -193,6 +189,7 @@ def test_links_are_reports_of_users() -> None:
     assert all(re.fullmatch(r"https://github\.com/[\w.-]+/[\w.-]+/(issues|pull)/\d+", link) for link in links)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("touches", "gravity", "named"),
     [

@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines.registry import ENGINES
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.importing.write import description
-from screwgauge.quantities import SOLVED
-from screwgauge.reference.couplings import Coupling
-from screwgauge.reference.mechanism import same_content
-from screwgauge.report.verdict import verdict
-from screwgauge.study.posed import pose_scene
-from screwgauge.study.stream import stream
+from screwgauge import stream
+from support.engines import ENGINES
+from support.judging import agreed
+from support.mechanism import Coupling, load_mechanism, same_content
+from support.models import description
+from support.report import verdict
+from support.scene import SOLVED, pose_scene, sampled
 
 FORCE = ["actuator_force"]
 
@@ -30,8 +28,7 @@ def heavier(mechanism, share=1.5):
 
 @pytest.fixture
 def scene():
-    scene = screwgauge.load_scene("slider-crank")
-    return scene.at(scene.t[::40])
+    return sampled("slider-crank", slice(None, None, 40))
 
 
 @pytest.fixture
@@ -39,9 +36,9 @@ def changed(scene):
     return replace(scene, mechanism=heavier(scene.mechanism))
 
 
+@pytest.mark.slow
 def test_all_engines_solve_the_mechanism_as_it_is(scene, changed):
-    results = screwgauge.run(changed, engines=[*ENGINES], quantities=FORCE)
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(changed, engines=[*ENGINES], quantities=FORCE))
     before = screwgauge.run(scene, engines=["screw"], quantities=FORCE).values("actuator_force")
     for engine in results.solutions:
         assert np.abs(results.values("actuator_force", engine) - before).max() > 1e-3 * np.abs(before).max(), engine
@@ -66,6 +63,7 @@ def longer(mechanism):
     return replace(mechanism, bodies=(replace(body, com=1.5 * body.com),))
 
 
+@pytest.mark.slow
 def test_the_report_says_so(scene, changed):
     results = screwgauge.run(changed, engines=["screw"], quantities=FORCE)
     assert results.warnings == (
@@ -80,6 +78,7 @@ def test_the_report_says_so(scene, changed):
     assert verdict(usual).status == "agree"
 
 
+@pytest.mark.slow
 def test_other_times_streams_and_compiled_programs_are_of_the_changed_mechanism(changed):
     expected = screwgauge.run(changed, engines=["pinocchio"], quantities=FORCE).values("actuator_force")
     size = SOLVED * np.abs(expected).max()

@@ -6,15 +6,17 @@ from functools import cache
 
 import numpy as np
 import pytest
-from asking import MOTION, ask, model_files, simulate
-from tolerances import BY_LOCK, FALLEN, FAST_DIFFERENCE, READ
 
 from screwgauge.engines.tree.cut_joints import SURE, follow, read_chart
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import GivenMotion, InitialValue, Problem
-from screwgauge.reference.applied import GRAVITY, Applied, hold
-from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.rotations import rotation
+from support.acting import GRAVITY, Applied, hold
+from support.engines import MOTION, Problem, ask, model_files, simulate
+from support.errors import ClosureError
+from support.geometry import rotation
+from support.mechanism import load_mechanism
+from support.scene import GivenMotion, InitialValue
+from support.tolerances import BY_LOCK, FALLEN, FAST_DIFFERENCE, READ
+
+pytestmark = pytest.mark.slow
 
 NAME = "3ups-upu-s"
 
@@ -58,6 +60,7 @@ FALLS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 @pytest.mark.parametrize("name", FALLS)
 def test_a_fall_through_the_lock_is_read_alike(name, engine):
@@ -76,6 +79,7 @@ def given(first, last):
     return GivenMotion(t, y, yd, ydd)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 @pytest.mark.parametrize("b", [(0.7, 0.9), (1.65, 1.9)])
 def test_a_given_motion_that_starts_beyond_singular_poses_is_on_the_branch_that_goes_straight_on(b, engine):
@@ -92,6 +96,7 @@ def test_a_given_motion_that_starts_beyond_singular_poses_is_on_the_branch_that_
         assert np.abs(error).max() < 1e-12, what
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 def test_a_given_motion_through_the_lock_of_its_own_angles_is_refused(engine):
     """At b = pi/2 the first and the last angle of that joint mean the same, and any split of a closes the loops."""

@@ -4,22 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from asking import model_files
 from test_any_cut import MECHANISMS, described
-from tolerances import CLOSED, DIFFERENCE, LINEAR
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.closed.cut_coordinates import read
-from screwgauge.reference.closed.loops import LoopEquations
-from screwgauge.reference.closed.resting import home_equations
-from screwgauge.reference.equations.joint_types import JointPose, closure_residual, constraint_wrenches
-from screwgauge.reference.graph import spanning_tree
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
-from screwgauge.reference.rotations import rotation
-from screwgauge.reference.screws import reciprocal_product
-from screwgauge.study.method import Method
+from support.engines import Method, model_files
+from support.equations import JointPose, closure_residual, constraint_wrenches
+from support.geometry import rotation, screws
+from support.mechanism import load_mechanism, spanning_tree
+from support.solve import LoopEquations, home_equations, layout, posed, positions, read
+from support.tolerances import CLOSED, DIFFERENCE, LINEAR
 
 STEP = 1e-6
 #: Mechanism, joint that is cut, its kind.
@@ -46,7 +39,7 @@ def cut(request, tmp_path):
     assert joint in {each.name for each in tree.cuts}
     assert mechanism.joint(joint).kind == kind
     y = mechanism.home[mechanism.independent_columns] + 0.02 * np.arange(1, 1 + len(mechanism.independent))
-    return LoopEquations(layout(mechanism, tree)), positions(layout(mechanism), y[None], np.zeros(1)).q
+    return LoopEquations(layout(mechanism, tree)), posed(layout(mechanism), *y).q
 
 
 def test_errors_vanish_where_loops_close_and_change_as_their_derivative_says(cut):
@@ -96,7 +89,7 @@ def test_every_type_of_joint_is_open_by_errors_whose_derivatives_are_its_wrenche
     assert np.abs(closure_residual(at)).max() < CLOSED
     for twist in np.eye(6):
         ahead, behind = (closure_residual(opened(joint, q, sign * STEP * twist)) for sign in (1, -1))
-        power = reciprocal_product(constraint_wrenches(at), twist)
+        power = screws.reciprocal_product(constraint_wrenches(at), twist)
         assert (ahead - behind) / (2 * STEP) == pytest.approx(power, abs=DIFFERENCE)
 
 

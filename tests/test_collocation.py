@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge import ScrewgaugeError
 from screwgauge.study.cases.collocation import collocate, tableau
 
 

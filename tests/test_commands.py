@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from screwgauge import commands
-from screwgauge.cli import main
 from screwgauge.commands.ended import ENDED
 from screwgauge.report.progress import QUIET, Progress
 from screwgauge.study.bench import forward_run
 from screwgauge.study.bench import run as bench_run
+from support.command import main
 
 
 class Terminal(StringIO):
@@ -75,30 +75,28 @@ def test_every_command_has_a_folder_of_its_own(arguments, folder, monkeypatch) -
     assert seen == [Path("screwgauge-out") / folder]
 
 
-def test_models_are_written_beside_what_else_is_left_of_a_mechanism(tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_models_are_written_beside_what_else_is_left_of_a_mechanism(tmp_path, inside, capsys) -> None:
     assert main(["models", "a01-pendulum"]) == 0
     assert (tmp_path / "screwgauge-out" / "a01-pendulum" / "models" / "a01-pendulum.urdf").is_file()
     assert "a01-pendulum.urdf" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("debug", [False, True])
-def test_the_traceback_of_an_engine_is_shown_on_request(debug, monkeypatch, paper_scene, tmp_path, capfd) -> None:
+def test_the_traceback_of_an_engine_is_shown_on_request(debug, monkeypatch, paper_scene, tmp_path, command) -> None:
     def broken(files):
         raise ZeroDivisionError("bad pose")
 
     monkeypatch.setattr("screwgauge.engines.screw.model.load", broken)
     options = ["--engines", "screw", "--quantities", "joint_position", "--out", str(tmp_path / "out")]
-    assert main(["run", str(paper_scene()), *options, *(["--debug"] if debug else [])]) == 3
-    said = capfd.readouterr()
+    said = command("run", str(paper_scene()), *options, *(["--debug"] if debug else []), status=3)
     assert "bad pose" in said.out
     assert ("Traceback" in said.err) is debug
     assert ("in broken\n" in said.err) is debug
 
 
-def test_the_traceback_of_bad_input_is_shown_on_request(capfd) -> None:
-    assert main(["run", "no-such-scene", "--debug"]) == 2
-    said = capfd.readouterr().err
+def test_the_traceback_of_bad_input_is_shown_on_request(command) -> None:
+    said = command("run", "no-such-scene", "--debug", status=2).err
     assert said.startswith("Traceback")
     assert "unknown scene 'no-such-scene'" in said
 
@@ -117,10 +115,9 @@ def test_no_warning_of_numpy_reaches_the_user(monkeypatch, capfd) -> None:
     assert capfd.readouterr().err == ""
 
 
-def test_a_budget_must_be_positive_for_every_bench(capfd) -> None:
+def test_a_budget_must_be_positive_for_every_bench(command) -> None:
     for scene in ("3ups-upu-s", "a01-pendulum"):
-        assert main(["bench", scene, "--budget", "-1"]) == 2
-        assert "a budget of -1 s" in capfd.readouterr().err
+        assert "a budget of -1 s" in command("bench", scene, "--budget", "-1", status=2).err
     assert forward_run.FULL.budget < bench_run.FULL.budget
 
 

@@ -9,9 +9,12 @@ from pathlib import Path
 import pytest
 from fuzz_files import KINDS
 
+pytestmark = pytest.mark.slow
+
 SCRIPT = Path(__file__).with_name("fuzz_commands.py")
 
 
+@pytest.mark.slow
 def test_commands_on_broken_files_answer_or_refuse():
     """A process of its own forks one for each case: this one has threads."""
     for package in ("duckdb", "pyarrow"):

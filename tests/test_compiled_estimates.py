@@ -11,11 +11,11 @@ import pytest
 from campaigns import compiled
 
 import screwgauge
-from screwgauge.engines.registry import get_engine
 from screwgauge.engines.screw.bounds import Bounds
-from screwgauge.engines.screw.inverse import Work
-from screwgauge.problem import ModelFiles
-from screwgauge.reference.layout import layout
+from support.engines import ModelFiles, get_engine
+from support.solve import Work, layout
+
+pytestmark = pytest.mark.slow
 
 BACKENDS = ["numpy", *(["llvm"] if importlib.util.find_spec("llvmlite") else [])]
 STATES = 300
@@ -27,6 +27,7 @@ def few(monkeypatch):
     monkeypatch.setattr(compiled, "CERTIFIED", 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_random_states_on_both_sides_of_the_leg_singularity(backend):
     (row,) = compiled.measured("states", 0, [backend], STATES)
@@ -34,6 +35,7 @@ def test_random_states_on_both_sides_of_the_leg_singularity(backend):
     assert STATES / 2 < row["by_program"] < STATES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("family", "seed"), [("rccc", 2), ("planar-4", 3)])
 def test_random_mechanisms(family, seed):
     (row,) = compiled.measured(family, seed, ["numpy"], 0)
@@ -107,6 +109,7 @@ def test_a_doubtful_sample_changes_no_estimate_but_its_own():
     assert np.array_equal(again.estimate["actuator_force"], estimate)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimates", [False, True])
 def test_streams_take_the_same_memory_however_long_they_are(estimates):
     scene = screwgauge.load_scene("3ups-upu-s")

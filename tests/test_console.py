@@ -11,8 +11,8 @@ import sys
 import pytest
 
 from screwgauge import commands
-from screwgauge.cli import main
 from screwgauge.report.console import SIGNS, console, say
+from support.command import main
 
 LIST = [sys.executable, "-m", "screwgauge.cli", "list", "quantities"]
 STOP = "import os, signal\nfrom screwgauge import commands, cli\n"
@@ -48,6 +48,7 @@ def test_a_stream_that_knows_no_signs_gets_others_of_the_same_length():
     assert all(len(other) == 1 and other.isascii() for other in SIGNS.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("redirected", "status", "said"),
     [
@@ -66,6 +67,7 @@ def test_streams_that_are_closed_or_full(redirected, status, said):
     assert (b"joint_position" in done.stdout) is not bool(said)
 
 
+@pytest.mark.slow
 def test_a_terminal_in_ascii_is_no_error():
     done = shell("", PYTHONIOENCODING="ascii", PYTHONUTF8="0")
     assert (done.returncode, done.stderr) == (0, b"")

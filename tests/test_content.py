@@ -10,9 +10,9 @@ import mujoco
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.diagnosis.model import in_process
 from screwgauge.models.content import FATES, Content, kinds, table
+from support.diagnosis import in_process
+from support.models import MATTER
 
 README = Path(__file__).parents[1] / "models" / "README.md"
 INERTIAL = '<inertial pos="0.2 0 0.1" mass="{}" diaginertia="0.01 0.02 0.02"/>'
@@ -67,7 +67,6 @@ PID = '<extension><plugin plugin="mujoco.pid"/></extension>'
 HELD = '<equality><weld name="hold" body1="grip" body2="four"/></equality>'
 FIXED = f'<body name="part">{INERTIAL.format(0.5)}</body>'
 PART = f'<body name="part" gravcomp="{{}}">{INERTIAL.format(0.5)}</body>'
-MATTER = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 LIMIT = 'lower="-1" upper="1" effort="{}" velocity="{}"'
 
 
@@ -225,8 +224,7 @@ FROM_ELSEWHERE = {"warnings of the library", "entries of loops files"}
 
 
 @pytest.fixture
-def diagnosed(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def diagnosed(tmp_path, inside):
 
     def of(ending, a, b):
         suffix = ending.partition("@")[0]
@@ -248,6 +246,7 @@ def test_every_kind_has_a_fate_a_reason_and_a_file():
 ALL = [(kind, case) for kind, cases in CASES.items() for case in cases]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "case"), ALL, ids=[f"{kind}: {case}" for kind, case in ALL])
 def test_content_of_one_model_alone_is_never_the_same(kind, case, diagnosed):
     ending, without, with_it = CASES[kind][case]
@@ -263,6 +262,7 @@ def test_content_of_one_model_alone_is_never_the_same(kind, case, diagnosed):
             assert found.differences or not found.together.agrees
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "case"), ALL, ids=[f"{kind}: {case}" for kind, case in ALL])
 def test_what_both_models_have_is_the_same_where_it_is_compared_and_withheld_where_not(kind, case, diagnosed):
     ending, _, with_it = CASES[kind][case]
@@ -354,14 +354,12 @@ def test_entries_of_loops_files_that_are_not_applied_withhold_the_same(tmp_path)
         assert (found.same, found.undecided) == (same, not same), found.verdict
 
 
-def test_not_all_compared_is_told_apart_in_banner_report_and_json(diagnosed, tmp_path, capsys):
+def test_not_all_compared_is_told_apart_in_banner_report_and_json(diagnosed, tmp_path, command):
     diagnosed(".xml", *CASES["spatial tendons"]["spring"][1:])
-    assert main(["diagnose", "b.xml", "b.xml", "--out", "out"]) == 1
-    said = " ".join(capsys.readouterr().out.split())
+    said = " ".join(command("diagnose", "b.xml", "b.xml", "--out", "out", status=1).out.split())
     assert said.startswith("✗ NOT ALL COMPARED: Not all compared: spatial tendon r in A and B. All else is the same: ")
     assert "**✗ NOT ALL COMPARED**" in (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
-    assert main(["diagnose", "b.xml", "b.xml", "--out", "out", "--json"]) == 1
-    assert '"not_all_compared": true' in capsys.readouterr().out
+    assert '"not_all_compared": true' in command("diagnose", "b.xml", "b.xml", "--out", "out", "--json", status=1).out
 
 
 def test_every_array_of_a_compiled_model_is_of_some_kind():

@@ -6,30 +6,29 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from asking import ask, model_files
-from coupled import EVERY_KIND, body, coupling_tables, every_kind, geared_five_bar, moving, started
 from numpy.polynomial import Polynomial
-from planar import Bar, four_bar
-from tolerances import LINEAR, ROUND_TRIP
 
 import screwgauge
-from screwgauge.judging.judge import judge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
-from screwgauge.quantities import GIVEN, SIMULATED
-from screwgauge.reference.forward import Forces, forward, forward_dense
-from screwgauge.reference.kinematics import accelerations, positions, velocities
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mobility import in_lengths, mobility
-from screwgauge.reference.pose import pose
-from screwgauge.reference.precision import in_precision
+from support.acting import Forces
+from support.coupled import EVERY_KIND, body, coupling_tables, every_kind, geared_five_bar, moving, started
+from support.engines import IN_DOUBLES, ask, model_files
+from support.freedoms import in_lengths, mobility_at_home
+from support.judging import agreed, judge
+from support.mechanism import load_mechanism
+from support.models import write_models
+from support.planar import Bar, four_bar
+from support.scene import GIVEN, SIMULATED
+from support.solve import accelerations, forward, forward_dense, in_precision, layout, moved, pose, posed, velocities
+from support.tolerances import LINEAR, ROUND_TRIP
 
-ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
+pytestmark = pytest.mark.slow
+
 #: The driven joint's neighbour, and the joint that would be cut if it were not coupled.
 GEARS = {"right": [0.0, 0.5, 0.3, -0.2], "tip": [np.pi / 3, 0.5, -0.3]}
 
 
-@pytest.mark.parametrize("engines", [ENGINES, ["screw", "truth"]], ids=["engines", "truth"])
+@pytest.mark.slow
+@pytest.mark.parametrize("engines", [IN_DOUBLES, ["screw", "truth"]], ids=["engines", "truth"])
 @pytest.mark.parametrize("gear", [None, *GEARS])
 def test_polynomials_between_joints_of_every_kind(gear, engines, write):
     if engines[-1] == "truth":
@@ -37,27 +36,26 @@ def test_polynomials_between_joints_of_every_kind(gear, engines, write):
     text = every_kind() if gear is None else geared_five_bar("left", gear, GEARS[gear])
     load = "G" if gear is None else "right.rod"
     scene = moving(write, text, {"a": 0.3, "b": -0.2} if gear is None else {"left": 0.0}, load)
-    results = screwgauge.run(scene, engines=engines)
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(scene, engines=engines))
     assert (results.errors["max_scaled"] < 1e-10).all() or gear  # redundant constraints leave some reactions open
     q = dict(zip(results.components("joint_position"), results.values("joint_position", engines[-1]).T, strict=True))
     for name, (of, p) in (EVERY_KIND if gear is None else {gear: ("left", GEARS[gear])}).items():
         assert np.abs(q[name] - Polynomial(p)(q[of] if of else 0 * q[name])).max() < LINEAR
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gear", [None, *GEARS])
 def test_simulations_agree_and_keep_the_energy(gear, write):
     text = every_kind() if gear is None else geared_five_bar("left", gear, GEARS[gear])
-    results = screwgauge.run(started(write, text, {"a": 0.3, "b": -0.2} if gear is None else {"left": 0.0}))
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(started(write, text, {"a": 0.3, "b": -0.2} if gear is None else {"left": 0.0})))
     assert set(results.solutions) == {"screw", "pinocchio", "mujoco"}
     assert any("curvature is added" in note for note in results.solutions["mujoco"].notes)
 
 
+@pytest.mark.slow
 def test_a_screw_that_mujoco_holds_softly_is_simulated_alike(write):
     text = 'name = "press"\nextends = "screw-press"\n'
-    results = screwgauge.run(started(write, text, {"screw": 0.0}))
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    agreed(screwgauge.run(started(write, text, {"screw": 0.0})))
 
 
 def test_fixed_steps_keep_them_and_mujoco_says_what_its_own_lack(write, tmp_path):
@@ -76,6 +74,7 @@ def test_fixed_steps_keep_them_and_mujoco_says_what_its_own_lack(write, tmp_path
     assert any("curvature is missing from what it says: gear" in note for note in own.notes)
 
 
+@pytest.mark.slow
 def test_a_coupling_that_a_loop_keeps_already_is_redundant(write):
     bars = four_bar([Bar(0.3), Bar(0.5), Bar(0.3)], 0.5, 1.0)
     gear = '[couplings.gear]\ncoordinate = "c"\nof = "a"\npolynomial = [0, 1]\n'
@@ -90,8 +89,7 @@ def test_a_coupling_that_a_loop_keeps_already_is_redundant(write):
 
 def test_mobility_counts_them(write):
     mechanism = load_mechanism(write("every-kind.toml", every_kind()))
-    lay = layout(mechanism)
-    counted = mobility(lay, pose(lay, mechanism.home[None]))
+    counted = mobility_at_home(mechanism)
     assert counted.mobility == 2
     assert counted.joint_freedoms == 17
     assert counted.kutzbach == 2
@@ -105,7 +103,7 @@ def test_the_two_forward_dynamics_of_the_solver_agree_and_couplings_have_no_powe
     mechanism = load_mechanism(write("coupled.toml", text))
     lay, k = layout(mechanism), len(mechanism.independent)
     y = mechanism.home[mechanism.independent_columns] + np.array([[0.1, -0.2]])[:, :k]
-    rate = velocities(lay, positions(lay, y, np.zeros(1)), np.full((1, k), 2.0))
+    rate = moved(lay, y, np.full((1, k), 2.0))
     forces = Forces(actuators=np.full(len(mechanism.actuators), 0.7))
     dense = forward_dense(lay, rate, forces)
     ydd = forward(lay, rate, forces).ydd
@@ -151,8 +149,7 @@ def test_gears_join_two_loops(write):
         )
     gear = '[couplings.mesh]\ncoordinate = "a2"\nof = "a"\npolynomial = ["1.2 + 1.5*1.2", -1.5]\n'
     text = f'name = "two"\nindependent = {{ a = "a" }}\n{one}{two.replace("actuated = true", "")}{gear}'
-    results = screwgauge.run(moving(write, text, {"a": 1.2}, "rocker2"), engines=ENGINES)
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    agreed(screwgauge.run(moving(write, text, {"a": 1.2}, "rocker2"), engines=IN_DOUBLES))
 
 
 def test_the_independent_coordinate_may_be_the_coupled_one(write):
@@ -164,14 +161,14 @@ def test_the_independent_coordinate_may_be_the_coupled_one(write):
     )
     text = f'name = "pair"\nindependent = {{ y = "b" }}\n{body("A", 0)}{body("B", 1)}{joints}'
     scene = moving(write, text + coupling_tables(couplings), {"y": 0.5}, "B")
-    assert screwgauge.run(scene, engines=ENGINES).ok
+    assert screwgauge.run(scene, engines=IN_DOUBLES).ok
 
 
 def test_in_lengths_of_the_mechanism_they_hold_alike():
     """A polynomial between an angle and a slide has another value where the slide is measured otherwise."""
     lay = layout(load_mechanism("screw-press"))
     columns = lay.mechanism.independent_columns
-    q = positions(lay, lay.mechanism.home[None, columns] + 0.1, np.zeros(1)).q
+    q = posed(lay, *(lay.mechanism.home[columns] + 0.1)).q
     scaled, at = in_lengths(lay, pose(lay, q))
     rows, there = lay.mechanism.coupling_rows, scaled.mechanism.coupling_rows
     assert len(rows) == len(there) > 0

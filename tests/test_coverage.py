@@ -11,16 +11,16 @@ from campaigns.alarms import changed
 
 import screwgauge
 from screwgauge import exciting
-from screwgauge.engines.screw.inverse import solve_motion
-from screwgauge.judging.coverage import NOTHING, coverage
-from screwgauge.problem import quiet
-from screwgauge.quantities import FLOOR, SOLVED, natural_scales
-from screwgauge.reference.applied import Applied, JointSpring, Load, hold
-from screwgauge.reference.equations import dynamics
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mechanism import Body
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import pose
+from support.acting import Applied, JointSpring, Load, hold
+from support.engines import quiet
+from support.equations import exchange
+from support.freedoms import mobility_at_home
+from support.judging import NOTHING, coverage
+from support.mechanism import Body
+from support.scene import FLOOR, SOLVED, natural_scales
+from support.solve import layout, solve_motion
+
+pytestmark = pytest.mark.slow
 
 FORCES = ("tree_force", "generalized_force", "actuator_force", "reaction")
 STEP = 1e-4  # share of its size by which a parameter is changed
@@ -31,9 +31,8 @@ PAIRS = ("xx", "yy", "zz", "xy", "xz", "yz")
 def looked_at(scene):
     """Coverage of a scene by its description alone, and what the solver gives."""
     mechanism, problem = scene.mechanism, scene.problem(scene.quantities)
-    lay = layout(mechanism)
-    counted = mobility(lay, pose(lay, mechanism.home[None]))
-    solution = solve_motion(lay, problem, scene.motion, quiet)
+    counted = mobility_at_home(mechanism)
+    solution = solve_motion(layout(mechanism), problem, scene.motion, quiet)
     return coverage(mechanism, problem, {"screw": solution}, counted, scene.tolerance), counted, solution
 
 
@@ -71,6 +70,7 @@ def effect(scene, counted, before, after) -> float:
     return worst
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["slider-crank", "bennett", "3-rps", "3ups-upu-s-offset"])
 def test_every_parameter_does_what_is_said_and_those_not_tested_do_nothing(name, monkeypatch):
     monkeypatch.setattr(Body, "__post_init__", lambda self: None)  # a thin rod may be given any inertia
@@ -91,6 +91,7 @@ def test_every_parameter_does_what_is_said_and_those_not_tested_do_nothing(name,
         assert change == pytest.approx(row["effect"], rel=LINEAR, abs=NOTHING), row
 
 
+@pytest.mark.slow
 def test_in_an_exciting_motion_a_millionth_is_seen_of_all_that_is_tested_and_of_nothing_else(monkeypatch):
     monkeypatch.setattr(Body, "__post_init__", lambda self: None)
     scene = exciting(screwgauge.load_scene("bennett"), 2)
@@ -103,6 +104,7 @@ def test_in_an_exciting_motion_a_millionth_is_seen_of_all_that_is_tested_and_of_
         assert (effect(scene, counted, before, after) > SOLVED) == row["tested"], row
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["3-rps", "3ups-upu-s-offset"])
 def test_the_share_of_a_term_is_what_is_lost_without_it(name, monkeypatch):
     scene = loaded(few(name))
@@ -125,7 +127,7 @@ def test_the_share_of_a_term_is_what_is_lost_without_it(name, monkeypatch):
         *("gravity", "inertial forces", "gyroscopic moments", "the Lie bracket"),
     ]
     assert shares(alone, "generalized_force", "inertial") == pytest.approx(1.0, abs=0.1)
-    monkeypatch.setattr(dynamics, "bias_screws", lambda at, w, V: np.zeros_like(V))
+    exchange(monkeypatch, "bias_screws", lambda at, w, V, bracket: np.zeros_like(V))
     lost("bracket", scene)
 
 
@@ -191,6 +193,7 @@ def test_of_a_simulation_it_is_said_that_nothing_is_said():
     assert results.coverage.sentence == "Coverage is stated of given motions, not of simulations."
 
 
+@pytest.mark.slow
 def test_verdict_report_and_summary_say_what_is_not_tested(tmp_path, monkeypatch):
     monkeypatch.setattr("screwgauge.report.figures.run.make_plots", lambda results: [])
     results = screwgauge.run(few("slider-crank"), ["screw", "pinocchio"])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from importlib.metadata import EntryPoint
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import mujoco
@@ -13,22 +12,17 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines import registry
-from screwgauge.engines.registry import ENGINES, get_engine
-from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
 from screwgauge.models.elements import FORMATS, extras
-from screwgauge.models.generate import model_texts, stem
-from screwgauge.models.layout import CUTS
-from screwgauge.problem import ModelFiles
-from screwgauge.reference.applied import Motor
-from screwgauge.reference.errors import ModelFileError
-from screwgauge.report.markdown import markdown
-from screwgauge.report.pages.run import report, summary
-from screwgauge.report.verdict import verdict
 from screwgauge.study.departures import departures
-from screwgauge.study.reference import reference_values
+from support.acting import Motor
+from support.engines import ENGINES, ModelFiles, get_engine, registry
+from support.errors import ModelFileError
+from support.judging import reference_values
+from support.mechanism import DATA, load_mechanism, mechanism_names, mechanism_path
+from support.models import CUTS, model_texts, stem
+from support.pages import markdown
+from support.report import report, summary, verdict
 
-DATA = Path(__file__).parent / "data"
 SUFFIX = {"pinocchio": "urdf", "mujoco": "xml"}
 #: What the table below calls what becomes of an edit -> how the sentence begins.
 FATE = {
@@ -207,6 +201,7 @@ def own(write, texts):
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("engine", "kind", "old", "new", "becomes"), EDITS)
 def test_no_edit_is_silent(engine, kind, old, new, becomes, own, scene):
     files = own(engine, kind, old, new)
@@ -247,6 +242,7 @@ def test_long_chains_are_searched_to_their_end(scene, write):
     assert [extra.whose for extra in found] == [f" of body b{i}" for i in range(n)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mechanism", mechanism_names())
 @pytest.mark.parametrize("cut", CUTS)
 def test_generated_files_say_nothing_beyond_the_description(mechanism, cut):
@@ -400,6 +396,7 @@ def simulated(write):
     return screwgauge.load_scene(write("forward.toml", FORWARD))
 
 
+@pytest.mark.slow
 def test_so_in_a_simulation(own, simulated):
     files = own("pinocchio", "urdf", _AXIS, '&<dynamics damping="0.5"/>')
     results = screwgauge.run(replace(simulated, models={"pinocchio": files.model}), engines=("screw", "pinocchio"))
@@ -407,6 +404,7 @@ def test_so_in_a_simulation(own, simulated):
     assert verdict(results).text.startswith(f"{DAMPED}. ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new"),
     [
@@ -425,6 +423,7 @@ def test_friction_in_an_mjcf_is_simulated_beside_closed_loops(old, new, own, sim
     assert np.abs(results.values("joint_velocity", "screw") - same).max() > 0.05
 
 
+@pytest.mark.slow
 def test_a_stop_in_an_mjcf_closes_no_loop(own, simulated):
     stops = '</option><default><joint range="-1 1"/></default>'
     files = own("mujoco", "xml", f'{_FLAG} sensor="disable" />\n  </option>', stops)

@@ -7,15 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planar import Bar, four_bar
-from tolerances import PLACED
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.closed.resting import home_equations
-from screwgauge.reference.expressions import rotation_matrix
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mechanism import Mechanism, actuator_names
+from support.geometry import rotation_matrix
+from support.mechanism import Mechanism, actuator_names, load_mechanism
+from support.planar import Bar, four_bar
+from support.solve import home_equations, layout
+from support.tolerances import PLACED
 
 QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 STEPS = {"matrix": QUARTER.tolist()}, {"axis": [1, 0, 0], "angle": "pi/2"}
@@ -38,6 +36,7 @@ def test_actuators_are_named_by_all_but_the_last_part_where_that_is_unique(paper
     assert actuator_names([replace(slide, name=name) for name in names]) == ("left.leg", "right.leg", *names[2:])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("axes", "kind", "taken_back"), RESTING)
 def test_a_coordinate_that_rests_keeps_its_home_that_is_not_zero(axes, kind, taken_back, write):
     bars = [Bar(0.2), Bar(0.5, com=(0.25, 0.01, 0.02)), Bar(0.4)]

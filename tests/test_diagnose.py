@@ -6,12 +6,13 @@ import re
 
 import numpy as np
 import pytest
-from support import robots
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
-from screwgauge.models.kinematics.tree import draw
+from support import robots
+from support.mechanism import load_mechanism
+from support.models import write_models
+from support.readings import draw
+from support.report import verdict
 
 #: Torques of two readings of one model, of own dynamics and of both libraries, over the largest.
 AGREE = 1e-12
@@ -64,6 +65,7 @@ def check(found, what, item, words):
     assert found.witnesses
 
 
+@pytest.mark.slow
 def test_of_the_mechanism_five_changes_are_said_in_one_sentence_each(machine):
     def diagnosed(path):
         return screwgauge.diagnose(machine, path)
@@ -80,6 +82,7 @@ def test_of_the_mechanism_five_changes_are_said_in_one_sentence_each(machine):
     check(gravity, "gravity", "", "gravity (0, 0, -9.8000) m/s^2 in B, (0, 0, -9.8100) m/s^2 in A")
 
 
+@pytest.mark.slow
 def test_of_an_arm_in_another_format_too(arms):
     urdf, mjcf = arms
 
@@ -95,6 +98,7 @@ def test_of_an_arm_in_another_format_too(arms):
     check(diagnosed(changed(mjcf, "0 0 -9.81", "0 0 -9.8")), "gravity", "", "gravity (0, 0, -9.8000) m/s^2 in B")
 
 
+@pytest.mark.slow
 def test_what_is_the_same_is_said_to_be(machine, arms):
     for pair in (arms, (machine, machine), ("3ups-upu-s", machine), (f"{arms[0]}@pinocchio", f"{arms[0]}@mujoco")):
         found = screwgauge.diagnose(*pair)
@@ -174,10 +178,11 @@ def test_the_loader_that_keeps_the_first_tree_is_named(tmp_path):
     assert len(matrix.cells) == 4
 
 
+@pytest.mark.slow
 def test_an_engine_that_computes_otherwise_than_it_reads_is_told_from_a_model(arms, monkeypatch):
     from dataclasses import replace
 
-    from screwgauge.engines.mujoco import plain
+    from support.trees import plain
 
     ask = plain.ask
 
@@ -195,8 +200,6 @@ def test_an_engine_that_computes_otherwise_than_it_reads_is_told_from_a_model(ar
 def test_a_failed_run_names_the_static_difference_beside_the_quantity(machine, tmp_path):
     from dataclasses import replace as with_
 
-    from screwgauge.report.verdict import verdict
-
     own = tmp_path / "own.xml"
     own.write_bytes(entry(machine.with_name("3ups-upu-s.xml"), "leg3.upper", "mass", lambda m: 1.01 * m).read_bytes())
     scene = with_(screwgauge.load_scene("3ups-upu-s").at([0.0, 0.5]), models={"mujoco": own})
@@ -204,6 +207,7 @@ def test_a_failed_run_names_the_static_difference_beside_the_quantity(machine, t
     assert "leg3.upper: mass 1.4342 kg in own.xml, 1.4200 kg in the description (+1.00 %)" in verdict(results).text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "word", "said"),
     [
@@ -218,8 +222,6 @@ def test_a_failed_run_names_the_static_difference_beside_the_quantity(machine, t
 )
 def test_what_the_judge_alone_faults_and_what_stops_an_engine_is_named(old, new, word, said, tmp_path):
     from dataclasses import replace as with_
-
-    from screwgauge.report.verdict import verdict
 
     write_models(load_mechanism("slider-crank"), tmp_path)
     own = changed(tmp_path / "slider-crank.xml", old, new, "own")

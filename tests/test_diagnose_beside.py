@@ -7,11 +7,14 @@ import shutil
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.diagnosis.record import summary
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError
+from screwgauge import ScrewgaugeError
+from support.command import main
+from support.diagnosis import summary
+from support.errors import ModelFileError
+from support.mechanism import load_mechanism
+from support.models import write_models
+
+pytestmark = pytest.mark.slow
 
 NAME = "five-bar"
 
@@ -54,6 +57,7 @@ def test_the_loops_file_beside_a_urdf_is_read(folders):
         assert f"what closes loops of {side} is said by {NAME}.loops.toml beside it" in found.notes
 
 
+@pytest.mark.slow
 def test_loops_of_one_side_alone_are_never_the_same(folders):
     bare = only(folders[0], f"{NAME}.urdf")
     for a, b in ((bare, NAME), (NAME, bare), (bare, folders[1] / f"{NAME}.xml"), (urdf(folders[1]), bare)):
@@ -83,7 +87,8 @@ def test_two_urdfs_with_other_robot_yamls_beside_them_differ(folders):
     assert "a weld in B, a point in A" in found.verdict
 
 
-def test_loops_elsewhere_are_named_for_each_side(folders, tmp_path, capsys):
+@pytest.mark.slow
+def test_loops_elsewhere_are_named_for_each_side(folders, tmp_path, command):
     a, b = (only(folder, f"{NAME}.urdf", f"{NAME}.loops.toml") for folder in folders)
     beside = [path.with_suffix(".loops.toml") for path in (a, b)]
     loops = [shutil.move(path, tmp_path / f"{i}.loops.toml") for i, path in enumerate(beside)]
@@ -95,8 +100,7 @@ def test_loops_elsewhere_are_named_for_each_side(folders, tmp_path, capsys):
     out = str(tmp_path / "out")
     assert main(["diagnose", str(a), str(b), "--loops", f"{loops[0]},{loops[1]}", "--out", out]) == 0
     assert main(["diagnose", str(a), str(b), "--loops", f",{loops[1]}", "--out", out]) == 1
-    assert main(["diagnose", str(a), NAME, "--loops", str(loops[0]), "--out", out]) == 0
-    assert "✓ SAME" in capsys.readouterr().out
+    assert "✓ SAME" in command("diagnose", a, NAME, "--loops", str(loops[0]), "--out", out).out
 
 
 def test_a_loops_file_for_what_says_its_own_loops_is_refused(folders):

@@ -5,16 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from campaigns.lookalikes import renamed
-from support.robots import mjcf, tree, urdf
 
-from screwgauge.diagnosis.causes.attribution import Torques, attribute
-from screwgauge.diagnosis.causes.conventions import com_slips, gravity_slips, placement_slips, tensor_slips, unit_slip
-from screwgauge.diagnosis.causes.hypothesis import Hypothesis
-from screwgauge.diagnosis.diagnose import diagnose
-from screwgauge.diagnosis.differences.words import vector
-from screwgauge.diagnosis.mechanics.matter import Matter
-from screwgauge.models.readings.assemble import matrix, steiner
-from screwgauge.reference.rotations import rotation
+from screwgauge import diagnose
+from support.causes import (
+    Hypothesis,
+    Torques,
+    attribute,
+    com_slips,
+    gravity_slips,
+    placement_slips,
+    tensor_slips,
+    unit_slip,
+    vector,
+)
+from support.geometry import rotation
+from support.mechanics import Matter
+from support.readings import matrix, steiner
+from support.robots import mjcf, tree, urdf
 
 R = rotation(np.array([0.6, 0.0, 0.8]), np.array(0.7))
 MOMENTS = np.diag([1.0, 2.0, 2.7])

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.expected import expected_reading
-from screwgauge.models.kinematics.closing import residual_at_home
-from screwgauge.models.kinematics.tree import plant
-from screwgauge.reference.errors import ClosureError
+from support.errors import ClosureError
+from support.mechanism import load_mechanism
+from support.models import expected_reading
+from support.readings import plant, residual_at_home
 
 #: A planar four-bar in the x-z plane with its loop open: `reach` is where the rocker ends [m].
 FOUR_BAR = """name = "four-bar"
@@ -80,11 +79,13 @@ def test_two_legs_of_which_one_ends_elsewhere_are_refused(write):
         screwgauge.diagnose(write("moved.toml", moved), "five-bar")
 
 
+@pytest.mark.slow
 def test_models_that_close_nowhere_are_refused_with_loop_size_and_file(write):
     with pytest.raises(ClosureError, match=r"reach-3.0.xml: loops do not close .*'d' by \S+ m"):
         screwgauge.diagnose(sites(write, FAR), sites(write, FAR))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reaches", [(0.4, FAR), (FAR, 0.4)])
 def test_one_model_that_closes_nowhere_differs_and_is_named(reaches, write):
     found = screwgauge.diagnose(*(sites(write, reach) for reach in reaches))

@@ -5,24 +5,22 @@ from __future__ import annotations
 import json
 
 import pytest
-from support import robots
 
-from screwgauge.cli import main
+from support import robots
+from support.command import main
 
 
 @pytest.fixture
-def arms(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def arms(tmp_path, inside):
     return [str(path) for path in robots.write(tmp_path)]
 
 
-def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_path, capsys):
-    assert main(["diagnose", *arms]) == 0
-    assert "SAME" in capsys.readouterr().out
+@pytest.mark.slow
+def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_path, command):
+    assert "SAME" in command("diagnose", *arms).out
     other = robots.edited(tmp_path / "arm.xml", 'damping="0.14"', 'damping="0.24"', "other.xml")
     out, fix = tmp_path / "out", tmp_path / "fixed.xml"
-    assert main(["diagnose", arms[0], str(other), "--out", str(out), "--fix", str(fix), "--matrix"]) == 1
-    said = capsys.readouterr().out
+    said = command("diagnose", arms[0], other, "--out", out, "--fix", fix, "--matrix", status=1).out
     assert "joint4: damping 0.2400 N m s/rad in B, 0.1400 N m s/rad in A" in " ".join(said.split())
     assert {path.name for path in out.iterdir()} >= {"report.md", "report.html", "diagnosis.json", "plots"}
     assert {path.name for path in (out / "plots").iterdir()} == {"torques-by-joint.svg", "torques-by-hypothesis.svg"}
@@ -34,10 +32,8 @@ def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_pat
     report = (out / "report.md").read_text(encoding="utf-8")
     for heading in ("What they say otherwise", "How they move", "Which joint is which", "What was not read", "Files"):
         assert f"## {heading}" in report
-    assert main(["diagnose", arms[0], str(fix), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["same"]
-    assert main(["diagnose", arms[0], str(other), "--json", "--fix", str(tmp_path / "again.xml")]) == 1
-    said = capsys.readouterr()
+    assert json.loads(command("diagnose", arms[0], fix, "--json").out)["same"]
+    said = command("diagnose", arms[0], other, "--json", "--fix", tmp_path / "again.xml", status=1)
     assert not json.loads(said.out)["same"]  # and nothing stands behind it
     assert said.err.startswith("fixed: ")
 
@@ -57,24 +53,19 @@ def test_a_fix_has_the_format_of_b(arms, tmp_path, capsys):
         ('<robot name="x"><link name="a"/></robot>', "no degree of freedom"),
     ],
 )
-def test_bad_input_is_2_in_one_sentence(arms, tmp_path, capsys, text, words):
-    bad = tmp_path / "bad.urdf"
-    bad.write_text(text, encoding="utf-8")
-    assert main(["diagnose", arms[0], str(bad), "--out", str(tmp_path / "out")]) == 2
-    said = capsys.readouterr().err
+def test_bad_input_is_2_in_one_sentence(arms, tmp_path, write, command, text, words):
+    bad = write("bad.urdf", text)
+    said = command("diagnose", arms[0], bad, "--out", tmp_path / "out", status=2).err
     assert words in said
     assert "Traceback" not in said
     assert not (tmp_path / "out").exists()
 
 
-def test_names_that_do_not_exist_are_2(arms, tmp_path, capsys):
-    assert main(["diagnose", arms[0], f"{arms[1]}@drake"]) == 2
-    assert "unknown library 'drake'" in capsys.readouterr().err
+def test_names_that_do_not_exist_are_2(arms, write, command):
+    assert "unknown library 'drake'" in command("diagnose", arms[0], f"{arms[1]}@drake", status=2).err
     assert main(["diagnose", arms[0], "nothing.xml"]) == 2
-    mapping = tmp_path / "map.toml"
-    mapping.write_text('joint0 = "jointX"\n', encoding="utf-8")
-    assert main(["diagnose", *arms, "--map", str(mapping)]) == 2
-    assert "jointX" in capsys.readouterr().err
+    mapping = write("map.toml", 'joint0 = "jointX"\n')
+    assert "jointX" in command("diagnose", *arms, "--map", mapping, status=2).err
     mapping.write_text("joint0 = 3\n", encoding="utf-8")
     assert main(["diagnose", *arms, "--map", str(mapping)]) == 2
     mapping.write_text("joint0", encoding="utf-8")
@@ -91,7 +82,6 @@ def test_a_map_overrides_names(arms, tmp_path, capsys):
     assert main(["diagnose", arms[1], "swapped.xml", "--map", "map.toml"]) == 0
 
 
-def test_no_fix_is_written_where_there_is_nothing_to_fix(arms, tmp_path, capsys):
-    assert main(["diagnose", *arms, "--fix", "fixed.xml"]) == 2
-    assert "there is nothing to write" in capsys.readouterr().err
+def test_no_fix_is_written_where_there_is_nothing_to_fix(arms, tmp_path, command):
+    assert "there is nothing to write" in command("diagnose", *arms, "--fix", "fixed.xml", status=2).err
     assert not (tmp_path / "fixed.xml").exists()

@@ -5,8 +5,10 @@ from __future__ import annotations
 import pytest
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
+from support.mechanism import load_mechanism
+from support.models import write_models
+
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture
@@ -24,6 +26,7 @@ def cuts(tmp_path):
     return of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["slider-crank", "3-rps"])
 def test_both_cuts_of_a_machine_are_the_same(name, cuts):
     for a, b in (cuts(name), cuts(name)[::-1]):
@@ -32,6 +35,7 @@ def test_both_cuts_of_a_machine_are_the_same(name, cuts):
         assert any("closes loops by copies of bodies (" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_what_else_differs_is_all_that_is_named(cuts, tmp_path):
     points, copy = cuts("slider-crank", 'mass="0.8"', 'mass="0.9"')
     found = screwgauge.diagnose(copy, points)
@@ -42,6 +46,7 @@ def test_what_else_differs_is_all_that_is_named(cuts, tmp_path):
     assert said.sentence == "piston: mass 0.8000 kg in B, 0.9000 kg in A (-11.11 %), with piston@wrist in B"
 
 
+@pytest.mark.slow
 def test_other_points_of_the_axis_are_no_difference_and_points_beside_it_are(cuts):
     points, copy = cuts("slider-crank", ' 0 0.2"', ' 0 0.7"')
     assert screwgauge.diagnose(copy, points).same

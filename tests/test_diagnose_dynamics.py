@@ -6,24 +6,35 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from regressors import gravity_regressor, inertial_regressor, parameters, passive_regressor
-from support import robots
 
-from screwgauge.diagnosis.asked import answers, pairs
-from screwgauge.diagnosis.mechanics.closed import closed, left
-from screwgauge.diagnosis.mechanics.dynamics import (
+from support import robots
+from support.diagnosis import answers, pairs
+from support.mechanics import (
+    STANDARD,
     armature_force,
+    closed,
     dynamics,
     inverse_dynamics,
+    left,
     not_modelled,
     passive_force,
 )
-from screwgauge.diagnosis.pairing.common import STANDARD
-from screwgauge.models.kinematics.closing import constraint_rows, equations, gaps, residual_at_home
-from screwgauge.models.kinematics.tree import States, draw, move, moved, plant
-from screwgauge.models.readings.read import read
-from screwgauge.models.readings.reading import ClosureReading, CouplingReading
-from screwgauge.reference.mechanism import GROUND
+from support.mechanism import GROUND
+from support.readings import (
+    ClosureReading,
+    CouplingReading,
+    States,
+    constraint_rows,
+    draw,
+    equations,
+    gaps,
+    move,
+    moved,
+    plant,
+    read,
+    residual_at_home,
+)
+from support.regressors import gravity_regressor, inertial_regressor, parameters, passive_regressor
 
 #: Every kind of joint, two on one body, a branch, everything that a joint can have.
 ZOO = """<mujoco><option gravity="0.3 -1 -9.5"/><compiler autolimits="true"/><worldbody>
@@ -43,10 +54,8 @@ ZOO = """<mujoco><option gravity="0.3 -1 -9.5"/><compiler autolimits="true"/><wo
 
 
 @pytest.fixture
-def zoo(tmp_path):
-    path = tmp_path / "zoo.xml"
-    path.write_text(ZOO.format(gravcomp='gravcomp="0.4"'), encoding="utf-8")
-    return path
+def zoo(write):
+    return write("zoo.xml", ZOO.format(gravcomp='gravcomp="0.4"'))
 
 
 def known(path, library):

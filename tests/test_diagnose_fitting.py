@@ -6,14 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.robots import mjcf, tree
 
-from screwgauge.diagnosis.causes.fitting import fitted
-from screwgauge.diagnosis.differences.change import Change, applied
-from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
-from screwgauge.models.kinematics.tree import draw, plant
-from screwgauge.models.readings.read import read
-from screwgauge.reference.rotations import rotation
+from support.causes import fitted
+from support.diagnosis import Change, applied
+from support.geometry import rotation
+from support.mechanics import inverse_dynamics
+from support.readings import draw, plant, read
+from support.robots import mjcf, tree
 
 CHANGES = {
     "mass of link4": lambda r: Change("link4", "mass", np.array(1.05 * r.bodies["link4"].mass)),
@@ -45,6 +44,7 @@ def box(reading, change):
     return states, inverse_dynamics(plant(applied(reading, [change])), states)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_cause_is_fitted(robot, name):
     change = CHANGES[name](robot)

@@ -8,6 +8,8 @@ import pytest
 
 import screwgauge
 
+pytestmark = pytest.mark.slow
+
 INERTIAL = '<inertial pos="{at}" mass="{mass}" fullinertia="0.02 0.03 0.04 0.003 -0.002 0.001"/>'
 TURNED = math.radians(40.0)
 C, S = math.cos(TURNED), math.sin(TURNED)
@@ -36,16 +38,6 @@ def arm(orientation: str, mass: float = 1.5, base: str = '<joint name="a" axis="
     )
 
 
-@pytest.fixture
-def diagnosed(tmp_path):
-    def of(a: str, b: str, ending: str = "xml", **options):
-        for name, text in ((f"a.{ending}", a), (f"b.{ending}", b)):
-            (tmp_path / name).write_text(text, encoding="utf-8")
-        return screwgauge.diagnose(tmp_path / f"a.{ending}", tmp_path / f"b.{ending}", **options)
-
-    return of
-
-
 def proved(found, tmp_path, ending="xml"):
     """The one change explains all, and the file with it made is A."""
     (sentence,) = [each.sentence for each in found.differences]
@@ -56,6 +48,7 @@ def proved(found, tmp_path, ending="xml"):
     return sentence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ORIENTATIONS)
 def test_an_orientation_is_the_same_in_every_form_and_beside_each_a_mass_is_put_right(form, diagnosed, tmp_path):
     assert diagnosed(arm(ORIENTATIONS["quat"]), arm(ORIENTATIONS[form])).same
@@ -66,6 +59,7 @@ def test_an_orientation_is_the_same_in_every_form_and_beside_each_a_mass_is_put_
 FREE, BALL = '<freejoint name="a"/>', '<joint name="b" type="ball"/>'
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("base", "wrist"), [(FREE, ""), ("", BALL), (FREE, BALL)])
 def test_free_and_ball_joints_have_their_mass_put_right(base, wrist, diagnosed, tmp_path):
     joints = {key: value for key, value in (("base", base), ("wrist", wrist)) if value}
@@ -87,6 +81,7 @@ def test_a_body_that_is_described_in_another_frame_is_the_same_body(base, diagno
     assert found.same, found.verdict
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", ["euler='40 0 0'", "euler='180 0 0'", "quat='0 0.6 0 0.8'", "euler='90 0 0'"])
 @pytest.mark.parametrize("base", ["", '<joint name="a" type="slide" axis="0 1 0"/><joint name="c" type="ball"/>'])
 def test_a_base_that_stands_turned_is_one_difference_and_no_gravity(turn, base, diagnosed, tmp_path):
@@ -95,6 +90,7 @@ def test_a_base_that_stands_turned_is_one_difference_and_no_gravity(turn, base, 
     assert proved(found, tmp_path).startswith("a: sits elsewhere in B, with all that it carries (")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beside", [STAND, LOOSE])
 @pytest.mark.parametrize("first", [False, True])
 def test_a_free_base_stands_where_its_coordinates_say_whatever_else_there_is(beside, first, diagnosed):

@@ -6,12 +6,11 @@ import json
 from itertools import count
 
 import pytest
-from support import robots
 
 import screwgauge
-from screwgauge.cli import main
 from screwgauge.diagnosis import diagnose
-from screwgauge.diagnosis.deadline import Deadline
+from support import robots
+from support.diagnosis import Deadline
 
 
 @pytest.fixture
@@ -39,6 +38,7 @@ def stopping(monkeypatch, work):
     monkeypatch.setattr(diagnose, "Deadline", deadline)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("work", "said", "there"),
     [
@@ -90,13 +90,10 @@ def test_the_same_is_not_said_of_what_was_not_compared(pair, monkeypatch):
     assert not found.same
 
 
-def test_the_command_writes_the_partial_report_and_ends_with_3(pair, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_the_command_writes_the_partial_report_and_ends_with_3(pair, tmp_path, inside, command):
     out = tmp_path / "out"
-    assert main(["diagnose", *map(str, pair), "--limit", "1e-9", "--out", str(out)]) == 3
-    assert "STOPPED" in capsys.readouterr().out
+    assert "STOPPED" in command("diagnose", *map(str, pair), "--limit", "1e-9", "--out", out, status=3).out
     assert json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))["left_out"]
     assert "There was no time for" in (out / "report.md").read_text(encoding="utf-8")
     for bad in ("0", "-1", "nan"):
-        assert main(["diagnose", *map(str, pair), "--limit", bad]) == 2
-        assert "--limit" in capsys.readouterr().err
+        assert "--limit" in command("diagnose", *map(str, pair), "--limit", bad, status=2).err

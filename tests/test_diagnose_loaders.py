@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from support import robots
 
 import screwgauge
 from screwgauge.casebook.book import CASES as BOOK
 from screwgauge.diagnosis import known, notes
-from screwgauge.models.readings.read import read
-from screwgauge.reference.errors import OutputError
+from support import robots
+from support.errors import OutputError
+from support.readings import draw, read
 
 BAR = (
     '<mujoco><option gravity="0 0 -1.62"/><worldbody><body name="bar" gravcomp="0.3"><joint name="j" axis="0 1 0" '
@@ -18,10 +18,8 @@ BAR = (
 
 
 @pytest.fixture
-def bar(tmp_path):
-    path = tmp_path / "bar.xml"
-    path.write_text(BAR, encoding="utf-8")
-    return path
+def bar(write):
+    return write("bar.xml", BAR)
 
 
 @pytest.mark.parametrize("sides", [("mujoco", "pinocchio"), ("pinocchio", "mujoco")])
@@ -41,17 +39,15 @@ def test_a_loader_that_leaves_something_out_is_named_and_the_proof_agrees(bar, s
         found.write_fix(tmp_path / "fixed.xml")
 
 
-def test_what_the_library_of_b_does_not_read_from_the_changed_file_is_named(bar, tmp_path):
-    other = tmp_path / "other.xml"
-    other.write_text(BAR.replace('mass="2"', 'mass="2.02"'), encoding="utf-8")
+def test_what_the_library_of_b_does_not_read_from_the_changed_file_is_named(bar, tmp_path, write):
+    other = write("other.xml", BAR.replace('mass="2"', 'mass="2.02"'))
     found = screwgauge.diagnose(f"{bar}@mujoco", f"{other}@pinocchio")
     assert found.verdict.endswith("(casebook: pin-mjcf-gravity, pin-mjcf-springs, pin-mjcf-gravcomp).")
     assert (found.proof.on, found.proof.agrees) == ("file", True)
     assert "pinocchio reads no gravity from the file" in found.not_fixed
     found.write_fix(tmp_path / "fixed.xml")
     assert screwgauge.diagnose(bar, tmp_path / "fixed.xml").same
-    copy = tmp_path / "copy.xml"
-    copy.write_text(BAR, encoding="utf-8")
+    copy = write("copy.xml", BAR)
     found = screwgauge.diagnose(f"{bar}@mujoco", f"{copy}@pinocchio")
     assert "pinocchio does not use what the file says of" in found.verdict
     assert (found.proof.on, found.proof.agrees) == ("reading", True)
@@ -77,8 +73,6 @@ def test_the_difference_of_calls_is_that_of_the_libraries(tmp_path):
     import mujoco
     import numpy as np
     import pinocchio
-
-    from screwgauge.models.kinematics.tree import draw
 
     path = robots.write(tmp_path)[0]
     found = screwgauge.diagnose(f"{path}@mujoco", f"{path}@pinocchio", seed=3)

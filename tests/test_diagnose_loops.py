@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support import robots
 
 import screwgauge
-from screwgauge.diagnosis.causes.growth import SPEEDS, growth
-from screwgauge.engines.mujoco import plain
-from screwgauge.reference.errors import ClosureError
+from support import robots
+from support.causes import SPEEDS, growth
+from support.errors import ClosureError
+from support.trees import plain
 
 #: A planar four-bar in the x-z plane, closed at home.
 FOUR_BAR = """<mujoco><worldbody>
@@ -30,20 +30,11 @@ GEARED = """<mujoco><worldbody>
 </worldbody><equality><joint joint1="b" joint2="a" polycoef="0.1 0.5 {0} 0 0"/></equality></mujoco>"""
 
 
-@pytest.fixture
-def diagnosed(tmp_path):
-    def of(*texts):
-        for name, text in zip("ab", texts, strict=True):
-            (tmp_path / f"{name}.xml").write_text(text, encoding="utf-8")
-        return screwgauge.diagnose(tmp_path / "a.xml", tmp_path / "b.xml")
-
-    return of
-
-
 def four_bar(loop=PIN, axis="0 1 0"):
     return FOUR_BAR.format(loop=loop, axis=axis)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("other", "mobility", "said"),
     [
@@ -73,6 +64,7 @@ def test_a_closure_seen_from_its_other_end_is_the_same(diagnosed):
     assert scaled["Jdot v"] <= 1e-12
 
 
+@pytest.mark.slow
 def test_loops_that_no_pose_closes_are_refused(diagnosed):
     far = four_bar('<connect name="d" body1="coupler" body2="world" anchor="0 0.3 0"/>')
     apart = far.replace("<connect", '<joint joint1="a" polycoef="0.5 0 0 0 0"/><joint joint1="a"/><connect')
@@ -93,6 +85,7 @@ def test_the_curvature_of_a_joint_equality_that_mujoco_leaves_out_is_told_by_its
     assert diagnosed(straight, straight).same
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [

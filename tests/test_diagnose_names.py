@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from screwgauge.diagnosis.diagnose import diagnose
+from screwgauge import diagnose
 
 INERTIAL = '<inertial pos="{} .1 .05" mass="{}" diaginertia=".01 .02 .03"/>'
 #: A chain of three unlike hinges, and two fingers that slide along one line.

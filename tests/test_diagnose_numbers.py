@@ -7,9 +7,9 @@ import re
 import pytest
 
 import screwgauge
-from screwgauge.diagnosis.record import summary
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
+from support.diagnosis import summary
+from support.mechanism import load_mechanism
+from support.models import write_models
 
 #: One hinge; the frame of the body sits at an offset of the joint, or is turned about the hinge.
 ARM = """<mujoco><compiler angle="radian"/><option gravity="{g}"/><worldbody>
@@ -34,14 +34,9 @@ TURNED = {"euler": "0 0 1.5707963267948966", "axis": "1 0 0"}
 
 
 @pytest.fixture
-def diagnosed(write):
+def diagnosed(diagnosed):
     """Of the arm with some entries in A and others in B."""
-
-    def of(a: dict[str, str], b: dict[str, str]):
-        files = (write(f"{side}.xml", ARM.format(**USUAL | own)) for side, own in (("a", a), ("b", b)))
-        return screwgauge.diagnose(*files)
-
-    return of
+    return lambda a, b: diagnosed(ARM.format(**USUAL | a), ARM.format(**USUAL | b))
 
 
 def test_a_centre_of_mass_is_said_in_the_frame_of_each_file(diagnosed):
@@ -96,6 +91,7 @@ def test_a_body_of_several_links_names_those_that_have_mass(diagnosed):
     assert "with" not in diagnosed({"inside": frame}, {"inside": frame, "mass": "3"}).differences[0].sentence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("other", ["description", "full model file"])
 def test_masses_that_we_divide_among_copies_are_said_as_the_file_has_them(other, write, tmp_path):
     write("heavy.toml", 'extends = "five-bar"\nname = "heavy"\nbodies."right.rod".mass = 250\n')

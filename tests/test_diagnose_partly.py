@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge.diagnosis.diagnose import diagnose
+from screwgauge import diagnose
+
+pytestmark = pytest.mark.slow
 
 LEGS = [[f"{side}_leg_{joint}" for joint in ("hpz", "hpx", "kny", "akx")] for side in "lr"]
 EQUAL = ["back_z", "back_y", "back_x", *LEGS[0], *LEGS[1]]
@@ -58,6 +60,7 @@ def found(write):
     return diagnose(a, write("b.urdf", humanoid(2, "manus", 7, OTHER, "pelvis")))
 
 
+@pytest.mark.slow
 def test_identical_names_pair_joints_of_machines_that_have_little_else_in_common(found):
     assert {*found.pairing.joints} >= {*EQUAL}
     assert all(found.pairing.joints[name] == name and found.pairing.how[name] == "name" for name in EQUAL)
@@ -68,6 +71,7 @@ def test_identical_names_pair_joints_of_machines_that_have_little_else_in_common
     assert found.exit_status == 1
 
 
+@pytest.mark.slow
 def test_what_fits_is_compared_and_what_does_not_is_named(found):
     said = {(each.what, each.item_a or each.item_b): each.sentence for each in found.differences}
     missing = [sentence for (what, _), sentence in said.items() if what == "branch"]
@@ -94,6 +98,7 @@ def test_a_joint_of_the_same_name_and_another_kind_is_said_to_be_so(write):
     assert not found.same
 
 
+@pytest.mark.slow
 def test_joints_between_those_of_one_name_are_held(write):
     """B's back has a joint more between two that both have."""
     one, other = Robot(4), Robot(4)

@@ -6,18 +6,14 @@ import difflib
 
 import numpy as np
 import pytest
-from support.robots import mjcf, tree, urdf
 
-from screwgauge.diagnosis.causes.attribution import Largest, Torques
-from screwgauge.diagnosis.causes.backfill import backfill, write_fix
-from screwgauge.diagnosis.differences.change import Change, applied
-from screwgauge.diagnosis.files.patch import patched
-from screwgauge.diagnosis.files.xml_text import XmlText
-from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
-from screwgauge.models.kinematics.tree import draw, plant
-from screwgauge.models.readings.read import read
-from screwgauge.reference.errors import DescriptionError, OutputError
-from screwgauge.reference.rotations import rotation
+from support.causes import Largest, Torques, XmlText, backfill, patched, write_fix
+from support.diagnosis import Change, applied
+from support.errors import DescriptionError, OutputError
+from support.geometry import rotation
+from support.mechanics import inverse_dynamics
+from support.readings import draw, plant, read
+from support.robots import mjcf, tree, urdf
 
 #: Torques of a file that was changed and read again, over the largest: 17 digits, and MuJoCo's principal axes.
 AGAIN = 1e-13
@@ -77,6 +73,7 @@ PROPERTIES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", PROPERTIES)
 def test_a_changed_file_is_read_as_the_changed_reading(model, what):
     file, library, reading = model
@@ -127,14 +124,14 @@ def test_a_link_that_is_fixed_to_another_one_is_changed_itself(tmp_path):
     assert float(lines[0].split('"')[1]) == pytest.approx(3.25, rel=1e-12, abs=0)
 
 
-def test_a_body_of_two_links_that_have_to_lose_inertia_is_written_in_shares(tmp_path):
+def test_a_body_of_two_links_that_have_to_lose_inertia_is_written_in_shares(write):
     """No change of one of the links does: the other one alone has more inertia than the whole is to have."""
-    file = tmp_path / "model.xml"
-    file.write_text(
+    file = write(
+        "model.xml",
         """<mujoco><worldbody><body name="arm"><joint name="hinge" axis="0 1 0"/>
 <inertial pos="0 0 0.08" mass="0.5" diaginertia="0.05 0.05 0.05"/>
 <body name="hand" pos="0 0 0.1"><inertial pos="0 0 0" mass="0.5" diaginertia="0.05 0.05 0.05"/></body>
-</body></worldbody></mujoco>"""
+</body></worldbody></mujoco>""",
     )
     reading = read(file, "mujoco")
     wanted = {"mass": 1.5, "com": [0.002, 0.001, 0.1], "inertia": np.diag([0.006, 0.014, 0.017])}
@@ -156,9 +153,8 @@ def test_what_geoms_or_the_compiler_say_is_not_written(tmp_path):
     assert 'settotalmass="3"' in patch.left[0][1]
 
 
-def test_what_the_file_cannot_say_is_proved_on_the_reading(tmp_path):
-    file = tmp_path / "model.urdf"
-    file.write_text(urdf(tree(0)))
+def test_what_the_file_cannot_say_is_proved_on_the_reading(write):
+    file = write("model.urdf", urdf(tree(0)))
     b = read(file, "pinocchio")
     change = Change(list(b.joints)[1], "armature", np.array(0.3))
     wanted = torques(applied(b, [change]))
@@ -174,9 +170,8 @@ def test_what_the_file_cannot_say_is_proved_on_the_reading(tmp_path):
     assert not wrong.agrees
 
 
-def test_b_itself_is_never_overwritten(tmp_path):
-    b = tmp_path / "b.urdf"
-    b.write_text("old")
+def test_b_itself_is_never_overwritten(tmp_path, write):
+    b = write("b.urdf", "old")
     (tmp_path / "link.urdf").symlink_to(b)
     for out in (b, tmp_path / "link.urdf", tmp_path):
         with pytest.raises(OutputError):

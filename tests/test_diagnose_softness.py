@@ -5,18 +5,11 @@ from __future__ import annotations
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
+from support.command import main
+from support.diagnosis import linkage
 
-INERTIAL = '<inertial pos="0.1 0 0.02" mass="{0}" diaginertia="0.01 0.02 0.02"/>'
-#: A four-bar whose rod ends in a point of the rocker, and a tip that follows the crank.
-LINKAGE = (
-    f'<mujoco><worldbody><body name="crank"><joint name="a" axis="0 1 0"/>{INERTIAL}'
-    f'<body name="rod" pos="0 0 0.2"><joint name="b" axis="0 1 0"/>{INERTIAL}</body></body>'
-    f'<body name="rocker" pos="0.3 0 0"><joint name="c" axis="0 1 0"/>{INERTIAL}'
-    f'<body name="tip" pos="0 0 0.1"><joint name="d" axis="0 1 0"/>{INERTIAL}</body></body></worldbody>'
-    '<equality><connect name="loop" body1="rod" body2="rocker" anchor="0.3 0 0"{1}/>'
-    '<joint name="gear" joint1="d" joint2="a" polycoef="0 1 0 0 0"{2}/></equality></mujoco>'
-)
+pytestmark = pytest.mark.slow
+
 STIFF, YIELDING = ' solref="0.05 1"', ' solimp="0.8 0.9 0.002 0.4 3"'
 
 
@@ -24,12 +17,13 @@ STIFF, YIELDING = ' solref="0.05 1"', ' solimp="0.8 0.9 0.002 0.4 3"'
 def files(tmp_path):
     def of(*models):
         for name, model in zip("ab", models, strict=True):
-            (tmp_path / f"{name}.xml").write_text(LINKAGE.format(*model), encoding="utf-8")
+            (tmp_path / f"{name}.xml").write_text(linkage(*model), encoding="utf-8")
         return tmp_path / "a.xml", tmp_path / "b.xml"
 
     return of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("loop", "gear", "said"),
     [
@@ -66,9 +60,7 @@ def test_where_softness_does_not_differ_nothing_is_said_of_it(files):
     assert "soft" not in found.verdict
 
 
-def test_softness_is_written_into_the_fixed_file(files, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_softness_is_written_into_the_fixed_file(files, inside, command):
     a, b = map(str, files((1, STIFF, YIELDING), (1, "", STIFF)))
-    assert main(["diagnose", a, b, "--fix", "fixed.xml"]) == 1
-    capsys.readouterr()
+    command("diagnose", a, b, "--fix", "fixed.xml", status=1)
     assert main(["diagnose", a, "fixed.xml"]) == 0

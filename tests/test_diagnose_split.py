@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from screwgauge.diagnosis.diagnose import diagnose
+from screwgauge import diagnose
 
 INERTIAL = '<inertial pos="0.1 0 0" mass="1" diaginertia=".01 .02 .03"/>'
 MODEL = f"""<mujoco model="m"><worldbody><body name="base"><joint name="turn" axis="0 0 1"/>{INERTIAL}

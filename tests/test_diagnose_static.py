@@ -9,25 +9,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support import robots
 
+from screwgauge import diagnose
 from screwgauge.diagnosis import known
-from screwgauge.diagnosis.diagnose import diagnose
-from screwgauge.diagnosis.differences.change import Change, applied
-from screwgauge.diagnosis.differences.static import differences
-from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
-from screwgauge.diagnosis.mechanics.reshape import held, placed
-from screwgauge.diagnosis.model import Model
-from screwgauge.diagnosis.pairing.common import brought
-from screwgauge.diagnosis.pairing.mapping import paired
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
-from screwgauge.models.kinematics.home import rehomed
-from screwgauge.models.kinematics.tree import draw, plant
-from screwgauge.models.readings.assemble import matrix
-from screwgauge.models.readings.read import read
-from screwgauge.models.readings.renamed import renamed
-from screwgauge.reference.rotations import rotation
+from support import robots
+from support.diagnosis import ALL, Change, Model, applied, differences, digits_of, marked, without
+from support.geometry import rotation
+from support.mechanics import brought, held, inverse_dynamics, missing, paired, placed
+from support.mechanism import load_mechanism
+from support.models import write_models
+from support.readings import draw, matrix, plant, read, rehomed, renamed
 
 TILT = rotation(np.array([0.0, 0.6, 0.8]), np.array(1e-3))
 STEP = np.array([1e-3, 2e-3, -1e-3])
@@ -76,6 +67,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", CHANGES)
 def test_a_change_is_found_as_itself_and_undone_by_its_change(arms, what):
     a, b = arms
@@ -89,6 +81,7 @@ def test_a_change_is_found_as_itself_and_undone_by_its_change(arms, what):
     assert off(a, again) < 1e-13
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint", ["joint0", "joint3", "joint5", "joint6"])
 @pytest.mark.parametrize("size", [1e-2, 1e-6])
 def test_a_joint_that_sits_elsewhere_is_told_from_one_whose_axis_is_another(arms, joint, size):
@@ -155,9 +148,6 @@ def test_a_model_that_stands_elsewhere_under_other_names_is_the_same(arms):
 
 
 def test_a_joint_that_is_held_is_told_from_a_branch_that_is_missing(arms):
-    from screwgauge.diagnosis.differences.change import without
-    from screwgauge.diagnosis.pairing.branches import missing
-
     a, b = arms
     for other, word in ((held(b, ["joint6"]), "does not move"), (without(b, "joint6"), "missing in B")):
         pairing = paired(a, other)
@@ -168,8 +158,6 @@ def test_a_joint_that_is_held_is_told_from_a_branch_that_is_missing(arms):
 
 
 def test_printed_digits_are_told_as_such(arms):
-    from screwgauge.diagnosis.differences.digits import ALL, digits_of, marked
-
     a, b = arms
     third = {name: replace(body, mass=body.mass / 3) for name, body in a.bodies.items()}
     rounded = {name: replace(body, mass=float(f"{body.mass / 3:.6g}")) for name, body in b.bodies.items()}
@@ -190,8 +178,6 @@ def test_printed_digits_are_told_as_such(arms):
 
 @pytest.mark.parametrize(("size", "kind"), [(1e-6, "digits"), (1e-4, "convention")])
 def test_a_zero_that_a_printed_orientation_has_moved_is_digits(arms, size, kind):
-    from screwgauge.diagnosis.differences.digits import ALL, marked
-
     a, b = arms
     (said,) = marked(found(a, applied(b, [Change("joint3", "zero", np.asarray(size))])), (ALL, 6))
     assert (said.what, said.kind) == ("zero", kind)
@@ -214,8 +200,7 @@ def test_a_tensor_that_mujoco_turns_inexactly_is_told_as_such(arms, angle, statu
     assert ("casebook: mj-axes-before-3.14" in said.sentence) == (kind == "digits")
 
 
-def test_limits_of_a_description_are_compared_where_the_model_file_has_some(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_limits_of_a_description_are_compared_where_the_model_file_has_some(tmp_path, inside):
     text = """name = "arm"
     independent.a = "a"
     bodies.one = { mass = 1, com = [0.1, 0, 0], inertia = { xx = 1e-2, yy = 1e-2, zz = 1e-2 } }

@@ -7,9 +7,9 @@ import pytest
 
 import screwgauge
 from screwgauge.diagnosis import together as module
-from screwgauge.engines.mujoco import plain
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
+from support.mechanism import load_mechanism
+from support.models import write_models
+from support.trees import plain
 
 INERTIAL = '<inertial pos="0.2 0.05 0.1" mass="{}" fullinertia="0.02 0.03 0.04 0.001 0.002 -0.003"/>'
 MATTER = (
@@ -36,8 +36,7 @@ MJCF = (
 
 
 @pytest.fixture
-def files(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def files(tmp_path, inside):
 
     def write(**texts):
         for name, text in texts.items():
@@ -69,6 +68,7 @@ def test_a_urdf_that_floats_beside_an_mjcf(files):
     assert found.together.calls == ("rnea", "mj_inverse")
 
 
+@pytest.mark.slow
 def test_loops_in_either_cut_and_a_description_agree_at_closed_states(files, tmp_path):
     write_models(load_mechanism("a02-fourbar-2"), tmp_path)
     name = "a02-fourbar-2"
@@ -111,14 +111,13 @@ def test_what_is_not_compared_is_named_as_what_could_be_the_cause(files):
     assert not found.undecided
 
 
-def test_a_planar_joint_is_no_fault_of_the_library(tmp_path):
+def test_a_planar_joint_is_no_fault_of_the_library(write):
     """Pinocchio counts its linear velocity along the axes of the body that it carries."""
     inertial = (
         '<inertial><origin xyz="0.1 0.2 0.05"/><mass value="1"/>'
         '<inertia ixx="0.1" iyy="0.2" izz="0.25" ixy="0" ixz="0" iyz="0"/></inertial>'
     )
     joint = '<joint name="j" type="planar"><parent link="base"/><child link="b"/><axis xyz="0 0 1"/></joint>'
-    file = tmp_path / "planar.urdf"
-    file.write_text(f'<robot name="r"><link name="base"/><link name="b">{inertial}</link>{joint}</robot>')
+    file = write("planar.urdf", f'<robot name="r"><link name="base"/><link name="b">{inertial}</link>{joint}</robot>')
     found = screwgauge.diagnose(file, file)
     assert found.same, found.verdict

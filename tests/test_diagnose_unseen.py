@@ -5,36 +5,26 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support import robots
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.reference.errors import OutputError
+from support import robots
+from support.command import main
+from support.diagnosis import linkage
+from support.errors import OutputError
 
 INERTIAL = '<inertial pos="0.1 0 0.02" mass="1" diaginertia="0.01 0.02 0.02"/>'
-FOUR_BAR = (
-    f'<mujoco><worldbody><body name="crank"><joint name="a" axis="0 1 0"/>{INERTIAL}'
-    f'<body name="rod" pos="0 0 0.2"><joint name="b" axis="0 1 0"/>{INERTIAL}</body></body>'
-    f'<body name="rocker" pos="0.3 0 0"><joint name="c" axis="0 1 0"/>{INERTIAL}'
-    f'<body name="tip" pos="0 0 0.1"><joint name="d" axis="0 1 0"/>{INERTIAL}</body></body></worldbody>'
-    '<equality><connect name="loop" body1="rod" body2="rocker" anchor="0.3 0 0"/>'
-    '<joint name="gear" joint1="d" joint2="a" polycoef="0 1 0 0 0"/></equality>'
-    '<actuator><motor name="m" joint="a" gear="2"/></actuator></mujoco>'
-)
+FOUR_BAR = linkage(more='<actuator><motor name="m" joint="a" gear="2"/></actuator>')
 
 
 @pytest.fixture
-def diagnosed(tmp_path):
+def diagnosed(diagnosed):
     """Diagnosis of the linkage against a copy with some texts replaced."""
 
     def of(*edits, a=FOUR_BAR, b=FOUR_BAR):
-        text = b
         for old, new in edits:
-            assert text.count(old) == 1
-            text = text.replace(old, new)
-        for name, content in (("a.xml", a), ("b.xml", text)):
-            (tmp_path / name).write_text(content, encoding="utf-8")
-        return screwgauge.diagnose(tmp_path / "a.xml", tmp_path / "b.xml")
+            assert b.count(old) == 1
+            b = b.replace(old, new)
+        return diagnosed(a, b)
 
     return of
 
@@ -127,6 +117,7 @@ def test_beside_what_torques_show(diagnosed):
     assert "The motions that loops leave differ by 0." in found.verdict
 
 
+@pytest.mark.slow
 def test_what_no_torque_shows_is_put_right_in_the_file(tmp_path):
     """Alone, and beside what torques show."""
     path = robots.write(tmp_path)[1]
@@ -145,6 +136,7 @@ def test_what_no_torque_shows_is_put_right_in_the_file(tmp_path):
         assert screwgauge.diagnose(path, out).same
 
 
+@pytest.mark.slow
 def test_what_cannot_be_put_right_is_said(diagnosed, tmp_path, capsys):
     moved = ('<motor name="m" joint="a"', '<motor name="m" joint="c"')
     with pytest.raises(OutputError, match=r"nothing to write: no change of B's file is known for this: m: drives c"):
@@ -157,6 +149,7 @@ def test_what_cannot_be_put_right_is_said(diagnosed, tmp_path, capsys):
     )
 
 
+@pytest.mark.slow
 def test_softness_of_a_closure_and_of_a_coupling(diagnosed):
     found = diagnosed(('name="loop"', 'name="loop" solref="0.5 1"'))
     assert sentences(found) == ["loop: softness, solref (0.5000, 1) in B, (0.02000, 1) in A"]
@@ -200,6 +193,7 @@ TIES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", TIES)
 def test_closures_are_put_right_in_the_file(case, tmp_path):
     text = TIED
@@ -216,6 +210,7 @@ def test_closures_are_put_right_in_the_file(case, tmp_path):
     assert screwgauge.diagnose(paths[0], paths[2]).same
 
 
+@pytest.mark.slow
 def test_what_a_file_cannot_say_of_closures_is_said(tmp_path):
     """A site that others use does not move alone."""
     both = TIED.replace("<worldbody>", '<sensor><framepos objtype="site" objname="s"/></sensor><worldbody>')
@@ -247,9 +242,8 @@ def test_a_point_mass_on_its_axis_has_no_length_and_is_compared(tmp_path):
     assert "b: mass 1.500 kg in B, 1.000 kg in A (+50.00 %); explains 100.0000 %" in found.verdict
 
 
-def test_gravity_of_an_import_is_that_of_its_scene(tmp_path, monkeypatch):
+def test_gravity_of_an_import_is_that_of_its_scene(inside):
     """A description cannot say it; its scene can, and the model files that are made of both."""
-    monkeypatch.chdir(tmp_path)
     text = (
         f'<mujoco model="m"><option gravity="0 0 0"/><worldbody><body><joint name="j" axis="0 1 0"/>{INERTIAL}</body>'
     )

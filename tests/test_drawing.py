@@ -13,9 +13,11 @@ from pathlib import Path
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.reference.errors import ReportError
-from screwgauge.report.figures.renderer import RENDERER, DrawingError, losses
+from support.command import main
+from support.errors import ReportError
+from support.report import RENDERER, DrawingError, losses
+
+pytestmark = pytest.mark.slow
 
 ASKED = ["run", "slider-crank", "--engines", "screw", "--quantities", "joint_position"]
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" width="2" height="2"></svg>'
@@ -34,6 +36,7 @@ def short(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, preexec_fn=short_of_addresses, **more)
 
 
+@pytest.mark.slow
 def test_a_run_that_cannot_draw_has_verdict_results_and_a_report_that_says_what_is_missing(tmp_path):
     done = short(*ASKED, "--json", "--out", str(tmp_path / "out"))
     assert done.returncode == 3
@@ -50,6 +53,7 @@ def test_a_run_that_cannot_draw_has_verdict_results_and_a_report_that_says_what_
     assert (tmp_path / "out" / "plots" / "mechanism.svg").is_file()  # which needs no V8
 
 
+@pytest.mark.slow
 def test_a_diagnosis_that_cannot_draw_has_its_verdict(tmp_path):
     folder = Path(screwgauge.models.__file__).parent / "slider-crank"
     text = (folder / "slider-crank.xml").read_text(encoding="utf-8")
@@ -63,12 +67,14 @@ def test_a_diagnosis_that_cannot_draw_has_its_verdict(tmp_path):
     assert json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))["verdict"].count("mass 7.500 kg")
 
 
+@pytest.mark.slow
 def test_a_picture_of_a_mechanism_needs_no_v8(tmp_path):
     done = short("view", "slider-crank", "--png", str(tmp_path / "a.png"))
     assert (done.returncode, done.stderr) == (0, "")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_the_verdict_is_printed_and_the_numbers_are_there_before_anything_is_drawn(tmp_path, capfd, monkeypatch):
     seen = []
 
@@ -116,6 +122,7 @@ def test_a_process_that_never_answered_is_not_started_again_and_again(renderer, 
     assert renderer.process.pid == pid
 
 
+@pytest.mark.slow
 def test_what_is_lost_of_a_report_is_said_in_it_and_raised(tmp_path, monkeypatch):
     results = screwgauge.run(screwgauge.load_scene("slider-crank"), ["screw"], ["joint_position", "joint_velocity"])
     ask, calls = RENDERER.ask, []

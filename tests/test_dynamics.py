@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tolerances import PRINTED, PRINTED_COARSELY, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
 import screwgauge
-from screwgauge.problem import GivenMotion
-from screwgauge.reference.dynamics import force_matrix, joint_reactions
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
+from support.engines import IN_DOUBLES
+from support.scene import GivenMotion
+from support.solve import force_matrix, joint_reactions, layout, posed
+from support.tolerances import PRINTED, PRINTED_COARSELY, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
 
 def solve(scene, **changes):
@@ -44,7 +43,7 @@ def test_load_with_the_sign_of_eq_55():
 
 def test_system_has_54_equations_and_56_unknowns(paper):
     lay = layout(paper)
-    at = positions(lay, np.array([[0.1, 0.05]]), np.zeros(1))
+    at = posed(lay, 0.1, 0.05)
     reactions = joint_reactions(lay, at)
     c = force_matrix(lay, at, at.p[:, 1:], reactions)
     assert c.shape == (1, 54, 56)
@@ -67,7 +66,7 @@ def test_forces_derive_from_the_potential_at_rest(paper):
     y = np.array([0.21, 0.07])
 
     def potential(y):
-        at = positions(lay, y[None], np.zeros(1))
+        at = posed(lay, *y)
         com = [at.p[0, i + 1] + at.R[0, i + 1] @ body.com for i, body in enumerate(paper.bodies)]
         return 9.81 * sum(body.mass * r[2] for body, r in zip(paper.bodies, com, strict=True))
 
@@ -79,6 +78,7 @@ def test_forces_derive_from_the_potential_at_rest(paper):
     assert np.abs(Q - expected).max() < 0.1 * SLOPE_OF_ENERGY
 
 
+@pytest.mark.slow
 def test_actuators_deliver_the_power_of_the_generalized_forces():
     """Power of the actuators is power of the generalised forces, at 150 rad/s too."""
     scene = screwgauge.load_scene("3ups-upu-s-fast")
@@ -90,16 +90,18 @@ def test_actuators_deliver_the_power_of_the_generalized_forces():
     assert np.abs(power - of_actuators).max() < ROUND_TRIP * np.abs(power).max()
 
 
+@pytest.mark.slow
 def test_spherical_axial_gives_the_known_forces():
     scene = replace(screwgauge.load_scene("3ups-upu-s").at([1.0]), rule="spherical_axial")
-    for engine in ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"):
+    for engine in IN_DOUBLES:
         results = screwgauge.run(scene, engines=[engine], quantities=["actuator_force"])
         assert results.values("actuator_force")[0] == pytest.approx(
             [-619.6, -9437.5, -580.8, -7758.9], abs=PRINTED_COARSELY
         )
 
 
-@pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"])
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_spherical_axial_says_where_it_is_singular(engine):
     times = np.pi * np.arange(4)
     scene = replace(screwgauge.load_scene("3ups-upu-s").at([*times, 1.0]), rule="spherical_axial")

@@ -10,19 +10,30 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from asking import MOTION, check_same, further_engines, model_files
-from tolerances import LINEAR
 
 import screwgauge
-from screwgauge.engines.registry import ENGINES, Engine, Model, check_engines, get_engine
-from screwgauge.problem import GivenMotion, InitialValue, Integration, ModelFiles, Problem, States
-from screwgauge.quantities import GIVEN
-from screwgauge.reference.applied import GRAVITY, Load, hold
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
-from screwgauge.solution import Solution
+from screwgauge import ScrewgaugeError
+from support.acting import GRAVITY, Load, hold
+from support.engines import (
+    ENGINES,
+    MOTION,
+    Engine,
+    Model,
+    ModelFiles,
+    Problem,
+    Solution,
+    check_engines,
+    check_same,
+    further_engines,
+    get_engine,
+    model_files,
+)
+from support.errors import ModelFileError, UnknownNameError
+from support.scene import GIVEN, GivenMotion, InitialValue, Integration, States
+from support.tolerances import LINEAR
 
 LIBRARIES = {"truth": "flint", "drake": "pydrake"}  # what is not installed with the package
-FURTHER = {"toy": "toy_engine:TOY", "drake": "drake_engine:DRAKE"}
+FURTHER = {"toy": "support.toy_engine:TOY", "drake": "support.drake_engine:DRAKE"}
 LEGS = ("leg1", "leg2", "leg3", "leg4")
 
 #: Components of the 3-UPS-UPU-S, in the order that users rely on, and their units.
@@ -159,6 +170,7 @@ def test_components_units_and_shapes_are_those_of_the_contract(loaded, answered)
         assert np.isfinite(values.array).all(), name
 
 
+@pytest.mark.slow
 def test_a_simulation_has_joint_motions_work_and_cost(fall, fallen):
     solution = fallen
     assert {*solution.values} == MOTION
@@ -210,6 +222,7 @@ def test_states_with_accelerations_give_forces_of_the_tree(loaded, scene, pushed
         assert np.abs(found.array - expected.array).max() < LINEAR * np.abs(expected.array).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantity", ["joint_position", "body_angular_velocity", "com_acceleration", "actuator_force"])
 def test_nothing_but_what_is_wanted_is_computed(loaded, scene, answered, quantity):
     alone = loaded.ask(scene.problem([quantity]))
@@ -240,6 +253,7 @@ def test_what_is_answered_cannot_be_changed(answered):
             values.array[0, 0] = 1.0
 
 
+@pytest.mark.slow
 def test_a_loaded_model_may_be_asked_anything_in_any_order(loaded, given, request):
     """Twice the same, with other tasks and other gravity between: not one bit differs."""
     problems = [given, replace(given, applied=replace(given.applied, gravity=np.array([1.0, 2.0, 3.0])))]
@@ -253,6 +267,7 @@ def test_a_loaded_model_may_be_asked_anything_in_any_order(loaded, given, reques
     check_same(first[0], fresh.solve(problems[0]))
 
 
+@pytest.mark.slow
 def test_gravity_may_be_left_to_the_model_file(loaded, scene):
     problem = scene.under(gravity=np.array(GRAVITY)).problem(["generalized_force"])
     left = replace(problem, applied=replace(problem.applied, gravity=None))
@@ -260,6 +275,7 @@ def test_gravity_may_be_left_to_the_model_file(loaded, scene):
     assert np.array_equal(said, kept)
 
 
+@pytest.mark.slow
 def test_forces_are_linear_in_the_accelerations(loaded, scene):
     def force(factor: float) -> np.ndarray:
         motion = replace(scene.motion, ydd=factor * scene.motion.ydd)

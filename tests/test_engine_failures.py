@@ -8,20 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from asking import ask, model_files
 
 import screwgauge
-from screwgauge import load_scene
-from screwgauge.cli import main
-from screwgauge.engines.registry import ENGINES
-from screwgauge.solution import Values
+from support.command import main
+from support.engines import ENGINES, Values, ask, model_files
 
 QUANTITIES = ["joint_position", "generalized_force", "actuator_force"]
-
-
-@pytest.fixture
-def scene(paper_scene):
-    return load_scene(paper_scene())
 
 
 @pytest.fixture
@@ -59,6 +51,7 @@ def check_only_mujoco_failed(results, reason: str) -> None:
     assert set(results.pairs[~failed]["quantity"]) == set(QUANTITIES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "error",
     [ValueError("bad pose"), RuntimeError("bad\npose"), MemoryError("bad pose"), AssertionError("bad pose"),
@@ -99,6 +92,7 @@ def test_a_package_that_is_there_but_cannot_be_loaded_is_to_be_installed_anew(st
     assert reason == f"cannot be loaded ({error}); pip install --force-reinstall pin"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "target", ["screwgauge.engines.screw.model:nothing", "screwgauge.engines.screw.model", "json:dumps"]
 )
@@ -124,6 +118,7 @@ def test_the_stand_in_for_an_engine_is_accepted_when_it_answers_in_full(stand_in
     assert screwgauge.run(scene, quantities=QUANTITIES).exit_status == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("answer", "reason"),
     [(lambda problem: None, "TypeError"), (lambda problem: {}, "TypeError"), (cut_short, "1 samples of")],
@@ -175,13 +170,13 @@ def test_an_interrupted_run_writes_nothing(stand_in, paper_scene, tmp_path, capf
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("broken", [["mujoco"], ["pinocchio", "mujoco"], ["screw", "pinocchio", "mujoco"]])
-def test_the_report_is_written_all_the_same(broken, elsewhere, paper_scene, tmp_path, capfd, no_progress):
+def test_the_report_is_written_all_the_same(broken, elsewhere, paper_scene, tmp_path, command, no_progress):
     elsewhere("no_such_module_at_all:load", *broken)
     out = tmp_path / "out"
     names = ",".join(QUANTITIES)
-    assert main(["run", str(paper_scene()), "--quantities", names, "--out", str(out)]) == 3
-    said = capfd.readouterr()
+    said = command("run", str(paper_scene()), "--quantities", names, "--out", out, status=3)
     assert said.err == ""
     assert "FAILED" in said.out
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))

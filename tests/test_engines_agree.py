@@ -5,20 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import test_known_mechanisms as known
-from tolerances import AGREE, LINEAR, RECURSIVE
 
 import screwgauge
-from screwgauge.quantities import GIVEN
-from screwgauge.scene.read import load_scene, scene_names
-
-ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
+from screwgauge import load_scene
+from support.engines import IN_DOUBLES
+from support.scene import GIVEN, scene_names
+from support.tolerances import AGREE, LINEAR, RECURSIVE
 
 
 @pytest.fixture(scope="module", params=["3ups-upu-s", "3ups-upu-s-eq55", "3ups-upu-s-fast", "3ups-upu-s-offset"])
 def results(request):
     scene = screwgauge.load_scene(request.param)
     rows = np.unique(np.linspace(0, len(scene.motion) - 1, 31).astype(int))
-    return screwgauge.run(scene.at(scene.t[rows]), engines=ENGINES)
+    return screwgauge.run(scene.at(scene.t[rows]), engines=IN_DOUBLES)
 
 
 def test_all_built_in_scenes_are_tested():
@@ -27,12 +26,13 @@ def test_all_built_in_scenes_are_tested():
     assert given == here | {*known.NAMES}
 
 
+@pytest.mark.slow
 def test_every_pair_agrees_in_every_quantity(results):
     assert not results.failures
     pairs = results.pairs[~results.pairs["quantity"].str.startswith("tree_force")]
     assert pairs["max_scaled"].max() < LINEAR, pairs.loc[pairs["max_scaled"].idxmax()].to_dict()
     assert set(zip(pairs["a"], pairs["b"], strict=True)) == {
-        (a, b) for i, a in enumerate(ENGINES) for b in ENGINES[i + 1 :]
+        (a, b) for i, a in enumerate(IN_DOUBLES) for b in IN_DOUBLES[i + 1 :]
     }
     assert set(results.pairs["quantity"]) == set(GIVEN)
 
@@ -50,7 +50,7 @@ def test_soft_equality_stays_within_its_derived_tolerance(results):
 
 
 def test_every_engine_satisfies_the_judge(results):
-    assert set(results.judge["engine"]) == set(ENGINES)
+    assert set(results.judge["engine"]) == set(IN_DOUBLES)
     assert results.judge["max_scaled"].max() < AGREE, results.judge.loc[results.judge["max_scaled"].idxmax()].to_dict()
 
 

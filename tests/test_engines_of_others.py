@@ -6,24 +6,16 @@ import json
 import os
 import sys
 
-import hostile_engine
 import numpy as np
 import pytest
-from asking import ask, further_engines, model_files
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.engines.registry import ENGINES, engines, get_engine
-from screwgauge.solution import Solution, Values
-from screwgauge.study.apart import apart
 from screwgauge.study.sound import LONG
+from support import hostile_engine
+from support.command import main
+from support.engines import ENGINES, Solution, Values, ask, engines, further_engines, get_engine, model_files
 
 QUANTITIES = ["joint_position", "generalized_force"]
-
-
-@pytest.fixture
-def scene(paper_scene):
-    return screwgauge.load_scene(paper_scene())
 
 
 def right(problem) -> Solution:
@@ -40,6 +32,7 @@ def spoilt(results) -> str:
     return results.failures["mujoco"].reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", hostile_engine.WRONG)
 def test_an_answer_with_something_wrong_is_its_own_row(kind, stand_in, scene, tmp_path):
     change, word = hostile_engine.WRONG[kind]
@@ -52,6 +45,7 @@ def test_an_answer_with_something_wrong_is_its_own_row(kind, stand_in, scene, tm
         results.write(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # as the command line has it
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e308, -1e308, 5e-324])
 def test_any_double_can_be_compared_and_told(value, stand_in, scene, tmp_path):
@@ -72,6 +66,7 @@ def test_any_double_can_be_compared_and_told(value, stand_in, scene, tmp_path):
     results.write(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [np.float32, np.longdouble, ">f8", np.int64])
 def test_real_numbers_of_other_kinds_are_doubles(kind, stand_in, scene):
     def answer(problem):
@@ -107,7 +102,7 @@ def test_an_error_that_cannot_be_read_is_a_row(error, stand_in, scene):
 
 @pytest.mark.parametrize("source", ["NO_ENGINE", "LONG"])
 def test_what_describes_no_engine_is_an_engine_that_cannot_be_loaded(source, scene):
-    with further_engines({"loud": f"hostile_engine:{source}"}):
+    with further_engines({"loud": f"support.hostile_engine:{source}"}):
         assert engines()["loud"].meaning == "cannot be loaded"
         results = screwgauge.run(scene, ["screw", "loud"], QUANTITIES)
     assert [*results.failures] == ["loud"]
@@ -115,18 +110,20 @@ def test_what_describes_no_engine_is_an_engine_that_cannot_be_loaded(source, sce
 
 
 def test_an_engine_is_called_as_its_entry_says(scene):
-    with further_engines({"loud": "hostile_engine:IMPOSTOR"}):
+    with further_engines({"loud": "support.hostile_engine:IMPOSTOR"}):
         assert get_engine("loud").name == "loud"
         assert get_engine("screw") is ENGINES["screw"]
         results = screwgauge.run(scene, ["loud", "screw"], QUANTITIES)
     assert {name: answer.engine for name, answer in results.solutions.items()} == {"loud": "loud", "screw": "screw"}
 
 
-def test_nothing_that_an_engine_prints_stands_before_the_json(paper_scene, tmp_path, capfd, monkeypatch, no_progress):
-    monkeypatch.setattr("screwgauge.study.apart.apart", apart)  # in processes, as the command line does it
+@pytest.mark.slow
+def test_nothing_that_an_engine_prints_stands_before_the_json(
+    paper_scene, isolated, tmp_path, capfd, monkeypatch, no_progress
+):
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
     options = ["--engines", "screw,loud", "--quantities", "joint_position", "--json", "--out", str(tmp_path / "out")]
-    with further_engines({"loud": "hostile_engine:ENGINE"}):
+    with further_engines({"loud": "support.hostile_engine:ENGINE"}):
         assert main(["run", str(paper_scene()), *options]) == 0
     said = capfd.readouterr()
     assert json.loads(said.out)["ok"] is True
@@ -135,8 +132,8 @@ def test_nothing_that_an_engine_prints_stands_before_the_json(paper_scene, tmp_p
 
 
 def test_nothing_that_an_engine_prints_stands_in_a_list(capsys):
-    sys.modules.pop("hostile_engine", None)
-    with further_engines({"listed": "hostile_engine:ENGINE"}):
+    sys.modules.pop("support.hostile_engine", None)
+    with further_engines({"listed": "support.hostile_engine:ENGINE"}):
         assert main(["list", "engines"]) == 0
     said = capsys.readouterr()
     assert "imported" not in said.out

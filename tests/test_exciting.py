@@ -10,13 +10,14 @@ import pytest
 
 import screwgauge
 from screwgauge import exciting
-from screwgauge.cli import main
-from screwgauge.judging.coverage import coverage
-from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene import exciting as motions
-from screwgauge.scene.preflight import check_scene, far_from_home
-from screwgauge.scene.read import scene_names
-from screwgauge.study.ask import solve
+from support.command import main
+from support.engines import solve
+from support.errors import DescriptionError
+from support.judging import coverage
+from support.scene import check_scene, far_from_home, scene_names
+
+pytestmark = pytest.mark.slow
 
 #: Share of inertia in the actuator forces: 0.4 to 1.1 is seen, from 0.0008 on in the scenes' own motions.
 INERTIA = 0.3
@@ -47,6 +48,7 @@ def test_every_scene_with_a_given_motion_is_looked_at():
     assert given - {"3ups-upu-s-eq55", "3ups-upu-s-fast"} == set(TESTED)  # these two have the mechanism of another
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TESTED)
 def test_every_mechanism_moves_and_tests_all_that_it_can(name, monkeypatch):
     monkeypatch.setattr(motions, "SAMPLES", 13)  # and amplitudes that all of them can do: to find out takes long
@@ -96,6 +98,7 @@ def test_a_simulation_and_a_seed_for_nothing_are_refused(refused):
     assert "--seed is that of an exciting motion" in refused("run", "bennett", "--seed", "1")
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_motion_and_another_another():
     scene = screwgauge.load_scene("bennett")
     one, same, other = (exciting(scene, seed) for seed in (3, 3, 4))
@@ -104,6 +107,7 @@ def test_a_seed_gives_the_same_motion_and_another_another():
     assert (one.name, one.title) == ("bennett-exciting-3", "Bennett linkage, exciting motion of seed 3")
 
 
+@pytest.mark.slow
 def test_engines_agree_in_it_and_the_report_tells_it_as_toml(tmp_path, write, capsys, monkeypatch, no_progress):
     monkeypatch.setattr("screwgauge.report.figures.run.make_plots", lambda results: [])
     assert main(["run", "bennett", "--exciting", "--seed", "5", "--json", "--out", str(tmp_path / "out")]) == 0

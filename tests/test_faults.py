@@ -8,13 +8,15 @@ from contextlib import contextmanager
 import pandas as pd
 import pytest
 
-from screwgauge.cli import main
-from screwgauge.reference.errors import OutputError
 from screwgauge.report import write
-from screwgauge.report.folder import put_files
-from screwgauge.study.journal import Journal
-from screwgauge.study.table import added_to
 from screwgauge.truth import cache
+from support.bench import Journal
+from support.command import main
+from support.errors import OutputError
+from support.gate import added_to
+from support.report import put_files
+
+pytestmark = pytest.mark.slow
 
 RUN = ["run", "slider-crank", "--engines", "screw", "--quantities", "joint_position"]
 
@@ -45,29 +47,29 @@ def test_rows_before_the_disk_was_full_are_there_in_whole(tmp_path):
     assert pd.read_csv(file)["b"].tolist() == ["first", "third"]
 
 
-def test_a_check_whose_rows_cannot_be_kept_says_what_it_found(tmp_path, capfd, monkeypatch, no_progress):
+@pytest.mark.slow
+def test_a_check_whose_rows_cannot_be_kept_says_what_it_found(tmp_path, command, monkeypatch, no_progress):
     def keep(self, key, result):
         raise OutputError("cannot be written (no space left on device)", "check.partial.jsonl", "choose another --out")
 
     monkeypatch.setattr(Journal, "keep", keep)
-    assert main(["check", "slider-crank", "--smoke", "--out", str(tmp_path / "out")]) == 0
-    assert "1 of 1 pass" in capfd.readouterr().out
+    assert "1 of 1 pass" in command("check", "slider-crank", "--smoke", "--out", tmp_path / "out").out
 
 
-def test_a_run_whose_numbers_cannot_be_written_says_what_it_found(tmp_path, capfd, monkeypatch, no_progress):
+def test_a_run_whose_numbers_cannot_be_written_says_what_it_found(tmp_path, command, monkeypatch, no_progress):
     def put(*arguments):
         with files_of_at_most(500):  # several of them are longer
             put_files(*arguments)
 
     monkeypatch.setattr(write, "put_files", put)
-    assert main([*RUN, "--out", str(tmp_path / "out")]) == 2
-    said = capfd.readouterr()
+    said = command(*RUN, "--out", tmp_path / "out", status=2)
     assert "Only screw ran" in said.out
     assert said.out.endswith("report: none\n")
     assert "the folder cannot be written (" in said.err
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("home", [None, "", "/dev/null/home"])
 def test_who_has_no_home_runs_all_the_same(home, tmp_path, monkeypatch, no_progress):
     for name in (cache.VARIABLE, "XDG_CACHE_HOME", "HOME"):

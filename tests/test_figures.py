@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from itertools import combinations
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -13,11 +11,10 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from screwgauge.report.blocks import Picture
-from screwgauge.report.figures import chart
-from screwgauge.report.figures.bench import _error_and_time
 from screwgauge.report.figures.chart import straight, thin
-from screwgauge.report.figures.looks import by_camp
+from support.command import printed_by
+from support.pages import Picture
+from support.report import _error_and_time, by_camp, chart
 
 HOSTILE = "<script>alert(1)</script> </script> \"quoted\" 'too' & \x1b[31m \u202e \ud800 ${x} {{y}} " + 300 * "w"
 
@@ -47,6 +44,7 @@ def drawn(curves: dict[str, Any], title: str = "A title", unit: str = "q [m]", *
 AWKWARD = ([0.46, 0.46 + 1e-9], [0.0, 0.0], [-3e-7, 2e-7], [1e9, 1.2e9], [np.nan, np.nan], [-np.inf, 5.0, 6.0], [7.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("values", AWKWARD, ids=str)
 def test_whatever_the_numbers_the_picture_is_well_formed_and_the_same_twice(values: list[float], caplog) -> None:
     plot = drawn({"screw": values}, notes=["how to read it"])
@@ -150,11 +148,11 @@ def test_lines_of_a_camp_share_its_colour_and_differ_in_shape_and_dash() -> None
     assert len({(look.colour, look.shape, look.dash) for look in looks.values()}) == 14
 
 
+@pytest.mark.slow
 def test_only_what_draws_imports_the_library() -> None:
     code = (
         "import sys, screwgauge.report.results, screwgauge.commands; "
         "from screwgauge.report.figures import bench, chart, diagnosis, history, run, stress; "
         "print('vl_convert' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
+    assert printed_by(code).strip() == "False"

@@ -7,17 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tolerances import DENSE, FORMULA, LINEAR, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.applied import JointSpring, PointSpring
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, SingularPoseError, UnknownNameError
-from screwgauge.reference.forward import Forces, energy, forward, forward_dense, inertia_matrix
-from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.layout import layout
+from screwgauge import ScrewgaugeError
+from support.acting import Forces, JointSpring, PointSpring, energy
+from support.errors import DescriptionError, SingularPoseError, UnknownNameError
+from support.mechanism import DATA, load_mechanism
+from support.solve import forward, forward_dense, inertia_matrix, layout, moved, positions, velocities
+from support.tolerances import DENSE, FORMULA, LINEAR, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
-DATA = Path(__file__).parent / "data"
 SCENES = [
     "3ups-upu-s",
     "3ups-upu-s-eq55",
@@ -36,6 +34,7 @@ def at_rest_or_moving(scene, n=9):
     return scene, lay, rate, Forces(gravity=scene.applied.g, loads=scene.applied.loads)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES, ids=lambda name: Path(name).stem)
 def test_inverse_then_forward_returns_the_accelerations(name):
     scene, lay, rate, forces = at_rest_or_moving(screwgauge.load_scene(name))
@@ -75,7 +74,7 @@ def pendulum():
     """The double pendulum at three poses that move."""
     lay = layout(load_mechanism(DATA / "pendulum.toml"))
     y = np.array([[0.3, -0.2], [1.1, 0.4], [-0.7, 0.9]])
-    return lay, velocities(lay, positions(lay, y, np.zeros(3)), np.array([[1.0, 2.0], [-3.0, 0.5], [0.0, 4.0]]))
+    return lay, moved(lay, y, np.array([[1.0, 2.0], [-3.0, 0.5], [0.0, 4.0]]))
 
 
 def test_a_joint_spring_is_the_motor_that_does_the_same(pendulum):
@@ -94,7 +93,7 @@ def test_a_point_spring_pulls_along_its_line(pendulum):
     y, h = rate.pose.q, 1e-6
 
     def stored(y):
-        still = velocities(lay, positions(lay, y, np.zeros(len(y))), np.zeros_like(y))
+        still = moved(lay, y, np.zeros_like(y))
         return energy(lay, still, Forces(gravity=np.zeros(3), springs=[spring]))
 
     slope = np.stack([(stored(y + h * e) - stored(y - h * e)) / (2 * h) for e in np.eye(2)], axis=1)
@@ -117,8 +116,7 @@ def test_energy_changes_by_the_power_of_dampers_and_motors(pendulum):
     h = 1e-5
 
     def later(s):
-        at = positions(lay, y + s * yd + 0.5 * s * s * ydd, np.zeros(3))
-        return velocities(lay, at, yd + s * ydd)
+        return moved(lay, y + s * yd + 0.5 * s * s * ydd, yd + s * ydd)
 
     def length(s):
         at = later(s).pose
@@ -180,7 +178,7 @@ axes = [[0, 0, 1]]
 """,
     )
     lay = layout(load_mechanism(path))
-    rate = velocities(lay, positions(lay, np.zeros((1, 1)), np.zeros(1)), np.zeros((1, 1)))
+    rate = moved(lay, np.zeros((1, 1)), np.zeros((1, 1)))
     with pytest.raises(ScrewgaugeError, match="the coordinate 'a' moves no mass"):
         forward(lay, rate, Forces())
 
@@ -221,7 +219,7 @@ actuated = true
 
 def response(path: Path, *y: tuple[float, float]):
     lay = layout(load_mechanism(path))
-    rate = velocities(lay, positions(lay, np.array(y), np.arange(len(y)) * 1.0), np.zeros((len(y), 2)))
+    rate = moved(lay, np.array(y), np.zeros((len(y), 2)))
     return forward(lay, rate, Forces(actuators=np.array([2.0, 3.0]), gravity=np.zeros(3)))
 
 

@@ -11,23 +11,31 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.engines.registry import ENGINES, Engine
-from screwgauge.engines.screw import model as screw
-from screwgauge.models.generate import write_models
-from screwgauge.problem import InitialValue
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.report.figures.bench import make_plots
-from screwgauge.report.pages.bench import SIMULATION
+from screwgauge import ScrewgaugeError
 from screwgauge.study.bench import forward_run as module
-from screwgauge.study.bench.contestant import TABLE, Contestant
-from screwgauge.study.bench.forward_run import FULL, QUICK, contest, simulated
-from screwgauge.study.bench.questions import simulation
-from screwgauge.study.bench.registry import simulators
-from screwgauge.study.bench.rows import ABSOLUTE, COLUMNS, CUT, FAILED, OK, absolute_table, bench_table
-from screwgauge.study.method import Method
+from support.bench import (
+    ABSOLUTE,
+    COLUMNS,
+    CUT,
+    FAILED,
+    FULL,
+    OK,
+    QUICK_SIMULATIONS,
+    TABLE,
+    Contestant,
+    absolute_table,
+    bench_table,
+    contest,
+    simulated,
+    simulation,
+    simulators,
+)
+from support.engines import ENGINES, Engine, Method, screw
+from support.models import write_models
+from support.report import SIMULATION, make_plots
+from support.scene import InitialValue
 
-PLAN = replace(QUICK, share=0.05, samples=5)
+PLAN = replace(QUICK_SIMULATIONS, share=0.05, samples=5)
 
 
 @pytest.fixture(scope="module")
@@ -168,11 +176,10 @@ def test_bad_input_is_said(scene):
         contest(scene, plan=PLAN, contestants=["screw-RK45"])
 
 
-def test_command_line(monkeypatch, tmp_path, capsys):
+def test_command_line(monkeypatch, tmp_path, command):
     monkeypatch.setattr(module, "QUICK", PLAN)
     arguments = ["bench", "a01-pendulum", "--quick", "--contestants", "screw-BDF", "--out", str(tmp_path)]
-    assert main(arguments) == 0
-    said = capsys.readouterr().out
+    said = command(*arguments).out
     assert "OpenSim" in said
     assert max(len(line) for line in said.splitlines()) <= 100 + len(str(tmp_path))
 

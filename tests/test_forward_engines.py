@@ -4,33 +4,27 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import model_files, simulate, simulate_scene
-from tolerances import DENSE, ENERGY_PER_ERROR, FOLLOWED, LINEAR, ROUND_TRIP
 
 import screwgauge
-from screwgauge.engines.methods import METHODS, SIZES
-from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.pinocchio.mover import PinocchioMover
-from screwgauge.models.generate import write_models
-from screwgauge.problem import InitialValue, Integration, ModelFiles
-from screwgauge.reference.applied import JointSpring, PointSpring, hold
-from screwgauge.reference.errors import ModelFileError, SingularPoseError, UnknownNameError
-from screwgauge.reference.forward import Forces, energy
-from screwgauge.reference.kinematics import velocities
-from screwgauge.reference.layout import layout
-from screwgauge.reference.pose import pose
-from screwgauge.scene.observables import observe
-from screwgauge.scene.scene import Scene
+from screwgauge import Scene
+from support.acting import Forces, JointSpring, PointSpring, energy, hold
+from support.engines import ModelFiles, model_files, simulate, simulate_scene
+from support.errors import ModelFileError, SingularPoseError, UnknownNameError
+from support.mechanism import DATA
+from support.models import write_models
+from support.scene import InitialValue, Integration, observe
+from support.solve import METHODS, SIZES, layout, pose, velocities
+from support.tolerances import DENSE, ENERGY_PER_ERROR, FOLLOWED, LINEAR, ROUND_TRIP
+from support.trees import MujocoMover, PinocchioMover
 
-DATA = Path(__file__).parent / "data"
 MOVERS = {"pinocchio": PinocchioMover, "mujoco": MujocoMover}
 ENGINES = tuple(MOVERS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", ["3ups-upu-s", "3ups-upu-s-fast", DATA / "four-bar-scene.toml"], ids=str)
 def test_inverse_then_forward_returns_the_accelerations(name, engine, tmp_path):
@@ -68,6 +62,7 @@ def scene_of(name: str, until: float = 1.0, **applied: object) -> tuple[Scene, n
     return scene.at(scene.known.t[rows]).under(**applied), scene.known.values[rows]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", UNTIL)
 def test_established_problem(name, engine):
@@ -209,6 +204,7 @@ class Sticking(METHODS["DOP853"]):
         return super().step()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tries", [1, 3, 99])
 def test_where_steps_shrink_it_goes_back_to_the_last_step_of_usual_size(tries, monkeypatch):
     begun = []

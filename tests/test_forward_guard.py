@@ -6,18 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import model_files, stopped_after
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.engines.registry import get_engine
-from screwgauge.judging.conditioning import LIMIT
-from screwgauge.reference.errors import ClosureError, ScrewgaugeError
-from screwgauge.report.markdown import markdown
-from screwgauge.report.pages.run import report
-from screwgauge.report.verdict import verdict
-from screwgauge.scene.plausible import doubts
-from screwgauge.scene.simulation import check_start
+from screwgauge import ScrewgaugeError
+from support.command import main
+from support.engines import get_engine, model_files, stopped_after
+from support.errors import ClosureError
+from support.judging import LIMIT
+from support.pages import markdown
+from support.report import report, verdict
+from support.scene import check_start, doubts
 
 FALL = """
 mechanism = "{mechanism}"
@@ -50,6 +48,7 @@ def run(path: Path, **more: object):
     return screwgauge.run(screwgauge.load_scene(path), **more)
 
 
+@pytest.mark.slow
 def test_a_motion_through_a_singular_pose_says_so_and_is_flagged_from_there_on(scene):
     """Falling freely, the platform tilts beyond b = 0.3568 rad, where its third rotation is no longer held."""
     results = run(

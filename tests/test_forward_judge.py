@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.judging.judge import judge
-from screwgauge.problem import States
-from screwgauge.solution import Solution, Values
-from screwgauge.study.ask import solve
+from support.engines import Solution, Values, solve
+from support.judging import judge
+from support.scene import States
 
 MOTION = ("joint_position", "joint_velocity", "joint_acceleration")
 
@@ -65,6 +64,7 @@ def test_a_right_motion_passes(driven):
     assert rows.loc["virtual_work", "max_scaled"] < 1e-14
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["motors", "springs", "loads"])
 def test_forces_of_another_scene_fail_though_their_energy_may_balance(driven, what):
     acting = driven.applied

@@ -7,16 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from asking import ask, model_files, stopped_after
-from tolerances import NINE_DIGITS, PUBLISHED, STEPPED
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.forward import Forces
-from screwgauge.reference.layout import layout
-from screwgauge.scene.simulation import check_start, eigenvalues
-from screwgauge.solution import Values
+from support.acting import Forces
+from support.engines import Values, ask, model_files, stopped_after
+from support.mechanism import load_mechanism
+from support.scene import check_start, eigenvalues
+from support.solve import layout
+from support.tolerances import NINE_DIGITS, PUBLISHED, STEPPED
 
 OBSERVABLES = {
     "a01-pendulum": ("x", "y"),
@@ -83,6 +81,7 @@ def test_pendulum_follows_its_reference():
     assert results.values("observable", "screw").shape == (3, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "until"), [("a03-andrews-ivp", 0.003), ("a04-bricard-box", 0.5)])
 def test_three_engines_and_the_reference_agree(name, until):
     """Each from its own model file; loops with redundant constraints, a spring and a motor among them."""
@@ -115,6 +114,7 @@ def test_work_of_a_damper_is_in_the_balance_of_energy(sprung):
     assert results.judge.set_index("residual").loc["energy_balance", "ok"]
 
 
+@pytest.mark.slow
 def test_judge_faults_a_motion_whose_energy_grows(stand_in):
     def wrong(problem):
         solution = pendulum(problem)
@@ -188,6 +188,7 @@ def test_eigenvalues_of_the_governor_are_the_known_ones():
         assert np.abs(found - value).min() < PUBLISHED[0] * abs(value) + PUBLISHED[1]
 
 
+@pytest.mark.slow
 def test_report_tells_of_start_springs_and_published_results(tmp_path):
     scene = screwgauge.load_scene("a05-governor").at([0.0, 0.05])
     results = screwgauge.run(scene, engines=["screw"])
@@ -206,7 +207,8 @@ def test_report_tells_of_start_springs_and_published_results(tmp_path):
     assert summary["warnings"] == []
 
 
-def test_command_line_runs_a_forward_scene(write, tmp_path, capsys):
+@pytest.mark.slow
+def test_command_line_runs_a_forward_scene(write, tmp_path, command):
     path = write(
         "short.toml",
         SPRUNG.format(
@@ -218,5 +220,4 @@ def test_command_line_runs_a_forward_scene(write, tmp_path, capsys):
             damping=0,
         ),
     )
-    assert main(["run", str(path), "--out", str(tmp_path / "out")]) == 0
-    assert "energy balance" in capsys.readouterr().out
+    assert "energy balance" in command("run", path, "--out", tmp_path / "out").out

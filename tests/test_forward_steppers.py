@@ -7,23 +7,28 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from asking import has_integrator, model_files, opening, simulate, simulate_scene
-from tolerances import CLOSED, DRIFT, FIRST_ORDER, FIRST_ORDER_WORK, LINEAR, ORDER
 
 import screwgauge
-from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.mujoco.settings import INTEGRATORS, REFINABLE
-from screwgauge.engines.mujoco.steps import sprung_model
-from screwgauge.engines.mujoco.tree import MujocoTree
-from screwgauge.engines.registry import get_engine
-from screwgauge.engines.tree.closed import close_tree
-from screwgauge.engines.tree.forces import tree_forces
-from screwgauge.models.loops import read_loops
-from screwgauge.problem import InitialValue
-from screwgauge.reference.applied import Applied, JointSpring, Load, PointSpring, hold
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.layout import layout
-from screwgauge.scene.observables import observe
+from support.acting import Applied, JointSpring, Load, PointSpring, hold
+from support.engines import get_engine, model_files, simulate, simulate_scene
+from support.errors import DescriptionError, UnknownNameError
+from support.models import read_loops
+from support.scene import InitialValue, observe
+from support.solve import layout
+from support.tolerances import CLOSED, DRIFT, FIRST_ORDER, FIRST_ORDER_WORK, LINEAR, ORDER
+from support.trees import (
+    INTEGRATORS,
+    REFINABLE,
+    MujocoMover,
+    MujocoTree,
+    close_tree,
+    has_integrator,
+    opening,
+    sprung_model,
+    tree_forces,
+)
+
+pytestmark = pytest.mark.slow
 
 
 def error(name, until, engine, **stepper):
@@ -42,6 +47,7 @@ def order(name, until, steps, **stepper):
     return np.log(errors[0] / errors[1]) / np.log(steps[0] / steps[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("integrator", "expected", "steps"), [("Euler", 1.0, (4e-3, 2e-3)), ("RK4", 4.0, (2e-2, 1e-2))]
 )
@@ -50,6 +56,7 @@ def test_pinocchio_steps_converge_on_a_closed_loop(integrator, expected, steps):
     assert found == pytest.approx(expected, abs=ORDER)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("integrator", "expected", "steps"),
     [
@@ -103,6 +110,7 @@ def held():
     return step
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_held_mechanism_opens_its_loops_by_millimetres(held, integrator):
     """7.3 mm in the end, by default, for every step and integrator; 15 um at the largest impedance."""
@@ -155,6 +163,7 @@ def test_springs_of_mujoco_are_ours():
         assert np.abs(data.qfrc_passive - tau).max() < LINEAR * np.abs(tau).max()
 
 
+@pytest.mark.slow
 def test_what_varies_is_held_over_each_step_and_said():
     """A load beside the centre of mass and springs at a cut joint: they end near the motion of finer steps."""
     scene = screwgauge.load_scene("a02-fourbar-2").at(np.array([0.0, 0.1, 0.3]))

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import toy_engine as toy
-from asking import further_engines
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.engines.registry import ENGINES, check_engines, engines, get_engine
-from screwgauge.problem import InitialValue, ModelFiles
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from support import toy_engine as toy
+from support.engines import ENGINES, ModelFiles, check_engines, engines, further_engines, get_engine
+from support.errors import DescriptionError, UnknownNameError
+from support.scene import InitialValue
 
 
 @pytest.fixture(scope="module", autouse=True)
 def installed():
-    with further_engines({"toy": "toy_engine:TOY"}):
+    with further_engines({"toy": "support.toy_engine:TOY"}):
         yield
 
 
@@ -26,6 +24,7 @@ def results(installed):
     return screwgauge.run(scene, engines=["screw", "toy", "pinocchio"])
 
 
+@pytest.mark.slow
 def test_comparison_names_quantity_component_and_size(results):
     assert results.exit_status == 1
     bad = results.pairs[~results.pairs["ok"]]
@@ -55,9 +54,8 @@ def test_judge_alone_names_loop_body_and_size(results):
     assert 0.5 * size < balance["max_abs"] <= 1.01 * size
 
 
-def test_further_engine_is_listed(capsys):
-    assert main(["list", "engines"]) == 0
-    said = capsys.readouterr().out
+def test_further_engine_is_listed(command):
+    said = command("list", "engines").out
     assert [line.split()[0] for line in said.splitlines()] == list(engines())
     assert said.splitlines()[-1].split() == ["toy", "a", "toy"]
 
@@ -88,7 +86,7 @@ def test_settings_of_a_further_engine_are_the_keywords_of_its_loader():
 
 
 def test_one_that_cannot_be_loaded_harms_nobody_else():
-    with further_engines({"bad": "no_such_module:ENGINE", "toy": "toy_engine:TOY"}):
+    with further_engines({"bad": "no_such_module:ENGINE", "toy": "support.toy_engine:TOY"}):
         scene = screwgauge.load_scene("3ups-upu-s-fast").at([0.3])
         results = screwgauge.run(scene, engines=["screw", "bad"], quantities=["joint_position"])
         assert results.failures["bad"].reason.startswith("not installed (No module named 'no_such_module')")
@@ -97,5 +95,5 @@ def test_one_that_cannot_be_loaded_harms_nobody_else():
 
 
 def test_a_name_of_this_package_is_not_taken_over():
-    with further_engines({"screw": "toy_engine:TOY"}):
+    with further_engines({"screw": "support.toy_engine:TOY"}):
         assert get_engine("screw") is ENGINES["screw"]

@@ -11,18 +11,16 @@ from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
-import bad_engines
 import pytest
-from gates import edited, scene, tell
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.report.gate import told
-from screwgauge.study.apart import Limits, apart
-from screwgauge.study.gate import run as gate_run
-from screwgauge.study.gate.items import Item
-from screwgauge.study.gate.measure import Settings
-from screwgauge.study.gate.run import NAME, check_items
+from screwgauge import Limits
+from support import bad_engines
+from support.command import main
+from support.gate import NAME, Item, Settings, check_items, gate_run, told
+from support.repository import edited, scene, tell
+
+pytestmark = pytest.mark.slow
 
 
 def worse(text: str, by: float) -> str:
@@ -33,6 +31,7 @@ def worse(text: str, by: float) -> str:
     return text.replace(written, repr(value * (1.0 + by)))
 
 
+@pytest.mark.slow
 def test_an_assertion_of_a_result_alone_fails_where_the_result_does(theirs):
     Path("edited.xml").write_text(worse(Path("four-bar.xml").read_text(encoding="utf-8"), 0.01), encoding="utf-8")
     scene_ = screwgauge.load_scene("turn.toml")
@@ -114,6 +113,7 @@ def test_digits_that_a_file_is_cut_to_are_admitted_and_no_more(theirs):
     assert not screwgauge.check("turn.toml").ok
 
 
+@pytest.mark.slow
 def test_two_model_files_are_a_pair(theirs):
     shutil.copy(theirs / "four-bar.xml", theirs / "other.xml")
     found = screwgauge.check("four-bar.urdf", "other.xml")
@@ -165,6 +165,7 @@ def test_smoke_takes_few_samples_and_says_what_they_test(theirs):
     assert row.coverage.startswith("The first 0.1 s.")
 
 
+@pytest.mark.slow
 def test_smoke_leaves_out_no_scene_however_large():
     (row,) = screwgauge.check("a02-fourbar-40", smoke=True).rows
     assert row.ok
@@ -181,6 +182,7 @@ def test_a_missing_engine_and_nan_fail(theirs, stand_in):
     assert ET.fromstring(found.junit()).get("errors") == "1"
 
 
+@pytest.mark.slow
 def test_the_command_leaves_files_for_ci(theirs, monkeypatch, capsys):
     edited(theirs / "four-bar.xml", lambda text: worse(text, 1e-6))
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(theirs / "summary.md"))
@@ -228,8 +230,8 @@ def test_a_kept_row_of_a_changed_model_is_not_taken(theirs):
     assert gate_run.fingerprint(Item("turn", ("turn.toml",))) != before
 
 
-def test_a_crash_costs_one_row(theirs, monkeypatch):
-    monkeypatch.setattr("screwgauge.study.apart.apart", apart)
+@pytest.mark.slow
+def test_a_crash_costs_one_row(theirs, isolated):
     names = ("segfault", "last")
     for name in names:
         (theirs / f"{name}.toml").write_text(scene(quantities='["joint_position"]'))
@@ -239,8 +241,8 @@ def test_a_crash_costs_one_row(theirs, monkeypatch):
     assert rows[0].sentence == "segfault: comparison: crashed: its process got SIGSEGV"
 
 
-def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs, monkeypatch):
-    monkeypatch.setattr("screwgauge.study.apart.apart", apart)
+@pytest.mark.slow
+def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs, isolated, monkeypatch):
     monkeypatch.setattr("screwgauge.study.apart._EXECUTORS", {})  # older processes know nothing of the new engines
     monkeypatch.syspath_prepend(theirs)
     bad_engines.install(theirs)
@@ -255,8 +257,8 @@ def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs
     assert "An engine failed: hog: MemoryError: nothing more is said." in rows[1].sentence
 
 
-def test_what_hangs_costs_its_row(theirs, monkeypatch):
-    monkeypatch.setattr("screwgauge.study.apart.apart", apart)
+@pytest.mark.slow
+def test_what_hangs_costs_its_row(theirs, isolated):
     (theirs / "hang.toml").write_text(scene(quantities='["joint_position"]'))
     rows = check_items([Item("hang", (f"{theirs}/hang.toml",))], Settings(tell), limits=Limits(seconds=0.5))
     assert rows[0].status == "failed"

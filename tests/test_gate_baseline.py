@@ -12,12 +12,10 @@ from dataclasses import replace
 
 import pytest
 
-from screwgauge.cli import main
-from screwgauge.reference.errors import DescriptionError, OutputError
-from screwgauge.reference.files import replace_file
-from screwgauge.report.gate import Check
-from screwgauge.study.gate.baseline import against, write_baseline
-from screwgauge.study.gate.row import Error, Row
+from screwgauge import Check
+from support.command import main, replace_file
+from support.errors import DescriptionError, OutputError
+from support.gate import Error, Row, against, write_baseline
 
 USUAL = Error("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True, "leg1", 0.5)
 
@@ -109,8 +107,8 @@ def test_what_could_not_be_checked_is_no_known_state(known):
     assert known.read_bytes() == before
 
 
-def test_updating_is_explicit(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+@pytest.mark.slow
+def test_updating_is_explicit(tmp_path, inside, command, capfd):
     usual = ["check", "a01-pendulum", "--smoke", "--baseline", "known.json"]
     assert main(usual) == 2
     assert main([*usual, "--update"]) == 0
@@ -120,9 +118,8 @@ def test_updating_is_explicit(tmp_path, monkeypatch, capsys):
     record = json.loads(before)
     record["scenes"]["a01-pendulum"]["errors"]["reaction [N] screw - mujoco"] = 1e-14
     (tmp_path / "known.json").write_text(json.dumps(record))
-    capsys.readouterr()
-    assert main(usual) == 1
-    assert "is no longer compared" in capsys.readouterr().out
+    capfd.readouterr()
+    assert "is no longer compared" in command(*usual, status=1).out
 
 
 @pytest.mark.parametrize("at", ["fsync", "replace"])
@@ -151,6 +148,7 @@ def test_a_full_disk_leaves_the_file_as_it_was(known, monkeypatch):
     assert [path.name for path in known.parent.iterdir()] == [known.name]
 
 
+@pytest.mark.slow
 def test_of_two_at_once_one_is_there_in_whole(known):
     code = "import pathlib, sys\nfrom screwgauge.reference.files import replace_file\n"
     code += "for i in range(200): replace_file(pathlib.Path(sys.argv[1]), sys.argv[2] * 10000)"

@@ -12,11 +12,8 @@ from datetime import UTC, datetime
 
 import pytest
 
-from screwgauge.cli import main
-from screwgauge.reference.errors import DescriptionError, OutputError, UnknownNameError
-from screwgauge.study.gate.baseline import against, write_latest
-from screwgauge.study.gate.row import Error, Row
-from screwgauge.study.gate.store import history, keep
+from support.errors import DescriptionError, OutputError, UnknownNameError
+from support.gate import Error, Row, against, history, keep, write_latest
 
 pytest.importorskip("duckdb", reason="duckdb is not installed")
 
@@ -35,6 +32,7 @@ def store(tmp_path):
     return tmp_path / "store"
 
 
+@pytest.mark.slow
 def test_checks_are_told_in_their_order_by_their_worst_error(store):
     found = history(store, "a")
     assert found["status"].tolist() == ["agree", "agree", "failed"]
@@ -44,9 +42,8 @@ def test_checks_are_told_in_their_order_by_their_worst_error(store):
     assert len(history(store)) == 6
 
 
-def test_the_command_shows_versions_where_they_change(store, tmp_path, capsys):
-    assert main(["history", "a", "--store", str(store), "--out", str(tmp_path / "out")]) == 0
-    lines = capsys.readouterr().out.splitlines()
+def test_the_command_shows_versions_where_they_change(store, tmp_path, command):
+    lines = command("history", "a", "--store", store, "--out", tmp_path / "out").out.splitlines()
     assert next(line for line in lines if line.startswith("2026-01-02")).endswith("  mujoco 2")
     assert {path.name for path in (tmp_path / "out" / "plots").iterdir()} == {"history.svg"}
 
@@ -61,6 +58,7 @@ def test_a_baseline_is_the_last_state_that_passed(store, tmp_path):
         write_latest(file, store, smoke=True)
 
 
+@pytest.mark.slow
 def test_a_kill_and_a_full_disk_leave_the_store_as_it_was(store, monkeypatch):
     before = {path.name: path.read_bytes() for path in store.glob("*.parquet")}
     code = (
@@ -80,6 +78,7 @@ def test_a_kill_and_a_full_disk_leave_the_store_as_it_was(store, monkeypatch):
     assert len(history(store, "a")) == 3
 
 
+@pytest.mark.slow
 def test_two_at_once_are_both_kept(store):
     code = (
         "import pathlib, sys\nfrom screwgauge.study.gate.row import Row\nfrom screwgauge.study.gate.store import keep\n"

@@ -9,20 +9,19 @@ import shutil
 from pathlib import Path
 
 import pytest
-from gates import scene
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.engines.tree.closure import Loops
 from screwgauge.judging import compare as comparing
+from support.command import main
+from support.repository import scene
+from support.trees import Loops
 
 
-def test_a_model_of_an_engine_that_does_not_run_keeps_a_gate_from_passing(theirs, capsys):
+def test_a_model_of_an_engine_that_does_not_run_keeps_a_gate_from_passing(theirs, command):
     text = scene('models.mujoco = "edited.xml"').replace('engines = ["screw", "mujoco"]', 'engines = ["screw"]')
     Path("turn.toml").write_text(text.replace('["screw"]', '["screw", "pinocchio"]'), encoding="utf-8")
     shutil.copy("four-bar.xml", "edited.xml")
-    assert main(["check", "turn.toml", "--junit", "junit.xml"]) == 1
-    said = capsys.readouterr().out
+    said = command("check", "turn.toml", "--junit", "junit.xml", status=1).out
     assert "FAILED: 0 of 1 pass." in said
     assert "turn: edited.xml (models.mujoco) is not read, as mujoco does not run. all else agrees" in said
     assert "all engines agree" not in said
@@ -32,10 +31,9 @@ def test_a_model_of_an_engine_that_does_not_run_keeps_a_gate_from_passing(theirs
     assert all(error.ok for error in row.errors)
 
 
-def test_one_engine_alone_agrees_with_nobody(theirs, capsys):
+def test_one_engine_alone_agrees_with_nobody(theirs, command):
     Path("turn.toml").write_text(scene().replace('["screw", "mujoco"]', '["screw"]'), encoding="utf-8")
-    assert main(["check", "turn.toml"]) == 0
-    said = " ".join(capsys.readouterr().out.split())
+    said = " ".join(command("check", "turn.toml").out.split())
     assert "agree" not in said.partition("report:")[0]
     assert "OK, but: 1 of 1 pass. Nothing was compared in turn: one engine ran" in said
     assert screwgauge.check("turn.toml").rows[0].status == "judged"
@@ -80,6 +78,7 @@ def enormous(name: str) -> None:
         file.truncate(10**10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
     [
@@ -116,6 +115,7 @@ def turned(self: Loops, at, V, A):
 right = Loops.bias
 
 
+@pytest.mark.slow
 def test_a_smoke_test_notices_what_only_the_full_cuts_see(monkeypatch):
     found = screwgauge.check("bennett", smoke=True).rows[0]
     assert found.ok
@@ -139,6 +139,7 @@ def scaled(by: float):
 each = comparing._components
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "instead", "said"),
     [
@@ -160,6 +161,7 @@ def test_a_smoke_test_notices_that_the_comparison_is_blind(name, instead, said, 
     assert said in row.sentence
 
 
+@pytest.mark.slow
 def test_engines_that_share_no_quantity_are_no_agreement(monkeypatch):
     monkeypatch.setattr(comparing, "combinations", lambda *arguments: [])
     (row,) = screwgauge.check("slider-crank").rows

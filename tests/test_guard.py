@@ -7,18 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
-from tolerances import EQUAL, TIGHT
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.judging.compare import compare
-from screwgauge.judging.conditioning import LIMIT, flagged
-from screwgauge.report.pages.run import estimates, summary, terminal
-from screwgauge.report.terminal import terminal as text
-from screwgauge.report.verdict import verdict
-from screwgauge.scene.preflight import check_scene
-from screwgauge.study.ask import solve
+from support.command import main
+from support.engines import solve
+from support.judging import LIMIT, compare, flagged
+from support.near import BASE, QUANTITIES, UPU, WRIST, before_upu, errors, moving_at
+from support.pages import terminal
+from support.report import estimates, run_in_terminal, summary, verdict
+from support.scene import check_scene
+from support.solve import layout, loop_equations, posed
+from support.tolerances import EQUAL, TIGHT
+
+pytestmark = pytest.mark.slow
 
 ENGINES = ["screw", "pinocchio", "mujoco", "truth"]
 
@@ -32,6 +33,7 @@ def ladder():
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES[:3])
 def test_estimates_are_never_below_the_error_and_not_far_above(ladder, engine):
     above = []
@@ -67,6 +69,7 @@ def test_estimates_hold_near_a_base_lock():
     assert flagged(screw)["joint_acceleration"][-1]
 
 
+@pytest.mark.slow
 def test_estimates_hold_where_nothing_is_at_rest():
     """The offset leg: its third rotation has to be solved for, and everything else with it."""
     scene = moving_at(np.random.default_rng(3).uniform(-0.3, 0.3, (10, 2)), scene="3ups-upu-s-offset")
@@ -79,6 +82,7 @@ def test_estimates_hold_where_nothing_is_at_rest():
             assert found.estimate[quantity].max() < LIMIT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [1e-3, 1e-8])
 def test_the_full_cut_flags_what_it_loses_at_a_chart_lock(distance):
     """Its tree has the wrist's angles, so that their lock is one of its forces too."""
@@ -98,6 +102,7 @@ def test_the_judge_says_what_explains_a_residual():
     assert (bad["reason"] == "within the error that screw admits by its conditioning").all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_next_to_singular_poses_nothing_is_wrong_without_a_flag(seed):
     rng = np.random.default_rng(seed)
@@ -154,6 +159,7 @@ def altered(scene, errors) -> tuple[bool, float, float, str]:
     return bool(pair["ok"]), pair["max_scaled"], pair["tolerance"], pair["reason"]
 
 
+@pytest.mark.slow
 def test_two_engines_agree_within_the_errors_that_their_conditions_explain_sample_by_sample():
     scene = moving_at([[0.1, 0.2], *before_upu(10.0**-2.3, 1, seed=1)])  # one well conditioned, one not
     ok, error, tolerance, reason = altered(scene, [0.0, 0.9])
@@ -190,11 +196,11 @@ def test_summary_report_and_terminal_tell_of_the_guard(ladder):
     assert (theirs["ok"], theirs["flagged"]) == (False, 3)
     assert theirs["condition"] > 1e5
     assert theirs["worst_t"] in results.times
-    assert "flagged (pinocchio" in text(terminal(results))
+    assert "flagged (pinocchio" in terminal(run_in_terminal(results))
     assert "no digit" in str(estimates(results))
     assert "✗ (3 of 3" in str(estimates(results))
     quiet = screwgauge.run(screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0]), engines=["screw"])
-    assert "\nconditioning: nothing flagged" in text(terminal(quiet))
+    assert "\nconditioning: nothing flagged" in terminal(run_in_terminal(quiet))
 
 
 def test_a_rule_without_solution_is_blamed_and_not_the_engine():
@@ -214,6 +220,7 @@ def test_a_rule_without_solution_is_blamed_and_not_the_engine():
     json.dumps(summary(results), allow_nan=False)
 
 
+@pytest.mark.slow
 def test_a_locked_chart_is_named_where_rates_are_refused():
     scene = moving_at([[0.0, 0.1], [WRIST, 0.0]])
     scene = replace(scene, task=replace(scene.motion, y=at_lock(scene)))
@@ -228,16 +235,12 @@ def test_a_locked_chart_is_named_where_rates_are_refused():
 
 def at_lock(scene) -> np.ndarray:
     """The second pose moved to where the wrist's chart locks, to rounding."""
-    from screwgauge.reference.closed.loops import loop_equations
-    from screwgauge.reference.kinematics import positions
-    from screwgauge.reference.layout import layout
-
     lay = layout(scene.mechanism)
     cut = [joint.name for joint in lay.tree.cuts].index("leg2.wrist")
     step, a = 1e-6, WRIST
 
     def condition(a: float) -> float:
-        at = positions(lay, np.array([[a, 0.0]]), np.zeros(1))
+        at = posed(lay, a, 0.0)
         found = float(loop_equations(lay).readers(at)[1][0, cut])
         return found if np.isfinite(found) else np.inf
 
@@ -249,6 +252,7 @@ def at_lock(scene) -> np.ndarray:
     return y
 
 
+@pytest.mark.slow
 def test_nothing_compared_is_no_success(paper_scene, tmp_path, capsys):
     engines = ["--engines", "pinocchio,pinocchio-full", "--quantities", "tree_force"]
     status = main(["run", str(paper_scene()), *engines, "--out", str(tmp_path / "o")])

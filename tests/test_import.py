@@ -10,16 +10,14 @@ import pinocchio
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.catalog import load_mechanism
+from screwgauge import ScrewgaugeError
 from screwgauge.models.importing import homes
-from screwgauge.models.importing.convert import Wanted
-from screwgauge.models.importing.model import Options, import_model
-from screwgauge.models.importing.write import description
-from screwgauge.problem import GivenMotion
-from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.scene.preflight import check_home
+from support.command import main
+from support.errors import ClosureError, DescriptionError
+from support.judging import agreed
+from support.mechanism import Mechanism, load_mechanism
+from support.models import Options, Wanted, description, import_model
+from support.scene import GivenMotion, check_home, sampled
 
 INERTIAL = '<inertial><origin xyz="{c}" rpy="0.3 -0.2 0.1"/><mass value="{m}"/>' + (
     '<inertia ixx="0.02" iyy="0.03" izz="0.025" ixy="0.001" ixz="-0.002" iyz="0.003"/></inertial>'
@@ -90,10 +88,9 @@ def test_an_arm_moves_as_its_file_says(tmp_path):
         assert got == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
-def test_what_is_written_is_what_was_imported(tmp_path):
+def test_what_is_written_is_what_was_imported(tmp_path, write):
     mechanism = import_model(robot(tmp_path, *ARM)).mechanism
-    path = tmp_path / "arm.toml"
-    path.write_text(description(mechanism), encoding="utf-8")
+    path = write("arm.toml", description(mechanism))
     check_same(load_mechanism(path), mechanism)
 
 
@@ -132,10 +129,8 @@ GRIPPER = """
 
 
 @pytest.fixture
-def gripper(tmp_path) -> Path:
-    path = tmp_path / "gripper.xml"
-    path.write_text(GRIPPER, encoding="utf-8")
-    return path
+def gripper(write) -> Path:
+    return write("gripper.xml", GRIPPER)
 
 
 def test_a_gripper_closes_its_loop_and_keeps_its_coupling(gripper):
@@ -155,9 +150,7 @@ def test_a_gripper_closes_its_loop_and_keeps_its_coupling(gripper):
 
 
 def test_a_gripper_runs(gripper):
-    scene = screwgauge.load_scene(gripper)
-    results = screwgauge.run(scene.at(scene.t[[3, 50]]))
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(sampled(gripper, [3, 50])))
     assert {"actuator_force", "reaction"} <= {*results.pairs["quantity"]}
 
 
@@ -191,6 +184,7 @@ LOOP = (
 YAML = "closed_loop: [['tip', 'eye']]\ntype: ['3d']\nname_mot: ['motor']\n"
 
 
+@pytest.mark.slow
 def test_a_loop_that_is_open_at_zero_is_assembled(tmp_path):
     path = robot(tmp_path, *LOOP)
     (tmp_path / "robot.yaml").write_text(YAML, encoding="utf-8")
@@ -201,9 +195,7 @@ def test_a_loop_that_is_open_at_zero_is_assembled(tmp_path):
     assert len(mechanism.independent) == 2  # the rod spins about itself: independent, and driven by nothing
     assert "motor" in mechanism.independent
     assert any("loops are open: 'loop1' by" in sentence for sentence in imported.remarks)
-    scene = screwgauge.load_scene(path)
-    results = screwgauge.run(scene.at(scene.t[[3, 50]]))
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(sampled(path, [3, 50])))
     assert "actuator_force and reaction are left out: the actuated joints drive 1 of 2" in " ".join(results.warnings)
     assert "generalized_force" in {*results.pairs["quantity"]}
 
@@ -223,9 +215,9 @@ FOOT = """<mujoco model="leg"><compiler angle="radian"/><worldbody><body name="s
 <actuator><motor joint="knee"/><motor joint="foot"/></actuator>{}</mujoco>"""
 
 
-def test_home_is_well_conditioned_and_within_the_limits_if_a_closed_pose_is(tmp_path):
-    path = tmp_path / "leg.xml"
-    path.write_text(FOOT.format(""), encoding="utf-8")
+@pytest.mark.slow
+def test_home_is_well_conditioned_and_within_the_limits_if_a_closed_pose_is(write):
+    path = write("leg.xml", FOOT.format(""))
     imported = import_model(path)
     mechanism = imported.mechanism
     check_home(mechanism)
@@ -238,9 +230,7 @@ def test_home_is_well_conditioned_and_within_the_limits_if_a_closed_pose_is(tmp_
     assert re.search(r"From the file's own home they close where it is 0\.\d+, with .*foot beyond limits\.", said)
     assert "left out" not in said
     assert import_model(path).mechanism.home.tolist() == mechanism.home.tolist()
-    scene = screwgauge.load_scene(path)
-    results = screwgauge.run(scene.at(scene.t[::25]))
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(sampled(path, slice(None, None, 25))))
     assert max(row.estimate for row in results.guard) < 1e-11
 
 
@@ -270,6 +260,7 @@ def test_ball_and_free_joints_close_loops_too(tmp_path):
     check_home(imported.mechanism)
 
 
+@pytest.mark.slow
 def test_a_loop_that_cannot_close_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(homes, "STARTS", 8)
     far = [part.replace("0.45 0 0", "0.01 0 0") for part in LOOP]
@@ -281,12 +272,11 @@ def test_a_loop_that_cannot_close_is_named(tmp_path, monkeypatch):
         import_model(path)
 
 
-def test_what_is_driven_where_no_actuator_says_so_is_told_with_its_rule(gripper, tmp_path, capsys):
+def test_what_is_driven_where_no_actuator_says_so_is_told_with_its_rule(gripper, tmp_path, write, capsys):
     said = " ".join(import_model(robot(tmp_path, *ARM)).remarks)
     rule = "The file names no actuators: driven is every hinge and slide of the open chain that follows no other"
     assert f"{rule}, 'shoulder', 'elbow-joint', 'roll'; --actuated chooses others." in said
-    bare = tmp_path / "bare.xml"
-    bare.write_text(GRIPPER.replace('<motor joint="driver" gear="10"/>', ""), encoding="utf-8")
+    bare = write("bare.xml", GRIPPER.replace('<motor joint="driver" gear="10"/>', ""))
     said = " ".join(import_model(bare).remarks)
     rule = "The file names no actuators: driven is every independent coordinate that is a hinge or slide"
     assert f"{rule}, 'driver'; --actuated chooses others." in said
@@ -315,10 +305,9 @@ def test_choices_are_followed(gripper):
         import_model(gripper, Options(wanted=Wanted(actuated=["nobody"])))
 
 
-def test_import_writes_both_files_or_none(gripper, tmp_path, capsys):
+def test_import_writes_both_files_or_none(gripper, tmp_path, command):
     out = tmp_path / "made" / "grip.toml"
-    assert main(["import", str(gripper), "-o", str(out)]) == 0
-    said = capsys.readouterr().out
+    said = command("import", gripper, "-o", out).out
     assert "armature of 'driver'" in said
     assert "# Left out: armature of 'driver'" in out.read_text(encoding="utf-8")
     scene = screwgauge.load_scene(out)  # finds the scene beside it
@@ -327,21 +316,20 @@ def test_import_writes_both_files_or_none(gripper, tmp_path, capsys):
     assert main(["import", str(gripper), "-o", str(out)]) == 0  # what it wrote itself it writes again
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["grip.toml", "grip.scene.toml"])
 @pytest.mark.parametrize(
     "edited", [lambda text: "# mine\n", lambda text: text.replace("mass = 0.2", "mass = 0.3"), str.upper]
 )
-def test_what_somebody_has_worked_on_is_not_written_over(name, edited, gripper, tmp_path, capsys):
+def test_what_somebody_has_worked_on_is_not_written_over(name, edited, gripper, tmp_path, command):
     assert main(["import", str(gripper), "-o", str(tmp_path / "grip.toml")]) == 0
     (path := tmp_path / name).write_text(mine := edited(path.read_text(encoding="utf-8")) + "\n", encoding="utf-8")
-    assert main(["import", str(gripper), "-o", str(tmp_path / "grip.toml")]) == 2
-    assert "not as screwgauge wrote it" in capsys.readouterr().err
+    assert "not as screwgauge wrote it" in command("import", gripper, "-o", tmp_path / "grip.toml", status=2).err
     assert path.read_text(encoding="utf-8") == mine
 
 
-def test_a_description_alone_runs(tmp_path):
-    path = tmp_path / "alone.toml"
-    path.write_text(description(load_mechanism("slider-crank")), encoding="utf-8")
+def test_a_description_alone_runs(write):
+    path = write("alone.toml", description(load_mechanism("slider-crank")))
     scene = screwgauge.load_scene(path)
     assert len(scene.motion) > 50
     assert np.abs(scene.motion.ydd).max() > 0
@@ -364,12 +352,10 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_is_no_mechanism_is_refused_in_one_sentence(case, tmp_path, capsys):
+def test_what_is_no_mechanism_is_refused_in_one_sentence(case, tmp_path, write, command):
     text, reason = REFUSED[case]
-    path = tmp_path / "bad.urdf"
-    path.write_text(text, encoding="utf-8")
-    assert main(["import", str(path), "-o", str(tmp_path / "bad.toml")]) == 2
-    said = capsys.readouterr().err
+    path = write("bad.urdf", text)
+    said = command("import", path, "-o", tmp_path / "bad.toml", status=2).err
     assert reason in said
     assert said.count("\n") == 1
     assert not (tmp_path / "bad.toml").exists()
@@ -397,16 +383,15 @@ def planar(folder: Path, right_angle: str) -> Path:
     return robot(folder, *parts, name="planar.urdf")
 
 
-def test_a_robot_whose_limits_leave_no_motion_is_refused_by_joint_limits_and_file(tmp_path, monkeypatch, capsys):
+@pytest.mark.slow
+def test_a_robot_whose_limits_leave_no_motion_is_refused_by_joint_limits_and_file(tmp_path, inside, command):
     path = planar(tmp_path, "1.5707963267948966")
     text = path.read_text(encoding="utf-8").replace("lower", "LOWER").replace("upper", "UPPER")
     text = text.replace('LOWER="-3" UPPER="3"', 'lower="-3" upper="3"', 2)  # of ja and jb
     text = text.replace('LOWER="-3" UPPER="3"', 'lower="-1e-5" upper="2e-5"')  # of jc
     path.write_text(text, encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    for command in (["import", path.name, "-o", "out.toml"], ["run", path.name], ["bench", path.name]):
-        assert main(command) == 2
-        said = capsys.readouterr().err
+    for typed in (["import", path.name, "-o", "out.toml"], ["run", path.name], ["bench", path.name]):
+        said = command(*typed, status=2).err
         assert f"screwgauge: {path.name}: no motion of 0.01 rad or lengths about home" in said
         assert "it would leave the limits of 'jc' ([-1e-05, 2e-05] rad); widen the limits" in said
         assert "tmp" not in said.rpartition("no motion")[2]
@@ -422,8 +407,7 @@ def test_digits_that_lock_a_redundant_loop_are_blamed(tmp_path):
         import_model(planar(tmp_path, "1.5708"))
 
 
-def test_loops_written_as_robot_yaml_come_back(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_loops_written_as_robot_yaml_come_back(inside):
     assert main(["models", "slider-crank", "--include", "yaml", "--out", "."]) == 0
     imported = import_model(Path("slider-crank.urdf"), Options(loops=Path("slider-crank.yaml")))
     mechanism = load_mechanism("slider-crank")
@@ -432,6 +416,7 @@ def test_loops_written_as_robot_yaml_come_back(tmp_path, monkeypatch):
     check_home(imported.mechanism)
 
 
+@pytest.mark.slow
 def test_limits_that_a_coupling_cannot_keep_are_left_out(tmp_path):
     mimic = AXIS.format(0.5, 1.0) + '<mimic joint="shoulder" multiplier="-0.1"/>'
     parts = [part.replace(AXIS.format(0.5, 2.5), mimic) for part in ARM]

@@ -9,17 +9,15 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
-from asking import ask
 
-from screwgauge.models.catalog import load_mechanism, mechanism_names
-from screwgauge.models.generate import write_models
-from screwgauge.models.importing.model import import_model
-from screwgauge.models.importing.write import description
-from screwgauge.models.layout import lay_out
-from screwgauge.problem import GivenMotion, ModelFiles, Problem
-from screwgauge.reference.applied import Applied
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.rotations import Array
+from support.acting import Applied
+from support.engines import ModelFiles, Problem, ask
+from support.geometry import Array
+from support.mechanism import Mechanism, load_mechanism, mechanism_names
+from support.models import description, import_model, lay_out, write_models
+from support.scene import GivenMotion
+
+pytestmark = pytest.mark.slow
 
 #: Rounding of the numbers of a model file, of MuJoCo's principal axes and of merging a body with its copies.
 MASSES = 1e-13
@@ -68,6 +66,7 @@ def forces(mechanism: Mechanism, home: Array, folder: Path) -> dict[str, np.ndar
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "file"), CASES)
 def test_the_same_mechanism_comes_back(name, file, tmp_path):
     mechanism, found = imported(name, file)

@@ -11,17 +11,13 @@ import pytest
 from fuzz import document
 
 from screwgauge import ScrewgaugeError, load_scene
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import model_texts
-from screwgauge.models.loops import read_loops
-from screwgauge.reference.errors import DescriptionError, ModelFileError
-from screwgauge.reference.files import LIMITS, beside, read_file
+from support.command import LIMITS, beside, main, read_file
+from support.errors import DescriptionError, ModelFileError
+from support.mechanism import ROD, load_mechanism
+from support.models import read_loops
+from support.scene import check_home
 
 BOM = b"\xef\xbb\xbf"
-ROD = (
-    'name = "rod"\nindependent = { x = "h" }\nbodies.rod = { mass = 1, inertia = {} }\n'
-    'joints.h = { kind = "R", parent = "ground", child = "rod", axes = [[1, 0, 0]], actuated = true }\n'
-)
 SCENE = 'mechanism = "rod.toml"\nmotion = { csv = "motion.csv" }\n'
 CSV = "t,x,xd,xdd\n0,0,0,0\n1,0,0,0\n"
 FILES = {"scene.toml": SCENE, "rod.toml": ROD, "motion.csv": CSV}
@@ -32,11 +28,6 @@ def folder(tmp_path):
     for name, text in FILES.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     return tmp_path
-
-
-@pytest.fixture(scope="module")
-def models(paper):
-    return model_texts(paper)
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -159,12 +150,13 @@ def test_a_number_that_is_a_novel_is_refused(folder):
         load_mechanism(folder / "rod.toml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("engine", "suffix"), [("pinocchio", ".urdf"), ("mujoco", ".xml")])
 @pytest.mark.parametrize("damage", ["bom", "latin-1", "links", "fifo"])
-def test_a_model_file_is_read_as_all_others(engine, suffix, damage, models, tmp_path, paper_scene, refused, capfd):
-    from screwgauge.cli import main
-
-    text = models[f"3ups-upu-s{suffix}"].encode()
+def test_a_model_file_is_read_as_all_others(
+    engine, suffix, damage, paper_models, tmp_path, paper_scene, refused, capfd
+):
+    text = paper_models[f"3ups-upu-s{suffix}"].encode()
     end = text.rindex(b"</")
     many = {".urdf": b"<link name='x'/>", ".xml": b"<worldbody>" + b"<body></body>" * 2001 + b"</worldbody>"}
     data = {
@@ -193,16 +185,16 @@ def test_a_model_file_is_read_as_all_others(engine, suffix, damage, models, tmp_
         ('coordinates = ["s.q1"', 'coordinates = ["leg1.q1"', "joints: names 'leg1.q1' twice"),
     ],
 )
-def test_a_loops_file_that_names_something_twice_is_refused(old, new, what, models, write):
-    text = models["3ups-upu-s.loops.toml"]
+def test_a_loops_file_that_names_something_twice_is_refused(old, new, what, paper_models, write):
+    text = paper_models["3ups-upu-s.loops.toml"]
     assert old in text
     with pytest.raises(ModelFileError, match=what):
         read_loops(write("own.loops.toml", text.replace(old, new, 1)))
 
 
 @pytest.mark.parametrize("key", ["bodies", "joints", "closures", "tree", "independent"])
-def test_a_loops_file_with_a_number_in_the_place_of_a_list_is_refused(key, models, write):
-    data = tomllib.loads(models["3ups-upu-s.loops.toml"])
+def test_a_loops_file_with_a_number_in_the_place_of_a_list_is_refused(key, paper_models, write):
+    data = tomllib.loads(paper_models["3ups-upu-s.loops.toml"])
     with pytest.raises(ModelFileError, match=f"{key}: -1 is not a"):
         read_loops(write("own.loops.toml", document(data | {key: -1})))
 
@@ -217,8 +209,6 @@ def test_a_loops_file_with_a_number_in_the_place_of_a_list_is_refused(key, model
 )
 def test_a_loop_that_stays_open_says_how_far_in_its_unit(change, said, write):
     path = write("open.toml", f'extends = "3ups-upu-s"\nname = "open"\njoints.{change}\n')
-    from screwgauge.scene.preflight import check_home
-
     with pytest.raises(ScrewgaugeError, match=said) as caught:
         check_home(load_mechanism(path))
     assert "rad or m" not in str(caught.value)

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import integrate
-from tolerances import CLOSED, LINEAR
 
-from screwgauge.engines.methods import METHODS
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference.applied import JointSpring
-from screwgauge.reference.closed.branch import Branch
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.forward import Forces
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
+from support.acting import Forces, JointSpring
+from support.errors import DescriptionError, UnknownNameError
+from support.mechanism import DATA, load_mechanism
+from support.solve import METHODS, Branch, integrate, layout, positions
+from support.tolerances import CLOSED, LINEAR
 
-DATA = Path(__file__).parent / "data"
+pytestmark = pytest.mark.slow
+
 SLIDER_CRANK = """
 name = "dead-centre"
 [independent]
@@ -81,6 +76,7 @@ def best(sprung):
     return sprung(rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_all_methods_give_the_same_motion(sprung, best, method):
     found, times = sprung(name=method, rtol=1e-7, atol=1e-8), [0.0, 0.1, 0.35]
@@ -89,6 +85,7 @@ def test_all_methods_give_the_same_motion(sprung, best, method):
     assert np.array_equal(found.rates.pose.q[0], [0.4, 0.3])
 
 
+@pytest.mark.slow
 def test_forces_may_depend_on_time(pendulum):
     """Without gravity the second joint alone is 1 kg at 1 m: its angle is the torque integrated twice."""
     held = integrate(
@@ -102,6 +99,7 @@ def test_forces_may_depend_on_time(pendulum):
     assert np.abs(held.rates.pose.q[:, 1] - b).max() < LINEAR
 
 
+@pytest.mark.slow
 def test_singular_poses_are_stepped_over_when_met():
     """With a wide berth, condition 1000 or 0.006 rad, steps do meet them; no digit is lost by going around."""
     found = integrate(
@@ -118,6 +116,7 @@ def test_singular_poses_are_stepped_over_when_met():
     assert abs(found.energy[-1] - found.energy[0]) < 3e-6
 
 
+@pytest.mark.slow
 def test_where_the_coordinate_turns_back_what_was_computed_is_kept(write):
     """The piston cannot lead beyond dead centre, where its motion no longer determines that of the crank."""
     lay = layout(load_mechanism(write("dead-centre.toml", SLIDER_CRANK)))

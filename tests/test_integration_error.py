@@ -5,28 +5,25 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import ask, model_files
 from scipy.optimize import brentq
 
 import screwgauge
-from screwgauge.engines.methods import Pace
-from screwgauge.judging.compare import compare
+from screwgauge import Scene
 from screwgauge.judging.integration import MOST, WITHIN, Left, estimated
-from screwgauge.models.generate import write_models
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import pose
-from screwgauge.reference.rotations import within_half_turn
-from screwgauge.report.verdict import verdict
-from screwgauge.scene.scene import Scene
-from screwgauge.solution import REFERENCE, Solution, Values
 from screwgauge.study.simulated import loosened, observed
+from support.engines import REFERENCE, Solution, Values, ask, model_files
+from support.geometry import within_half_turn
+from support.judging import compared
+from support.mechanism import DATA
+from support.models import write_models
+from support.report import verdict
+from support.solve import Pace, layout
 
-DATA = Path(__file__).parent / "data"
+pytestmark = pytest.mark.slow
+
 SIBLING = """
 extends = "cart-pole"
 name = "sibling"
@@ -61,6 +58,7 @@ def fall(write):
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 @pytest.mark.parametrize("name", CARTS)
 def test_a_light_cart_that_darts_aside_does_not_stop_an_engine(fall, name, engine, tmp_path):
@@ -83,6 +81,7 @@ def test_steps_that_would_never_reach_the_end_are_told_from_a_fast_phase():
     assert Pace("Radau", 1e-12, 1.0).window > 10 * window
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cart-pole", "spatial-slider-crank"])
 def test_engines_agree_by_the_default_tolerance(name):
     scene = screwgauge.load_scene(name)
@@ -96,6 +95,7 @@ def test_engines_agree_by_the_default_tolerance(name):
     assert any("from further runs" in note for note in results.solutions["screw"].notes)
 
 
+@pytest.mark.slow
 def test_the_sibling_agrees_by_the_estimate(fall):
     results = screwgauge.run(fall("sibling"))
     assert results.ok, str(results)
@@ -110,6 +110,7 @@ def test_where_engines_agree_nobody_integrates_again(monkeypatch):
     assert screwgauge.run(screwgauge.load_scene("cart-pole").at([0.0, 0.2]), engines=["screw", "mujoco"]).ok
 
 
+@pytest.mark.slow
 def test_a_tolerance_of_the_scene_is_binding(fall):
     scene = replace(fall("cart-pole"), tolerances={"joint_velocity": 1e-10})
     results = screwgauge.run(scene, engines=["screw", "mujoco"], quantities=["joint_velocity"])
@@ -119,6 +120,7 @@ def test_a_tolerance_of_the_scene_is_binding(fall):
     assert "the tolerance is that of the scene" in verdict(results).text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "right", "wrong"),
     [
@@ -158,6 +160,7 @@ def honest(estimate: np.ndarray, error: np.ndarray) -> None:
     assert estimate[-1] < 1000.0 * error[-1] + 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "engine", "until"),
     [
@@ -211,6 +214,7 @@ def exact(name: str, times: tuple[float, ...]) -> np.ndarray:
     return np.array(found)[:, None]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])
 def test_the_estimate_holds_the_true_error_of_the_cart_pole(engine):
     """Rounding decides there: speeds of 4 km/s, of which the pole's own are what is left over."""
@@ -223,6 +227,7 @@ def test_the_estimate_holds_the_true_error_of_the_cart_pole(engine):
     assert error[-1] < 1e-7
 
 
+@pytest.mark.slow
 def test_the_estimate_grows_with_a_chaotic_motion(write):
     """A double pendulum that turns over: errors grow a hundred million times in twenty seconds."""
     text = FALL.format(mechanism=DATA / "pendulum.toml", duration=20, step=0.25).replace("1e-12", "1e-9")
@@ -251,15 +256,9 @@ def motions(late: float, early: float = 0.0) -> tuple[Scene, dict[str, Solution]
     return scene, found
 
 
-def compared(scene: Scene, found: dict[str, Solution]):
-    lay = layout(scene.mechanism)
-    counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
-    return compare(scene.mechanism, scene.problem(()), found, {}, counts, scene.tolerance)[1].iloc[0]
-
-
 def test_what_integration_leaves_at_the_end_is_not_admitted_at_the_beginning():
-    assert compared(*motions(late=6e-5))["ok"]
-    row = compared(*motions(late=6e-5, early=1e-6))
+    assert compared(*motions(late=6e-5))[1].iloc[0]["ok"]
+    row = compared(*motions(late=6e-5, early=1e-6))[1].iloc[0]
     assert not row["ok"]
     assert (row["worst_t"], row["max_abs"]) == (1.0, pytest.approx(1e-6))
     assert "at least" in row["reason"]
@@ -268,7 +267,7 @@ def test_what_integration_leaves_at_the_end_is_not_admitted_at_the_beginning():
 def test_more_than_ten_thousandths_is_not_put_down_to_integration():
     scene, found = motions(late=2e-3)
     grown = {name: replace(s, integration={"joint_position": {"rad": np.full(3, 1.0)}}) for name, s in found.items()}
-    row = compared(scene, grown)
+    row = compared(scene, grown)[1].iloc[0]
     assert not row["ok"]
     assert "more than 0.0001 is not put down to it" in row["reason"]
 

@@ -7,24 +7,16 @@ import pickle
 from dataclasses import replace
 from functools import partial
 
-import bad_works
 import numpy as np
 import pytest
-from asking import check_same, further_engines
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.engines.registry import ENGINES
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
-from screwgauge.solution import Failure, Values
-from screwgauge.study.apart import Limits, apart
-from screwgauge.study.ask import silent
+from screwgauge import Limits, ScrewgaugeError
+from support import bad_works
+from support.engines import ENGINES, Failure, Values, apart, check_same, further_engines, silent
+from support.errors import ModelFileError, UnknownNameError
 
-
-@pytest.fixture(autouse=True)
-def isolated(monkeypatch):
-    """As the command line does it, not as other tests do."""
-    monkeypatch.setattr("screwgauge.study.apart.apart", apart)
+pytestmark = pytest.mark.usefixtures("isolated")
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +27,7 @@ def ended():
     return apart(works, Limits(memory=0.5), silent)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "reason"),
     [
@@ -64,6 +57,7 @@ def test_a_process_is_asked_again_and_one_that_crashed_is_made_anew(ended):
     assert not isinstance(again["segfault"], Failure)
 
 
+@pytest.mark.slow
 def test_what_never_ends_is_stopped_and_the_next_one_is_not():
     (found,) = apart({"fine": bad_works.hang}, Limits(seconds=0.3), silent).values()
     assert found.reason.startswith("stopped after 0.3 s, ")
@@ -72,6 +66,7 @@ def test_what_never_ends_is_stopped_and_the_next_one_is_not():
     assert not isinstance(pid, Failure)
 
 
+@pytest.mark.slow
 def test_progress_is_that_of_all(tmp_path):
     seen, said = tmp_path / "seen", []
 
@@ -105,6 +100,7 @@ def test_what_travels_stays_read_only():
         values.array[0, 0] = 1.0
 
 
+@pytest.mark.slow
 def test_a_run_is_the_same_wherever_it_runs(paper_scene):
     scene = screwgauge.load_scene(paper_scene())
     there, here = (
@@ -114,23 +110,25 @@ def test_a_run_is_the_same_wherever_it_runs(paper_scene):
     assert there.exit_status == 0
 
 
-def test_a_crash_is_one_sentence_and_exit_3(monkeypatch, paper_scene, tmp_path, capfd, no_progress):
-    monkeypatch.setitem(ENGINES, "mujoco", replace(ENGINES["mujoco"], source="aborts_on_import:load"))
+@pytest.mark.slow
+def test_a_crash_is_one_sentence_and_exit_3(monkeypatch, paper_scene, tmp_path, command, no_progress):
+    monkeypatch.setitem(ENGINES, "mujoco", replace(ENGINES["mujoco"], source="support.aborts_on_import:load"))
     options = ["--engines", "screw,mujoco", "--quantities", "joint_position", "--out", str(tmp_path / "out")]
-    assert main(["run", str(paper_scene()), *options]) == 3
-    printed = capfd.readouterr()
+    printed = command("run", str(paper_scene()), *options, status=3)
     assert printed.err == ""
     assert "FAILED: An engine failed: mujoco: crashed: its process got SIGABRT." in " ".join(printed.out.split())
 
 
+@pytest.mark.slow
 def test_an_engine_of_another_package_that_ends_whoever_imports_it_is_a_row(paper_scene):
-    with further_engines({"bad": "aborts_on_import:ENGINE"}):
+    with further_engines({"bad": "support.aborts_on_import:ENGINE"}):
         results = screwgauge.run(screwgauge.load_scene(paper_scene()), ["bad"], ["joint_position"], limits=Limits())
     assert results.failures["bad"].reason == "crashed: its process got SIGABRT"
 
 
-def test_limits_are_options_of_the_command(monkeypatch, paper_scene, tmp_path, capfd, no_progress):
-    monkeypatch.setitem(ENGINES, "mujoco", replace(ENGINES["mujoco"], source="bad_works:load_hang"))
+@pytest.mark.slow
+def test_limits_are_options_of_the_command(monkeypatch, paper_scene, tmp_path, command, no_progress):
+    monkeypatch.setitem(ENGINES, "mujoco", replace(ENGINES["mujoco"], source="support.bad_works:load_hang"))
     options = [
         "--engines",
         "mujoco",
@@ -141,12 +139,11 @@ def test_limits_are_options_of_the_command(monkeypatch, paper_scene, tmp_path, c
         "--out",
         str(tmp_path / "out"),
     ]
-    assert main(["run", str(paper_scene()), *options]) == 3
-    assert "mujoco: stopped after 0.3 s" in " ".join(capfd.readouterr().out.split())
-    assert main(["run", str(paper_scene()), "--memory", "-1"]) == 2
-    assert "a limit of -1 GB" in capfd.readouterr().err
+    assert "mujoco: stopped after 0.3 s" in " ".join(command("run", str(paper_scene()), *options, status=3).out.split())
+    assert "a limit of -1 GB" in command("run", str(paper_scene()), "--memory", "-1", status=2).err
 
 
+@pytest.mark.slow
 def test_a_model_file_of_ones_own_is_bad_input_there_too(paper_scene, tmp_path):
     (tmp_path / "own.urdf").write_text("no robot", encoding="utf-8")
     scene = replace(screwgauge.load_scene(paper_scene()), models={"pinocchio": tmp_path / "own.urdf"})

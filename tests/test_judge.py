@@ -8,16 +8,11 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.judging.answer import answer_at
-from screwgauge.judging.compare import compare
-from screwgauge.judging.judge import judge
-from screwgauge.quantities import natural_scales
-from screwgauge.reference import screws
-from screwgauge.reference.equations import closure, dynamics, joint_types, kinematics
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import pose
-from screwgauge.solution import Solution, Values
+from support.engines import Solution, Values
+from support.equations import Dynamics, exchange
+from support.geometry import screws
+from support.judging import answer_at, compared, judge
+from support.scene import natural_scales
 
 
 @pytest.fixture(scope="module")
@@ -45,20 +40,13 @@ def test_nothing_is_found_where_nothing_is_wrong(scene):
     assert screwgauge.run(scene, engines=["screw"]).ok
 
 
-def exchange(monkeypatch, name, wrong):
-    """Puts another function in the place of one wherever the equations use it."""
-    for module in (joint_types, kinematics, closure, dynamics):
-        if hasattr(module, name):
-            monkeypatch.setattr(module, name, wrong)
-
-
 def test_sign_of_the_lie_bracket(scene, monkeypatch):
     exchange(monkeypatch, "lie_bracket", lambda first, second: -screws.lie_bracket(first, second))
     assert "loop_acceleration" in faults(scene)
 
 
 def test_dropped_gyroscopic_term(scene, monkeypatch):
-    right = dynamics.Dynamics.inertia
+    right = Dynamics.inertia
 
     def without(self, V, A):
         R, w = self.pose.R[:, 1:], V[:, 1:, :3]
@@ -67,7 +55,7 @@ def test_dropped_gyroscopic_term(scene, monkeypatch):
         found[:, 1:, 3:] -= np.cross(w, (J @ w[..., None])[..., 0])
         return found
 
-    monkeypatch.setattr(dynamics.Dynamics, "inertia", without)
+    monkeypatch.setattr(Dynamics, "inertia", without)
     found = set(faults(scene))
     assert {"newton_euler", "virtual_work"} <= found
     assert "power_balance" not in found  # w x J w does no work: power alone would not have told
@@ -86,7 +74,7 @@ def test_point_accelerations_as_eq_49_prints_them(scene, monkeypatch):
 
 def test_lever_arms_with_the_sign_of_eq_55(scene, monkeypatch):
     """Lever arms from the joint to the centre of mass, as the subscripts of eq. (55) say."""
-    right = dynamics.Dynamics.inertia
+    right = Dynamics.inertia
 
     def printed(self, V, A):
         found = right(self, V, A)
@@ -94,10 +82,11 @@ def test_lever_arms_with_the_sign_of_eq_55(scene, monkeypatch):
         found[:, platform, 3:] -= 2.0 * np.cross(self.com[:, platform - 1], found[:, platform, :3])
         return found
 
-    monkeypatch.setattr(dynamics.Dynamics, "inertia", printed)
+    monkeypatch.setattr(Dynamics, "inertia", printed)
     assert faults(scene)["newton_euler"].startswith("platform.m")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("quantity", "component", "residual", "named"),
     [
@@ -145,10 +134,8 @@ def test_engines_that_solved_different_samples_are_not_compared(scene):
     results = screwgauge.run(scene, engines=["screw"], quantities=["joint_position"])
     first = replace(results.solutions["screw"], rows=np.array([0, 1]))
     other = replace(first, engine="other", rows=np.array([2, 3]))
-    lay = layout(scene.mechanism)
-    counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
     both = {"screw": first, "other": other}
-    errors, pairs = compare(scene.mechanism, scene.problem(()), both, {}, counts, scene.tolerance)
+    errors, pairs = compared(scene, both)
     assert errors.empty
     assert pairs["reason"].tolist() == ["no sample in common"]
     assert not pairs["ok"].any()
@@ -166,11 +153,9 @@ def test_what_is_zero_is_measured_by_a_millionth_of_its_natural_scale(scene):
 
 
 def test_a_pair_is_unique_where_all_of_its_components_are(scene):
-    lay = layout(scene.mechanism)
-    counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
     first = screwgauge.run(scene, engines=["screw"], quantities=["reaction", "com_acceleration"]).solutions["screw"]
     both = {"screw": first, "other": replace(first, engine="other")}
-    errors, pairs = compare(scene.mechanism, scene.problem(()), both, {}, counts, scene.tolerance)
+    errors, pairs = compared(scene, both)
     by_unit = errors.groupby(["quantity", "unit"])["unique"]
     assert (by_unit.any() & ~by_unit.all()).sum() == 1  # forces of the joints: some are, some are not
     assert pairs.set_index(["quantity", "unit"])["unique"].to_dict() == by_unit.all().to_dict()

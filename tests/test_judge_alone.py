@@ -6,24 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from asking import ask, model_files
-from planar import Bar, four_bar
-from planar import moving as moving_bars
-from tolerances import LINEAR
 
-import screwgauge
-from screwgauge.engines.mujoco.tree import MujocoTree
-from screwgauge.engines.pinocchio.tree import PinocchioTree
 from screwgauge.engines.screw import inverse
-from screwgauge.engines.screw.model import ScrewModel
 from screwgauge.engines.tree import closed_forces
-from screwgauge.judging.judge import judge
-from screwgauge.quantities import GIVEN
-from screwgauge.reference import dynamics, reactions
-from screwgauge.reference.layout import layout
-from screwgauge.solution import Solution
+from support.engines import IN_DOUBLES, Solution, ask, model_files
+from support.judging import judge
+from support.planar import Bar, four_bar
+from support.planar import moving as moving_bars
+from support.scene import GIVEN, sampled
+from support.solve import ScrewModel, dynamics, layout, reactions
+from support.tolerances import LINEAR
+from support.trees import MujocoTree, PinocchioTree
 
-ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 NOT_ASKED = {
     "joint_position": {"loop_closure"},
     "joint_velocity": {"loop_closure", "loop_rate"},
@@ -40,8 +34,7 @@ NOT_ASKED = {
 
 
 def moving(name: str = "3ups-upu-s-fast", rule: str = "min_norm"):
-    scene = screwgauge.load_scene(name)
-    return replace(scene.at(scene.t[205:2000:500]), rule=rule)
+    return replace(sampled(name, slice(205, 2000, 500)), rule=rule)
 
 
 def answered(scene, engine: str, *quantities: str) -> Solution:
@@ -68,8 +61,9 @@ def shifted(solution: Solution, quantity: str, component: str, share: float) -> 
     return replace(solution, values={**solution.values, quantity: replace(values, array=array)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", ["min_norm", "spherical_axial"])
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_each_quantity_is_judged_though_nothing_else_was_asked(engine, rule):
     scene = moving(rule=rule)
     everything = answered(scene, engine)
@@ -97,7 +91,8 @@ def test_one_wrong_number_of_the_only_quantity_asked_is_found(quantity, componen
     assert residual in {*rows["residual"][~rows["ok"]]}
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_the_sign_of_all_moments_of_universal_joints(engine, monkeypatch):
     right = reactions._directions
 
@@ -110,7 +105,8 @@ def test_the_sign_of_all_moments_of_universal_joints(engine, monkeypatch):
     assert "newton_euler" in faults(scene, solution) & faults(scene, solution, "reaction")
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_forces_that_are_not_the_smallest(engine, monkeypatch):
     """A newton of preload: it balances, gives the right power, and is not what the rule says."""
     right = dynamics.min_norm
@@ -128,7 +124,8 @@ def test_forces_that_are_not_the_smallest(engine, monkeypatch):
     assert faults(scene, solution) == {"force_rule"} | ({"newton_euler"} if engine == "screw" else set())
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_a_spherical_joint_whose_force_lies_along_another_line(engine, monkeypatch):
     right = dynamics.across_direction
 
@@ -143,7 +140,8 @@ def test_a_spherical_joint_whose_force_lies_along_another_line(engine, monkeypat
         assert faults(scene, solution, *asked) == {"force_rule"}
 
 
-@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_a_sign_in_the_forces_of_the_open_tree(engine, monkeypatch):
     def signed(owner, name):
         right = getattr(owner, name)

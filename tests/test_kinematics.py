@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import CLOSED, DIFFERENCE, ROUNDING, TWENTY_DIGITS
 
-from screwgauge.reference import kinematics, screws
-from screwgauge.reference.graph import serial_chains
-from screwgauge.reference.kinematics import accelerations, chain_acceleration, positions, velocities
-from screwgauge.reference.layout import layout
-from screwgauge.reference.pose import chain_screws
+from support.geometry import screws
+from support.mechanism import load_mechanism, serial_chains
+from support.solve import (
+    accelerations,
+    chain_acceleration,
+    chain_screws,
+    kinematics,
+    layout,
+    moved,
+    positions,
+)
+from support.tolerances import CLOSED, DIFFERENCE, ROUNDING, TWENTY_DIGITS
 
 
 def motion(t):
@@ -23,8 +29,6 @@ def motion(t):
 
 @pytest.fixture(params=["3ups-upu-s", "3ups-upu-s-offset", "3ups-upu-s-table2"])
 def lay(request):
-    from screwgauge.models.catalog import load_mechanism
-
     return layout(load_mechanism(request.param))
 
 
@@ -33,6 +37,11 @@ T = np.linspace(0.0, 10.0, 23)
 
 def joints(lay, t):
     return positions(lay, motion(t)[0], t).q
+
+
+def rates(lay, t):
+    y, yd, _ = motion(t)
+    return moved(lay, y, yd)
 
 
 def test_loops_close_to_rounding(lay):
@@ -59,16 +68,16 @@ def test_third_rotation_vanishes_only_for_the_symmetric_leg(lay):
 
 def test_rates_are_derivatives_of_positions(lay):
     h = 1e-5
-    found = velocities(lay, positions(lay, motion(T)[0], T), motion(T)[1]).w
+    found = rates(lay, T).w
     assert np.abs((joints(lay, T + h) - joints(lay, T - h)) / (2 * h) - found).max() < DIFFERENCE
 
 
 def test_accelerations_are_derivatives_of_rates(lay):
     def w(t):
-        return velocities(lay, positions(lay, motion(t)[0], t), motion(t)[1]).w
+        return rates(lay, t).w
 
     h = 1e-5
-    rate = velocities(lay, positions(lay, motion(T)[0], T), motion(T)[1])
+    rate = rates(lay, T)
     found, _ = accelerations(lay, rate, motion(T)[2])
     assert np.abs((w(T + h) - w(T - h)) / (2 * h) - found).max() < DIFFERENCE
 
@@ -84,12 +93,11 @@ def chain_velocities(S, V):
 
 def test_every_chain_carries_the_platform_by_eq_15_and_eq_44(lay):
     """The loops of the graph and the chains of the paper are the same statement."""
-    at = positions(lay, motion(T)[0], T)
-    rate = velocities(lay, at, motion(T)[1])
+    rate = rates(lay, T)
     beta, A = accelerations(lay, rate, motion(T)[2])
     platform = lay.mechanism.body_index["platform"]
     for chain in serial_chains(lay.mechanism):
-        S = chain_screws(lay, chain, at)
+        S = chain_screws(lay, chain, rate.pose)
         columns = [column for edge in chain for column in lay.columns[edge.joint.name]]
         w, residual = chain_velocities(S, rate.V[:, platform])
         assert residual.max() < ROUNDING
@@ -115,14 +123,13 @@ def test_point_accelerations_are_derivatives_of_point_velocities(paper):
     lay = layout(paper)
 
     def point_velocity(t):
-        at = positions(lay, motion(t)[0], t)
-        V = velocities(lay, at, motion(t)[1]).V[:, 3]
-        r = at.p[:, 3] + at.R[:, 3] @ np.array([0.1, -0.2, 0.3])
-        return V, r, at
+        rate = rates(lay, t)
+        r = rate.pose.p[:, 3] + rate.pose.R[:, 3] @ np.array([0.1, -0.2, 0.3])
+        return rate.V[:, 3], r, rate
 
     h = 1e-5
-    V, r, at = point_velocity(T)
-    _, A = accelerations(lay, velocities(lay, at, motion(T)[1]), motion(T)[2])
+    V, r, rate = point_velocity(T)
+    _, A = accelerations(lay, rate, motion(T)[2])
     found = screws.acceleration_at(V, A[:, 3], r)
     ahead, behind = (screws.velocity_at(*point_velocity(T + s)[:2]) for s in (h, -h))
     assert np.abs((ahead - behind) / (2 * h) - found).max() < DIFFERENCE

@@ -7,15 +7,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from tolerances import LINEAR
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import GivenMotion
-from screwgauge.reference.layout import layout
-from screwgauge.reference.pose import pose
+from support.engines import IN_DOUBLES
+from support.judging import agreed
+from support.mechanism import load_mechanism
+from support.scene import GivenMotion
+from support.solve import layout, pose
+from support.tolerances import LINEAR
 
-ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 CLOSED = 1e-13  # of angles and lengths of order one
 FALLING = 1e-9  # what rounding makes of a momentum that is the difference of two a million times as large
 NAMES = [
@@ -27,7 +27,7 @@ NAMES = [
 @cache
 def solved(name: str):
     scene = screwgauge.load_scene(name)
-    return screwgauge.run(scene.at(scene.t[:: len(scene.t) // 6]), engines=ENGINES)
+    return screwgauge.run(scene.at(scene.t[:: len(scene.t) // 6]), engines=IN_DOUBLES)
 
 
 def moved(name: str):
@@ -43,11 +43,10 @@ def moved(name: str):
     return dict(zip(mechanism.coordinates, q.T, strict=True)), point, at.R[:, mechanism.body_index.get("platform", 0)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_all_engines_agree(name):
-    results = solved(name)
-    assert not results.failures
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    agreed(solved(name))
 
 
 def test_slider_crank():
@@ -64,6 +63,7 @@ def falling(name: str) -> tuple[dict[str, np.ndarray], np.ndarray]:
     return dict(zip(results.components("joint_position"), q.T, strict=True)), results.values("observable")
 
 
+@pytest.mark.slow
 def test_spatial_slider_crank():
     q, slider = falling("spatial-slider-crank")
     assert np.ptp(q["crank"]) > np.pi
@@ -216,7 +216,7 @@ def test_arm_of_seven_joints_holds_its_weight():
     scene = screwgauge.load_scene("arm7")
     y = np.array([0.3, -0.4, 0.2, -1.8, 0.5, 1.4, -0.6])
     zero = np.zeros((1, 7))
-    results = screwgauge.run(replace(scene, task=GivenMotion(np.zeros(1), y[None], zero, zero)), engines=ENGINES)
+    results = screwgauge.run(replace(scene, task=GivenMotion(np.zeros(1), y[None], zero, zero)), engines=IN_DOUBLES)
     assert results.ok
     T, axes, origins, centres = np.eye(4), [], [], []
     for angle, alpha, a, d, body in zip(

@@ -9,16 +9,19 @@ from functools import cache
 import pytest
 
 import screwgauge
-from screwgauge.solution import Solution
+from support.command import printed_by
+from support.engines import Solution
+
+pytestmark = pytest.mark.slow
 
 
 def modules_after(code: str) -> set[str]:
     """Names of the modules that a fresh Python has loaded after running `code`."""
     script = f"{code}\nimport sys\nprint('\\n' + ' '.join(sorted(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    return set(done.stdout.splitlines()[-1].split())
+    return set(printed_by(script).splitlines()[-1].split())
 
 
+@pytest.mark.slow
 def test_screw_alone_imports_no_engine():
     code = (
         "import screwgauge\n"
@@ -28,6 +31,7 @@ def test_screw_alone_imports_no_engine():
     assert not modules_after(code) & {"pinocchio", "mujoco", "yourdfpy", "vl_convert"}
 
 
+@pytest.mark.slow
 def test_screw_alone_on_the_command_line_imports_no_engine(paper_scene, tmp_path):
     arguments = ["run", str(paper_scene()), "--engines", "screw", "--quantities", "joint_position"]
     code = f"import screwgauge.cli\nassert screwgauge.cli.main({[*arguments, '--out', str(tmp_path / 'out')]}) == 0"
@@ -45,6 +49,7 @@ def solved(engine: str, *quantities: str) -> Solution:
     return screwgauge.run(scene, engines=[engine], quantities=quantities or None).solutions[engine]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])
 @pytest.mark.parametrize("quantity", ["joint_position", "joint_velocity", "com_acceleration", "generalized_force"])
 def test_only_what_was_asked_for_is_returned_and_unchanged(engine, quantity):
@@ -54,13 +59,14 @@ def test_only_what_was_asked_for_is_returned_and_unchanged(engine, quantity):
     assert len(alone.timings) < len(everything.timings)
 
 
-def test_a_reader_who_leaves_changes_no_exit_status(tmp_path):
+@pytest.mark.slow
+def test_a_reader_who_leaves_changes_no_exit_status(tmp_path, write):
     """``screwgauge ... | head`` with a comparison out of tolerance still ends with 1."""
-    scene = tmp_path / "strict.toml"
-    scene.write_text(
+    scene = write(
+        "strict.toml",
         'mechanism = "3ups-upu-s"\nengines = ["screw", "mujoco"]\nquantities = ["joint_position"]\n'
         "[motion.a]\noffset = 0.1\n[motion.b]\noffset = 0.1\n"
-        "[time]\ntimes = [0]\n[tolerances]\njoint_position = 1e-30\n"
+        "[time]\ntimes = [0]\n[tolerances]\njoint_position = 1e-30\n",
     )
     code = "import sys, screwgauge.cli; sys.exit(screwgauge.cli.main(sys.argv[1:]))"
     command = [sys.executable, "-c", code, "run", str(scene), "--out", str(tmp_path / "out")]

@@ -10,12 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 from time import monotonic
 
-import bad_works
 import pytest
 
+from screwgauge import Limits
 from screwgauge.study import apart as processes
-from screwgauge.study.apart import Limits, apart
-from screwgauge.study.ask import silent
+from support import bad_works
+from support.engines import apart, silent
 
 #: A program that puts work into processes and waits for it.
 PARENT = """
@@ -23,7 +23,7 @@ import sys
 from functools import partial
 from pathlib import Path
 
-import bad_works
+from support import bad_works
 
 kind, folder = sys.argv[1], Path(sys.argv[2])
 if kind == "program":
@@ -32,7 +32,7 @@ if kind == "program":
 
     from screwgauge.study.lifeline import tied
 
-    code = f"import bad_works; from pathlib import Path; bad_works.spins_in_c(None, Path({str(folder)!r}))"
+    code = f"from support import bad_works; from pathlib import Path; bad_works.spins_in_c(None, Path({str(folder)!r}))"
     with ThreadPoolExecutor(2) as pool:
         for _ in range(2):
             pool.submit(subprocess.run, [sys.executable, "-c", code], preexec_fn=tied())
@@ -61,6 +61,7 @@ def alive(pid: int) -> bool:
     return state not in "ZX"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="looks for processes as Linux shows them")
 @pytest.mark.parametrize("kind", ["spins", "spins_in_c", "waits", "program"])
 def test_what_runs_for_a_parent_that_is_killed_ends(kind, tmp_path):
@@ -88,6 +89,7 @@ def test_a_thread_that_has_ended_takes_no_process_with_it():
     assert apart({"thread": bad_works.fine}, Limits(), silent) == first
 
 
+@pytest.mark.slow
 def test_a_process_keeps_its_own_limit_of_time(monkeypatch):
     monkeypatch.setattr(processes, "GRACE", -59.9)  # long before the parent does
     (found,) = apart({"own-limit": bad_works.spin_in_c}, Limits(seconds=60.0), silent).values()

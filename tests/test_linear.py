@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge.reference import linear
+from support.geometry import linear
 
 #: Relative to the condition: rounding of an inverse.
 ROUNDING = 64 * linear.EPS

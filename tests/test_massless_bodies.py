@@ -6,14 +6,14 @@ import re
 
 import numpy as np
 import pytest
-from tolerances import LINEAR, STEPPED
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.check import check_models
-from screwgauge.models.generate import write_models
-from screwgauge.reference.errors import DescriptionError, SingularPoseError
-from screwgauge.scene.read import load_scene
+from screwgauge import load_scene
+from support.errors import DescriptionError, SingularPoseError
+from support.judging import agreed
+from support.mechanism import load_mechanism
+from support.models import check_models, write_models
+from support.tolerances import LINEAR, STEPPED
 
 TREES = ["pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 BOB = "mass = 1.3\ncom = [0.02, 0.01, -0.3]\ninertia = { xx = 2e-2, yy = 1.5e-2, zz = 1e-2, xy = 1e-3 }\n"
@@ -145,6 +145,7 @@ def scene(write):
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "lines"), [(CROSS, CROSSED), (FOUR_BAR, CRANKED), (PLATFORM, POSED)], ids=["cross", "coupler", "carriers"]
 )
@@ -163,18 +164,15 @@ def test_a_massless_cross_is_a_universal_joint(scene):
 
 
 def test_a_massless_cross_falls_as_a_universal_joint_does(scene):
-    results = screwgauge.run(scene(CROSS, FALLING), engines=["screw", "pinocchio", "mujoco"])
-    assert not results.failures
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(scene(CROSS, FALLING), engines=["screw", "pinocchio", "mujoco"]))
     same = screwgauge.run(scene(UNIVERSAL, FALLING), engines=["screw"])
     assert results.values("joint_position", "screw") == pytest.approx(same.values("joint_position"), abs=STEPPED)
 
 
+@pytest.mark.slow
 def test_a_platform_on_massless_carriers_falls_alike_in_all_engines(scene):
     start = "[forward]\nstart = { z = 1 }\nrates = { x = 0.5, z = -0.2, turn = 0.3 }"
-    results = screwgauge.run(scene(PLATFORM, start), engines=["screw", "pinocchio", "mujoco"])
-    assert not results.failures
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    agreed(screwgauge.run(scene(PLATFORM, start), engines=["screw", "pinocchio", "mujoco"]))
 
 
 def test_a_tree_that_ends_without_mass_is_simulated_by_screw_alone(scene):
@@ -204,6 +202,7 @@ axes = [[0, 0, 1]]
         screwgauge.run(scene(text, FALLING.replace("b = 0.4", "b = 0.4, c = 0")), engines=["screw"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [CROSS, FOUR_BAR, PLATFORM], ids=["cross", "coupler", "carriers"])
 def test_model_files_say_what_the_description_says(text, write, tmp_path):
     mechanism = load_mechanism(write("m.toml", text))

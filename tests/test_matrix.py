@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 
 from screwgauge.casebook.book import CASES
-from screwgauge.cli import main
 from screwgauge.report.pages.matrix import PAGE as page
 from screwgauge.study import matrix as study
+from support.command import main
 
 CASE = "fullinertia-order"
 AGREE = {"scene": "s", "status": "agree", "sentence": "", "errors": []}
@@ -109,6 +109,7 @@ def test_the_command_writes_the_table_and_a_page(made, tmp_path, capsys):
     assert "pin 3.9.0: no case runs at all." in text
 
 
+@pytest.mark.slow
 def test_the_package_answers_where_it_is_laid_out(tmp_path):
     """A real one: this Python stands for the fresh environment."""
     found = study.matrix(

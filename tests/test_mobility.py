@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import ROUNDING
 
-from screwgauge.reference import linear
-from screwgauge.reference.graph import serial_chains
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mobility import (
+from support.freedoms import (
     chain_constraints,
     exchange,
     mobility,
@@ -18,15 +13,17 @@ from screwgauge.reference.mobility import (
     output_freedoms,
     reciprocal_screws,
 )
-from screwgauge.reference.pose import chain_screws, pose
+from support.geometry import linear
+from support.mechanism import serial_chains
+from support.solve import at_home, chain_screws, layout, posed
+from support.tolerances import ROUNDING
 
 R, L, THETA = 0.8, 0.6, np.pi / 6
 
 
 @pytest.fixture
 def home(paper):
-    lay = layout(paper)
-    return lay, pose(lay, paper.home[None])
+    return at_home(paper)
 
 
 def spans_the_same(found, expected) -> bool:
@@ -76,7 +73,7 @@ def test_second_free_axis_turns_with_the_platform(paper):
     """Erratum: eq. (14) holds at a = 0 only; the second free axis is (0, cos a, sin a)."""
     lay = layout(paper)
     a = 0.3
-    at = positions(lay, np.array([[a, 0.1]]), np.zeros(1))
+    at = posed(lay, a, 0.1)
     expected = np.zeros((6, 2))
     expected[0, 0], expected[1:3, 1] = 1.0, [np.cos(a), np.sin(a)]
     assert spans_the_same(output_freedoms(lay, at), expected)
@@ -84,7 +81,7 @@ def test_second_free_axis_turns_with_the_platform(paper):
 
 def test_reciprocal_screws_do_no_work_at_any_pose(paper):
     lay = layout(paper)
-    at = positions(lay, np.array([[0.25, -0.1]]), np.zeros(1))
+    at = posed(lay, 0.25, -0.1)
     for chain in serial_chains(paper):
         S = chain_screws(lay, chain, at)[0]
         wrenches = reciprocal_screws(S)
@@ -94,7 +91,7 @@ def test_reciprocal_screws_do_no_work_at_any_pose(paper):
 
 def test_counts_of_the_paper(paper):
     lay = layout(paper)
-    found = mobility(lay, positions(lay, np.array([[0.2, 0.1]]), np.zeros(1)))
+    found = mobility(lay, posed(lay, 0.2, 0.1))
     assert (found.bodies, found.joint_freedoms, found.kutzbach, found.mobility) == (9, 26, 2, 2)
     assert (found.constraints, found.constraint_rank, found.overconstraints) == (52, 52, 0)
     assert found.actuation_redundancy == 2
@@ -102,7 +99,7 @@ def test_counts_of_the_paper(paper):
 
 def test_actuator_forces_are_not_unique_but_some_reactions_are(paper):
     lay = layout(paper)
-    found = mobility(lay, positions(lay, np.array([[0.2, 0.1]]), np.zeros(1)))
+    found = mobility(lay, posed(lay, 0.2, 0.1))
     unique = dict(zip(found.names, found.unique, strict=True))
     assert not any(unique[name] for name in paper.actuator_names)
     assert not unique["s.fz"]

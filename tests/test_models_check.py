@@ -11,14 +11,10 @@ import numpy as np
 import pytest
 
 from screwgauge.models import check
-from screwgauge.models.catalog import FOLDER, load_mechanism, mechanism_names
-from screwgauge.models.check import check_file, check_models, check_table
 from screwgauge.models.comparison import CheckRow
-from screwgauge.models.generate import write_models
-from screwgauge.models.mjcf import write_mjcf
-from screwgauge.models.urdf import write_urdf
-from screwgauge.reference.errors import UnknownNameError
-from screwgauge.reference.mechanism import Mechanism
+from support.errors import UnknownNameError
+from support.mechanism import FOLDER, Mechanism, load_mechanism, mechanism_names
+from support.models import check_file, check_models, check_table, write_mjcf, write_models, write_urdf
 
 READERS = [
     "loops",
@@ -50,6 +46,7 @@ def element(root: ET.Element, path: str) -> ET.Element:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("name", mechanism_names())
 def test_kept_files_say_what_the_description_says(name: str, reader: str) -> None:

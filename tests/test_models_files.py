@@ -9,19 +9,16 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from tolerances import PLACED
 
-from screwgauge.models.catalog import FOLDER, load_mechanism, mechanism_names
-from screwgauge.models.generate import model_texts, write_models
-from screwgauge.models.layout import lay_out
-from screwgauge.models.mjcf import PARTS, write_mjcf
-from screwgauge.models.urdf import write_urdf
-from screwgauge.reference.errors import OutputError, UnknownNameError
-from screwgauge.reference.mechanism import Mechanism
+from support.errors import OutputError, UnknownNameError
+from support.mechanism import FOLDER, Mechanism, load_mechanism, mechanism_names
+from support.models import PARTS, lay_out, model_texts, write_mjcf, write_models, write_urdf
+from support.tolerances import PLACED
 
 EXTRA_ELEMENTS = {"geom", "contact", "sensor", "exclude", "camera", "light", "asset", "tendon"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", mechanism_names())
 def test_kept_files_are_those_written_now(name: str) -> None:
     texts = model_texts(load_mechanism(name))
@@ -124,11 +121,10 @@ def test_a_folder_that_cannot_be_written_is_said(paper: Mechanism, tmp_path: Pat
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
 
 
-def test_pinocchio_reads_all_trees_of_the_mjcf(paper: Mechanism, tmp_path: Path) -> None:
+def test_pinocchio_reads_all_trees_of_the_mjcf(paper: Mechanism, write) -> None:
     """Its loader keeps only the first body below worldbody, so ground is that body."""
     pinocchio = pytest.importorskip("pinocchio")
-    path = tmp_path / "model.xml"
-    path.write_text(write_mjcf(paper, "minimal"), encoding="utf-8")
+    path = write("model.xml", write_mjcf(paper, "minimal"))
     loaded = pinocchio.buildModelFromMJCF(str(path))
     model = loaded[0] if isinstance(loaded, tuple) else loaded
     assert model.nv == 14

@@ -7,20 +7,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tolerances import CLOSED, PLACED
 
-from screwgauge.models.catalog import load_mechanism, mechanism_names
-from screwgauge.models.check import check_models, check_table, installed_readers
-from screwgauge.models.expected import home_poses, joint_transform
-from screwgauge.models.generate import write_models
-from screwgauge.models.layout import lay_out
-from screwgauge.models.loops import read_loops
-from screwgauge.models.mjcf import write_mjcf
-from screwgauge.models.readings.collapse import collapsed
-from screwgauge.models.readings.read import read
-from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
-from screwgauge.reference.rotations import Array
+from support.errors import DescriptionError
+from support.geometry import Array
+from support.mechanism import GROUND, Frame, Joint, Mechanism, load_mechanism, mechanism_names
+from support.models import (
+    check_models,
+    check_table,
+    home_poses,
+    installed_readers,
+    joint_transform,
+    lay_out,
+    read_loops,
+    write_mjcf,
+    write_models,
+)
+from support.readings import collapsed, read
+from support.tolerances import CLOSED, PLACED
 
 FOUR_BAR = """
 name = "four-bar" # a parallelogram, leaning by pi/6; its last joint is declared towards ground

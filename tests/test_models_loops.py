@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge.models.catalog import load_mechanism, mechanism_names
-from screwgauge.models.loops import loops_of, read_loops, write_loops
-from screwgauge.reference.errors import ModelFileError
-from screwgauge.reference.mechanism import Mechanism
+from support.errors import ModelFileError
+from support.mechanism import Mechanism, load_mechanism, mechanism_names
+from support.models import loops_of, read_loops, write_loops
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cut", ["minimal", "full"])
 @pytest.mark.parametrize("name", mechanism_names())
 def test_round_trip(name: str, cut: str, write) -> None:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import PLACED, TAKEN_APART
 
-from screwgauge.models.placement import number_text, quaternion, rpy
-from screwgauge.reference.rotations import Array, rotation
+from support.geometry import Array, number_text, quaternion, rotation, rpy
+from support.tolerances import PLACED, TAKEN_APART
 
 X, Y, Z = np.eye(3)
 

@@ -6,20 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from near import BASE, UPU, WRIST, before_upu, errors, moving_at
 
 import screwgauge
-from screwgauge.engines.screw.model import ScrewModel, Settings
-from screwgauge.problem import ModelFiles, Problem
-from screwgauge.reference.applied import Applied
-from screwgauge.reference.closed.resting import home_equations
-from screwgauge.reference.errors import SingularPoseError
-from screwgauge.reference.layout import layout
-from screwgauge.reference.precision import wide_force_matrix
-from screwgauge.scene.preflight import check_scene
-from screwgauge.scene.read import load_scene
-from screwgauge.study.ask import solve
-from screwgauge.study.method import Method
+from screwgauge import load_scene
+from support.acting import Applied
+from support.engines import Method, ModelFiles, Problem, solve
+from support.errors import SingularPoseError
+from support.near import BASE, UPU, WRIST, before_upu, errors, moving_at
+from support.scene import check_scene
+from support.solve import ScrewModel, Settings, home_equations, layout, wide_force_matrix
 
 THIRTEEN = 1e-13  # scaled; promised of forces that are found by virtual power
 FORCES = ("generalized_force", "actuator_force")
@@ -43,6 +38,7 @@ def test_nothing_is_held_where_it_moves():
         assert held == ([] if name.endswith("offset") else ["s.q3"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "quantity", [*FORCES, "joint_velocity", "joint_acceleration", "com_acceleration", "joint_position"]
 )
@@ -57,6 +53,7 @@ def test_reactions_lose_what_the_distance_says(close):
     assert worst <= 4 * np.finfo(float).eps / CLOSE * 10  # they grow as 1 / distance, and it is known to eps
 
 
+@pytest.mark.slow
 def test_the_newton_euler_system_has_the_same_forces():
     scene = moving_at(np.stack([np.linspace(-0.4, 0.4, 4), np.full(4, UPU - CLOSE)], axis=1), speed=0.1)
     whole = ScrewModel(layout(scene.mechanism), settings=Settings(whole_system=True))
@@ -110,6 +107,7 @@ ENGINES = ["screw", "pinocchio", "mujoco", "truth"]
 DYNAMICS = ["joint_acceleration", "com_acceleration", "tree_force", "generalized_force", "actuator_force"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1e-6, 1e6])
 def test_mass_ratios_cost_no_engine_its_digits(ratio, changed_scene):
     legs = [f"leg{k}.{half}" for k in range(1, 5) for half in ("lower", "upper")]
@@ -120,6 +118,7 @@ def test_mass_ratios_cost_no_engine_its_digits(ratio, changed_scene):
     assert results.pairs["max_scaled"].max() <= THIRTEEN, results.pairs.to_string()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.0, 1e3])
 def test_speed_costs_no_engine_its_digits(speed):
     scene = moving_at([[0.1, 0.2], [-0.3, 0.1], [0.2, -0.3]])
@@ -146,6 +145,7 @@ def test_a_motion_beyond_a_singular_pose_is_refused(paper_scene, refused):
     assert "the constraint of leg1.wrist is lost" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("y", "what"),
     [

@@ -12,13 +12,13 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.judging.compare import compare
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import pose
-from screwgauge.report.terminal import terminal
-from screwgauge.report.verdict import verdict
-from screwgauge.solution import Values
+from support.engines import Values
+from support.freedoms import mobility
+from support.judging import compare
+from support.pages import terminal
+from support.report import run_in_terminal, verdict
+from support.scene import sampled
+from support.solve import layout, pose
 
 SENTENCE = (
     "12 of 20 components of reaction have no unique value: they are not compared, and the digits are of the others"
@@ -27,8 +27,7 @@ SENTENCE = (
 
 @pytest.fixture(scope="module")
 def results():
-    scene = screwgauge.load_scene("slider-crank")
-    return screwgauge.run(scene.at(scene.t[::25]))
+    return screwgauge.run(sampled("slider-crank", slice(None, None, 25)))
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +41,7 @@ def open_(results):
     return results.errors[results.errors["rule"] == "undetermined"]
 
 
+@pytest.mark.slow
 def test_they_are_far_apart_and_carry_no_verdict(results, open_):
     assert open_["max_abs"].max() > 1.0  # newtons or newton metres
     assert not open_["unique"].any()
@@ -53,6 +53,7 @@ def test_they_are_far_apart_and_carry_no_verdict(results, open_):
     assert results.ok
 
 
+@pytest.mark.slow
 def test_in_the_table_their_cells_are_empty(open_, written):
     with (written / "errors.csv").open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if row["rule"] == "undetermined"]
@@ -93,6 +94,7 @@ def test_a_unique_component_that_differs_still_fails(results, open_):
     assert not errors.loc[errors["component"] == unique, "ok"].any()
 
 
+@pytest.mark.slow
 def test_the_plots_show_them_apart_and_without_a_tolerance(results, open_):
     pictures = results.plot()
     apart = [picture for picture in pictures if picture.title == "Reaction: not unique"]
@@ -118,6 +120,7 @@ def test_every_form_of_the_report_says_how_many_there_are(results, written):
     assert len(said["not_unique"]["reaction"]) == 12
 
 
+@pytest.mark.slow
 def test_the_gate_says_so_too(results):
     found = screwgauge.check(results.scene.name, smoke=True)
     found.assert_ok()
@@ -125,8 +128,7 @@ def test_the_gate_says_so_too(results):
 
 
 def test_where_all_is_unique_nothing_of_it_is_said(tmp_path):
-    scene = screwgauge.load_scene("3-upu")
-    found = screwgauge.run(scene.at(scene.t[:2]), engines=["screw", "pinocchio"])
+    found = screwgauge.run(sampled("3-upu", [0, 1]), engines=["screw", "pinocchio"])
     assert "unique value" not in terminal_text(found)
     assert found.errors["ok"].dtype == "boolean"
     assert not found.errors["ok"].isna().any()
@@ -134,13 +136,10 @@ def test_where_all_is_unique_nothing_of_it_is_said(tmp_path):
 
 
 def test_of_a_linkage_whose_reactions_are_all_open_none_is_called_alone():
-    scene = screwgauge.load_scene("bennett")
-    said = verdict(screwgauge.run(scene.at(scene.t[:3]), engines=["screw", "pinocchio"])).text
+    said = verdict(screwgauge.run(sampled("bennett", [0, 1, 2]), engines=["screw", "pinocchio"])).text
     assert "All 20 components of reaction have no unique value: they are not compared." in said
     assert "Compared with no other engine" not in said
 
 
 def terminal_text(results) -> str:
-    from screwgauge.report.pages import run
-
-    return terminal(run.terminal(results))
+    return terminal(run_in_terminal(results))

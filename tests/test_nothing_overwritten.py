@@ -10,21 +10,17 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from gates import repository, scene
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.reference.errors import OutputError
 from screwgauge.reference.outputs import is_as_written, stamped
 from screwgauge.report.lock import locked
+from support.command import main
+from support.errors import OutputError
+from support.repository import repository, scene
 
 MINE = "# mine\n"
 
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch, no_progress):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("inside", "no_progress")
 
 
 @pytest.fixture
@@ -61,6 +57,7 @@ WRITING = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WRITING)
 def test_a_file_of_one_s_own_is_overwritten_by_force_only(name, bars, capsys):
     command, file = WRITING[name]
@@ -88,6 +85,7 @@ READING = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", READING)
 def test_what_a_command_reads_is_not_overwritten_even_if_it_was_written_here(name, bars, capsys):
     Path("scene.toml").write_text(stamped(scene()), encoding="utf-8")
@@ -115,6 +113,7 @@ def test_what_was_written_here_is_written_again_and_what_was_changed_since_is_no
         assert main(command) == 0
 
 
+@pytest.mark.slow
 def test_a_junit_file_of_the_last_check_is_replaced(capsys):
     command = ["check", "slider-crank", "--smoke", "--junit", "junit.xml"]
     assert main(command) == 0
@@ -125,6 +124,7 @@ def test_a_junit_file_of_the_last_check_is_replaced(capsys):
     assert first.startswith(b"<?xml")
 
 
+@pytest.mark.slow
 def test_a_history_makes_no_baseline_of_something_else(capsys):
     pytest.importorskip("duckdb")
     Path("mine.json").write_text('{"mine": 1}', encoding="utf-8")
@@ -137,6 +137,7 @@ def test_a_history_makes_no_baseline_of_something_else(capsys):
     assert "scenes" in json.loads(Path("mine.json").read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow
 def test_a_report_does_not_replace_the_table_that_it_is_about(capsys):
     asked = ["--engines", "screw,mine", "--quantities", "joint_position", "--samples", "--out", "out"]
     found = screwgauge.run(screwgauge.load_scene("slider-crank"), ["screw"], ["joint_position"])
@@ -149,6 +150,7 @@ def test_a_report_does_not_replace_the_table_that_it_is_about(capsys):
     assert "the report's samples.parquet would overwrite what is read" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_report_takes_the_place_of_one_s_own_files_by_force_only(capsys):
     Path("out").mkdir()
     Path("out/errors.csv").write_text("mine", encoding="utf-8")
@@ -159,6 +161,7 @@ def test_a_report_takes_the_place_of_one_s_own_files_by_force_only(capsys):
     assert Path("out/errors.csv").read_text(encoding="utf-8").startswith("quantity,")
 
 
+@pytest.mark.slow
 def test_the_second_command_into_a_folder_is_refused(capsys):
     run = ["run", "slider-crank", "--engines", "screw", "--quantities", "joint_position", "--out", "out"]
     with locked(Path("out")):
@@ -186,9 +189,8 @@ def test_a_folder_is_free_when_who_held_it_is_killed():
 
 
 @pytest.mark.parametrize("text", ["", "<a/>", "a = 1\n", "<a>\n</a>\n\n"])
-def test_a_digest_tells_a_text_as_it_was_written(text, tmp_path):
-    file = tmp_path / "file"
-    file.write_text(stamped(text), encoding="utf-8")
+def test_a_digest_tells_a_text_as_it_was_written(text, write):
+    file = write("file", stamped(text))
     assert is_as_written(file)
     for other in (text, f"{stamped(text)}\n", f"x{stamped(text)}", stamped(text).removesuffix("\n")):
         file.write_text(other, encoding="utf-8")

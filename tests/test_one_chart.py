@@ -6,16 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tolerances import LINEAR, ROUNDING
 
 import screwgauge
-from screwgauge.judging.charts import in_one_chart
-from screwgauge.judging.compare import compare
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import pose
-from screwgauge.reference.rotations import MIDDLE, rotation, sequence_angles
-from screwgauge.solution import Values
+from support.engines import Values
+from support.geometry import MIDDLE, rotation, sequence_angles
+from support.judging import agreed, compared, in_one_chart
+from support.tolerances import LINEAR, ROUNDING
 
 #: In the plane, so that the middle angle of the ball passes a right angle and the other two stay zero.
 CRANK = """
@@ -51,8 +47,7 @@ def scene(write):
 
 
 def test_engines_agree_after_a_gimbal_lock_in_whatever_triple_they_read(scene):
-    results = screwgauge.run(scene)
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(scene))
     middle = results.values("joint_position")[:, results.components("joint_position").index("ball.q2")]
     assert middle.min() < -2.0  # well beyond the lock
     said = [note for one in results.solutions.values() for note in one.notes if "other triple of the same" in note]
@@ -70,6 +65,7 @@ def test_plots_and_samples_show_what_was_compared(scene):
         assert np.abs(one - other).max() < LINEAR * np.abs(one).max(), quantity
 
 
+@pytest.mark.slow
 def test_a_simulation_agrees_there_too(write):
     write("ball-crank.toml", CRANK)
     text = 'mechanism = "ball-crank.toml"\ntime.times = [0, 0.1, 0.2, 0.3]\n[forward]\nstart.crank = 0.8\n'
@@ -125,10 +121,8 @@ def rewritten(results, *changes):
         columns, array = [found.components.index(name) for name in names], found.array.copy()
         array[:, columns] = change(array[:, columns])
         values[quantity] = Values(found.components, found.units, array)
-    lay = layout(scene.mechanism)
-    counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
     both = in_one_chart(scene.mechanism, {"screw": one, "pinocchio": replace(other, values=values)})
-    pairs = compare(scene.mechanism, scene.problem(()), both, {}, counts, scene.tolerance)[1]
+    pairs = compared(scene, both)[1]
     return {quantity: bool(rows["ok"].all()) for quantity, rows in pairs.groupby("quantity")}, both["pinocchio"].notes
 
 

@@ -12,17 +12,16 @@ import pytest
 import tomli_w
 
 import screwgauge
-from screwgauge.engines.screw.model import ScrewModel, Settings
-from screwgauge.models.catalog import load_mechanism, mechanism_path
-from screwgauge.models.check import check_file, check_table
-from screwgauge.models.generate import write_models
-from screwgauge.quantities import GIVEN
-from screwgauge.reference.description import read_tables
-from screwgauge.reference.expressions import number
-from screwgauge.reference.layout import layout
-from screwgauge.scene.scene import Scene
+from screwgauge import Scene
+from support.geometry import number
+from support.judging import agreed
+from support.mechanism import DATA, load_mechanism, mechanism_path, read_tables
+from support.models import check_file, check_table, write_models
+from support.scene import GIVEN
+from support.solve import ScrewModel, Settings, layout
 
-DATA = Path(__file__).with_name("data")
+pytestmark = pytest.mark.slow
+
 TREES = ["pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 
 
@@ -51,6 +50,7 @@ def resized(scene: Scene, folder: Path, length: float, mass: float) -> Scene:
     return replace(scene, mechanism=load_mechanism(path), mechanism_file=path).under(loads=())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mechanism", ["four-bar-scene.toml", "3ups-upu-s"])
 @pytest.mark.parametrize(
     ("length", "mass"), [(1e-9, 1.0), (1e-8, 1e12), (1e-9, 1e12), (1e5, 1.0), (1e9, 1e-12), (1e9, 1e12), (1.0, 1e-12)]
@@ -68,6 +68,7 @@ def test_the_verdict_is_the_same_from_a_nanometre_to_a_million_kilometres(mechan
     assert max(row.estimate for row in results.guard) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["array", "numpy"])
 def test_estimates_do_not_know_the_unit_of_mass(backend, tmp_path):
     scene, found = few(screwgauge.load_scene("3ups-upu-s")), []
@@ -104,6 +105,7 @@ def turned(path: Path) -> None:
     path.write_text(ET.tostring(root, encoding="unicode"))
 
 
+@pytest.mark.slow
 def test_model_files_that_say_the_same_in_another_order_agree(tmp_path):
     scene = few(screwgauge.load_scene("3ups-upu-s-offset"))
     name = scene.mechanism.name
@@ -118,17 +120,15 @@ def test_model_files_that_say_the_same_in_another_order_agree(tmp_path):
             assert all(row.ok for row in rows), check_table(rows)
     own = {engine: tmp_path / f"{name}{engine[len(engine.split('-')[0]) :]}.xml" for engine in TREES}
     own = {engine: path if "mujoco" in engine else path.with_suffix(".urdf") for engine, path in own.items()}
-    results = screwgauge.run(replace(scene, models=own), engines=["screw", *TREES])
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    results = agreed(screwgauge.run(replace(scene, models=own), engines=["screw", *TREES]))
     assert len(results.pairs) > 50
 
 
-def test_a_description_of_ones_own_in_another_order_agrees(tmp_path):
+@pytest.mark.slow
+def test_a_description_of_ones_own_in_another_order_agrees(write):
     scene = few(screwgauge.load_scene("3ups-upu-s"))
     tables = read_tables(scene.mechanism_file, mechanism_path)
     for key in ("bodies", "joints", "independent"):
         tables[key] = dict(reversed(tables[key].items()))
-    path = tmp_path / "backwards.toml"
-    path.write_text(tomli_w.dumps(tables))
-    results = screwgauge.run(replace(scene, models={"screw": path}), engines=["screw", "pinocchio", "truth"])
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    path = write("backwards.toml", tomli_w.dumps(tables))
+    agreed(screwgauge.run(replace(scene, models={"screw": path}), engines=["screw", "pinocchio", "truth"]))

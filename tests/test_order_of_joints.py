@@ -7,16 +7,10 @@ import re
 import numpy as np
 import pytest
 
-from screwgauge.cli import main
-from screwgauge.diagnosis.compare import STATES
-from screwgauge.diagnosis.diagnose import diagnose
-from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
-from screwgauge.diagnosis.pairing.common import weighed
-from screwgauge.diagnosis.record import summary
-from screwgauge.models.kinematics.tree import draw, plant
-from screwgauge.models.readings.order import by_name, in_file
-from screwgauge.models.readings.read import read
-from screwgauge.models.readings.source import prepare
+from screwgauge import diagnose
+from support.diagnosis import STATES, summary
+from support.mechanics import inverse_dynamics, weighed
+from support.readings import by_name, draw, in_file, plant, prepare, read
 
 LEGS = ("FR", "FL", "RR", "RL")
 JOINTS = (("hip", "1 0 0", (0.2, 0.1, 0)), ("thigh", "0 1 0", (0, 0.05, 0)), ("calf", "0 1 0", (0, 0, -0.2)))
@@ -112,17 +106,13 @@ def test_joints_are_named_from_where_the_orders_part(write):
 
 
 @pytest.mark.parametrize("which", [0, 1])
-def test_an_import_says_so(which, files, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert main(["import", str(files[which]), "--out", "made.toml"]) == 0
-    said = capsys.readouterr().out
+def test_an_import_says_so(which, files, command, inside):
+    said = command("import", str(files[which]), "--out", "made.toml").out
     assert "pinocchio indexes the joints of a URDF of it as FL_hip, FL_thigh, FL_calf and 9 more" in said
     assert "mujoco those of the file as FR_hip, FR_thigh, FR_calf and 9 more" in said
     assert re.search(r"compared by index, torques differ by \S+ N m \(", said)
 
 
-def test_an_import_of_a_chain_says_nothing_of_it(tmp_path, capsys, monkeypatch, write):
-    monkeypatch.chdir(tmp_path)
+def test_an_import_of_a_chain_says_nothing_of_it(command, inside, write):
     file = write("chain.urdf", quadruped(("FR",))[0])
-    assert main(["import", str(file)]) == 0
-    assert "index" not in capsys.readouterr().out
+    assert "index" not in command("import", file).out

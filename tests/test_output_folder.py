@@ -10,12 +10,10 @@ import signal
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.reference.errors import OutputError, ReportError
-from screwgauge.report.blocks import Heading, Picture
-from screwgauge.report.folder import MANIFEST
-from screwgauge.report.formatting import file_name
-from screwgauge.report.write import write_report
+from support.command import main
+from support.errors import OutputError, ReportError
+from support.pages import Heading, Picture, file_name
+from support.report import MANIFEST, write_report
 
 DATA = {"numbers.json": {"a": 1}, "summary.json": {"ok": True}}
 PICTURE = Picture("01-curve", "A curve", '<svg viewBox="0 0 1 1"></svg>')
@@ -75,6 +73,7 @@ def test_a_file_of_the_users_own_in_the_way_is_refused_before_any_work(name, out
     assert files(out) == {name}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["plots", "report.md", "errors.csv", "report-files.json"])
 def test_links_are_not_followed_out_of_the_folder(name, out, tmp_path, command, capfd):
     elsewhere = tmp_path / "elsewhere"

@@ -8,7 +8,9 @@ from xml.etree import ElementTree as ET
 import pytest
 
 import screwgauge
-from screwgauge.models.generate import write_models
+from support.models import write_models
+
+pytestmark = pytest.mark.slow
 
 OTHERS = [
     ("a02-fourbar-2", "0 0 0"),
@@ -35,6 +37,7 @@ def under(tmp_path):
     return make
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "gravity"), OTHERS)
 def test_another_gravity_is_noticed_and_judged(name, gravity, under):
     results = screwgauge.run(under(name, gravity), engines=["screw", "mujoco"])
@@ -43,6 +46,7 @@ def test_another_gravity_is_noticed_and_judged(name, gravity, under):
     assert set(results.judge[~results.judge["ok"]]["engine"]) == {"mujoco"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a05-governor", "a02-fourbar-2"])
 def test_a_file_that_says_the_same_gravity_agrees(name, under):
     assert screwgauge.run(under(name), engines=["screw", "mujoco"]).ok

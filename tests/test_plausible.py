@@ -9,15 +9,11 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.catalog import load_mechanism, mechanism_names
-from screwgauge.models.generate import write_models
-from screwgauge.models.importing.model import import_model, notes
-from screwgauge.reference.plausible import Solid, all_too_wide, implausible, too_wide
-from screwgauge.reference.suspicious import suspicious
-from screwgauge.report.verdict import verdict
-from screwgauge.scene.plausible import doubts
-from screwgauge.scene.read import load_scene
+from screwgauge import load_scene
+from support.mechanism import Solid, all_too_wide, implausible, load_mechanism, mechanism_names, suspicious, too_wide
+from support.models import import_model, notes, write_models
+from support.report import verdict
+from support.scene import doubts
 
 ARM = """
 name = "arm"
@@ -141,22 +137,17 @@ def test_a_run_agrees_but_says_what_no_machine_has(scene) -> None:
     assert {*results.doubts} <= {*results.warnings}
 
 
-def test_a_check_passes_and_says_it(scene, tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_a_check_passes_and_says_it(scene, inside, command) -> None:
     file = scene(inertia=WIDE).file
-    assert main(["check", str(file), "--smoke"]) == 0
-    assert "1500 kg m^2 on 0.3 kg" in " ".join(capsys.readouterr().out.split())
+    assert "1500 kg m^2 on 0.3 kg" in " ".join(command("check", file, "--smoke").out.split())
 
 
-def test_import_models_and_a_diagnosis_say_it(arm, tmp_path, monkeypatch, capsys) -> None:
+def test_import_models_and_a_diagnosis_say_it(arm, tmp_path, inside, command) -> None:
     write_models(arm(inertia=WIDE), tmp_path, include=frozenset({"limits"}))
-    monkeypatch.chdir(tmp_path)
     said = notes(import_model(tmp_path / "arm.urdf"))
     assert any("Check this: one: a moment of inertia of 1500" in text for text in said)
-    assert main(["models", "arm.toml", "--out", "m"]) == 0
-    assert "1500 kg m^2 on 0.3 kg" in capsys.readouterr().out
-    assert main(["diagnose", "arm.urdf", "arm.xml", "--json"]) == 0
-    (said,) = json.loads(capsys.readouterr().out)["doubts"]
+    assert "1500 kg m^2 on 0.3 kg" in command("models", "arm.toml", "--out", "m").out
+    (said,) = json.loads(command("diagnose", "arm.urdf", "arm.xml", "--json").out)["doubts"]
     assert said.startswith("A and B: one: a moment of inertia of 1500 kg m^2 on 0.3 kg")
 
 

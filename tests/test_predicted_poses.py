@@ -4,8 +4,7 @@ more than once."""
 import numpy as np
 import pytest
 
-from screwgauge.reference.closed.between import Spacing, knots, predicted
-from screwgauge.reference.closed.following import Follower
+from support.solve import Follower, Spacing, knots, predicted
 
 EVERY, STEP = 16, 0.1
 

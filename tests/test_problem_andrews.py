@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import CLOSED, FOLLOWED_TO_THE_END, NINE_DIGITS
 
-from screwgauge.reference.forward import forward_dense
+from support.solve import forward_dense
+from support.tolerances import CLOSED, FOLLOWED_TO_THE_END, NINE_DIGITS
 
 
 @pytest.fixture(scope="module")

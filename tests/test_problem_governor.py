@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import FOLLOWED_TO_THE_END
+
+from support.tolerances import FOLLOWED_TO_THE_END
+
+pytestmark = pytest.mark.slow
 
 
+@pytest.mark.slow
 def test_governor_follows_the_known_motion(answer):
     """Eigenvalues from -8117 to +-7.35i per second: an implicit method takes 80 steps a second, whenever."""
     found, known = answer("a05-governor")

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import FOLLOWED_TO_THE_END
+
+from support.tolerances import FOLLOWED_TO_THE_END
+
+pytestmark = pytest.mark.slow
 
 
 def change_of_energy(found):
@@ -39,6 +42,7 @@ def test_bricard_moves_with_its_redundant_constraint(answer, rods, until):
     assert change_of_energy(found) < 1e-8
 
 
+@pytest.mark.slow
 def test_forty_four_bars_pass_their_singular_poses(answer):
     found, known = answer("a02-fourbar-40")
     off = np.abs(found.observable - known[["B0.x", "B0.y"]]).to_numpy().max(axis=1)

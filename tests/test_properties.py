@@ -10,17 +10,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
-from support.strategies import FEW, scenes
-from tolerances import ROUNDING
 
-from screwgauge.reference.rotations import rotation
-from screwgauge.scene.read import load_scene
-from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution
-from screwgauge.study.ask import solve
+from screwgauge import Scene, load_scene
+from support.engines import Solution, solve
+from support.geometry import rotation
+from support.strategies import FEW, scenes
+from support.tolerances import ROUNDING
+
+pytestmark = pytest.mark.slow
 
 ENGINES = ("screw", "pinocchio", "mujoco")
 JOINTS = ("joint_velocity", "joint_acceleration")
@@ -61,6 +62,7 @@ def check(pairs: tuple[dict[str, Solution], ...], factors: dict[str, float]) -> 
             assert np.abs(factor * a - b).max(initial=0.0) <= max(1.0, abs(factor)) * admitted, (engine, quantity, unit)
 
 
+@pytest.mark.slow
 @FEW
 @given(scene=drawn, angle=st.floats(-3.0, 3.0), axis=st.integers(0, 2))
 def test_forces_turn_with_the_world(scene: Scene, angle: float, axis: int) -> None:
@@ -83,6 +85,7 @@ def test_forces_turn_with_the_world(scene: Scene, angle: float, axis: int) -> No
     check(pair(scene, turn), {})
 
 
+@pytest.mark.slow
 @FEW
 @given(scene=drawn, factor=st.floats(1e-3, 1e3))
 def test_forces_grow_with_masses_and_loads(scene: Scene, factor: float) -> None:
@@ -96,6 +99,7 @@ def test_forces_grow_with_masses_and_loads(scene: Scene, factor: float) -> None:
     check(pair(scene, grow), dict.fromkeys(FORCES, factor))
 
 
+@pytest.mark.slow
 @FEW
 @given(drawn)
 def test_forces_do_not_know_which_way_time_runs(scene: Scene) -> None:

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.generate import write_models
 from screwgauge.study.provenance import SCHEMA, provenance
 from screwgauge.study.run import run
+from support.command import main
+from support.models import write_models
 
 DATE = datetime(2020, 2, 2, 2, 2, 2, tzinfo=UTC)
 
@@ -78,6 +78,7 @@ def test_dates_are_in_universal_time():
     assert provenance(None, {}, date=date) == {"date": "2020-02-01T23:00:00+00:00", "schema": SCHEMA}
 
 
+@pytest.mark.slow
 def test_report_and_summary_name_the_files(edited, tmp_path, capsys):
     assert main(["run", str(edited), "--quantities", "generalized_force", "--out", str(tmp_path / "out")]) == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))

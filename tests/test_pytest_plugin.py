@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import model_texts
+from support.command import printed_by
+from support.mechanism import load_mechanism
+from support.models import model_texts
 
 pytest_plugins = ["pytester"]
 
@@ -106,6 +105,7 @@ def change(repository: Path, file: str, old: str, new: str) -> None:
     assert changed != text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_change_fails_the_gate_and_is_named(name, repository):
     where, said = CHANGES[name]
@@ -115,6 +115,7 @@ def test_a_change_fails_the_gate_and_is_named(name, repository):
     assert said in str(error.value)
 
 
+@pytest.mark.slow
 def test_fixture_and_scenes_pass_then_fail_without_a_traceback(tested, repository):
     (repository / "test_robot.py").write_text(TEST, encoding="utf-8")
     tested(repository, "--screwgauge", repository / "scenes").assert_outcomes(passed=2)
@@ -129,6 +130,7 @@ def test_fixture_and_scenes_pass_then_fail_without_a_traceback(tested, repositor
     assert "scenes/robot.toml::screwgauge" in text
 
 
+@pytest.mark.slow
 def test_scenes_are_tests_of_their_own_on_many_workers(tested, repository):
     (repository / "scenes/again.toml").write_text(SCENE, encoding="utf-8")
     found = tested("--screwgauge", "scenes", "-n1")
@@ -151,7 +153,7 @@ def test_a_folder_without_scenes_is_no_pass(folder, said, tested, repository):
 
 def test_nothing_heavy_is_imported_before_it_is_used():
     code = f"import sys, screwgauge.pytest_plugin; print([name for name in {ENGINES} if name in sys.modules])"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+    assert printed_by(code) == "[]\n"
 
 
 def test_the_plugin_is_an_entry_point():

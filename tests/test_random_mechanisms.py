@@ -7,19 +7,17 @@ import tomllib
 import numpy as np
 import pytest
 import tomli_w
-from tolerances import ROUNDING
 
 import screwgauge
-from screwgauge.families.draw import families
-from screwgauge.reference import linear
-from screwgauge.reference.closed.loops import loop_equations
-from screwgauge.reference.errors import UnknownNameError
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import pose
 from screwgauge.scene.exciting import WORSE
-from screwgauge.study.run import run
+from support.errors import UnknownNameError
+from support.freedoms import mobility_at_home
+from support.geometry import linear
+from support.mechanism import families
+from support.solve import layout, loop_equations, pose, positions
+from support.tolerances import ROUNDING
+
+pytestmark = pytest.mark.slow
 
 SMALL = ["mixed-loop", "serial", "bennett", "3-rps"]
 #: What textbooks say.
@@ -37,6 +35,7 @@ KNOWN |= {
 ENGINES = ["screw", "pinocchio", "mujoco-full"]
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_files_and_another_gives_others(tmp_path):
     for folder in ("a", "b"):
         screwgauge.random(7, "rsur", tmp_path / folder)
@@ -47,20 +46,22 @@ def test_a_seed_gives_the_same_files_and_another_gives_others(tmp_path):
     assert (tmp_path / "a" / names[0]).read_bytes() != (tmp_path / "b" / "rsur-8.toml").read_bytes()
 
 
+@pytest.mark.slow
 def test_without_a_family_the_seed_decides_and_an_unknown_one_is_refused():
     assert len({screwgauge.random(seed).name.rsplit("-", 2)[0] for seed in (2, 3, 8, 9)}) > 3  # soon drawn
     with pytest.raises(UnknownNameError, match="unknown family 'bennet'; did you mean 'bennett'"):
         screwgauge.random(1, "bennet")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", families())
 def test_the_solver_counts_the_freedoms_that_the_family_is_known_for(family):
     mechanism = screwgauge.random(0, family).mechanism
-    lay = layout(mechanism)
-    counted = mobility(lay, pose(lay, mechanism.home[None])).mobility
+    counted = mobility_at_home(mechanism).mobility
     assert counted == len(mechanism.independent) == KNOWN.get(family, counted)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("family", "seed"), [("6-rus", 63), ("6-rus", 67), ("delta", 2), ("geared-loop", 59), ("redundant", 50)]
 )
@@ -76,7 +77,7 @@ def test_a_motion_stays_away_from_singular_poses_where_the_smallest_about_home_w
 
 def answers(folder):
     """The scene in a folder, run: whether it agrees, and every value by quantity, engine and component."""
-    results = run(screwgauge.load_scene(next(folder.glob("*-scene.toml"))), ENGINES)
+    results = screwgauge.run(screwgauge.load_scene(next(folder.glob("*-scene.toml"))), ENGINES)
     open_ = set(results.errors.loc[results.errors["rule"] == "undetermined", "component"])
     values = {}
     for engine, solution in results.solutions.items():
@@ -92,6 +93,7 @@ def answers(folder):
     return results.ok, values
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", SMALL)
 def test_the_order_of_bodies_joints_and_labels_changes_no_verdict_and_no_number(tmp_path, family):
     screwgauge.random(1, family, tmp_path / "one")

@@ -6,23 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tolerances import AGREE, FORMULA
 
-import screwgauge
-from screwgauge.engines.mujoco.tree import MujocoTree
-from screwgauge.engines.pinocchio.tree import PinocchioTree
-from screwgauge.engines.screw.model import ScrewModel
-from screwgauge.engines.tree.closed import close_tree
-from screwgauge.engines.tree.model import TreeModel
-from screwgauge.judging.exerted import held
-from screwgauge.judging.judge import judge
-from screwgauge.models.generate import stem, write_models
-from screwgauge.models.loops import read_loops
-from screwgauge.quantities import GIVEN
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mechanism import KINDS, Frame, Joint
-from screwgauge.reference.reactions import reaction_components
-from screwgauge.reference.rotations import rotation
+from support.geometry import rotation
+from support.judging import exerted, judge
+from support.mechanism import KINDS, Frame, Joint
+from support.models import read_loops, stem, write_models
+from support.scene import GIVEN, sampled
+from support.solve import ScrewModel, layout, reaction_components
+from support.tolerances import AGREE, FORMULA
+from support.trees import MujocoTree, PinocchioTree, TreeModel, close_tree
+
+pytestmark = pytest.mark.slow
 
 X, Y, Z = np.eye(3)
 TURNED = rotation(np.array([2.0, 3.0, 6.0]) / 7, np.array(0.7))
@@ -58,7 +52,7 @@ def test_engines_and_judge_mean_the_same_by_a_name(kind, axes, expected):
     joint, p = joint_of(kind, axes), np.array([[1.0, 2.0, 3.0]])
     parts = reaction_components([joint], [OTHER[None]], [TURNED[None]], [p])
     named = {name.removeprefix("j."): k for k, name in enumerate(parts.names)}
-    seen = held(joint, (OTHER @ PARENT.R)[None], (TURNED @ CHILD.R)[None])
+    seen = exerted(joint, (OTHER @ PARENT.R)[None], (TURNED @ CHILD.R)[None])
     assert list(named) == list(seen) == list(expected)
     for name, direction in expected.items():
         acting, idle = (parts.force, parts.moment) if name[0] == "f" else (parts.moment, parts.force)
@@ -104,10 +98,10 @@ def solved(scene, mechanism, engine: str, folder):
 
 @pytest.fixture
 def scene():
-    scene = screwgauge.load_scene("3ups-upu-s-fast")
-    return scene.at(scene.t[205:2000:500])
+    return sampled("3ups-upu-s-fast", slice(205, 2000, 500))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["screw", "pinocchio", "mujoco"])
 def test_frames_of_slides_that_are_turned_and_moved_change_only_where_reactions_are_taken(scene, engine, tmp_path):
     right, found = (solved(scene, it, engine, tmp_path) for it in (scene.mechanism, reframed(scene.mechanism, "P")))
@@ -116,6 +110,7 @@ def test_frames_of_slides_that_are_turned_and_moved_change_only_where_reactions_
         assert np.abs(right[quantity] - found[quantity]).max() < AGREE * np.abs(right[quantity]).max(), quantity
 
 
+@pytest.mark.slow
 def test_the_axial_rule_of_another_mechanism(scene, tmp_path):
     """Its spherical joint is declared from the platform to the ground, where the line is fixed then."""
     usual = scene.mechanism.joint("s")

@@ -8,10 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from screwgauge.models.readings.collapse import collapsed
-from screwgauge.models.readings.read import libraries_for, read
-from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
-from screwgauge.reference.mechanism import GROUND
+from support.mechanism import GROUND
+from support.readings import BodyReading, JointReading, Reading, collapsed, libraries_for, read
 
 #: Numbers of a file pass through roll-pitch-yaw or quaternions, and through the principal axes that MuJoCo keeps.
 READ = 1e-13

@@ -6,8 +6,10 @@ import os
 
 import pytest
 
-from screwgauge.reference.errors import LoaderError, ModelFileError
 from screwgauge.study import apart, loading
+from support.errors import LoaderError, ModelFileError
+
+pytestmark = pytest.mark.slow
 
 REAL = apart.apart
 INERTIAL = '<inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/>'
@@ -17,6 +19,7 @@ HINGE = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/></
 ARM = f'<robot name="r"><link name="a"/><link name="b">{MATTER}</link>{HINGE}</robot>'
 
 
+@pytest.mark.slow
 def test_a_crash_costs_one_reading(write, monkeypatch):
     roots, read = write("roots.xml", f"<mujoco><worldbody>{ROOTS}</worldbody></mujoco>"), loading.read
 
@@ -30,6 +33,7 @@ def test_a_crash_costs_one_reading(write, monkeypatch):
     assert list(loading.read_apart(roots, "mujoco").bodies) == ["a", "b", "c"]
 
 
+@pytest.mark.slow
 def test_a_refusal_has_its_reason(write, monkeypatch):
     path = write("arm.urdf", ARM)
     monkeypatch.setattr(apart, "apart", REAL)

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.importing.model import Options, import_model
-from screwgauge.models.readings.compiler import warned
-from screwgauge.models.readings.read import read, read_source
-from screwgauge.models.readings.source import prepare
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError
+from screwgauge import ScrewgaugeError
+from support.command import main
+from support.errors import ModelFileError
+from support.models import Options, import_model
+from support.readings import prepare, read, read_source, warned
+from support.scene import sampled
 
 INERTIAL = '<inertial pos="0.1 0.02 0" mass="0.{0}333333333333333" diaginertia="0.01 0.02 0.025"/>'
 #: An arm that attaches a hand and, turned, the same hand again; the hand attaches fingers. Some have no names.
@@ -68,13 +68,13 @@ def test_what_is_attached_is_read_with_all_that_it_has(arm):
     assert any("wind: parent has 0 0 0" in phrase for phrase in reading.ignored)
 
 
+@pytest.mark.slow
 def test_an_arm_is_imported_with_its_limbs_and_moves(arm, tmp_path):
     imported = import_model(arm)
     assert len(imported.mechanism.independent) == 6
     assert imported.mechanism.mass == pytest.approx(read(arm, "mujoco").mass, rel=1e-15, abs=0)
     assert "Models are attached by MuJoCo: finger.xml, hand.xml." in imported.remarks
-    scene = screwgauge.load_scene(arm)
-    assert screwgauge.run(scene.at(scene.t[[3, 50]])).ok
+    assert screwgauge.run(sampled(arm, [3, 50])).ok
     assert main(["diagnose", str(arm), str(arm), "--out", str(tmp_path / "out")]) in (0, 1)
 
 
@@ -98,7 +98,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_what_cannot_be_attached_is_refused_in_one_sentence(case, arm, tmp_path, capsys):
+def test_what_cannot_be_attached_is_refused_in_one_sentence(case, arm, tmp_path, command):
     old, new, said = REFUSED[case]
     outside = tmp_path / "outside"
     outside.mkdir()
@@ -110,8 +110,7 @@ def test_what_cannot_be_attached_is_refused_in_one_sentence(case, arm, tmp_path,
     os.symlink(outside / "hand.xml", folder / "link.xml")
     (folder / "robot.urdf").write_text('<robot name="r"><link name="a"/></robot>', encoding="utf-8")
     (folder / "arm.xml").write_text(ARM.replace(old, new), encoding="utf-8")
-    assert main(["import", str(folder / "arm.xml"), "-o", str(tmp_path / "arm.toml")]) == 2
-    told = capsys.readouterr().err
+    told = command("import", folder / "arm.xml", "-o", tmp_path / "arm.toml", status=2).err
     assert said in told
     assert told.count("\n") == 1
     assert not (tmp_path / "arm.toml").exists()
@@ -141,20 +140,18 @@ def test_what_is_attached_many_times_counts_as_often(tmp_path):
         prepare(tmp_path / "0.xml")
 
 
-def test_flexible_bodies_are_imported_as_what_is_rigid_of_them_and_said_to_be_left_out(tmp_path):
+def test_flexible_bodies_are_imported_as_what_is_rigid_of_them_and_said_to_be_left_out(write):
     flex = '<flexcomp type="grid" count="3 3 1" spacing=".1 .1 .1" name="f" dim="2" radius=".01" mass="1"/>'
     body = f'<body name="a"><joint name="j"/>{INERTIAL.format(1)}</body>'
-    path = tmp_path / "cloth.xml"
-    path.write_text(f"<mujoco><worldbody>{body}{flex}</worldbody></mujoco>", encoding="utf-8")
+    path = write("cloth.xml", f"<mujoco><worldbody>{body}{flex}</worldbody></mujoco>")
     assert any("flexible bodies" in phrase for phrase in import_model(path).left_out)
 
 
-def test_frames_and_copies_are_imported_whole(tmp_path):
+def test_frames_and_copies_are_imported_whole(write):
     body = f'<body name="{{}}" pos="0.1 0 0"><joint axis="0 0 1"/>{INERTIAL.format(1)}</body>'
     text = f'{body.format("o")}<frame euler="10 20 30">{body.format("a")}</frame>'
     text += f'<replicate count="3" offset="0 1 0">{body.format("b")}</replicate>'
-    path = tmp_path / "copies.xml"
-    path.write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>", encoding="utf-8")
+    path = write("copies.xml", f"<mujoco><worldbody>{text}</worldbody></mujoco>")
     assert [*import_model(path).mechanism.body_index][1:] == ["o", "a", "b0", "b1", "b2"]
     with pytest.raises(ModelFileError, match="which pinocchio drops"):
         import_model(path, Options(library="pinocchio"))
@@ -211,23 +208,21 @@ def test_mass_and_inertia_of_meshes_are_those_of_mujoco(compiler, shells):
         assert sum(body.mass for body in two.bodies.values()) == pytest.approx(whole, rel=1e-13, abs=0)
 
 
-def test_meshes_are_read_on_request_only(shells, tmp_path, capsys):
+def test_meshes_are_read_on_request_only(shells, tmp_path, command, capfd):
     out = str(tmp_path / "shells.toml")
-    assert main(["import", str(shells), "-o", out]) == 2
-    told = capsys.readouterr().err
+    told = command("import", shells, "-o", out, status=2).err
     assert "mass of body a comes from meshes, which are not read; give the body an <inertial>" in told
     assert "or have meshes read (--meshes of import and diagnose)" in told
     assert main(["import", str(shells), "-o", out, "--meshes"]) == 0
-    assert "Mass and inertia of a, b, c are those that MuJoCo computes from the meshes." in capsys.readouterr().out
+    assert "Mass and inertia of a, b, c are those that MuJoCo computes from the meshes." in capfd.readouterr().out
     mass = import_model(shells, Options(meshes=True)).mechanism.mass
     assert screwgauge.load_scene(out).mechanism.mass == pytest.approx(mass, rel=1e-15, abs=0)
 
 
-def test_meshes_of_what_is_attached_are_read_too(shells, tmp_path):
+def test_meshes_of_what_is_attached_are_read_too(shells, write):
     text = f"""<mujoco><asset><model name="s" file="shells.xml"/></asset><worldbody><body name="top">
     <joint name="t"/>{INERTIAL.format(1)}<attach model="s" body="a" prefix="x_"/></body></worldbody></mujoco>"""
-    path = tmp_path / "top.xml"
-    path.write_text(text, encoding="utf-8")
+    path = write("top.xml", text)
     alone, whole = (read_source(prepare(each, meshes=True), "mujoco") for each in (shells, path))
     for name in "ab":
         one, two = alone.bodies[name], whole.bodies[f"x_{name}"]
@@ -257,17 +252,15 @@ def test_a_mesh_that_is_none_is_refused(shells):
         prepare(shells, meshes=True)
 
 
-def test_a_diagnosis_reads_meshes_and_proves_what_differs(shells, tmp_path, capsys):
-    other = tmp_path / "other.xml"
-    other.write_text(MESHES.format("").replace('density="300"', 'density="330"'), encoding="utf-8")
+def test_a_diagnosis_reads_meshes_and_proves_what_differs(shells, tmp_path, write, command, capfd):
+    other = write("other.xml", MESHES.format("").replace('density="300"', 'density="330"'))
     fixed, out = tmp_path / "fixed.xml", ["--out", str(tmp_path / "out")]
     assert main(["diagnose", str(shells), str(other), *out]) == 2
-    assert "or have meshes read (--meshes of import and diagnose)" in capsys.readouterr().err
-    assert main(["diagnose", str(shells), str(other), *out, "--meshes", "--fix", str(fixed)]) == 1
-    told = capsys.readouterr().out
+    assert "or have meshes read (--meshes of import and diagnose)" in capfd.readouterr().err
+    told = command("diagnose", shells, other, *out, "--meshes", "--fix", fixed, status=1).out
     assert "a: mass" in told
     assert "+10.00 %" in told
     assert str(tmp_path / "other.xml") in (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
     assert main(["diagnose", str(shells), str(fixed), *out, "--meshes"]) == 0
     assert main(["diagnose", str(shells), str(other), *out, "--meshes", "--fix", str(other)]) == 2
-    assert "is what the command reads; name another file" in capsys.readouterr().err
+    assert "is what the command reads; name another file" in capfd.readouterr().err

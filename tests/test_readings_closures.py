@@ -9,10 +9,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from screwgauge.models.readings.read import read
-from screwgauge.models.readings.reading import ClosureReading, Reading
-from screwgauge.reference.mechanism import GROUND
-from screwgauge.reference.rotations import Array
+from support.geometry import Array
+from support.mechanism import GROUND
+from support.readings import ClosureReading, Reading, read
 
 READ = 1e-13
 MATTER = '<inertial pos="0.1 0 0.2" mass="1" diaginertia="1 2 2"/>'

@@ -11,17 +11,10 @@ import pinocchio
 import pytest
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.generate import write_models
-from screwgauge.models.kinematics.tree import States, move, plant
-from screwgauge.models.readings.collapse import collapsed
-from screwgauge.models.readings.loops import read_loops_yaml, with_loops
-from screwgauge.models.readings.read import read
-from screwgauge.models.readings.reading import Reading
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.reference.mechanism import GROUND
-
-MATTER = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+from screwgauge import ScrewgaugeError
+from support.mechanism import GROUND, load_mechanism
+from support.models import MATTER, write_models
+from support.readings import Reading, States, collapsed, move, plant, read, read_loops_yaml, with_loops
 
 
 def joint(name: str, kind: str, parent: str, child: str, xyz: str) -> str:
@@ -225,6 +218,7 @@ BAD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", BAD)
 def test_a_bad_robot_yaml_is_refused(text, legs, write):
     with pytest.raises(ScrewgaugeError, match=re.escape(BAD[text])):

@@ -6,19 +6,15 @@ import os
 
 import pytest
 
-from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
-from screwgauge.reference.files import LIMITS
+from screwgauge import ScrewgaugeError
+from support.command import LIMITS
+from support.errors import ModelFileError, UnknownNameError
+from support.models import INERTIAL, MATTER, mjcf
+from support.readings import LIBRARIES, libraries_for, read
 
-INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
 BODY = f'<body name="a"><joint name="j"/>{INERTIAL}</body>'
-MATTER = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 HINGE = '<joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint>'
 ARM = f'<robot name="r"><link name="a"/><link name="b">{MATTER}</link>{HINGE}</robot>'
-
-
-def mjcf(body: str, further: str = "") -> str:
-    return f"<mujoco>{further}<worldbody>{body}</worldbody></mujoco>"
 
 
 BOMB = '<!DOCTYPE robot [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;">]><robot name="&b;"/>'

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from screwgauge.models.readings.read import read
+from support.models import INERTIAL, MATTER, mjcf
+from support.readings import read
 
-MATTER = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
 LINK = f'<link name="@">{MATTER}</link>'
 ARM = f"""<robot name="r"><link name="a"/>{LINK.replace("@", "b")}{LINK.replace("@", "c")}
 <joint name="j" type="revolute"><parent link="a"/><child link="b"/><limit lower="-1" upper="1" effort="3" velocity="4"/>
@@ -16,14 +16,9 @@ ARM = f"""<robot name="r"><link name="a"/>{LINK.replace("@", "b")}{LINK.replace(
 TURNED = ARM.replace("<dynamics", '<origin quat_xyzw="1 0 0 0"/><dynamics')
 PLANAR = f"""<robot name="r"><link name="a"/>{LINK.replace("@", "b")}
 <joint name="j" type="planar"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint></robot>"""
-INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
 JOINT = '<joint name="j" armature="0.1" damping="1" frictionloss="2" stiffness="3" range="-1 1"/>'
 FIXED = f'<body name="tool">{INERTIAL}</body></body>'
 BODY = f'<body name="a" gravcomp="0.5">{JOINT}{INERTIAL}</body>'
-
-
-def mjcf(body: str, further: str = "") -> str:
-    return f"<mujoco>{further}<worldbody>{body}</worldbody></mujoco>"
 
 
 EFFORT = ("limit effort of joint j, k", "limit velocity of joint j, k")

@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.loops import read_loops
 from screwgauge.report.listing import listing
+from support.command import main
+from support.mechanism import load_mechanism
+from support.models import read_loops
 
 ROOT = Path(__file__).parents[1]
 TEXTS = {
@@ -92,6 +92,7 @@ def test_first_two_commands_are_those_that_others_rely_on() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_four_bar_runs_with_all_three_engines(run) -> None:
     status, said = run("turn.toml")
     assert status == 0
@@ -99,6 +100,7 @@ def test_four_bar_runs_with_all_three_engines(run) -> None:
     assert f"screw, pinocchio and mujoco agree: all {count} comparisons are within tolerance" in said
 
 
+@pytest.mark.slow
 def test_reversed_axis_faults_the_loop_that_it_opens(example, run) -> None:
     model = (example / "four-bar.xml").read_text(encoding="utf-8")
     (joint,) = re.findall(r'<joint name="b" .*?/>', model)
@@ -155,6 +157,7 @@ def test_no_report_says_where_it_was_made() -> None:
     assert not {path.parent.name: found for path, text in texts.items() if (found := re.findall(r'"/[^"\s]+"', text))}
 
 
+@pytest.mark.slow
 def test_gate_ends_as_shown(example, run) -> None:
     status, said = run("gate.toml", command="check")
     assert status == 1
@@ -166,11 +169,11 @@ def test_gate_ends_as_shown(example, run) -> None:
     assert run("wide.toml", command="check")[0] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("folder", "k"), [(folder, k) for folder, text in TEXTS.items() for k in range(len(blocks(text, "python")))]
 )
-def test_python_runs(folder, k, tmp_path, monkeypatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_python_runs(folder, k, inside) -> None:
     code = blocks(TEXTS[folder], "python")[k].replace("100_000", "1_000")
     exec(compile(code, f"{folder}/README.md", "exec"), {})
 

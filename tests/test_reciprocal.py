@@ -7,15 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from screwgauge.models.catalog import load_mechanism, mechanism_names
-from screwgauge.reference import linear
-from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.mobility import reciprocal_screws
-from screwgauge.reference.pose import pose
 from screwgauge.reference.reciprocal import Element, body_twists, elements, end_body, held, idle_forces, legs
-from screwgauge.reference.screws import couple, force, prismatic, revolute
+from support.freedoms import reciprocal_screws
+from support.geometry import couple, force, linear, prismatic, revolute
+from support.mechanism import Mechanism, load_mechanism, mechanism_names
+from support.solve import at_home, layout, posed, velocities
 
 CLOSE = 1e-9  # of directions of unit length, and of points that lie within a few metres
 X, Y, Z = np.eye(3)
@@ -27,11 +23,6 @@ def screw(one: Element) -> np.ndarray:
         return np.concatenate([np.zeros(3), one.direction])
     moment = np.cross(one.point, one.direction) + one.pitch * one.direction
     return np.concatenate([one.direction, moment])
-
-
-def at_home(mechanism: Mechanism):
-    lay = layout(mechanism)
-    return lay, pose(lay, mechanism.home[None])
 
 
 def of(name: str, body: str = ""):
@@ -140,7 +131,7 @@ def test_each_rps_leg_takes_a_force_through_its_ball_along_its_hinge() -> None:
 def test_three_forces_that_do_not_meet_leave_turns_about_lines_that_meet_all_of_them() -> None:
     """A tilted 3-RPS: each rotation without pitch is about a line that each force meets, or is parallel to."""
     lay = layout(load_mechanism("3-rps"))
-    (found,) = held(lay, positions(lay, np.array([[0.63, 0.7, 0.66]]), np.zeros(1)))
+    (found,) = held(lay, posed(lay, 0.63, 0.7, 0.66))
     forces = [system[0] for system in found.wrenches]
     for turn in found.twists:
         for one in forces:
@@ -242,7 +233,7 @@ def test_size_and_place_make_no_difference() -> None:
 
 def test_idle_forces_of_actuators_do_no_work(paper: Mechanism) -> None:
     lay = layout(paper)
-    at = positions(lay, np.array([[0.2, 0.1]]), np.zeros(1))
+    at = posed(lay, 0.2, 0.1)
     idle = idle_forces(lay, at)
     assert idle.shape == (4, 2)
     for rates in np.eye(2):

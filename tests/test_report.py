@@ -6,7 +6,6 @@ import csv
 import json
 import re
 import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,26 +16,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from screwgauge import Results
 from screwgauge import environment as env
 from screwgauge.environment import environment
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import GivenMotion
-from screwgauge.quantities import digits
-from screwgauge.reference.applied import Applied, Load
-from screwgauge.reference.errors import OutputError
 from screwgauge.report import folder as writing
-from screwgauge.report.blocks import Picture, Table
 from screwgauge.report.figures import run as drawing
-from screwgauge.report.figures.selection import default_figures
-from screwgauge.report.formatting import number, size
-from screwgauge.report.html import fragment
-from screwgauge.report.markdown import markdown
-from screwgauge.report.pages import run as page
-from screwgauge.report.results import Results
-from screwgauge.report.terminal import terminal
-from screwgauge.report.verdict import first_difference, verdict
 from screwgauge.scene.figures import Figure
-from screwgauge.solution import Failure, Solution, Timing, Values
+from support.acting import Applied, Load
+from support.command import printed_by
+from support.engines import Failure, Solution, Timing, Values
+from support.errors import OutputError
+from support.mechanism import load_mechanism
+from support.pages import Picture, Table, fragment, markdown, number, size, terminal
+from support.report import default_figures, first_difference, verdict
+from support.report import run_page as page
+from support.scene import GivenMotion, digits
 
 N = 400
 NAMES = ("leg1.q1", "leg1.q2", "leg2.q1", "leg2.q2")
@@ -324,6 +318,7 @@ def test_html_is_one_file_without_outside_references(make: Make, tmp_path: Path)
     assert "<title>Toy | scene &lt;one&gt;: verification report</title>" in page
 
 
+@pytest.mark.slow
 def test_written_twice_is_the_same(make: Make, tmp_path: Path) -> None:
     first, second = make(1e-8).write(tmp_path / "one"), make(1e-8).write(tmp_path / "two")
     names = sorted(path.relative_to(first) for path in first.rglob("*") if path.is_file())
@@ -370,6 +365,7 @@ def test_a_folder_in_the_way_of_a_file_leaves_the_rest_alone(make: Make, tmp_pat
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["report.md"]
 
 
+@pytest.mark.slow
 def test_writing_again_replaces_old_plots_and_keeps_other_files(make: Make, tmp_path: Path) -> None:
     out = make().write(tmp_path / "out")
     (out / "notes.txt").write_text("mine", encoding="utf-8")
@@ -494,8 +490,8 @@ def test_a_commit_is_marked_where_its_code_was_changed_and_not_where_reports_wer
     assert re.fullmatch(r"[0-9a-f]{40}-dirty", env._commit.__wrapped__())
 
 
+@pytest.mark.slow
 def test_environment_imports_no_engine() -> None:
     code = "import sys, screwgauge.environment as e; e.environment(); print([m in sys.modules for m in names])"
     code = "names = ['pinocchio', 'mujoco', 'vl_convert']; " + code
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[False, False, False]"
+    assert printed_by(code).strip() == "[False, False, False]"

@@ -9,7 +9,7 @@ from html import escape
 import pytest
 from markdown_it import MarkdownIt
 
-from screwgauge.report.blocks import (
+from support.pages import (
     LONG,
     Banner,
     Block,
@@ -19,14 +19,16 @@ from screwgauge.report.blocks import (
     Marked,
     Paragraph,
     Picture,
+    Report,
     Table,
     facts,
+    fragment,
+    markdown,
+    page,
+    prose,
     table,
+    terminal,
 )
-from screwgauge.report.html import fragment, page
-from screwgauge.report.layout import Report, prose
-from screwgauge.report.markdown import markdown
-from screwgauge.report.terminal import terminal
 
 ROWS = [
     {"engine": "screw", "case": "x", "max_abs": 1.25e-13, "ok": True},

@@ -4,39 +4,20 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import screwgauge
-from screwgauge.reference.errors import OutputError
-from screwgauge.report.blocks import Heading, Paragraph, Picture
-from screwgauge.report.html import page as page_of
-from screwgauge.report.pages import run as run_page
-from screwgauge.report.pdf import browser, print_page
+from support.browser import Opened, open_page
+from support.errors import OutputError
+from support.pages import Heading, Paragraph, Picture
+from support.pages import page as page_of
+from support.report import print_page, run_page
 
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 PAPER = 703  # what is left of A4 between the margins [pixels]
-SHOWN = 20e3  # longest wait for anything on the page [ms]
-
-
-@dataclass
-class Opened:
-    """A page, what it said on its console and what it asked for."""
-
-    page: Any
-    path: Path
-    said: list[str] = field(default_factory=list)
-    asked: list[str] = field(default_factory=list)
-
-    def ask(self, script: str) -> Any:
-        return self.page.evaluate(script)
-
-    def at(self, width: int, height: int = 800, **media: str) -> None:
-        self.page.set_viewport_size({"width": width, "height": height})
-        self.page.emulate_media(**{"media": "screen", "color_scheme": "light", **media})
 
 
 @pytest.fixture(scope="module")
@@ -48,26 +29,13 @@ def report() -> list[Any]:
 
 @pytest.fixture(scope="module")
 def opened(report: list[Any], tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    try:
-        program = browser()
-    except OutputError as error:
-        pytest.skip(str(error))
     path = tmp_path_factory.mktemp("page") / "report.html"
     path.write_text(page_of(report), encoding="utf-8")
-    with playwright.sync_playwright() as driver:
-        window = driver.chromium.launch(executable_path=program, args=FLAGS)
-        found = Opened(window.new_page(viewport={"width": 1280, "height": 800}), path)
-        found.page.set_default_timeout(SHOWN)
-        found.page.on("console", lambda message: found.said.append(message.text))
-        found.page.on("pageerror", lambda error: found.said.append(str(error)))
-        found.page.on("request", lambda request: found.asked.append(request.url))
-        found.page.goto(path.as_uri())
-        found.page.wait_for_selector(".moving.stage canvas")
-        yield found
-        window.close()
+    with open_page(path, 1280, 800) as shown:
+        yield shown
 
 
+@pytest.mark.slow
 def test_a_page_that_asks_is_seen_and_not_served(opened: Opened) -> None:
     opened.ask("fetch('https://example.org/').catch(() => 0)")
     assert any("Content Security Policy" in text for text in opened.said)
@@ -168,8 +136,7 @@ def test_paper_has_everything_and_cuts_no_table(opened: Opened) -> None:
 
 def test_it_asks_for_nothing_and_says_nothing(opened: Opened) -> None:
     """The last test of the page: whatever was done to it before."""
-    assert opened.asked == [opened.path.as_uri()]
-    assert opened.said == []
+    opened.check_quiet()
 
 
 def test_a_page_of_paper_is_written_whole_or_not_at_all(

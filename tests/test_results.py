@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.reference.errors import OutputError, ScrewgaugeError, UnknownNameError
-from screwgauge.report.results import LINES
+from screwgauge import ScrewgaugeError
+from support.command import main, printed_by
+from support.errors import OutputError, UnknownNameError
+from support.report import LINES
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +35,7 @@ def test_a_long_one_says_that_there_is_more(results, monkeypatch):
     assert repr(results).splitlines()[-1] == "... `write` leaves the whole report"
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_tables_and_pictures(results):
     shown = results._repr_html_()
     assert shown.startswith('<div class="banner agree">')
@@ -45,6 +45,7 @@ def test_a_notebook_shows_tables_and_pictures(results):
     assert pictures._repr_html_().count("<svg ") == len(pictures) == 5  # the mechanism, and that of the condition
 
 
+@pytest.mark.slow
 def test_the_page_alone_can_be_written_and_leaves_the_rest(results, tmp_path):
     (tmp_path / "plots").mkdir()
     (tmp_path / "plots" / "mine.svg").write_text("mine")
@@ -62,6 +63,7 @@ def test_an_empty_path_is_not_the_current_folder(results):
         screwgauge.check("")
 
 
+@pytest.mark.slow
 def test_a_figure_is_found_by_its_name(results):
     assert [picture.name for picture in results.figure("mechanism")] == ["mechanism"]
     assert [picture.name for picture in results.figure("condition")] == ["04-condition"]
@@ -143,10 +145,10 @@ def test_counts_of_nothing_and_seeds_that_are_none_are_usage(arguments, capsys):
     assert f"argument {arguments[-2]}: {arguments[-1]} is less than" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_package_lists_its_public_names_and_only_those():
     code = "import screwgauge; screwgauge.load_scene('3ups-upu-s'); print(*dir(screwgauge))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    names = [name for name in done.stdout.split() if not re.fullmatch("__.*__", name)]
+    names = [name for name in printed_by(code).split() if not re.fullmatch("__.*__", name)]
     assert names == sorted(screwgauge.__all__)
     for name in names:
         assert getattr(screwgauge, name) is not None

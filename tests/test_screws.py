@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import DIFFERENCE, ROUNDING
 
-from screwgauge.reference import screws
-from screwgauge.reference.kinematics import chain_acceleration, lie_matrix
-from screwgauge.reference.rotations import rotation, skew, triad_angles, vee
+from support.geometry import rotation, screws, skew, triad_angles, vee
+from support.solve import chain_acceleration, lie_matrix
+from support.tolerances import DIFFERENCE, ROUNDING
 
 
 @pytest.fixture

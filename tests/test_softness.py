@@ -7,19 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from asking import has_integrator, model_files
 
 import screwgauge
-from screwgauge.engines.mujoco.settings import INTEGRATORS
-from screwgauge.engines.mujoco.tree import MujocoTree
-from screwgauge.reference.linear import EPS
-from screwgauge.reference.rotations import Array
-from screwgauge.study.cases.case import GOOD, SILENT, Finding
-from screwgauge.study.cases.question import Question, findings
-from screwgauge.study.cases.registry import CASES
 from screwgauge.study.cases.softness import PASSES, SETTINGS, held, in_tree
-from screwgauge.study.method import Method
-from screwgauge.study.stress import climb
+from support.engines import Method, model_files
+from support.geometry import EPS, Array
+from support.questions import Question, findings
+from support.stress import CASES, GOOD, SILENT, Finding, climb
+from support.trees import INTEGRATORS, MujocoTree, has_integrator
+
+pytestmark = pytest.mark.slow
 
 STEPS = (2e-3, 5e-4, 1e-4)  # [s]
 FLAT = 0.01  # slope of a floor: discretisation changes it by less than its own size times dt / 0.02 s
@@ -45,6 +42,7 @@ def slope(x, y) -> float:
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", list(filter(has_integrator, INTEGRATORS)))
 def test_the_loop_opens_by_seven_millimetres_whatever_step_and_integrator(motion: Question, integrator: str) -> None:
     gaps = [step(motion, dt, integrator=integrator)["loop_gap"].max() for dt in STEPS]
@@ -75,6 +73,7 @@ def refined(softness: float) -> list[Finding]:
     return [one for one in climb(CASES["refinement"], softness) if one.engine.startswith("mujoco")]
 
 
+@pytest.mark.slow
 def test_each_pass_of_refinement_adds_one_to_the_slope_over_softness() -> None:
     softnesses = np.array([1e-2, 3e-3, 1e-3])
     found = [refined(softness) for softness in softnesses.tolist()]
@@ -92,6 +91,7 @@ def test_four_passes_bring_the_accelerations_below_a_billionth_at_the_hardest_lo
     assert errors[4] < GOOD
 
 
+@pytest.mark.slow
 def test_a_rung_holds_every_engine_and_only_mujoco_is_silent() -> None:
     found = climb(CASES["softness"], 1e-3, quick=True)
     labels = dict.fromkeys(finding.engine for finding in found)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import DENSE
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.judging.judge import judge
-from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.forward import Forces, forward
-from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.layout import layout
+from support.acting import Forces
+from support.command import main
+from support.engines import IN_DOUBLES
+from support.errors import DescriptionError
+from support.judging import judge
+from support.solve import forward, layout, moved
+from support.tolerances import DENSE
 
 ACTING = """
 [[springs]]
@@ -58,7 +58,6 @@ on = "platform"
 by = "environment"
 force = [10, -200, 300]
 """
-ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 
 
 @pytest.fixture(scope="module")
@@ -70,9 +69,10 @@ def scene(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def results(scene):
-    return screwgauge.run(scene, engines=ENGINES)
+    return screwgauge.run(scene, engines=IN_DOUBLES)
 
 
+@pytest.mark.slow
 def test_all_engines_agree_and_the_judge_is_content(results):
     assert results.pairs[~results.pairs["ok"]].empty
     assert results.judge[~results.judge["ok"]].empty
@@ -98,7 +98,7 @@ def test_judge_misses_what_is_left_out(scene, results, missing):
 def test_forward_dynamics_gives_the_accelerations_back(scene, results):
     """Round trip through another route: forces of the run, accelerations of `reference.forward`."""
     lay, motion = layout(scene.mechanism), scene.motion
-    rate = velocities(lay, positions(lay, motion.y, motion.t), motion.yd)
+    rate = moved(lay, motion.y, motion.yd)
     joints = np.zeros_like(rate.w)
     for motor in scene.applied.motors:
         column = scene.mechanism.coordinates.index(motor.coordinate)

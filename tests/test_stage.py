@@ -12,16 +12,13 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.models.shapes import differing, shapes
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import length
-from screwgauge.report.blocks import Items, Picture
 from screwgauge.report.stage.drawing import drawing
 from screwgauge.report.stage.picture import stage, told
 from screwgauge.study.motion import FRAMES
+from support.mechanism import Mechanism, load_mechanism, mechanism_names
+from support.pages import Items, Picture
+from support.solve import layout, length, positions
 
 SEEN = 2e-4  # of the mechanism's length: positions and quaternions have four decimals
 MOST = 400_000  # of the default scene, bytes
@@ -48,6 +45,7 @@ def words_of(svg: str) -> list[str]:
     return re.findall(r"<text[^>]*>([^<]*)</text>", svg)
 
 
+@pytest.mark.slow
 def test_bodies_are_where_the_motion_has_them() -> None:
     scene, picture = solved()
     data, mechanism = data_of(picture), scene.mechanism
@@ -101,6 +99,7 @@ def test_words_say_what_the_paper_begins_with() -> None:
     assert third.startswith("4 actuators for two degrees of freedom: two combinations of their forces move nothing")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "said"),
     [
@@ -142,6 +141,7 @@ def test_a_simulation_without_an_answer_stands_still() -> None:
     assert data_of(stage(screwgauge.load_scene("a03-andrews-ivp")))["said"] == "home pose"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in mechanism_names() if name != "a02-fourbar-40"])
 def test_every_mechanism_can_be_drawn_with_all_its_names_and_none_upon_another(name: str) -> None:
     mechanism = load_mechanism(name)

@@ -13,16 +13,12 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.cli import main
-from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError
-from screwgauge.reference.files import LIMITS, digest, read_json
-from screwgauge.reference.wording import printable
-from screwgauge.scene.columns import read_columns
-from screwgauge.study.gate.baseline import against, write_baseline
-from screwgauge.study.gate.row import Error, Row, row_from
-from screwgauge.study.gate.store import history, keep
-from screwgauge.study.journal import Journal
-from screwgauge.study.table import rows_in
+from screwgauge import ScrewgaugeError
+from support.bench import Journal
+from support.command import LIMITS, digest, main, read_json
+from support.errors import DescriptionError, OutputError, printable
+from support.gate import Error, Row, against, history, keep, row_from, rows_in, write_baseline
+from support.scene import read_columns
 
 ERROR = Error("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True, "leg1", 0.5)
 ROW = Row("a", "agree", "they agree", (ERROR,), "", {"mujoco": "1"}, {"mujoco": "0" * 64}, unread=("x",), read=("y",))
@@ -154,9 +150,8 @@ def test_a_journal_s_odd_row_is_made_anew(key, tmp_path):
         '{"key": "a", "time": ' + "9" * 5000 + "}",
     ],
 )
-def test_odd_lines_of_a_journal_are_dropped(line, tmp_path):
-    path = tmp_path / "journal"
-    path.write_text(f'{{"stamp": "x"}}\n{line}\n{{"key": "b", "time": 0.5}}\n')
+def test_odd_lines_of_a_journal_are_dropped(line, write):
+    path = write("journal", f'{{"stamp": "x"}}\n{line}\n{{"key": "b", "time": 0.5}}\n')
     found = Journal(path, "x")
     assert found.results == {}
     assert found.times == {"b": [0.5]}
@@ -256,15 +251,13 @@ def test_what_steers_a_terminal_or_is_not_seen_becomes_a_space(sign):
     assert printable(f"a{sign}\nb", lines=True) == "a \nb"
 
 
-def test_names_of_files_reach_the_terminal_as_printable_text(tmp_path, monkeypatch, capfd):
+def test_names_of_files_reach_the_terminal_as_printable_text(inside, monkeypatch, command):
     """U+202E turns what follows it around: a file can look like another one."""
-    monkeypatch.chdir(tmp_path)
     name = "turn\u202elmot.\u200b.toml"
     Path(name).write_text('mechanism = "slider-crank"\nmotion = 3\n', encoding="utf-8")
     monkeypatch.setenv("GITHUB_ACTIONS", "true")
     assert main(["check", name, "--junit", "junit.xml"]) == 2
-    assert main(["run", name]) == 2
-    said = "".join(capfd.readouterr())
+    said = "".join(command("run", name, status=2))
     assert "lmot" in said
     written = [path.read_text(encoding="utf-8") for path in Path("screwgauge-out").rglob("report.*")]
     assert len(written) == 2

@@ -8,16 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import Integration
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.study.cases.asking import SCREW, loaded, push, tree_coordinates
-from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Finding
-from screwgauge.study.cases.question import Question, findings
-from screwgauge.study.cases.registry import CASES
+from screwgauge import ScrewgaugeError
 from screwgauge.study.cases.stiff import RADAU, accelerations, explicit, leg_springs, motion, tolerant
-from screwgauge.study.method import Method
-from screwgauge.study.stress import climb
+from support.engines import Method
+from support.mechanism import load_mechanism
+from support.questions import SCREW, Question, findings, loaded, push, tree_coordinates
+from support.scene import Integration
+from support.stress import CASES, DEGRADED, GOOD, OK, REFUSED, SILENT, Finding, climb
+
+pytestmark = pytest.mark.slow
 
 SPRUNG = load_mechanism("3ups-upu-s")
 
@@ -31,6 +30,7 @@ def integrated(stiffness: float, integration: Integration, folder: Path) -> list
     return list(findings(tolerant(right(stiffness, folder)[0], integration, SCREW)))
 
 
+@pytest.mark.slow
 def test_the_fastest_eigenvalue_is_a_hundred_thousand_at_the_hardest_springs(tmp_path: Path) -> None:
     stiffness = np.array([1e6, 1e10])
     fastest = [right(k, tmp_path)[1] for k in stiffness.tolist()]
@@ -38,24 +38,28 @@ def test_the_fastest_eigenvalue_is_a_hundred_thousand_at_the_hardest_springs(tmp
     assert np.diff(np.log(fastest)) / np.diff(np.log(stiffness)) == pytest.approx(0.5, abs=0.01)
 
 
+@pytest.mark.slow
 def test_the_reference_and_an_explicit_method_agree(tmp_path: Path) -> None:
     """Two integrators that share nothing but the accelerations; DOP853 at 1e-9 leaves some 1e-10."""
     for finding in integrated(1e4, Integration("DOP853", 1e-9, 1e-11), tmp_path):
         assert finding.error < GOOD, finding
 
 
+@pytest.mark.slow
 def test_a_looser_tolerance_is_admitted_to_lose_digits(tmp_path: Path) -> None:
     for finding in integrated(1e4, RADAU, tmp_path):
         assert finding.verdict == DEGRADED
         assert "the tolerance, 1e-05, admits" in finding.reason
 
 
+@pytest.mark.slow
 def test_an_explicit_method_is_refused_with_its_stable_step(tmp_path: Path) -> None:
     position, energy = findings(explicit(*right(1e10, tmp_path)))
     assert position.verdict == energy.verdict == REFUSED
     assert "eigenvalue of 9.9e+04 1/s bounds its step to 6.1e-05 s" in position.reason
 
 
+@pytest.mark.slow
 def test_the_error_of_accelerations_grows_with_stiffness_as_is_admitted(tmp_path: Path) -> None:
     stiffness = np.array([1e7, 1e8, 1e9, 1e10])
     found = {k: [one for q in accelerations(k, tmp_path) for one in findings(q)] for k in (1e2, *stiffness.tolist())}
@@ -70,6 +74,7 @@ def test_the_error_of_accelerations_grows_with_stiffness_as_is_admitted(tmp_path
     assert np.polyfit(np.log(stiffness), np.log(admitted), 1)[0] == pytest.approx(1.0, abs=1e-3)  # dampers: root
 
 
+@pytest.mark.slow
 def test_a_rung_holds_every_engine_and_only_fixed_steps_are_silent() -> None:
     found = climb(CASES["stiff-legs"], 1e2)
     assert {finding.quantity for finding in found} == {"joint_acceleration", "motion", "energy"}

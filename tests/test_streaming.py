@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import gc
-import subprocess
-import sys
 import tracemalloc
 
 import numpy as np
 import pytest
-from tolerances import LINEAR, OF_A_KILONEWTON, ROUND_TRIP
 
 import screwgauge
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.solution import Failure
+from screwgauge import ScrewgaugeError, stream
 from screwgauge.study import stream as streaming
-from screwgauge.study.stream import stream, times
+from screwgauge.study.stream import times
+from support.command import printed_by
+from support.engines import Failure
+from support.tolerances import LINEAR, OF_A_KILONEWTON, ROUND_TRIP
 
 QUANTITIES = ("joint_position", "generalized_force", "reaction")
 MOST = 200.0  # MB, as the guide to scenes says
@@ -87,6 +86,7 @@ def test_a_part_that_cannot_be_solved_is_named_after_those_that_can(monkeypatch)
         next(parts)
 
 
+@pytest.mark.slow
 def test_memory_is_that_of_one_part_however_many_there_are() -> None:
     """What stays allocated, counted to the byte from the third part on."""
     parts = screwgauge.stream(screwgauge.load_scene("3ups-upu-s"), times(8 * 16, 1e-3, part=16))
@@ -105,6 +105,7 @@ def test_memory_is_that_of_one_part_however_many_there_are() -> None:
     assert allocated[-1] - allocated[0] < size  # that of one part; five have followed
 
 
+@pytest.mark.slow
 def test_a_usual_part_takes_what_the_guide_says() -> None:
-    said = subprocess.run([sys.executable, "-c", MEASURED], capture_output=True, check=True, text=True).stdout
+    said = printed_by(MEASURED)
     assert float(said) < MOST

@@ -5,10 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge.study.cases.case import OK, SILENT, Finding
-from screwgauge.study.cases.open_states import FORWARD, HARD
-from screwgauge.study.cases.registry import CASES
-from screwgauge.study.stress import climb
+from support.stress import CASES, FORWARD, HARD, OK, SILENT, Finding, climb
 
 GAPS = (1e-9, 1e-7, 1e-5)
 #: Rounding times the condition of the default scene's poses, after a refinement of soft constraints.
@@ -21,6 +18,7 @@ def found() -> dict[tuple[float, str, str], Finding]:
     return {(gap, one.engine, one.quantity): one for gap in GAPS for one in climb(case, gap, quick=True)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["screw", "pinocchio projected", "mujoco projected"])
 @pytest.mark.parametrize("quantity", ["actuator_force", FORWARD])
 def test_engines_that_close_first_keep_their_digits(found, engine: str, quantity: str) -> None:

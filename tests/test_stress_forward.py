@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.study.cases.case import DEGRADED, OK, SILENT, Finding
-from screwgauge.study.cases.loops import ITERATIONS
-from screwgauge.study.cases.registry import CASES
-from screwgauge.study.stress import climb
+from screwgauge import ScrewgaugeError
+from support.stress import CASES, DEGRADED, ITERATIONS, OK, SILENT, Finding, climb
 
 ROUNDING = 1e-11  # of accelerations of 0.1 that are left of forces of 1 kN
 
@@ -42,6 +39,7 @@ def test_mu_of_zero_is_fine_on_full_rank_and_silently_not_a_number_below_it() ->
         assert lost.condition > 1e16
 
 
+@pytest.mark.slow
 def test_the_error_goes_as_mu_to_the_power_of_the_iterations() -> None:
     mus = np.array([1e-6, 1e-5, 1e-4])
     found = [climb(CASES["proximal"], mu) for mu in mus]
@@ -68,6 +66,7 @@ def test_redundant_constraints_leave_forces_in_the_plane_unique_and_frames_lock_
             assert finding.error < ROUNDING, finding
 
 
+@pytest.mark.slow
 def test_a_long_run_keeps_its_digits_where_the_scheme_drifts() -> None:
     found = climb(CASES["long-run"], 1000.0)
     for finding in found:

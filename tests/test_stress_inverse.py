@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
@@ -12,16 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from screwgauge.models.catalog import load_mechanism, mechanism_path
-from screwgauge.scene.read import load_scene
-from screwgauge.study.ask import solve
+from screwgauge import load_scene
 from screwgauge.study.cases import asking
-from screwgauge.study.cases.asking import ENGINES, POSES, compare, exactly, still
-from screwgauge.study.cases.case import DEGRADED, OK, REFUSED, Finding
-from screwgauge.study.cases.poses import WRIST_LOCKS
-from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import CASES, decades
-from screwgauge.study.stress import climb as climb_rung
+from support.command import printed_by
+from support.engines import solve
+from support.mechanism import load_mechanism, mechanism_path
+from support.questions import ENGINES, POSES, WRIST_LOCKS, compare, exactly, findings, still
+from support.stress import CASES, DEGRADED, OK, REFUSED, Finding, decades
+from support.stress import climb as climb_rung
 
 FORCES = ("generalized_force", "actuator_force")
 #: Rounding (2e-16) times the condition of regular poses (up to 300) would leave 13.2 digits if errors never cancelled.
@@ -52,15 +48,16 @@ def test_a_case_has_six_rungs_on_a_ladder_within_its_range(name: str) -> None:
         assert np.allclose(ratios, ratios[0])
 
 
+@pytest.mark.slow
 def test_cases_are_listed_without_loading_an_engine() -> None:
     code = (
         "import sys; from screwgauge.study.cases.registry import CASES; "
         "print(sorted({'pinocchio', 'mujoco', 'flint', 'scipy', 'vl_convert'} & set(sys.modules)))"
     )
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
+    assert printed_by(code).strip() == "[]"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "severities"),
     [
@@ -109,11 +106,13 @@ def check_none_is_wrong_without_a_word(found: dict[tuple[float, str, str], Findi
     assert any(finding.verdict != OK for finding in found.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["upu-singularity", "u-lock"])
 def test_near_singular_poses_nobody_is_wrong_without_a_word(case: str) -> None:
     check_none_is_wrong_without_a_word(climb(case, 1e-6, 1e-12))
 
 
+@pytest.mark.slow
 def test_a_locked_chart_costs_the_minimal_cut_no_force() -> None:
     found = climb("wrist-chart", 1e-10)
     check_none_is_wrong_without_a_word(found)
@@ -142,6 +141,7 @@ def test_what_is_refused_says_which_singularity_it_is() -> None:
     assert "leg2.base locks" in climb("u-lock", 1e-12)[1e-12, "screw", "generalized_force"].reason
 
 
+@pytest.mark.slow
 def test_near_a_base_lock_a_digit_is_lost_with_every_decade() -> None:
     ladder = (1e-3, 1e-6, 1e-9)
     found = climb("u-lock", *ladder)
@@ -151,6 +151,7 @@ def test_near_a_base_lock_a_digit_is_lost_with_every_decade() -> None:
         assert -1.3 < slope < -0.7  # rounding of 1e-16 m over the distance, from one sample: a matter of luck
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "lock"), WRIST_LOCKS.items())
 def test_truth_encloses_what_is_close_to_a_lock(name: str, lock: float) -> None:
     """192 bits leave five digits of an acceleration 1e-12 rad from a lock; twice as many leave twenty and more."""

@@ -12,18 +12,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from screwgauge.cli import main
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import ModelFiles, Problem, Progress, States, quiet
-from screwgauge.reference.applied import Applied
-from screwgauge.reference.errors import ClosureError, ScrewgaugeError
-from screwgauge.solution import Cost, Solution, Values
+from screwgauge import ScrewgaugeError
 from screwgauge.study.cases import registry
-from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding
-from screwgauge.study.cases.question import Question, findings
-from screwgauge.study.method import Method
-from screwgauge.study.reference import Reference
-from screwgauge.study.stress import COLUMNS, stress
+from support.acting import Applied
+from support.command import main
+from support.engines import Cost, Method, ModelFiles, Problem, Progress, Solution, Values, quiet
+from support.errors import ClosureError
+from support.judging import Reference
+from support.mechanism import load_mechanism
+from support.questions import Question, findings
+from support.scene import States
+from support.stress import COLUMNS, DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding, stress
 
 NOWHERE = ModelFiles(Path("nowhere"))
 
@@ -149,6 +148,7 @@ def test_every_rung_is_there_and_one_that_breaks_is_a_row() -> None:
     assert (row["verdict"], row["reason"]) == (REFUSED, "ValueError: the third rung breaks")
 
 
+@pytest.mark.slow
 def test_the_exit_status_blames_our_own_solver_only(tmp_path, capsys) -> None:
     assert main(["stress", "toy", "--severity", "0,1,1e4", "--out", str(tmp_path / "toy")]) == 0
     assert "these give wrong numbers without a word: pinocchio in 1 of 1 cases" in capsys.readouterr().out
@@ -189,9 +189,8 @@ def test_the_folder_has_table_report_and_page_of_plots(tmp_path) -> None:
         (["--severity", "1"], ("--severity", "one case")),
     ],
 )
-def test_bad_input_is_one_sentence(arguments, words, tmp_path, capsys) -> None:
-    assert main(["stress", *arguments, "--out", str(tmp_path / "out")]) == 2
-    text = capsys.readouterr().err
+def test_bad_input_is_one_sentence(arguments, words, tmp_path, command) -> None:
+    text = command("stress", *arguments, "--out", tmp_path / "out", status=2).err
     assert text.count("\n") == 1
     assert all(word in text for word in words), text
     assert not (tmp_path / "out").exists()

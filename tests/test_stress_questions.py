@@ -9,10 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import CASES
+from support.questions import findings
+from support.stress import CASES
+
+pytestmark = pytest.mark.slow
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["upu-singularity", "closure-violation", "refinement", "proximal", "long-run"])
 def test_a_copy_is_answered_to_the_last_bit(name: str, tmp_path: Path) -> None:
     case = CASES[name]

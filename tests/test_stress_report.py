@@ -9,13 +9,11 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from screwgauge.report.blocks import Banner, walk
-from screwgauge.report.figures.looks import CROSS, SHAPES
 from screwgauge.report.figures.stress import inks, make_plots
-from screwgauge.report.markdown import markdown
 from screwgauge.report.pages.stress import PAGE, headline
-from screwgauge.study.cases.case import GOOD, Case, Finding
-from screwgauge.study.stress import Stress
+from support.pages import Banner, markdown, walk
+from support.report import CROSS, SHAPES
+from support.stress import GOOD, Case, Finding, Stress
 
 ENGINES = ("screw", "pinocchio", "mujoco", "mujoco RK4", "mujoco Euler")
 

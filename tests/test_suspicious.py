@@ -7,11 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from screwgauge.models.catalog import load_mechanism, mechanism_names
-from screwgauge.reference.description import read_mechanism
-from screwgauge.reference.mechanism import Body, Frame, Mechanism
-from screwgauge.reference.rotations import rotation
-from screwgauge.reference.suspicious import suspicious
+from support.geometry import rotation
+from support.mechanism import Body, Frame, Mechanism, load_mechanism, mechanism_names, read_mechanism, suspicious
 
 #: Two hinges along z, a metre apart, with what follows put in place.
 ARM = """
@@ -43,10 +40,9 @@ PLAIN = {"com": [0.4, 0.1, 0], "xx": 0.01, "axis": [0, 0, 1], "at": [1, 0, 0]}
 
 
 @pytest.fixture
-def sentences(tmp_path):
+def sentences(write):
     def found(**changes) -> list[str]:
-        file = tmp_path / "arm.toml"
-        file.write_text(ARM.format(**{**PLAIN, **changes}), encoding="utf-8")
+        file = write("arm.toml", ARM.format(**{**PLAIN, **changes}))
         return [one.sentence for one in suspicious(read_mechanism(file, None))]
 
     return found
@@ -89,10 +85,9 @@ def test_mechanisms_that_are_right_are_not_suspicious(name: str) -> None:
     assert suspicious(load_mechanism(name)) == ()
 
 
-def test_frames_that_are_turned_make_no_difference(sentences, tmp_path) -> None:
+def test_frames_that_are_turned_make_no_difference(sentences, write) -> None:
     """Axes are compared in the body, not by the numbers of the file."""
-    file = tmp_path / "arm.toml"
-    file.write_text(ARM.format(**PLAIN), encoding="utf-8")
+    file = write("arm.toml", ARM.format(**PLAIN))
     mechanism = read_mechanism(file, None)
     R = rotation(np.array([1.0, 0.0, 0.0]), np.array([0.002]))[0]
     turned = replace(mechanism.joints[1], parent_frame=Frame(np.array([1.0, 0.0, 0.0]), R))

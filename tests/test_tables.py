@@ -8,7 +8,7 @@ import pytest
 
 import screwgauge
 from screwgauge import Recorded, ScrewgaugeError, load_scene
-from screwgauge.report.pages.run import summary
+from support.report import summary
 
 SCENE = """mechanism = "five-bar"
 motion = { left = { harmonics = [[3, 0, 0.2]] }, right = { harmonics = [[4, -0.3, 0.2]], offset = 0.3 } }
@@ -164,6 +164,7 @@ def test_a_factor_throughout_is_named(factor, scene, right):
     assert f"mine is {factor:.6g} times screw throughout: check its units and signs" in results.pairs["reason"][0]
 
 
+@pytest.mark.slow
 def test_an_error_that_is_stated_is_admitted_of_the_table_alone(scene, right):
     table = forces(right).round(3)
     entries = "tables.mine = { file = 'mine.csv', error.actuator_force = 6e-4 }"
@@ -217,6 +218,7 @@ BAD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", BAD)
 def test_a_bad_table_is_refused(case, scene, refused):
     text, said = BAD[case]

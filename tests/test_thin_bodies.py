@@ -11,16 +11,14 @@ import pytest
 import tomli_w
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism, mechanism_tables
-from screwgauge.models.generate import write_models
-from screwgauge.models.mjcf import left_out
-from screwgauge.models.placement import quaternion_rotation
+from screwgauge import load_scene
 from screwgauge.models.principal import inertial, without_stand_ins
-from screwgauge.reference.mechanism import Body
-from screwgauge.reference.rotations import Array, rotation
-from screwgauge.scene.read import load_scene
+from support.engines import IN_DOUBLES
+from support.geometry import Array, quaternion_rotation, rotation
+from support.judging import agreed
+from support.mechanism import Body, load_mechanism, mechanism_tables
+from support.models import left_out, write_models
 
-ENGINES = ["screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
 #: Of the largest moment: rounding of a quaternion and of the product that turns moments with it.
 TURNED = 3e-15
 #: The same of what MuJoCo's compiler turns itself, see `models.comparison`.
@@ -59,6 +57,7 @@ def compiled(one: Body) -> mujoco.MjModel:
     return mujoco.MjModel.from_xml_string(text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("turn", TURNS.values(), ids=TURNS)
 @pytest.mark.parametrize("moments", MOMENTS.values(), ids=MOMENTS)
@@ -132,6 +131,7 @@ def test_a_mechanism_without_thin_bodies_says_nothing(paper) -> None:
     assert not left_out(paper)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "bob",
     [
@@ -145,9 +145,10 @@ def test_a_mechanism_without_thin_bodies_says_nothing(paper) -> None:
 )
 def test_forces_of_thin_bodies_agree_in_all_engines(bob, arm, write) -> None:
     scene = load_scene(write("s.toml", f'mechanism = "{arm(bob).name}"\n{MOVED}'))
-    check(screwgauge.run(scene, engines=["truth", *ENGINES]))
+    agreed(screwgauge.run(scene, engines=["truth", *IN_DOUBLES]))
 
 
+@pytest.mark.slow
 def test_a_platform_on_legs_without_axial_inertia_agrees_in_all_engines(write) -> None:
     """Rods along their slides, which no axis of a frame is."""
     tables = mechanism_tables("stewart")
@@ -160,19 +161,15 @@ def test_a_platform_on_legs_without_axial_inertia_agrees_in_all_engines(write) -
     write("rods.toml", tomli_w.dumps({**tables, "name": "rods"}))
     scene = (Path(screwgauge.__file__).parent / "scenes" / "stewart.toml").read_text(encoding="utf-8")
     path = write("s.toml", scene.replace('mechanism = "stewart"', 'mechanism = "rods.toml"'))
-    check(screwgauge.run(load_scene(path).at([0.0, 0.3, 1.1]), engines=ENGINES))
+    agreed(screwgauge.run(load_scene(path).at([0.0, 0.3, 1.1]), engines=IN_DOUBLES))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["a01-pendulum", "a04-bricard-thin"])
 def test_thin_mechanisms_fall_alike_in_all_engines(name: str) -> None:
     results = screwgauge.run(load_scene(name).at([0.0, 0.05, 0.1]))
     assert [*results.solutions][:3] == ["screw", "pinocchio", "mujoco"]
-    check(results)
-
-
-def check(results: screwgauge.Results) -> None:
-    assert not results.failures
-    assert results.ok, results.pairs[~results.pairs["ok"]].to_string()
+    agreed(results)
 
 
 def test_a_fix_gives_an_mjcf_a_thin_rod(arm, write, tmp_path) -> None:

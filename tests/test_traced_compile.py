@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines.screw.model import ScrewModel
-from screwgauge.reference.applied import Motor, hold
-from screwgauge.reference.layout import layout
 from screwgauge.truth import cache
+from support.acting import Motor, hold
+from support.scene import sampled
+from support.solve import ScrewModel, layout
+from support.traced import native
 
 needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason="llvmlite is not installed")
 FORCES = ("generalized_force", "actuator_force")
@@ -24,8 +25,7 @@ SAME = 1e-12
 
 @pytest.fixture(scope="module")
 def scene():
-    scene = screwgauge.load_scene("3ups-upu-s")
-    return scene.at(scene.t[:500:5])
+    return sampled("3ups-upu-s", slice(0, 500, 5))
 
 
 @pytest.fixture(scope="module")
@@ -145,6 +145,7 @@ def test_bad_settings_are_refused(scene, settings, message):
         screwgauge.compile(scene, **{"quantities": FORCES, "backend": "numpy", **settings})
 
 
+@pytest.mark.slow
 def test_what_cannot_be_traced_is_answered_by_arrays_and_said():
     scene = screwgauge.random(2, "underactuated")
     solver = screwgauge.compile(scene, ["actuator_force"], backend="numpy")
@@ -172,6 +173,7 @@ def test_without_llvmlite_numpy_runs_the_program_and_that_is_said(scene, monkeyp
     assert far(solver(*motion(scene))["actuator_force"], expected(scene)) <= SAME
 
 
+@pytest.mark.slow
 @needs_llvm
 @pytest.mark.parametrize("n", [1, 7, 8, 100])
 def test_machine_code_answers_any_number_of_samples(scene, n):
@@ -180,10 +182,9 @@ def test_machine_code_answers_any_number_of_samples(scene, n):
     assert far(found, expected(scene)[:n]) <= SAME
 
 
+@pytest.mark.slow
 @needs_llvm
 def test_machine_code_is_kept_and_a_damaged_file_is_made_anew(scene, tmp_path, monkeypatch):
-    from screwgauge.reference.traced import native
-
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
     assert screwgauge.compile(scene, FORCES).notes == ()
     (file,) = (path for path in tmp_path.iterdir() if path.name != cache.SECRET)

@@ -8,23 +8,21 @@ from functools import cache
 
 import numpy as np
 import pytest
-import tolerances
 from hypothesis import given
-from support.strategies import FEW, scenes
 
 import screwgauge
-from screwgauge.engines.registry import get_engine
-from screwgauge.engines.screw.model import LONG, ScrewModel, Settings
-from screwgauge.engines.screw.programs import check_traceable
-from screwgauge.engines.screw.traced import TracedWork
-from screwgauge.models.catalog import load_mechanism, mechanism_names
-from screwgauge.problem import GivenMotion, ModelFiles
-from screwgauge.quantities import GIVEN
-from screwgauge.reference.applied import JointSpring, Motor
-from screwgauge.reference.errors import UnknownNameError
-from screwgauge.reference.layout import layout
-from screwgauge.reference.rotations import rotation
-from screwgauge.reference.traced.trace import NotTraceableError
+from support import tolerances
+from support.acting import JointSpring, Motor
+from support.engines import ModelFiles, get_engine
+from support.errors import UnknownNameError
+from support.geometry import rotation
+from support.mechanism import load_mechanism, mechanism_names
+from support.scene import GIVEN, GivenMotion
+from support.solve import LONG, ScrewModel, Settings, TracedWork, check_traceable, layout
+from support.strategies import FEW, scenes
+from support.traced import NotTraceableError
+
+pytestmark = pytest.mark.slow
 
 needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason="llvmlite is not installed")
 BACKENDS = ("numpy", pytest.param("llvm", marks=needs_llvm))
@@ -58,6 +56,7 @@ def by_program(solution):
     return int(solution.notes[0].split(" of ")[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("name", ["3ups-upu-s", "3ups-upu-s-fast", "3ups-upu-s-offset"])
 def test_as_close_to_the_truth_as_promised(name, backend):
@@ -78,6 +77,7 @@ def test_as_close_to_the_truth_as_promised(name, backend):
 
 
 #: Forty four-bars take a minute by the array solver.
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in mechanism_names() if name != "a02-fourbar-40"])
 def test_every_built_in_mechanism(name):
     mechanism = load_mechanism(name)
@@ -95,6 +95,7 @@ def test_every_built_in_mechanism(name):
     assert mine.notes
 
 
+@pytest.mark.slow
 @FEW
 @given(scenes("planar-4", "rccc", "rscr", "rrsrr", "bennett", "7r", "serial", "spherical-loop", "rssr"))
 def test_random_mechanisms(scene):
@@ -111,6 +112,7 @@ def on_both_sides(backend):
     return solved(replace(screwgauge.load_scene("3ups-upu-s"), task=motion, drive=None, text={}), backend)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_random_states_on_both_sides_of_the_leg_singularity(backend):
     """Beyond it expressions that agree at home differ by kilonewtons."""
@@ -189,6 +191,7 @@ def test_badly_conditioned_samples_are_left_to_the_array_solver_and_counted():
     assert np.array_equal(mine.values["reaction"].array[2:], other.values["reaction"].array[2:])
 
 
+@pytest.mark.slow
 def test_a_prediction_from_afar_is_left_to_the_array_solver(monkeypatch):
     scene = screwgauge.load_scene("stewart-legs").at(np.linspace(0.0, 1.0, 41))
     lay = layout(scene.mechanism)
@@ -249,6 +252,7 @@ def test_there_is_no_other_backend():
         get_engine("screw").load(ModelFiles(screwgauge.load_scene("3ups-upu-s").mechanism_file), backend="numba")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_ball_whose_middle_angle_is_beyond_a_right_angle_is_read_so(backend):
     """Of two triples of angles that mean the same, programs know the one whose middle angle is within a right angle."""

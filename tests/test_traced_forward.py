@@ -7,20 +7,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from tolerances import LINEAR
 
 import screwgauge
-from screwgauge.engines.methods import StagedDOP853
-from screwgauge.engines.screw.forward import TracedForward
-from screwgauge.engines.screw.model import ScrewModel, Settings
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.problem import InitialValue, Integration, Problem
-from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring
-from screwgauge.reference.closed.branch import Branch
-from screwgauge.reference.forward import forces_at, forward, power
-from screwgauge.reference.kinematics import positions, velocities
-from screwgauge.reference.layout import layout
-from screwgauge.reference.traced.trace import NotTraceableError
+from support.acting import Applied, JointSpring, Load, Motor, PointSpring, forces_at, power
+from support.engines import Problem
+from support.mechanism import load_mechanism
+from support.scene import InitialValue, Integration
+from support.solve import Branch, ScrewModel, Settings, StagedDOP853, TracedForward, forward, layout, moved, velocities
+from support.tolerances import LINEAR
+from support.traced import NotTraceableError
 
 MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
 
@@ -57,6 +52,7 @@ def traced(lay, applied, start, backend, near=1e5):
     return TracedForward(lay, Problem(applied, task, MOTION), task, backend)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", backends())
 @pytest.mark.parametrize(
     "name", ["3ups-upu-s", "a02-fourbar-2", "a03-andrews", "a04-bricard-box", "arm7", "3-rrr", "rccc"]
@@ -70,7 +66,7 @@ def test_slopes_are_those_of_the_arrays(name, backend):
     near = y[:, None] + 1e-3 * np.arange(11)  # more than a register holds
     states = np.concatenate([near, np.repeat(yd[:, None], 11, axis=1), np.zeros((1, 11))])
     found, two, one = programs.slope(t, states), programs.slope(t, states[:, :2]), programs.one(t, states[:, 0])
-    rate = velocities(lay, positions(lay, near.T, np.zeros(11)), states[len(y) : -1].T)
+    rate = moved(lay, near.T, states[len(y) : -1].T)
     forces = forces_at(lay.mechanism, applied, t)
     right = np.concatenate([states[len(y) : -1], forward(lay, rate, forces).ydd.T, power(lay, rate, forces)[None]])
     assert np.abs(found / right - 1.0).max() < 1e-10
@@ -86,6 +82,7 @@ def simulated(name, until, backend):
     return model.solve(Problem(scene.applied, task, MOTION))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", backends())
 @pytest.mark.parametrize(
     ("name", "until"), [("a03-andrews-ivp", 0.004), ("a02-fourbar-2", 0.5), ("a05-governor", 0.02)]
@@ -100,6 +97,7 @@ def test_simulations_are_those_of_the_array_solver(name, until, backend):
     assert np.abs(mine.work - other.work).max() < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", backends())
 def test_next_to_a_singular_pose_no_digit_is_lost_on_the_way(backend):
     """Parallelograms are one pendulum, phi'' = kappa sin phi. A step of Newton's method from a pose that is closed to
@@ -200,7 +198,7 @@ def test_a_motor_on_a_joint_that_closes_a_loop_acts_there():
     motor = Motor(lay.tree.cuts[0].name, np.array([2.0]), np.zeros((0, 3)))
     applied, y = replace(scene.applied, motors=(motor,)), np.array([0.4])
     found = traced(lay, applied, y, "numpy").one(0.0, np.array([0.4, 1.5, 0.0]))
-    rate = velocities(lay, positions(lay, y[None], np.zeros(1)), np.array([[1.5]]))
+    rate = moved(lay, y[None], np.array([[1.5]]))
     forces = forces_at(lay.mechanism, applied, 0.0)
     assert abs(found[1] - forward(lay, rate, forces).ydd[0, 0]) < LINEAR
     assert abs(found[2] - power(lay, rate, forces)[0]) < LINEAR

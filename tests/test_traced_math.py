@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge.reference.traced.program import program
-from screwgauge.reference.traced.trace import Trace
-from screwgauge.reference.traced.vectors import apply
+from support.traced import Trace, apply, program
 
 pytest.importorskip("llvmlite", reason="llvmlite is not installed")
 
@@ -16,7 +14,7 @@ ULPS = 2.0
 
 
 def native(name, *inputs):
-    from screwgauge.reference.traced.native import Native, machine_code
+    from support.traced import Native, machine_code
 
     trace = Trace()
     nodes = [trace.input(np.zeros(1)) for _ in inputs]

@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from screwgauge.reference.traced.elimination import Factors
-from screwgauge.reference.traced.lanes import Lanes
-from screwgauge.reference.traced.program import program
-from screwgauge.reference.traced.trace import NotTraceableError, Trace
-from screwgauge.reference.traced.vectors import apply, rotation
+from support.traced import Factors, Lanes, NotTraceableError, Trace, apply, program, rotation
 
 SAMPLES = np.array([0.3, -0.7, 1.1])
 

@@ -10,15 +10,12 @@ from functools import partial
 
 import numpy as np
 import pytest
-from asking import check_same, model_files
 
 import screwgauge
-from screwgauge.scene.read import scene_names
-from screwgauge.solution import Solution
-from screwgauge.study.ask import ask
-from screwgauge.study.bench.registry import contestants, simulators
-from screwgauge.study.cases.registry import CASES
-from screwgauge.study.method import Method
+from support.bench import contestants, simulators
+from support.engines import Method, Solution, check_same, model_files, put
+from support.scene import scene_names
+from support.stress import CASES
 
 
 def difference(one: object, other: object, at: str = "") -> str:
@@ -69,6 +66,7 @@ def test_every_contestant_of_a_bench_of_simulations_travels(method, quick):
     check_travels(everyone)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_every_stress_case_with_its_questions_and_methods_travels(name, tmp_path):
     """At both ends of its quick ladder."""
@@ -115,7 +113,7 @@ def asked() -> dict[str, tuple]:
 def elsewhere(asked) -> dict[str, Solution]:
     """Answers of a process that was started afresh."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:
-        return dict(zip(asked, pool.starmap(ask, asked.values()), strict=True))
+        return dict(zip(asked, pool.starmap(put, asked.values()), strict=True))
 
 
 ENGINES_AND_TASKS = [
@@ -124,10 +122,11 @@ ENGINES_AND_TASKS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENGINES_AND_TASKS)
 def test_a_spawned_process_gives_the_same_bits(name, asked, elsewhere):
     assert [*asked] == sorted(ENGINES_AND_TASKS, key=[*asked].index)
-    here = ask(*asked[name])
+    here = put(*asked[name])
     assert isinstance(here, Solution), here
     assert here.stopped == ""
     check_same(here, elsewhere[name])

@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.truth import cache, samples
+from screwgauge.truth import cache
+from support.truth import notes, samples
 
 QUANTITIES = ["joint_position", "joint_velocity"]
 
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
-    return tmp_path / "cache"
+pytestmark = pytest.mark.usefixtures("cache_folder")
 
 
 @pytest.fixture
@@ -36,10 +33,6 @@ def solve(times=(0.1, 0.2), name="3ups-upu-s", quantities=QUANTITIES):
     return results
 
 
-def notes(results):
-    return " ".join(results.solutions["truth"].notes)
-
-
 def test_second_run_computes_nothing_and_gives_the_same(calls):
     first, second = solve(), solve()
     assert len(calls) == 2
@@ -50,6 +43,7 @@ def test_second_run_computes_nothing_and_gives_the_same(calls):
     assert "anew" not in notes(second)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "other",
     [
@@ -77,6 +71,7 @@ def test_another_gravity_is_another_question(calls):
     assert not np.allclose(moon.values("generalized_force"), mars.values("generalized_force"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
@@ -86,9 +81,9 @@ def test_another_gravity_is_another_question(calls):
         (lambda data: data.replace(data.split(b" ")[1], b"0" * 64, 1), "another version"),
     ],
 )
-def test_damaged_or_stale_file_is_computed_anew_and_said_so(calls, folder, damage, said):
+def test_damaged_or_stale_file_is_computed_anew_and_said_so(calls, cache_folder, damage, said):
     solve()
-    (file,) = (path for path in folder.iterdir() if path.name != cache.SECRET)
+    (file,) = (path for path in cache_folder.iterdir() if path.name != cache.SECRET)
     file.write_bytes(damage(file.read_bytes()))
     again = solve()
     assert len(calls) == 4
@@ -114,9 +109,10 @@ WRONG = (
 )
 
 
-def test_another_payload_with_its_own_hash_is_computed_anew_and_said_so(calls, folder):
+@pytest.mark.slow
+def test_another_payload_with_its_own_hash_is_computed_anew_and_said_so(calls, cache_folder):
     first = solve([0.1])
-    (file,) = (path for path in folder.iterdir() if path.name != cache.SECRET)
+    (file,) = (path for path in cache_folder.iterdir() if path.name != cache.SECRET)
     version = file.read_bytes().split(b" ")[1].decode()
     right = cache.read(file.name, version)[0]
     for count, change in enumerate(WRONG, 2):
@@ -137,8 +133,8 @@ def test_a_payload_that_is_no_archive_is_damaged(payload, monkeypatch):
     assert cache.read("key", "version") == (None, cache.DAMAGED)
 
 
-def test_folder_that_cannot_be_used_costs_only_a_sentence(folder, calls):
-    folder.write_text("a file")
+def test_folder_that_cannot_be_used_costs_only_a_sentence(cache_folder, calls):
+    cache_folder.write_text("a file")
     assert "the cache cannot be" in notes(solve())
     assert len(calls) == 2
 

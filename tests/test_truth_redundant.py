@@ -4,24 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 from flint import arb, arb_mat, ctx
-from tolerances import LINEAR, ROUNDING
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism, mechanism_tables
-from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.rotations import rotation
-from screwgauge.truth.certify import Certifier
-from screwgauge.truth.exact import number, widened
-from screwgauge.truth.forces import newton_euler
-from screwgauge.truth.kinematics import state
-from screwgauge.truth.linkage import Linkage
+from support.errors import DescriptionError
+from support.geometry import rotation
+from support.mechanism import DATA, load_mechanism, mechanism_tables
+from support.tolerances import LINEAR, ROUNDING
+from support.truth import Certifier, Linkage, newton_euler, notes, number, state, widened
 
-DATA = Path(__file__).with_name("data")
 #: Radii where doubles of the geometry are read as rounded: 1e-15 times what is lost on the way to accelerations of 10.
 RADIUS_OF_ROUNDED = 1e-8
 
@@ -70,10 +64,6 @@ def turned(text):
     return out
 
 
-def notes(results):
-    return " ".join(results.solutions["truth"].notes)
-
-
 @pytest.mark.parametrize("name", ["bennett", "sarrus"])
 def test_redundant_loops_of_exact_text_close(name, scene):
     results = screwgauge.run(scene((DATA / f"{name}.toml").read_text()), engines=["truth", "screw"])
@@ -91,6 +81,7 @@ def test_bennett_linkage_moves_as_its_closed_form_says(scene):
     assert np.array([j3, j4]) == pytest.approx(-np.array([j1, j2]), abs=ROUNDING)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("digits", [15, 16, 17])
 def test_redundant_loops_of_long_decimals_are_read_as_rounded(digits, scene):
     text = (DATA / "bennett.toml").read_text()
@@ -157,6 +148,7 @@ def test_size_does_not_matter(name, size, write):
         assert float(forces[1].rel_accuracy_bits()) > 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["slider-crank", "four-bar"])
 def test_motion_that_nothing_drives_has_a_truth(name, scene):
     motion = scene(re.sub(r"actuated = true\n", "", (DATA / f"{name}.toml").read_text()))

@@ -8,19 +8,14 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from flint import arb, ctx, fmpq
-from tolerances import RADIUS
 
 import screwgauge
-from screwgauge.models.catalog import load_mechanism, mechanism_tables
-from screwgauge.problem import GivenMotion
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
-from screwgauge.solution import Clock
-from screwgauge.truth import exact, forces
-from screwgauge.truth.certify import Certifier, NotCertified
-from screwgauge.truth.jets import drive, read_terms
-from screwgauge.truth.linkage import Linkage
-from screwgauge.truth.samples import Sampler
+from support.engines import Clock
+from support.mechanism import load_mechanism, mechanism_tables
+from support.scene import GivenMotion
+from support.solve import layout, posed, positions
+from support.tolerances import RADIUS
+from support.truth import Certifier, Linkage, NotCertified, Sampler, drive, exact, forces, read_terms
 
 
 def balls(scene, bits):
@@ -122,7 +117,7 @@ def test_routes_that_disagree_are_an_error(monkeypatch):
 def test_singular_pose_is_not_certified():
     mechanism = load_mechanism("3ups-upu-s")
     y = [0.1, np.arctan2(0.3 * 3**0.5, 0.5) - np.arccos((0.25 + 0.27) ** 0.5 / 0.8)]
-    start = positions(layout(mechanism), np.array([y]), np.zeros(1)).q[0].tolist()
+    start = posed(layout(mechanism), *y).q[0].tolist()
     with ctx.workprec(192):
         certifier = Certifier(Linkage(mechanism, mechanism_tables("3ups-upu-s")))
         b = (exact.number("3*sqrt(3)/5")).atan() - (arb(13) / 16).sqrt().acos()
@@ -132,7 +127,7 @@ def test_singular_pose_is_not_certified():
 
 def test_poor_guess_ends_in_a_proof_or_a_refusal():
     mechanism = load_mechanism("3ups-upu-s")
-    start = positions(layout(mechanism), np.array([[0.1, 0.05]]), np.zeros(1)).q[0]
+    start = posed(layout(mechanism), 0.1, 0.05).q[0]
     with ctx.workprec(192):
         certifier = Certifier(Linkage(mechanism, mechanism_tables("3ups-upu-s")))
         y = [arb("0.1"), arb("0.05")]

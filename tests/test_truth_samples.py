@@ -9,9 +9,8 @@ import pytest
 
 import screwgauge
 from screwgauge.engines import truth as engine
-from screwgauge.solution import common_rows
-from screwgauge.truth.certify import NotCertified
-from screwgauge.truth.samples import Sampler
+from support.engines import common_rows
+from support.truth import NotCertified, Sampler
 
 QUANTITIES = ["joint_position", "joint_velocity", "actuator_force", "generalized_force"]
 
@@ -24,6 +23,7 @@ def results():
         yield screwgauge.run(scene, engines=["truth", "screw", "pinocchio"], quantities=QUANTITIES)
 
 
+@pytest.mark.slow
 def test_chosen_samples_are_spread_evenly_over_the_scene(results):
     truth = results.solutions["truth"]
     assert truth.rows.tolist() == list(range(0, 101, 10))
@@ -48,6 +48,7 @@ def test_scale_of_every_pair_is_that_of_the_truth(results):
     assert set(force["scale"]) == {np.nanmax(np.abs(results.values("actuator_force", "truth")))}
 
 
+@pytest.mark.slow
 def test_report_is_written_with_its_plots(results, tmp_path):
     out = results.write(tmp_path / "out")
     assert "11 of 101 samples enclosed" in (out / "report.md").read_text()

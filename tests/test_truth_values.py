@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from tolerances import AGREE, LINEAR, NEAREST, PRINTED, RADIUS, SOLVER
 
 import screwgauge
-
-DATA = Path(__file__).with_name("data")
+from support.mechanism import DATA, load_mechanism, mechanism_tables
+from support.scene import sampled
+from support.solve import joint_reactions, layout, pose
+from support.tolerances import AGREE, LINEAR, NEAREST, PRINTED, RADIUS, SOLVER
 
 
 @pytest.fixture(scope="module", params=["3ups-upu-s", "3ups-upu-s-fast", "3ups-upu-s-offset"])
@@ -20,6 +19,7 @@ def results(request):
     return screwgauge.run(scene.at(scene.t[rows]), engines=["screw", "truth"])
 
 
+@pytest.mark.slow
 def test_radius_of_every_quantity_is_below_the_promise(results):
     truth = results.solutions["truth"]
     assert {"joint_acceleration", "body_angular_acceleration", "generalized_force", "reaction"} <= set(truth.radius)
@@ -61,10 +61,10 @@ def test_known_forces_of_the_paper_scene(t, Q, f):
     assert results.values("actuator_force")[0] == pytest.approx(f, abs=PRINTED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["four-bar", "slider-crank", "rscr", "pendulum"])
 def test_any_mechanism_has_a_truth(name):
-    scene = screwgauge.load_scene(DATA / f"{name}-scene.toml")
-    results = screwgauge.run(scene.at(scene.t[::5]), engines=["screw", "truth"])
+    results = screwgauge.run(sampled(DATA / f"{name}-scene.toml", slice(None, None, 5)), engines=["screw", "truth"])
     assert results.ok, results.failures
     assert results.pairs["max_scaled"].max() < LINEAR
 
@@ -73,14 +73,7 @@ def test_any_mechanism_has_a_truth(name):
 def test_reactions_have_the_names_of_the_other_engines(name):
     from flint import ctx
 
-    from screwgauge.models.catalog import load_mechanism, mechanism_tables
-    from screwgauge.reference.dynamics import joint_reactions
-    from screwgauge.reference.layout import layout
-    from screwgauge.reference.pose import pose
-    from screwgauge.truth.exact import number
-    from screwgauge.truth.forces import unknowns
-    from screwgauge.truth.kinematics import State
-    from screwgauge.truth.linkage import Linkage
+    from support.truth import Linkage, State, number, unknowns
 
     mechanism = load_mechanism(name)
     lay = layout(mechanism)

@@ -13,17 +13,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support import robots
 
-from screwgauge.cli import main
 from screwgauge.commands.view import _serve
-from screwgauge.reference.errors import OutputError
 from screwgauge.report import console
-from screwgauge.report.pdf import browser
+from support import robots
+from support.browser import Opened, open_page
+from support.command import main
 
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+pytestmark = pytest.mark.slow
+
 BLANK = 6000  # a picture without anything in it is smaller [bytes]
-SHOWN = 60e3  # longest wait for anything on the page, drawn without a graphics card on a busy machine [ms]
 STUCK = """
 name = "stuck"
 [independent]
@@ -49,6 +48,7 @@ def test_the_page_is_written(tmp_path: Path) -> None:
     assert "That leaves bob one rotation about z through pivot." in text
 
 
+@pytest.mark.slow
 def test_a_picture_is_written_of_one_or_two_mechanisms(tmp_path: Path) -> None:
     one, two = tmp_path / "one.png", tmp_path / "two.png"
     assert main(["view", "3ups-upu-s", "--png", str(one)]) == 0
@@ -57,6 +57,7 @@ def test_a_picture_is_written_of_one_or_two_mechanisms(tmp_path: Path) -> None:
     assert one.read_bytes() != two.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["gif", "webp"])
 def test_a_motion_is_written_as_frames(tmp_path: Path, kind: str) -> None:
     from PIL import Image
@@ -77,21 +78,19 @@ def test_a_motion_is_written_as_frames(tmp_path: Path, kind: str) -> None:
     assert len({*map(len, shown)}) == 1
 
 
-def test_a_video_that_cannot_be_made_is_said(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_video_that_cannot_be_made_is_said(tmp_path: Path, command, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "x.gif"
     for what, name in ((["slider-crank"], "x.mp4"), (["slider-crank", "five-bar"], "x.gif")):
         assert main(["view", *what, "--video", str(tmp_path / name)]) == 2
     monkeypatch.setattr("screwgauge.commands.view.find_spec", lambda name: None)
-    assert main(["view", "slider-crank", "--video", str(file)]) == 2
-    cut, two, missing = capsys.readouterr().err.splitlines()
+    cut, two, missing = command("view", "slider-crank", "--video", file, status=2).err.splitlines()
     assert "x.mp4; name a file that ends with .gif or .webp" in cut
     assert "shows one scene in motion" in two
     assert "pip install 'screwgauge[video]'" in missing
     assert not file.exists()
 
 
+@pytest.mark.slow
 def test_a_model_file_is_shown(tmp_path: Path) -> None:
     urdf, mjcf = robots.write(tmp_path)
     for file in (urdf, mjcf):
@@ -100,11 +99,10 @@ def test_a_model_file_is_shown(tmp_path: Path) -> None:
         assert "screwgaugeStage" in page.read_text(encoding="utf-8")
 
 
-def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path, write, capsys) -> None:
+def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path, write, command) -> None:
     file = write("stuck.toml", STUCK)
     page = tmp_path / "page.html"
-    assert main(["view", str(file), "--out", str(page)]) == 0
-    assert "shown at home, as no motion can be given" in capsys.readouterr().err
+    assert "shown at home, as no motion can be given" in command("view", file, "--out", page).err
 
 
 @pytest.mark.parametrize(
@@ -122,13 +120,11 @@ def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path,
         (["a01-pendulum", "--mujoco"], "MuJoCo's viewer needs a display, and there is none"),
     ],
 )
-def test_bad_input_is_one_sentence(arguments, said, tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_bad_input_is_one_sentence(arguments, said, tmp_path, inside, monkeypatch, command) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     Path("text.urdf").write_text("no model", encoding="utf-8")
-    assert main(["view", *arguments]) == 2
-    told = capsys.readouterr()
+    told = command("view", *arguments, status=2)
     assert said in told.err
     assert "Traceback" not in told.err
     assert {path.name for path in tmp_path.iterdir()} == {"text.urdf"}
@@ -142,6 +138,7 @@ def test_a_port_that_is_taken_is_said(capsys) -> None:
     assert "cannot be served at (address already in use); leave --port out" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="interrupts are sent otherwise")
 def test_it_serves_one_page_to_this_machine_until_it_is_interrupted() -> None:
     command = [sys.executable, "-m", "screwgauge.cli", "view", "a01-pendulum"]
@@ -163,32 +160,19 @@ def test_it_serves_one_page_to_this_machine_until_it_is_interrupted() -> None:
         assert served.stderr.read() == ""
 
 
+@pytest.mark.slow
 def test_an_interrupt_that_a_library_swallows_ends_it_too(monkeypatch) -> None:
     monkeypatch.setattr(console, "_stopped_by", [signal.SIGINT])
     assert _serve(b"", 0) == 0
 
 
 @pytest.fixture(scope="module")
-def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Any, list[str]]]:
-    """The page of a slider-crank in a real browser; what it said and asked for."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    try:
-        program = browser()
-    except OutputError as error:
-        pytest.skip(str(error))
-    file, said = tmp_path_factory.mktemp("view") / "page.html", list[str]()
+def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Opened]:
+    """The page of a slider-crank in a real browser."""
+    file = tmp_path_factory.mktemp("view") / "page.html"
     assert main(["view", "slider-crank", "--out", str(file)]) == 0
-    with playwright.sync_playwright() as driver:
-        window = driver.chromium.launch(executable_path=program, args=FLAGS)
-        page = window.new_page(viewport={"width": 600, "height": 500})
-        page.set_default_timeout(SHOWN)
-        page.on("console", lambda message: said.append(message.text))
-        page.on("pageerror", lambda error: said.append(str(error)))
-        page.goto(file.as_uri())
-        page.on("request", lambda request: said.append(request.url))
-        page.wait_for_selector(".stage canvas")
-        yield page, said
-        window.close()
+    with open_page(file, 600, 500) as shown:
+        yield shown
 
 
 #: Frames after which a busy machine has drawn what a click asks for.
@@ -202,7 +186,7 @@ def seen(page: Any) -> bytes:
 
 
 def test_the_mechanism_is_drawn_and_scrubbed_by_keys(opened) -> None:
-    page, said = opened
+    page = opened.page
     first = seen(page)
     assert len(first) > BLANK
     page.locator("input[type=range]").focus()
@@ -211,23 +195,23 @@ def test_the_mechanism_is_drawn_and_scrubbed_by_keys(opened) -> None:
     assert seen(page) != first
     assert "t = 0.000 s" not in page.locator(".stage output").text_content()
     assert "crank = " in page.locator(".stage output").text_content()
-    assert said == []
+    opened.check_quiet()
 
 
 @pytest.mark.parametrize("group", ["axes", "frames", "masses", "ellipsoids", "actuators", "reactions", "wrenches"])
 def test_each_box_shows_and_hides(opened, group) -> None:
-    page, said = opened  # in the first frame no force of an actuator is seen
+    page = opened.page  # in the first frame no force of an actuator is seen
     page.evaluate("() => { const s = document.querySelector('input[type=range]'); s.value = 20; s.oninput(); }")
     before = seen(page)
     page.click(f"input[name={group}]")
     assert any(seen(page) != before for _ in range(FRAMES))
     page.click(f"input[name={group}]")
     assert any(seen(page) == before for _ in range(FRAMES))
-    assert said == []
+    opened.check_quiet()
 
 
 def test_it_plays_to_the_end_and_turns_with_the_mouse(opened) -> None:
-    page, said = opened
+    page = opened.page
     page.evaluate("() => { const s = document.querySelector('input[type=range]'); s.value = s.max - 2; s.oninput(); }")
     page.click(".stage button")
     page.evaluate(
@@ -240,4 +224,4 @@ def test_it_plays_to_the_end_and_turns_with_the_mouse(opened) -> None:
     page.mouse.move(box["x"] + 260, box["y"] + 180, steps=4)
     page.mouse.up()
     assert seen(page) != before
-    assert said == []
+    opened.check_quiet()

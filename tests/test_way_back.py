@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tolerances import PLACED
 
-from screwgauge.engines.tree.project import project
-from screwgauge.reference.errors import SingularPoseError
+from support.errors import SingularPoseError
+from support.tolerances import PLACED
+from support.trees import project
 
 
 class Line:

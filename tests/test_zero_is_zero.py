@@ -6,19 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from near import BASE, moving_at
-from planar import Bar, at_random, four_bar, moving, slider_crank
-from tolerances import NOTICED, ROUNDING
 
 import screwgauge
 from screwgauge.engines.estimate import Part, Trust, errors
-from screwgauge.judging.compare import compare
-from screwgauge.judging.judge import judge
-from screwgauge.reference.layout import layout
-from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import pose
-from screwgauge.scene.preflight import check_actuation, check_scene
-from screwgauge.solution import Solution, Values
+from support.engines import Solution, Values
+from support.freedoms import mobility_at_home
+from support.judging import compare, compared, judge
+from support.near import BASE, moving_at
+from support.planar import Bar, at_random, four_bar, moving, slider_crank
+from support.scene import check_actuation, check_scene
+from support.tolerances import NOTICED, ROUNDING
+
+pytestmark = pytest.mark.slow
 
 FORCES = ("generalized_force", "actuator_force", "reaction")
 
@@ -45,6 +44,7 @@ def test_a_slider_crank_at_its_dead_centre(write):
     check_clear(screwgauge.run(moving(write, text, [0.0], 10.0)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("crank", [0.695, 0.6992, 0.69935])
 def test_reactions_that_are_zero_near_a_dead_centre_are_no_lost_digits(write, crank):
     """Moments of a planar mechanism, at condition numbers around 50: no difference, and hardly any tolerance."""
@@ -80,6 +80,7 @@ def test_light_carriers_between_heavy_bodies(write):
     check_clear(screwgauge.run(moving(write, text, [1.0, 1.2], 5.0, 1.0)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_planar_mechanisms_at_random_agree(write, seed):
     results = screwgauge.run(at_random(write, seed))
@@ -87,14 +88,14 @@ def test_planar_mechanisms_at_random_agree(write, seed):
     assert all(np.isfinite(row.estimate) for row in results.guard)
 
 
+@pytest.mark.slow
 def test_a_share_of_any_force_is_noticed(write):
     """A component off by `NOTICED` of the largest, in every quantity and unit that does not vanish."""
     seen = 0
     for seed in range(12):
         scene = at_random(write, seed)
         right = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
-        lay = layout(scene.mechanism)
-        counts = mobility(lay, pose(lay, scene.mechanism.home[None]))
+        counts = mobility_at_home(scene.mechanism)
         for quantity in ("joint_velocity", "joint_acceleration", "com_acceleration", *FORCES):
             values = right.values[quantity]
             alone = replace(right, values={quantity: values})
@@ -123,6 +124,7 @@ def disturbed(solution: Solution, quantity: str, unit: str):
         yield replace(solution, engine="other", values=wrong), size
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("body", range(3))
 def test_a_mass_off_by_a_billionth_is_noticed(write, body):
     """By comparison and by the judge, which knows the right mass."""
@@ -137,10 +139,8 @@ def test_a_mass_off_by_a_billionth_is_noticed(write, body):
     solution = screwgauge.run(right, engines=["screw"]).solutions["screw"]
     other = screwgauge.run(moving(write, text(NOTICED), [1.0, 1.2], 5.0, 1.0), engines=["screw"]).solutions["screw"]
     assert not judge(right.mechanism, right.problem(()), other)["ok"].all()
-    lay = layout(right.mechanism)
     both = {"screw": solution, "other": replace(other, engine="other")}
-    counts = mobility(lay, pose(lay, right.mechanism.home[None]))
-    pairs = compare(right.mechanism, right.problem(()), both, {}, counts, right.tolerance)[1]
+    pairs = compared(right, both)[1]
     assert {"actuator_force", "reaction"} <= set(pairs[~pairs["ok"]]["quantity"])
 
 
@@ -151,6 +151,7 @@ def test_a_small_force_among_large_ones_is_seen(write):
     assert all(size < 1e-12 for by_unit in right.tolerances.values() for size in by_unit.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decade", np.arange(-9.0, -6.5, 0.5))
 def test_next_to_a_lock_the_actuators_still_drive_every_freedom(decade):
     scene = moving_at([[0.0, BASE + 10.0**decade]])

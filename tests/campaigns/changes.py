@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 from campaigns.marks import Mark, is_urdf
-from support.robots import unit
 
 from screwgauge.diagnosis.files.layout import compilers
 from screwgauge.models.readings.assemble import steiner
 from screwgauge.reference.rotations import Array, rotation, rotation_vector
+from support.robots import unit
 
 Random = np.random.Generator
 

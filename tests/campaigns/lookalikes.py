@@ -8,13 +8,13 @@ from collections.abc import Callable
 import numpy as np
 from campaigns.changes import CannotError, Random
 from campaigns.marks import inertials, is_urdf
-from support.robots import unit
 
 from screwgauge.diagnosis.files.layout import urdf_links
 from screwgauge.diagnosis.files.write_urdf import inertial_text
 from screwgauge.diagnosis.files.xml_text import XmlText
 from screwgauge.diagnosis.mechanics.matter import NOTHING, combined, displaced, relative
 from screwgauge.reference.rotations import rotation
+from support.robots import unit
 
 Rewrite = Callable[[str, Random], str]
 _NUMBERS = (

@@ -15,7 +15,6 @@ import pandas as pd
 from campaigns.changes import CannotError
 from campaigns.lookalikes import REWRITES
 from campaigns.mutations import EVERYWHERE, KINDS, LOST, TRANSPOSED, Expected, mutated
-from support.robots import arm, mjcf, tree, urdf
 
 from screwgauge.diagnosis.causes.attribution import Step
 from screwgauge.diagnosis.causes.hypothesis import Hypothesis, Value
@@ -26,6 +25,7 @@ from screwgauge.models.urdf import write_urdf
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import rotation_vector
 from screwgauge.study.table import added_to, rows_in
+from support.robots import arm, mjcf, tree, urdf
 
 #: Changes, and pairs that are alike for each.
 COUNT, PAIRS = 500, 0.4

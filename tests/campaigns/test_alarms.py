@@ -6,6 +6,8 @@ import pytest
 from campaigns.alarms import COLUMNS, NAME, PAGE, measured, passed, sentence
 from campaigns.rows import rows_of_mechanisms
 
+pytestmark = pytest.mark.slow
+
 COUNT = 1000
 
 
@@ -18,6 +20,7 @@ def test_the_gate_raises_no_false_alarm_and_misses_no_change(campaign):
     assert passed(table), sentence(table)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", ["serial", "planar-4", "rssr"])
 def test_a_random_mechanism_is_quiet_and_a_small_change_of_its_dynamics_is_caught(family):
     row = measured((1, family))

@@ -29,6 +29,7 @@ def test_engines_agree_on_random_mechanisms(campaign):
     assert {*table["verdict"]} <= {"agree", "estimated"}
 
 
+@pytest.mark.slow
 def test_a_verdict_follows_from_the_comparison():
     results = run(screwgauge.random(1, "rsur"), ["screw", "pinocchio"])
     assert (judged(results)["verdict"], judged(results)["branch"]) == ("agree", "same")

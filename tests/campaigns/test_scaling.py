@@ -35,6 +35,7 @@ def _write(table: pd.DataFrame, campaign, name: str) -> None:
     table.to_csv(folder / name, index=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ladder", ["legs", "joints"])
 def test_a_ladder_is_climbed_by_programs(ladder):
     small, large = climbed(ladder, (3, 4), "numpy", 1)

@@ -12,9 +12,9 @@ from campaigns.mutations import KINDS, Expected, mutated
 from campaigns.selftest import ALIKE, CHANGED, COLUMNS, COUNT, judged, machines, row, selftest
 from campaigns.selftest_page import PAGE, passed
 from hypothesis import given, settings
-from support.robots import robots, tree, urdf, write
 
 from screwgauge.diagnosis.diagnose import diagnose
+from support.robots import robots, tree, urdf, write
 
 
 @pytest.mark.campaign

@@ -1,4 +1,4 @@
-"""Facts of what engines answer: values, what is said of their errors, comparison and judgement."""
+"""Facts of what engines answer: values, what they admit of their errors, comparison and judgement."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def largest(values: Any) -> dict[str, float]:
 
 
 def offs(solution: Any, quantity: str, least: float = LEAST) -> dict[str, float]:
-    """Unit -> what numbers of a quantity may be off by: ten times what the engine says of its own error."""
+    """Unit -> what numbers of a quantity may be off by: ten times the error that the engine admits."""
     estimate, admitted = solution.estimate.get(quantity), solution.tolerances.get(quantity, {})
     share = max(least, SLACK * float(np.max(estimate)) if estimate is not None else 0.0)
     sizes = largest(solution.values[quantity])
@@ -64,9 +64,13 @@ def values_of(results: Any, rows: Callable[..., Iterator[Row]], least: float = L
             yield from rows(solution, quantity, least)
 
 
-def said_of_errors(solution: Any) -> Iterator[Row]:
-    """Estimates, admitted errors, conditions and radii, largest of each quantity in turn."""
-    name, conditions = solution.engine, [solution.condition, *solution.conditions.values()]
+def errors_of(solution: Any) -> Iterator[Row]:
+    """Largest estimate, admitted error and radius of each quantity in turn.
+
+    Conditions are that of the closing system, and the worst that any quantity was solved from.
+    """
+    name, met = solution.engine, [float(np.max(each)) for each in solution.conditions.values()]
+    conditions = [float(np.max(solution.condition)), *([max(met)] if met else [])]
     admitted = [size for sizes in solution.tolerances.values() for size in sizes.values()]
     sizes = {"estimates": [*solution.estimate.values()], "tolerances": admitted, "conditions": conditions}
     for what, arrays in sizes.items():
@@ -78,14 +82,14 @@ def said_of_errors(solution: Any) -> Iterator[Row]:
         yield f"{name} radii", logarithms(radii, 0.5)
 
 
-def logarithms(numbers: list[float], off: float = ESTIMATED) -> Fact:
+def logarithms(numbers: Any, off: float = ESTIMATED) -> Fact:
     """Sizes that vary by orders of magnitude, as decades."""
     with np.errstate(all="ignore"):
         return Fact(tuple(float(x) for x in np.log10(np.abs(numbers))), off)
 
 
 def verdicts_of(results: Any) -> Iterator[Row]:
-    """What comparison and judge make of it, and what is said besides."""
+    """What comparison and judge make of it, and sentences."""
     yield "verdict", text(f"{results.exit_status}; {len(results.pairs)} pairs, {len(results.judge)} residuals")
     for kind, rows in (("pair", results.pairs), ("residual", results.judge)):
         for quantity, some in rows.groupby("quantity" if kind == "pair" else "residual"):
@@ -94,7 +98,8 @@ def verdicts_of(results: Any) -> Iterator[Row]:
                 who = bad[["a", "b", "unit"] if kind == "pair" else ["engine", "unit"]].to_numpy().tolist()
                 yield f"{kind} {quantity} not ok", text("; ".join(" ".join(map(str, each)) for each in who))
             off = ESTIMATED if quantity != "tree_force_soft" else MEASURED
-            yield f"{kind} {quantity} tolerances", logarithms([*some["tolerance"].dropna()], off)
+            each = np.log10(some["tolerance"].dropna())
+            yield f"{kind} {quantity} tolerances", fact([each.min(), each.max(), each.mean()], off)
     yield from facts_of(results)
 
 

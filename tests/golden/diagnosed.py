@@ -42,16 +42,16 @@ NOTHING, SIZE = 1e-9, 1e-3
 
 
 def diagnosis(case: str) -> Iterator[Row]:
-    """What is said of a pair."""
+    """What a diagnosis makes of a pair."""
     if case in PAIRS:
         a, b = map(_file, case.split())
-        yield from _said(a, b)
+        yield from _compared(a, b)
         return
     with tempfile.TemporaryDirectory(prefix="golden-") as folder:
         number = int(case.split()[1])
         kind, file, edited = _edited(number, Path(folder))
         yield "edit", text(f"{kind} of {file.name}")
-        yield from _said(*((file, edited) if number % 2 else (edited, file)), folder)
+        yield from _compared(*((file, edited) if number % 2 else (edited, file)), folder)
 
 
 def _file(name: str) -> Path:
@@ -80,41 +80,41 @@ def _edited(number: int, folder: Path) -> tuple[str, Path, Path]:
     raise LookupError(f"no file has a place for {kind}")
 
 
-def _said(a: Path, b: Path, folder: str = "") -> Iterator[Row]:
+def _compared(a: Path, b: Path, folder: str = "") -> Iterator[Row]:
     try:
-        found = screwgauge.diagnose(a, b)
+        answer = screwgauge.diagnose(a, b)
     except screwgauge.ScrewgaugeError as error:
         yield "refused", _clean(error, a, b, folder)
         return
-    yield "verdict", _clean(found.verdict, a, b, folder)
-    yield "exit status", text(found.exit_status)
-    for i, each in enumerate(found.differences):
+    yield "verdict", _clean(answer.verdict, a, b, folder)
+    yield "exit status", text(answer.exit_status)
+    for i, each in enumerate(answer.differences):
         yield f"difference {i}", _clean(each.sentence, a, b, folder)
         if isinstance(each.size, float):
             yield f"difference {i} size", _size([each.size])
     for name in ("not_compared", "not_fixed", "notes", "doubts", "left_out"):
-        if sentences := getattr(found, name):
+        if sentences := getattr(answer, name):
             yield name, _clean(" | ".join(sentences), a, b, folder)
-    for label, before, after in found.by_joint:
+    for label, before, after in answer.by_joint:
         yield f"torque of {label}", _size([before, after])
-    yield from _parts(found)
+    yield from _parts(answer)
 
 
-def _parts(found: Any) -> Iterator[Row]:
+def _parts(answer: Any) -> Iterator[Row]:
     """Numbers of what was compared, and of the attribution."""
-    for row in found.rows:
+    for row in answer.rows:
         yield f"row {row.quantity}", _size(_numbers(row))
     for name in ("loops", "growth", "order"):
-        if part := getattr(found, name):
+        if part := getattr(answer, name):
             yield name, _size(_numbers(part))
-    if (both := found.together) is not None:  # of what is rounding the unit may be either
+    if (both := answer.together) is not None:  # of what is rounding the unit may be either
         yield "together", text("the same") if both.agrees else _size(_numbers(both))
     for name in ("attribution", "soft"):
-        if (part := getattr(found, name)) is not None:
+        if (part := getattr(answer, name)) is not None:
             yield name, _size([*_numbers(part.before), *_numbers(part.left)])
             for step in part.steps:
                 yield f"{name} {step.hypothesis.name}", Fact((float(step.share),), SIZE)
-    for witness in found.witnesses:
+    for witness in answer.witnesses:
         yield f"library {witness.library}", text(witness.agrees)
 
 
@@ -133,9 +133,9 @@ def _size(numbers: list[float]) -> Fact:
     return Fact(tuple(float(x) for x in np.log10(np.maximum(sizes, NOTHING))), SIZE)
 
 
-def _clean(said: object, a: Path, b: Path, folder: str) -> Fact:
+def _clean(sentence: object, a: Path, b: Path, folder: str) -> Fact:
     """Without places of this machine."""
-    words = str(said)
+    words = str(sentence)
     for place in (folder, str(a.parent), str(b.parent)):
         words = words.replace(place, "") if place else words
     return text(words)

@@ -15,8 +15,9 @@ NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)")
 #: Below it a number within words is rounding; above it it may be off by this share, or by its last digit.
 ROUNDING, SHARE = 1e-9, 1e-3
 #: Engines that others may resemble, and those others.
+SOFT = ("tree_force_soft", "tree_force")  # which differ where equalities are soft only
 MODELS, OTHERS = ("screw", "pinocchio", "pinocchio-full"), ("mujoco", "mujoco-full")
-FINER = 0.03  # share of what a number may be off by that is still written
+FINER = 0.1  # share of what a number may be off by that is still written
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,15 +60,15 @@ def shortest(number: float, off: float) -> str:
     return f"{number:.{max(1, min(17, digits))}g}"
 
 
-def same_words(found: str, kept: str) -> bool:
+def same_words(now: str, kept: str) -> bool:
     """Whether texts are the same but for rounding of numbers within them."""
-    if NUMBER.sub("#", found) != NUMBER.sub("#", kept):
+    if NUMBER.sub("#", now) != NUMBER.sub("#", kept):
         return False
-    return all(map(_same_number, NUMBER.findall(found), NUMBER.findall(kept)))
+    return all(map(_same_number, NUMBER.findall(now), NUMBER.findall(kept)))
 
 
-def _same_number(found: str, kept: str) -> bool:
-    a, b = float(found), float(kept)
+def _same_number(number: str, kept: str) -> bool:
+    a, b = float(number), float(kept)
     mantissa, _, power = kept.partition("e")
     last = 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2])) if power or "." in mantissa else 0.0
     return max(abs(a), abs(b)) < ROUNDING or abs(a - b) <= max(SHARE * abs(b), 1.001 * last)
@@ -77,19 +78,21 @@ def candidates(key: str, facts: Facts) -> list[Fact]:
     """What stands for a row of an engine that is not kept: the same row of those that others may resemble."""
     engine, _, rest = key.partition(" ")
     before = MODELS[: MODELS.index(engine)] if engine in MODELS else MODELS if engine in OTHERS else ()
-    return [facts[name] for other in before if (name := f"{other} {rest}") in facts]
+    names = [key, *(f"{other} {rest}" for other in before)]
+    names += [name.replace(*SOFT) for name in names]
+    return [facts[name] for name in names if name != key and name in facts]
 
 
-def differences(found: Facts, kept: Facts) -> list[str]:
+def differences(now: Facts, kept: Facts) -> list[str]:
     """Sentences on what is not as it was kept."""
-    said = [f"{key} is gone, was {kept[key]}" for key in kept if key not in found]
-    for key, fact in found.items():
+    sentences = [f"{key} is gone, was {kept[key]}" for key in kept if key not in now]
+    for key, fact in now.items():
         known = [kept[key]] if key in kept else candidates(key, kept)
         if not known:
-            said.append(f"{key} is new: {fact}")
+            sentences.append(f"{key} is new: {fact}")
         elif not any(map(fact.within, known)):
-            said.append(f"{key} is {fact}, was {known[0]}")
-    return said
+            sentences.append(f"{key} is {fact}, was {known[0]}")
+    return sentences
 
 
 def condensed(facts: Facts) -> dict[str, Fact]:

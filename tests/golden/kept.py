@@ -18,11 +18,13 @@ class Part:
         cases: Names of all.
         rows: Makes the facts of a case.
         quick: Whether a case is in the fast loop, of its place and its name.
+        long: Whether it takes so long that it is looked at on request, with the campaigns.
     """
 
     cases: Callable[[], Iterable[str]]
     rows: Callable[[str], Iterator[Row]]
     quick: Callable[[int, str], bool] = lambda i, case: True
+    long: Callable[[str], bool] = lambda case: False
 
     def facts(self, case: str) -> Facts:
         """All facts of a case."""
@@ -39,16 +41,27 @@ def usual(i: int, case: str) -> bool:
     return not any(name in case for name in ("a02-fourbar-40", "wrist-chart"))
 
 
+def quick_rung(i: int, case: str) -> bool:
+    """Whether a rung is one of quick runs, and takes no longer than others."""
+    return case.endswith("quick") and usual(i, case)
+
+
+#: Rungs of 5 s and more; the others of these cases say nearly as much.
+LONG = ("long-run 1000000", "long-run 100000", "softness 1.0000000000000001e-05", "softness 2.0000000000000002e-05")
+
+
 PARTS: dict[str, Part] = {
     "scenes": Part(solved.given, solved.scene),
     "simulations": Part(solved.simulations, solved.simulated, usual),
     "wrong": Part(solved.given, solved.wrong),
     "covered": Part(solved.given, solved.covered),
     "proved": Part(solved.unsprung, solved.proved, every(3)),
-    "random": Part(lambda: map(str, range(200)), solved.drawn, every(2)),
-    "imported": Part(solved.files, solved.imported, every(5)),
+    "random": Part(lambda: map(str, range(200)), solved.drawn, every(4)),
+    "imported": Part(solved.files, solved.imported, every(8)),
     "compiled": Part(solved.programs, solved.compiled),
-    "stress": Part(studied.rungs, studied.rung, lambda i, case: case.endswith("quick") and usual(i, case)),
-    "leaving-out": Part(lambda: studied.ENGINES, studied.left_out),
+    "stress": Part(
+        studied.rungs, studied.rung, lambda i, case: case.endswith("quick") and usual(i, case), LONG.__contains__
+    ),
+    "leaving-out": Part(lambda: ["3ups-upu-s-fast"], studied.left_out),
     "diagnoses": Part(lambda: diagnosed.CASES, diagnosed.diagnosis),
 }

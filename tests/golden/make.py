@@ -10,7 +10,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from screwgauge.threads import alone
+from screwgauge.threads import fix_threads
 
 
 def facts(part: str, case: str) -> tuple[dict, float]:
@@ -33,9 +33,9 @@ def main(names: list[str]) -> None:
         with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
             for name in names or PARTS:
                 cases = [*PARTS[name].cases()]
-                found = [*pool.map(facts, [name] * len(cases), cases)]
-                file = write(name, {case: facts for case, (facts, _) in zip(cases, found, strict=True)})
-                seconds = [spent for _, spent in found]
+                made = [*pool.map(facts, [name] * len(cases), cases)]
+                file = write(name, {case: facts for case, (facts, _) in zip(cases, made, strict=True)})
+                seconds = [spent for _, spent in made]
                 quick = [s for i, s in enumerate(seconds) if PARTS[name].quick(i, cases[i])]
                 print(
                     f"{name}: {len(cases)} cases, {file.stat().st_size / 1000:.0f} kB, {sum(seconds):.1f} s, "
@@ -44,5 +44,5 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    alone()
+    fix_threads()  # of the processes that this starts, too
     main(sys.argv[1:])

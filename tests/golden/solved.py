@@ -17,16 +17,16 @@ from golden.answers import (
     by_component,
     by_unit,
     counted,
+    errors_of,
     fact,
     facts_of,
     largest,
     logarithms,
     measured,
-    said_of_errors,
     values_of,
     verdicts_of,
 )
-from golden.facts import text
+from golden.facts import ROUNDING, text
 
 import screwgauge
 from screwgauge.cli import main
@@ -46,7 +46,7 @@ def listed(what: str) -> list[str]:
 
 
 def own_scenes() -> list[str]:
-    """Names of the scenes beside this module."""
+    """Names of the scenes that only these tests have."""
     return sorted(path.stem for path in OWN.glob("*.toml"))
 
 
@@ -93,12 +93,12 @@ def scene(name: str) -> Iterator[Row]:
     results = screwgauge.run(few(scene_of(name)), ENGINES)
     yield from values_of(results, by_component)
     for solution in results.solutions.values():
-        yield from said_of_errors(solution)
+        yield from errors_of(solution)
     yield from verdicts_of(results)
 
 
 def simulated(name: str) -> Iterator[Row]:
-    """The first part of a simulation; what is known of it beside."""
+    """The first part of a simulation, with its reference."""
     whole = scene_of(name)
     some = whole if name in own_scenes() else whole.at(whole.t[[1, 2, 4, 8]])
     steps = some.start.integration
@@ -145,21 +145,19 @@ def covered(name: str) -> Iterator[Row]:
     results = screwgauge.run(moved, ("screw",))
     cover = results.cover()
     yield "untested", text(", ".join(cover.untested) + "; absent: " + ", ".join(cover.absent))
-    shares = [[row["quantity"], row["unit"], row["term"], row["share"]] for row in cover.shares]
-    for quantity, unit, term, share in shares:
-        yield f"share {quantity} [{unit}] {term}", fact([share], 1e-6)
-    for row in cover.parameters:
-        yield f"effect {row['parameter']}", fact([row["effect"]], 1e-6 * max(1.0, row["effect"]))
+    sizes = {"shares": [row["share"] for row in cover.shares], "effects": [row["effect"] for row in cover.parameters]}
+    for which, each in sizes.items():
+        yield which, logarithms(np.maximum(each, ROUNDING), 1e-4)
     yield from values_of(results, by_unit)
 
 
 def proved(name: str) -> Iterator[Row]:
-    """The engine whose numbers are proved, beside the solver."""
+    """The solver and the engine whose numbers are proved."""
     results = screwgauge.run(few(scene_of(name), 2), ("screw", "truth"))
     truth = results.solutions["truth"]
     for quantity in truth.values:
         yield from by_unit(truth, quantity)
-    yield from said_of_errors(truth)
+    yield from errors_of(truth)
     yield from verdicts_of(results)
 
 
@@ -176,7 +174,7 @@ def _drawn(seed: int, engines: tuple[str, ...]) -> Iterator[Row]:
         return
     yield "name", text(results.scene.name)
     yield from values_of(results, by_unit)
-    yield from said_of_errors(results.solutions["screw"])
+    yield from errors_of(results.solutions["screw"])
     yield "verdict", text(results.exit_status)
     yield from counted(results)
 

@@ -34,6 +34,7 @@ def test_14_the_wrist_of_the_upu_leg_bears_a_moment(case, forces):
     assert sum_of_moments.right.value < BALANCED
 
 
+@pytest.mark.slow
 def test_15_eq_56_is_two_equations_which_are_singular_and_make_large_forces(axial):
     equations, singular, _, ratio, at_628, at_6283, condition = dynamics.one_dimension(axial)
     assert (equations.printed.value, equations.right.value) == (1, 2)

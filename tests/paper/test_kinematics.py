@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from paper import kinematics
 from paper.erratum import about
-from tolerances import CLOSED, ROUNDING
+
+from support.tolerances import CLOSED, ROUNDING
 
 SOLVED = 1e-10  # %: a share of 1e-12 that linear equations of conditions below a hundred leave
 DIFFERENCES = 1e-5  # %: positions of 0.5 m, rounded to 1e-16, over (2 ms)^2, against accelerations of 0.1 m/s^2

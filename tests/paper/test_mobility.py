@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from paper import mobility
 from paper.erratum import about
-from tolerances import ROUNDING
 
 from screwgauge.reference.graph import serial_chains
 from screwgauge.reference.pose import chain_screws
+from support.tolerances import ROUNDING
 
 
 def test_eq_6_is_the_upu_chain_at_home(case):

@@ -42,6 +42,7 @@ def parted(row: pd.Series) -> tuple[tuple[object, ...], np.ndarray]:
     return (row["number"], row["equation"], printed, right, row["unit"]), numbers
 
 
+@pytest.mark.slow
 def test_every_row_is_the_kept_one(checked):
     rows = errata_frame(checked)
     assert {*KEPT["number"]} == set(range(1, 19))
@@ -60,6 +61,7 @@ def test_looser_bounds_are_those_of_rows():
     assert {*SHARES} <= {*KEPT["equation"]}
 
 
+@pytest.mark.slow
 def test_the_report_is_written(checked, request, tmp_path):
     out = (request.config.getoption("--reports") or tmp_path).absolute() / "paper"
     carry_out(PAGE, out, lambda progress: checked, force=True)

@@ -9,7 +9,6 @@ import pytest
 from paper import scheme
 from paper.case import every
 from paper.erratum import about
-from tolerances import ROUNDING
 
 import screwgauge
 from screwgauge.engines.screw.scheme import PARTS, chains, integrate, platform_screws
@@ -17,6 +16,7 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.kinematics import accelerations, positions, velocities
 from screwgauge.reference.layout import layout
+from support.tolerances import ROUNDING
 
 SCENE = screwgauge.load_scene("3ups-upu-s")
 DATA = Path(__file__).parents[1] / "data"
@@ -28,6 +28,7 @@ def lay(request):
     return layout(load_mechanism(request.param))
 
 
+@pytest.mark.slow
 def test_7_the_upu_chain_cannot_make_the_printed_twist(case):
     left_over, at_2_s, most = scheme.units(case)
     assert left_over.printed.value == about(1.86e-2)
@@ -71,16 +72,19 @@ def errors(lay, steps, twist="right", method="euler"):
     return np.array([np.abs(q - closed(lay, t)[0]).max() for t, q in runs])
 
 
+@pytest.mark.slow
 def test_euler_with_the_right_twist_is_of_order_one(lay):
     steps = [0.1, 0.05, 0.025]
     assert scheme.order(steps, errors(lay, steps)) == pytest.approx(1.0, rel=0.1)
 
 
+@pytest.mark.slow
 def test_rk4_with_the_right_twist_is_of_order_four(lay):
     steps = [0.2, 0.1, 0.05]
     assert scheme.order(steps, errors(lay, steps, method="rk4")) == pytest.approx(4.0, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("twist", ["printed", "literal"])
 @pytest.mark.parametrize("method", ["euler", "rk4"])
 def test_the_printed_twist_ends_on_a_floor(lay, twist, method):
@@ -89,6 +93,7 @@ def test_the_printed_twist_ends_on_a_floor(lay, twist, method):
     assert long / short == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [0.0, 3.0])
 def test_rates_and_accelerations_follow_the_positions(lay, start):
     motion = sampled(0.02, "rk4", start)

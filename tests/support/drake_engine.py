@@ -21,9 +21,7 @@ from screwgauge.reference.errors import ModelFileError
 
 TASKS = frozenset((GivenMotion,))
 LACKS = {"reaction": "it does not say what its joints transmit"}
-DRAKE = Engine(
-    "drake", "Drake on the URDF, minimal cut", "drake_engine:load", TASKS, "drake", ".urdf", "minimal", LACKS
-)
+DRAKE = Engine("drake", "Drake on the URDF, minimal cut", f"{__name__}:load", TASKS, "drake", ".urdf", "minimal", LACKS)
 
 
 def load(files):

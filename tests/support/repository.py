@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from bad_works import hang, segfault
-from planar import Bar, four_bar
-
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.generate import write_models
+from support.bad_works import hang, segfault
+from support.planar import Bar, four_bar
 
 SCENE = """mechanism = "four-bar.toml"
 motion.crank = {{ offset = 1.0, harmonics = [[20, 0.2, 0.1]] }}

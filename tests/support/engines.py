@@ -1,39 +1,35 @@
-"""How tests put problems to engines."""
+"""Problems, engines that answer them, and answers."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 
+from screwgauge import Scene
 from screwgauge.engines import registry
-from screwgauge.engines.mujoco.settings import INTEGRATORS
-from screwgauge.engines.mujoco.tree import MujocoTree
-from screwgauge.engines.pinocchio.tree import PinocchioTree
-from screwgauge.engines.registry import get_engine
-from screwgauge.engines.screw.integrate import Trajectory
-from screwgauge.engines.screw.integrate import integrate as integrate_task
-from screwgauge.engines.tree.closure import make_loops
+from screwgauge.engines.registry import ENGINES, Engine, Model, check_engines, engines, get_engine
+from screwgauge.engines.screw import model as screw
 from screwgauge.models.catalog import mechanism_path
 from screwgauge.models.generate import stem
-from screwgauge.models.loops import read_loops
-from screwgauge.problem import InitialValue, Integration, ModelFiles, Problem, Progress, Task, quiet
+from screwgauge.problem import ModelFiles, Problem, Progress, Task, quiet
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.forward import Forces
-from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution
+from screwgauge.solution import REFERENCE, Clock, Cost, Failure, Solution, Timing, Values, common_rows
+from screwgauge.study.apart import apart
+from screwgauge.study.ask import ask as put
+from screwgauge.study.ask import in_turn, silent, solve
+from screwgauge.study.method import Method
 
+#: All that compute in doubles, of both cuts.
+IN_DOUBLES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
-TREES = {".urdf": PinocchioTree, ".xml": MujocoTree}
 
 
 def model_files(mechanism: str, engine: str, folder: Path | None = None) -> ModelFiles:
@@ -51,6 +47,17 @@ def ask(engine: str, files: ModelFiles, problem: Problem, progress: Progress = q
     return get_engine(engine).load(files, **settings).solve(problem, progress)
 
 
+@contextmanager
+def further_engines(sources: Mapping[str, str]) -> Iterator[None]:
+    """As if packages with these engines were installed: name -> ``module:object``, one entry point each."""
+    entries = EntryPoints(EntryPoint(name, source, registry.GROUP) for name, source in sources.items())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registry, "entry_points", lambda group: entries.select(group=group))
+        registry._plugins.cache_clear()
+        yield
+    registry._plugins.cache_clear()
+
+
 @dataclass(frozen=True)
 class Simulated:
     """A motion as an engine integrated it, the times that it reached only."""
@@ -63,17 +70,6 @@ class Simulated:
     condition: Array
     stopped: str
     notes: tuple[str, ...]
-
-
-@contextmanager
-def further_engines(sources: Mapping[str, str]) -> Iterator[None]:
-    """As if packages with these engines were installed: name -> ``module:object``, one entry point each."""
-    entries = EntryPoints(EntryPoint(name, source, registry.GROUP) for name, source in sources.items())
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(registry, "entry_points", lambda group: entries.select(group=group))
-        registry._plugins.cache_clear()
-        yield
-    registry._plugins.cache_clear()
 
 
 def simulate(
@@ -96,22 +92,6 @@ def simulate_scene(engine: str, scene: Scene, **settings: Any) -> Simulated:
     return simulate(engine, model_files(scene.mechanism.name, engine), scene.applied, scene.start, **settings)
 
 
-def integrate(
-    lay: Layout,
-    forces: Forces | Callable[[float], Forces],
-    times: Array,
-    start: Array | None = None,
-    yd: Array | None = None,
-    **integration: Any,
-) -> Trajectory:
-    """Integrates by the screw solver, from home and from rest if nothing else is said; `integration` as in
-    `Integration`."""
-    mechanism = lay.mechanism
-    home = mechanism.home[mechanism.independent_columns]
-    start, yd = home if start is None else start, np.zeros_like(home) if yd is None else yd
-    return integrate_task(lay, InitialValue(start, yd, float(times[0]), times, Integration(**integration)), forces)
-
-
 def stopped_after(solution: Solution, n: int, why: str) -> Solution:
     """A simulation as it would be had it stopped after n samples."""
 
@@ -128,23 +108,6 @@ def stopped_after(solution: Solution, n: int, why: str) -> Solution:
         rows=np.arange(n),
         stopped=why,
     )
-
-
-def opening(files: ModelFiles, q: Array, names: tuple[str, ...]) -> Array:
-    """Largest distance of points that should meet, closures by points as in the minimal cut [m].
-
-    Args:
-        q: Joint coordinates of those names. Shape (n, n_q).
-
-    Returns:
-        Shape (n,).
-    """
-    file = read_loops(files.loops)
-    tree = TREES[files.model.suffix](files.model, file)
-    loops = make_loops(tree, file)
-    apart = loops.gaps(tree.poses(q[:, [names.index(name) for name in tree.coordinates]]))
-    points = np.repeat(np.array([not anchor.angular for anchor in loops.anchors], dtype=bool), 3)
-    return np.linalg.norm(apart[:, points].reshape(len(q), -1, 3), axis=2).max(axis=1, initial=0.0)
 
 
 def arrays(solution: Solution) -> dict[str, Array]:
@@ -166,8 +129,3 @@ def check_same(one: Solution, other: Solution) -> None:
     assert one.keys() == other.keys()
     for name, array in one.items():
         assert np.array_equal(array, other[name], equal_nan=True), name
-
-
-def has_integrator(name: str) -> bool:
-    """Whether this version of MuJoCo has an integrator."""
-    return hasattr(mujoco.mjtIntegrator, INTEGRATORS[name])

@@ -5,15 +5,14 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from bad_works import hog, load, segfault
-
 from screwgauge.engines.registry import GROUP, Engine
 from screwgauge.problem import GivenMotion
+from support.bad_works import hog, load, segfault
 
 NAMES = ("segfault", "hog")
 load_segfault, load_hog = (partial(load, work=work) for work in (segfault, hog))
 SEGFAULT, HOG = (
-    Engine(name, name, f"bad_engines:load_{name}", frozenset((GivenMotion,)), "screwgauge") for name in NAMES
+    Engine(name, name, f"{__name__}:load_{name}", frozenset((GivenMotion,)), "screwgauge") for name in NAMES
 )
 
 
@@ -22,5 +21,5 @@ def install(folder: Path) -> None:
     said = folder / "bad_engines-1.dist-info"
     said.mkdir()
     (said / "METADATA").write_text("Metadata-Version: 2.1\nName: bad_engines\nVersion: 1\n", encoding="utf-8")
-    entries = "\n".join(f"{name} = bad_engines:{name.upper()}" for name in NAMES)
+    entries = "\n".join(f"{name} = {__name__}:{name.upper()}" for name in NAMES)
     (said / "entry_points.txt").write_text(f"[{GROUP}]\n{entries}\n", encoding="utf-8")

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import screwgauge
+from screwgauge import Scene
 from screwgauge.problem import GivenMotion
-from screwgauge.scene.scene import Scene
 
 Write = Callable[[str, str], Path]
 

@@ -13,7 +13,7 @@ from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
 from screwgauge.solution import Solution, Values
 
 print("imported")
-ENGINE = Engine("loud", "prints", "hostile_engine:load", frozenset((GivenMotion,)), "screwgauge")
+ENGINE = Engine("loud", "prints", f"{__name__}:load", frozenset((GivenMotion,)), "screwgauge")
 IMPOSTOR = replace(ENGINE, name="screw")
 NO_ENGINE = {"name": "loud"}
 LONG = "x" * 100_000_000

@@ -12,7 +12,7 @@ from screwgauge.solution import Solution, Values
 
 ERROR = 1e-8
 ACCELERATION, FORCE = "leg2.q3", "leg3"
-TOY = Engine("toy", "a toy", "toy_engine:load", frozenset((GivenMotion,)), "screwgauge")
+TOY = Engine("toy", "a toy", f"{__name__}:load", frozenset((GivenMotion,)), "screwgauge")
 
 
 def load(files: ModelFiles, error: float = ERROR) -> ToyModel:

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from screwgauge import Scene, load_scene
 from screwgauge.problem import GivenMotion
-from screwgauge.scene.read import load_scene
-from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 
 RISE = np.arctan2(0.3 * np.sqrt(3.0), 0.5)  # of the line from O to a wrist centre above the platform

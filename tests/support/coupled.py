@@ -9,7 +9,7 @@ from pathlib import Path
 from numpy.polynomial.polynomial import polyval
 
 import screwgauge
-from screwgauge.scene.scene import Scene
+from screwgauge import Scene
 
 Write = Callable[[str, str], Path]
 Couplings = Mapping[str, tuple[str, Sequence[float]]]

@@ -1,0 +1,6 @@
+"""What acts on a mechanism: loads, springs, motors, and the forces and energy of them all."""
+
+from __future__ import annotations
+
+from screwgauge.reference.applied import GRAVITY, Applied, JointSpring, Load, Motor, PointSpring, hold
+from screwgauge.reference.forward import Forces, energy, forces_at, power

@@ -1,0 +1,60 @@
+"""Pages in the Chromium that is installed; tests are skipped where there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from screwgauge.report.pdf import browser
+from support.errors import OutputError
+
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
+SHOWN = 60e3  # longest wait for anything on a page, drawn without a graphics card on a busy machine [ms]
+
+
+@dataclass
+class Opened:
+    """A page, its console and the addresses that it asked for, itself first."""
+
+    page: Any
+    path: Path
+    said: list[str] = field(default_factory=list)
+    asked: list[str] = field(default_factory=list)
+
+    def ask(self, script: str) -> Any:
+        return self.page.evaluate(script)
+
+    def at(self, width: int, height: int = 800, **media: str) -> None:
+        self.page.set_viewport_size({"width": width, "height": height})
+        self.page.emulate_media(**{"media": "screen", "color_scheme": "light", **media})
+
+    def check_quiet(self) -> None:
+        """Fails where it wrote to its console or asked for anything."""
+        assert self.said == []
+        assert self.asked == [self.path.as_uri()]
+
+
+@contextmanager
+def open_page(path: Path, width: int, height: int) -> Iterator[Opened]:
+    """Shows a page with a stage until its scene is drawn."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    try:
+        program = browser()
+    except OutputError as error:
+        pytest.skip(str(error))
+    with playwright.sync_playwright() as driver:
+        window = driver.chromium.launch(executable_path=program, args=FLAGS)
+        shown = Opened(window.new_page(viewport={"width": width, "height": height}), path)
+        shown.page.set_default_timeout(SHOWN)
+        shown.page.on("console", lambda message: shown.said.append(message.text))
+        shown.page.on("pageerror", lambda error: shown.said.append(str(error)))
+        shown.page.on("request", lambda request: shown.asked.append(request.url))
+        shown.page.goto(path.as_uri())
+        shown.page.wait_for_selector(".stage canvas")
+        yield shown
+        window.close()

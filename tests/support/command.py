@@ -1,0 +1,14 @@
+"""The command line, and the files that it reads and writes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from screwgauge.cli import main
+from screwgauge.reference.files import LIMITS, beside, digest, read_file, read_json, replace_file
+
+
+def printed_by(code: str) -> str:
+    """What a fresh Python prints that executes some code."""
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

@@ -1,0 +1,19 @@
+"""The equations of motion, to be evaluated, and to be broken."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from screwgauge.reference.equations import closure, dynamics, joint_types, kinematics
+from screwgauge.reference.equations.dynamics import Dynamics
+from screwgauge.reference.equations.joint_types import JointPose, closure_residual, constraint_wrenches
+from screwgauge.reference.equations.rounding import gain
+
+
+def exchange(monkeypatch: pytest.MonkeyPatch, name: str, wrong: Callable[..., object]) -> None:
+    """Puts another function in the place of one wherever the equations use it."""
+    for module in (joint_types, kinematics, closure, dynamics):
+        if hasattr(module, name):
+            monkeypatch.setattr(module, name, wrong)

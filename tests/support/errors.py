@@ -1,0 +1,16 @@
+"""Errors that tests expect."""
+
+from __future__ import annotations
+
+from screwgauge.reference.errors import (
+    ClosureError,
+    DescriptionError,
+    JointLimitError,
+    LoaderError,
+    ModelFileError,
+    OutputError,
+    ReportError,
+    SingularPoseError,
+    UnknownNameError,
+)
+from screwgauge.reference.wording import printable

@@ -1,0 +1,13 @@
+"""The gate of a repository: items, rows, baseline and store."""
+
+from __future__ import annotations
+
+from screwgauge.report.gate import PAGE, told
+from screwgauge.study.gate import run as gate_run
+from screwgauge.study.gate.baseline import against, write_baseline, write_latest
+from screwgauge.study.gate.items import Item, items
+from screwgauge.study.gate.measure import Settings
+from screwgauge.study.gate.row import Error, Row, row_from
+from screwgauge.study.gate.run import NAME, check_items
+from screwgauge.study.gate.store import history, keep
+from screwgauge.study.table import added_to, rows_in

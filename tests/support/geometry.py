@@ -1,0 +1,19 @@
+"""Rotations, screws and the linear algebra under them."""
+
+from __future__ import annotations
+
+from screwgauge.models.placement import number_text, quaternion, quaternion_rotation, rpy
+from screwgauge.reference import linear, screws
+from screwgauge.reference.expressions import number, rotation_matrix
+from screwgauge.reference.linear import EPS, SINGULAR, condition
+from screwgauge.reference.rotations import (
+    MIDDLE,
+    Array,
+    rotation,
+    sequence_angles,
+    skew,
+    triad_angles,
+    vee,
+    within_half_turn,
+)
+from screwgauge.reference.screws import couple, force, prismatic, revolute

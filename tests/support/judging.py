@@ -1,0 +1,32 @@
+"""How answers are compared, judged and flagged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from screwgauge import Results, Scene
+from screwgauge.judging.answer import answer_at
+from screwgauge.judging.charts import in_one_chart
+from screwgauge.judging.compare import compare
+from screwgauge.judging.conditioning import LIMIT, flagged
+from screwgauge.judging.coverage import NOTHING, coverage
+from screwgauge.judging.exerted import held as exerted
+from screwgauge.judging.judge import judge
+from screwgauge.solution import Solution
+from screwgauge.study.reference import Reference, reference_values, score
+from support.freedoms import mobility_at_home
+
+
+def agreed(results: Results) -> Results:
+    """Results in which every engine answered, all pairs agree and the judge objects to nothing."""
+    assert not results.failures, results.failures
+    assert results.ok, results.pairs[~results.pairs["ok"]].to_string() + results.judge.to_string()
+    return results
+
+
+def compared(scene: Scene, solutions: Mapping[str, Solution]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Errors and pairs of a scene's solutions, compared as if these were all that was wanted."""
+    counts = mobility_at_home(scene.mechanism)
+    return compare(scene.mechanism, scene.problem(()), solutions, {}, counts, scene.tolerance)

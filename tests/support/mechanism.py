@@ -1,0 +1,23 @@
+"""Mechanisms as tests describe them: built-in ones, descriptions as text, drawn ones, and what they are made of."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from screwgauge.families.draw import families
+from screwgauge.models.catalog import FOLDER, load_mechanism, mechanism_names, mechanism_path, mechanism_tables
+from screwgauge.models.fourbars import four_bars
+from screwgauge.reference.couplings import Coupling
+from screwgauge.reference.description import read_mechanism, read_tables
+from screwgauge.reference.graph import serial_chains, spanning_tree
+from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism, actuator_names, same_content
+from screwgauge.reference.plausible import Solid, all_too_wide, implausible, too_wide
+from screwgauge.reference.suspicious import suspicious
+
+#: Descriptions and scenes of toy mechanisms.
+DATA = Path(__file__).parents[1] / "data"
+#: The smallest of all: a body that turns about a fixed axis.
+ROD = (
+    'name = "rod"\nindependent = { x = "h" }\nbodies.rod = { mass = 1, inertia = {} }\n'
+    'joints.h = { kind = "R", parent = "ground", child = "rod", axes = [[1, 0, 0]], actuated = true }\n'
+)

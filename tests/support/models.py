@@ -1,0 +1,23 @@
+"""Model files: written, read, checked against descriptions, imported."""
+
+from __future__ import annotations
+
+from screwgauge.models.check import check_file, check_models, check_table, installed_readers
+from screwgauge.models.expected import expected_reading, home_poses, joint_transform
+from screwgauge.models.generate import model_texts, stem, write_models
+from screwgauge.models.importing.convert import Wanted
+from screwgauge.models.importing.model import Options, import_model, notes
+from screwgauge.models.importing.write import description
+from screwgauge.models.layout import CUTS, lay_out
+from screwgauge.models.loops import loops_of, read_loops, write_loops
+from screwgauge.models.mjcf import PARTS, left_out, write_mjcf
+from screwgauge.models.urdf import write_urdf
+
+#: What a link of a URDF weighs, and a body of an MJCF, where any mass will do.
+MATTER = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+
+
+def mjcf(body: str, further: str = "") -> str:
+    """MJCF of bodies, and what stands beside them."""
+    return f"<mujoco>{further}<worldbody>{body}</worldbody></mujoco>"

@@ -1,0 +1,24 @@
+"""Pages: their blocks, and these as text, Markdown and HTML."""
+
+from __future__ import annotations
+
+from screwgauge.report.blocks import (
+    LONG,
+    Banner,
+    Block,
+    Folded,
+    Heading,
+    Items,
+    Marked,
+    Paragraph,
+    Picture,
+    Table,
+    facts,
+    table,
+    walk,
+)
+from screwgauge.report.formatting import file_name, number, size
+from screwgauge.report.html import fragment, page
+from screwgauge.report.layout import Report, prose
+from screwgauge.report.markdown import markdown
+from screwgauge.report.terminal import terminal

@@ -1,0 +1,22 @@
+"""Scenes, their tasks and quantities."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from screwgauge import Scene, load_scene
+from screwgauge.problem import GivenMotion, InitialValue, Integration, States
+from screwgauge.quantities import FLOOR, GIVEN, SIMULATED, SOLVED, digits, natural_scales
+from screwgauge.scene.columns import read_columns
+from screwgauge.scene.observables import observe
+from screwgauge.scene.plausible import doubts
+from screwgauge.scene.preflight import check_actuation, check_home, check_scene, far_from_home
+from screwgauge.scene.read import FOLDER, scene_names
+from screwgauge.scene.simulation import check_start, eigenvalues
+from screwgauge.study.posed import QUANTITIES, pose_scene
+
+
+def sampled(name: str | Path, rows: slice | list[int]) -> Scene:
+    """A scene at some of its samples."""
+    scene = load_scene(name)
+    return scene.at(scene.t[rows])

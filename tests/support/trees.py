@@ -1,0 +1,46 @@
+"""Trees of joints in MuJoCo and Pinocchio, their loops and steppers; imports both."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from screwgauge.engines.mujoco import plain
+from screwgauge.engines.mujoco.mover import MujocoMover
+from screwgauge.engines.mujoco.settings import INTEGRATORS, REFINABLE
+from screwgauge.engines.mujoco.steps import sprung_model
+from screwgauge.engines.mujoco.tree import MujocoTree
+from screwgauge.engines.pinocchio.mover import PinocchioMover
+from screwgauge.engines.pinocchio.tree import PinocchioTree
+from screwgauge.engines.tree.closed import close_tree
+from screwgauge.engines.tree.closure import Loops, make_loops
+from screwgauge.engines.tree.forces import tree_forces
+from screwgauge.engines.tree.model import TreeModel
+from screwgauge.engines.tree.project import project
+from screwgauge.models.loops import read_loops
+from screwgauge.problem import ModelFiles
+from screwgauge.reference.rotations import Array
+
+TREES = {".urdf": PinocchioTree, ".xml": MujocoTree}
+
+
+def opening(files: ModelFiles, q: Array, names: tuple[str, ...]) -> Array:
+    """Largest distance of points that should meet, closures by points as in the minimal cut [m].
+
+    Args:
+        q: Joint coordinates of those names. Shape (n, n_q).
+
+    Returns:
+        Shape (n,).
+    """
+    file = read_loops(files.loops)
+    tree = TREES[files.model.suffix](files.model, file)
+    loops = make_loops(tree, file)
+    apart = loops.gaps(tree.poses(q[:, [names.index(name) for name in tree.coordinates]]))
+    points = np.repeat(np.array([not anchor.angular for anchor in loops.anchors], dtype=bool), 3)
+    return np.linalg.norm(apart[:, points].reshape(len(q), -1, 3), axis=2).max(axis=1, initial=0.0)
+
+
+def has_integrator(name: str) -> bool:
+    """Whether this version of MuJoCo has an integrator."""
+    return hasattr(mujoco.mjtIntegrator, INTEGRATORS[name])
