@@ -19,8 +19,8 @@ from screwgauge.reference.closed.following import Follower
 from screwgauge.reference.closed.loops import LoopEquations, Rates, loop_equations
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.equations import closed_form as forms
-from screwgauge.reference.equations.dynamics import Motion
 from screwgauge.reference.equations.kinematics import Bracket, coordinates
+from screwgauge.reference.equations.motion import Motion
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.layout import Layout

@@ -11,7 +11,7 @@ import numpy as np
 from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Body, Joint, Mechanism
 from screwgauge.reference.plausible import solids, too_wide
-from screwgauge.reference.pose import length, tree_pose
+from screwgauge.reference.pose import length, pose
 from screwgauge.reference.rotations import Array, cross, widest
 
 #: What is exactly zero but for rounding; below the other ones, an angle [rad] or a distance [lengths of the mechanism]
@@ -43,9 +43,9 @@ class _Axis:
 def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
     """All that is found, body by body."""
     lay = layout(mechanism)
-    unit, at, index = length(lay), tree_pose(lay, mechanism.home[None]), mechanism.body_index
+    unit, at, index = length(lay), pose(lay, mechanism.home[None]), mechanism.body_index
     joints = [joint for joint in mechanism.joints if joint.kind != "F"]
-    cloud = [at[1][0, index[j.parent]] + at[0][0, index[j.parent]] @ j.parent_frame.p for j in joints]
+    cloud = [at.p[0, index[j.parent]] + at.R[0, index[j.parent]] @ j.parent_frame.p for j in joints]
     extent = widest(cloud)
     found = list[Suspicion]()
     wide = {solid.name: text for solid in solids(mechanism) if (text := too_wide(solid))}

@@ -10,7 +10,7 @@ import screwgauge
 from screwgauge.engines.screw import inverse as screw
 from screwgauge.engines.tree import closed_forces, inverse
 from support.bench import Plan, bench
-from support.solve import dynamics
+from support.equations import Dynamics, Ops
 
 pytestmark = pytest.mark.slow
 
@@ -29,12 +29,10 @@ def calls(monkeypatch) -> Counter[str]:
 
         monkeypatch.setattr(owner, name, counted)
 
-    for name, stage in (("positions", "positions"), ("velocities", "rates"), ("accelerations", "accelerations")):
-        count(screw, name, stage)
-    for name in ("body_motion", "required_wrench", "generalized_force", "min_norm"):
-        count(dynamics, name, name)
-    for name in ("joint_reactions", "force_matrix", "solve_newton_euler"):
-        count(dynamics, name, "reactions")
+    count(screw, "positions", "positions")
+    for name in ("velocities", "accelerations", "inertia", "virtual_power", "constraint_forces"):
+        count(Dynamics, name, {"velocities": "rates"}.get(name, name))
+    count(Ops, "square", "actuators")
     count(inverse._Pass, "_velocities", "rates")
     count(closed_forces, "min_norm", "min_norm")
     count(closed_forces, "joint_reactions", "reactions")
@@ -60,9 +58,9 @@ SCREW = [
     (["joint_position"], {"positions"}),
     (["joint_velocity"], {"positions", "rates"}),
     (["joint_acceleration"], {"positions", "rates", "accelerations"}),
-    (["com_acceleration"], {"positions", "rates", "accelerations", "body_motion"}),
+    (["com_acceleration"], {"positions", "rates", "accelerations"}),
 ]
-FORCES = {"positions", "rates", "accelerations", "body_motion", "required_wrench"}
+FORCES = {"positions", "rates", "accelerations", "inertia"}
 
 
 @pytest.mark.parametrize(
@@ -70,16 +68,16 @@ FORCES = {"positions", "rates", "accelerations", "body_motion", "required_wrench
     [
         *SCREW,
         (["tree_force"], FORCES),
-        (["generalized_force"], FORCES | {"generalized_force"}),
-        (["actuator_force"], FORCES | {"generalized_force", "min_norm"}),
-        (["reaction"], FORCES | {"generalized_force", "min_norm", "reactions"}),
+        (["generalized_force"], FORCES | {"virtual_power"}),
+        (["actuator_force"], FORCES | {"virtual_power", "actuators"}),
+        (["reaction"], FORCES | {"virtual_power", "actuators", "constraint_forces"}),
     ],
 )
 def test_screw_executes_only_what_is_needed(calls, monkeypatch, asked, stages):
     monkeypatch.setattr("screwgauge.study.run.judge", lambda *_, **__: __import__("pandas").DataFrame({"ok": []}))
     run("screw", *asked)
     assert executed(calls) == stages
-    assert all(n == 1 for stage, n in calls.items() if stage != "reactions")
+    assert all(n == 1 for n in calls.values())
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.equations import exchange
 from support.geometry import screws
 from support.models import write_models
 from support.report import first_difference
@@ -100,8 +101,7 @@ def test_a_closure_anchor_that_is_off_by_a_micrometre(scene, tmp_path):
 @pytest.mark.slow
 def test_a_wrong_sign_in_the_lie_bracket(monkeypatch):
     """Only a fast motion tells: the paper's own case is nearly static."""
-    right = screws.lie_bracket
-    monkeypatch.setattr(screws, "lie_bracket", lambda first, second: -right(first, second))
+    exchange(monkeypatch, "lie_bracket", lambda first, second: -screws.lie_bracket(first, second))
     results = screwgauge.run(sampled("3ups-upu-s-fast", slice(0, 2000, 100)))
     status, quantity, engines = found(results)
     assert (status, quantity) == (1, "joint_acceleration")
@@ -119,7 +119,7 @@ def test_the_first_row_of_the_bracket_as_printed(monkeypatch):
         row = np.cross(w1, v2) - np.cross(w2, v1)
         return np.concatenate([row, row], axis=-1)
 
-    monkeypatch.setattr(screws, "lie_bracket", printed)
+    exchange(monkeypatch, "lie_bracket", printed)
     results = screwgauge.run(sampled("3ups-upu-s-fast", slice(0, 2000, 100)), engines=["screw"])
     assert results.exit_status == 1
 

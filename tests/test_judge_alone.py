@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from screwgauge.engines.screw import inverse
 from screwgauge.engines.tree import closed_forces
 from support.engines import IN_DOUBLES, Solution, ask, model_files
+from support.equations import Dynamics, reaction_names
 from support.judging import judge
 from support.planar import Bar, four_bar
 from support.planar import moving as moving_bars
@@ -100,6 +100,13 @@ def test_the_sign_of_all_moments_of_universal_joints(engine, monkeypatch):
         return [(label, f, -d if joint.kind == "U" and not f else d) for label, f, d in right(joint, R_parent, R_child)]
 
     monkeypatch.setattr(reactions, "_directions", turned)
+    components = Dynamics.components
+
+    def signed(self, wrenches, x):
+        universal = [name.endswith(".m") for name, _ in reaction_names(self.mechanism)]
+        return components(self, wrenches, x) * np.where(universal, -1.0, 1.0)
+
+    monkeypatch.setattr(Dynamics, "components", signed)
     scene = moving()
     solution = answered(scene, engine)
     assert "newton_euler" in faults(scene, solution) & faults(scene, solution, "reaction")
@@ -115,13 +122,17 @@ def test_forces_that_are_not_the_smallest(engine, monkeypatch):
         forces, condition = right(B, Q)
         return forces + dynamics.preload_space(B)[..., 0], condition
 
-    for module in (dynamics, closed_forces):
-        monkeypatch.setattr(module, "min_norm", preloaded)
+    smallest = Dynamics.actuator_force.func
+
+    def with_preload(self):
+        return smallest(self) + dynamics.preload_space(self.B)[..., 0]
+
+    monkeypatch.setattr(Dynamics, "actuator_force", property(with_preload))
+    monkeypatch.setattr(closed_forces, "min_norm", preloaded)
     scene = moving()
     solution = answered(scene, engine)
     assert faults(scene, solution, "actuator_force") == {"force_rule"}
-    # the reactions of screw come from another system
-    assert faults(scene, solution) == {"force_rule"} | ({"newton_euler"} if engine == "screw" else set())
+    assert faults(scene, solution) == {"force_rule"}
 
 
 @pytest.mark.slow
@@ -132,8 +143,9 @@ def test_a_spherical_joint_whose_force_lies_along_another_line(engine, monkeypat
     def elsewhere(R, direction):
         return right(R, np.array([0.6, 0.0, 0.8]))
 
-    for module in (dynamics, closed_forces):
-        monkeypatch.setattr(module, "across_direction", elsewhere)
+    line = Dynamics._across_line
+    monkeypatch.setattr(closed_forces, "across_direction", elsewhere)
+    monkeypatch.setattr(Dynamics, "_across_line", lambda self, name, _: line(self, name, np.array([0.6, 0.0, 0.8])))
     scene = moving(rule="spherical_axial")
     solution = answered(scene, engine)
     for asked in ((), ("actuator_force",), ("reaction",)):
@@ -153,7 +165,7 @@ def test_a_sign_in_the_forces_of_the_open_tree(engine, monkeypatch):
 
         monkeypatch.setattr(owner, name, wrong)
 
-    signed(inverse.Work, "_tree_force")
+    signed(Dynamics, "open_tree_force")
     for tree in (PinocchioTree, MujocoTree):
         signed(tree, "tree_force")
     scene = moving()

@@ -54,7 +54,7 @@ def test_home_pose_is_the_start_of_the_path(lay):
 
 def test_newton_and_closed_form_agree(lay, monkeypatch):
     closed = joints(lay, T)
-    monkeypatch.setattr(kinematics, "closed_form", lambda lay, y: None)
+    monkeypatch.setattr(kinematics, "closed_form", lambda lay, y, fixed: None)
     assert np.abs(joints(lay, T) - closed).max() < ROUNDING
 
 

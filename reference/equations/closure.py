@@ -109,7 +109,8 @@ class Loops:
         first = self.ends[-1] + len(self.couplings)
         self.given = slice(first, first + len(self.y_columns))
         lengths = [self.length if unit == "N" else 1.0 for _, unit in self.names]
-        self.unit = np.concatenate([lengths, self.sizes[[*self.couplings.columns, *self.y_columns]]])
+        chosen = [*self.couplings.columns, *self.y_columns]
+        self.unit = np.concatenate([np.array(lengths, dtype=self.sizes.dtype), self.sizes[chosen]])
         tree = np.array(self.columns, dtype=int)
         self.around = [(tree[signs != 0.0], signs[signs != 0.0]) for signs in -lay.loop[:, tree]]
         self.owner = {c: (j, i) for j, joint in enumerate(self.cuts) for i, c in enumerate(lay.columns[joint.name])}

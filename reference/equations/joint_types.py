@@ -78,7 +78,7 @@ def unplaced(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
 
 
 def _none(at: JointPose) -> Array:
-    return np.zeros((0, 3))
+    return np.zeros((0, 3), dtype=at.joint.axes.dtype)
 
 
 def _world(at: JointPose) -> Array:

@@ -155,7 +155,7 @@ def twists(at: TreePose, w: Array) -> Array:
     return V
 
 
-def bias_screws(at: TreePose, w: Array, V: Array, bracket: Bracket = lie_bracket) -> Array:
+def bias_screws(at: TreePose, w: Array, V: Array, bracket: Bracket | None = None) -> Array:
     """Acceleration screws of the bodies without joint accelerations, ``w^T S_L w`` of eqs. (44), (48). (..., b, 6).
 
     The sum over i < j of [S_i w_i, S_j w_j] is the sum over j of [V before j, S_j w_j].
@@ -171,11 +171,11 @@ def bias_screws(at: TreePose, w: Array, V: Array, bracket: Bracket = lie_bracket
     return A
 
 
-def joint_bias(V: Array, terms: Sequence[Array], bracket: Bracket = lie_bracket) -> Any:
+def joint_bias(V: Array, terms: Sequence[Array], bracket: Bracket | None = None) -> Any:
     """The part of one joint in that sum. `V`: twist of the body before it; `terms`: ``S_j w_j`` of its freedoms."""
     found: Any = 0.0
     for term in terms:
-        found = found + bracket(V, term)
+        found = found + (bracket or lie_bracket)(V, term)
         V = V + term
     return found
 

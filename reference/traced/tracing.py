@@ -99,8 +99,8 @@ def traced(
     if wanted.loaded:
         loads = tuple(_given(trace, load, len(samples[0])) for load in applied.loads)
         applied = replace(applied, loads=loads)
-    found = Dynamics(loops, at, yd, ydd, folds, TRACE, applied, t=t, axial=wanted.axial)
-    found.near = near
+    found = Dynamics(loops, at, yd, ydd, folds, TRACE, applied)
+    found.near, found.t, found.axial = near, t, wanted.axial
     reached = [at.q[c] for c in guess] + [found.w[c] for c in guess]
     outputs = {"reached": reached} | quantities(found, wanted)
     checks = _checks(found, y, guess, outputs)

@@ -6,14 +6,16 @@ from collections.abc import Callable
 
 import pytest
 
-from screwgauge.reference.equations import closure, dynamics, joint_types, kinematics
+from screwgauge.reference.equations import closure, dynamics, joint_types, kinematics, motion
 from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.joint_types import JointPose, closure_residual, constraint_wrenches
+from screwgauge.reference.equations.ops import Ops
+from screwgauge.reference.equations.reactions import reaction_names
 from screwgauge.reference.equations.rounding import gain
 
 
 def exchange(monkeypatch: pytest.MonkeyPatch, name: str, wrong: Callable[..., object]) -> None:
     """Puts another function in the place of one wherever the equations use it."""
-    for module in (joint_types, kinematics, closure, dynamics):
+    for module in (joint_types, kinematics, closure, motion, dynamics):
         if hasattr(module, name):
             monkeypatch.setattr(module, name, wrong)

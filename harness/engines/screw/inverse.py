@@ -76,12 +76,10 @@ class Work:
     def _beyond(self, q: Array, motion: GivenMotion) -> tuple[dict[str, Array], Trust, Array]:
         """All that is wanted at closed poses: values, what they rest on, and the closing system."""
         loops, problem = self.loops, self.problem
-        axial = problem.rule == "spherical_axial"
         with self.clock.stage("velocities"):
             pose = coordinates(q, NUMPY)
-            at = Dynamics(
-                loops, pose, motion.yd, motion.ydd, loops.folds(q), NUMPY, problem.applied, t=motion.t, axial=axial
-            )
+            at = Dynamics(loops, pose, motion.yd, motion.ydd, loops.folds(q), NUMPY, problem.applied)
+            at.t, at.axial = motion.t, problem.rule == "spherical_axial"
             at.near = {c: q[:, c] for c in self.lay.cut_columns if self.lay.turns[c]}
             charts = np.stack([chart_condition(cut) + np.zeros(len(q)) for cut in at.cuts] or [np.ones(len(q))], axis=1)
         out, conditions = dict[str, Array](), dict[str, Array]()
