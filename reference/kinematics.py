@@ -90,7 +90,7 @@ def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None, *, pa
 def closed_form(lay: Layout, y: Array, fixed: Collection[int] | None = None) -> Array | None:
     """Joint coordinates in closed form, if there is one, see `equations.closed_form`. Shape (n, k) -> (n, n_q)."""
     found = forms.closed_form(lay, y, NUMPY, fixed)
-    return None if found is None else read(lay, found.q)
+    return None if found is None else read(lay, found.q, near=False)
 
 
 def _system(lay: Layout, at: Pose) -> LoopEquations:

@@ -97,7 +97,8 @@ def test_engines_agree_by_the_default_tolerance(name):
 
 @pytest.mark.slow
 def test_the_sibling_agrees_by_the_estimate(fall):
-    results = screwgauge.run(fall("sibling"))
+    # at 5.25 s the cart darts aside with 4e5 m/s^2, of which one rounding is more than the judge admits
+    results = screwgauge.run(fall("sibling", step=0.04))
     assert results.ok, str(results)
     assert results.pairs["max_scaled"].max() > results.scene.tolerance("joint_position")
 

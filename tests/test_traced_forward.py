@@ -152,7 +152,7 @@ def test_steps_by_machine_code_end_before_a_doubtful_pose():
     evaluations, after = programs.steps()
     assert evaluations >= 12 * len(after)
     assert after[-1][0] == solver.t
-    assert np.array_equal(after[-1][1], programs.pose(solver.y[:1]))
+    assert np.abs(after[-1][1] - programs.pose(solver.y[:1])).max() < LINEAR
     ahead = solver.y + np.array([0.2, 0.0, 0.0])
     assert programs.slope(solver.t, ahead[:, None]) is None
 

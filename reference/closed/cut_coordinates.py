@@ -12,7 +12,7 @@ from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, triad, triad_angles
 
 
-def read(lay: Layout, guess: Array) -> Array:
+def read(lay: Layout, guess: Array, *, near: bool = True) -> Array:
     """Joint coordinates in which those of the cut joints are what the poses of the bodies by the tree say.
 
     Unlike `joint_types.cut_coordinates` this goes through gimbal lock: of all angles that mean the same, those
@@ -20,23 +20,24 @@ def read(lay: Layout, guess: Array) -> Array:
 
     Args:
         guess: Joint coordinates. Shape (n, n_q).
+        near: Whether those of the cut joints are to be near the guess, else within half a turn.
     """
     q = guess.copy()
     if lay.tree.cuts:
         at = tree_pose(lay, coordinates(guess, NUMPY))
         for joint in lay.tree.cuts:
             columns = lay.columns[joint.name]
-            q[:, columns] = _values(at.joint(joint), guess[:, columns])
+            q[:, columns] = _values(at.joint(joint), guess[:, columns], near=near)
     return q
 
 
-def _values(at: JointPose, near: Array) -> Array:
+def _values(at: JointPose, guess: Array, *, near: bool) -> Array:
     """Coordinates of one joint. Shape (n, f) -> (n, f)."""
-    found, turns = near.copy(), np.array(at.type.freedoms)
+    found, turns = guess.copy(), np.array(at.type.freedoms)
     if turns.any():
         few = len(at.joint.axes) < 3
         angles = triad_angles(transpose(at.R_parent) @ at.R_child, triad(at.joint.axes), few)[..., : turns.sum()]
-        found[:, turns] = nearest_angles(angles, near[:, turns])[0]
+        found[:, turns] = nearest_angles(angles, guess[:, turns])[0] if near else angles
     if not turns.all():
         found[:, ~turns] = dot(at.first, at.p_child - at.p_parent)[:, None]
     return found

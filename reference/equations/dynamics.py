@@ -91,15 +91,19 @@ class Dynamics(Motion):
                 found[..., places] = found[..., places] + scale(along[..., column], row[..., 0, :])
         return found
 
-    def demand(self, V: Array, A: Array) -> Array:
-        """Forces along the tree's coordinates that actuators and constraints have to make up. Shape (..., n)."""
-        need = self.inertia(V, A) - self.exerted.wrenches
-        return forces_along(self.pose, need)[..., self.loops.columns] - self.along_tree(self.exerted.along)
+    def demand(self, need: Array) -> Array:
+        """Forces along the tree that actuators and constraints have to make up. Shape (..., n).
+
+        Args:
+            need: Wrenches that bodies need for their motion. Shape (..., b, 6).
+        """
+        along = forces_along(self.pose, need - self.exerted.wrenches)
+        return along[..., self.loops.columns] - self.along_tree(self.exerted.along)
 
     @cached_property
     def tau(self) -> Array:
         """The same for the motion itself. Shape (..., n)."""
-        return self.demand(self.V, self.A)
+        return self.demand(self.required)
 
     def virtual_power(self, tau: Array) -> Array:
         """What forces along the tree do along y, ``K^T tau``: good next to constraint singularities, too. (..., k)."""

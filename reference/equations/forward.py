@@ -51,7 +51,7 @@ class Forward(Dynamics):
     @cached_property
     def _response(self) -> Array:
         still = self.accelerations(0.0 * self.yd, self.w, self.V, self.bias)
-        tau = self.demand(self.V, self.bias + twists(self.pose, still))
+        tau = self.demand(self.inertia(self.V, self.bias + twists(self.pose, still)))
         return self._masses.solve(-self.virtual_power(tau) / self._sizes) / self._sizes
 
     @cached_property

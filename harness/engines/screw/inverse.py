@@ -14,11 +14,12 @@ from screwgauge.engines.estimate import Part, Trust, examined
 from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
-from screwgauge.quantities import GIVEN
+from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference import dynamics, linear
 from screwgauge.reference.closed.resting import home_equations
+from screwgauge.reference.equations import dynamics as equations
 from screwgauge.reference.equations.closure import Loops
-from screwgauge.reference.equations.dynamics import QUANTITIES, Dynamics
+from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.kinematics import coordinates
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.equations.reactions import reaction_names
@@ -31,6 +32,7 @@ from screwgauge.reference.precision import wide_force_matrix
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution, Stopwatch, Values
 
+_STAGES = {"q": "positions", "v": "velocities", "a": "accelerations", "f": "forces"}
 _JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration"})
 _TREE = frozenset({"tree_force", "tree_force_soft"})
 
@@ -41,6 +43,11 @@ def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: P
     size = {"length": work.system.length, "mass": lay.mechanism.mass}
     solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, **size)
     return replace(solution, assembly=np.concatenate(work.assembly))
+
+
+def _stage(name: str) -> str:
+    """The stage of the work in which a quantity is computed."""
+    return "tree forces" if name in _TREE else _STAGES[QUANTITIES[name].needs]
 
 
 class Work:
@@ -93,12 +100,12 @@ class Work:
             if self.depth in "af":
                 with self.clock.stage("accelerations"):
                     rush = np.maximum(speed**2, np.abs(at.beta / loops.sizes)[:, moving].max(axis=1))
-            with self.clock.stage("forces" if self.depth == "f" else "accelerations"):
-                for name in (one for one in GIVEN if one in problem.wanted):
+            for name in (one for one in GIVEN if one in problem.wanted):
+                with self.clock.stage(_stage(name)):
                     out[name] = self._value(at, name, charts)
-                if self.depth == "f" or problem.wanted & _TREE:
-                    load = self._load(at)
-                self._force_conditions(at, conditions)
+            if self.depth == "f" or problem.wanted & _TREE:
+                load = self._load(at)
+            self._force_conditions(at, conditions)
         with self.clock.stage("condition"):
             worst, stretch = charts.max(axis=1), extent(self.lay).stretch
             amplified = np.sqrt(gain(at))
@@ -109,7 +116,7 @@ class Work:
     def _value(self, at: Dynamics, name: str, charts: Array) -> Array:
         if name in _TREE:
             return np.ascontiguousarray(at.open_tree_force(self.path)[:, self.tree])
-        found = np.array(QUANTITIES[name](at))
+        found = np.array(equations.QUANTITIES[name](at))
         if name in _JOINTS:  # in gimbal lock the joint's angles are what they were followed as, its rates no numbers
             for cut, locked in zip(at.cuts, ~(charts.T <= linear.SINGULAR), strict=False):
                 some = np.ix_(locked, self.lay.columns[cut.at.joint.name])
