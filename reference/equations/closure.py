@@ -22,7 +22,14 @@ from screwgauge.reference.equations.joint_types import (
     cut_coordinates,
     dual_wrenches,
 )
-from screwgauge.reference.equations.kinematics import Coordinates, TreePose, joint_bias, joint_screws, tree_pose
+from screwgauge.reference.equations.kinematics import (
+    Bracket,
+    Coordinates,
+    TreePose,
+    joint_bias,
+    joint_screws,
+    tree_pose,
+)
 from screwgauge.reference.equations.ops import Block, Ops
 from screwgauge.reference.equations.screws import Array, join, lie_bracket, power, powers, scale, times
 from screwgauge.reference.layout import Layout
@@ -63,22 +70,23 @@ class CutJoint:
         """Its rates, from the twists of the bodies. Shape (..., b, 6) -> (..., f)."""
         return np.asarray(power(self.D, (V[..., self.child, :] - V[..., self.parent, :])[..., None, :]))
 
-    def acceleration(self, V: Array, A: Array, *, own: bool) -> Array:
+    def acceleration(self, V: Array, A: Array, *, own: bool, bracket: Bracket | None = None) -> Array:
         """Acceleration screw of child less parent that is not due to its second derivatives, eq. (44). Shape (..., 6).
 
         Args:
             V, A: Of all bodies. Shape (..., b, 6).
             own: Whether to take brackets of its screws with each other into account.
+            bracket: In place of the Lie bracket, to see what a part of it does.
         """
         before, relative = V[..., self.parent, :], A[..., self.child, :] - A[..., self.parent, :]
         if not own:
             return relative - lie_bracket(before, V[..., self.child, :] - before)
         w = self.rates(V)
-        return relative - joint_bias(before, [scale(w[..., i], self.S[..., i, :]) for i in range(w.shape[-1])])
+        return relative - joint_bias(before, [scale(w[..., i], self.S[..., i, :]) for i in range(w.shape[-1])], bracket)
 
-    def accelerations(self, V: Array, A: Array) -> Array:
+    def accelerations(self, V: Array, A: Array, bracket: Bracket | None = None) -> Array:
         """Second derivatives of its coordinates. Shape (..., f)."""
-        return np.asarray(power(self.D, self.acceleration(V, A, own=True)[..., None, :]))
+        return np.asarray(power(self.D, self.acceleration(V, A, own=True, bracket=bracket)[..., None, :]))
 
 
 class Loops:

@@ -112,7 +112,9 @@ class Motion(Closed):
     @cached_property
     def joint_acceleration(self) -> Array:
         """Second derivatives of the coordinates of all joints. Shape (..., n_q)."""
-        return self._with_cuts(self.beta, lambda cut: np.moveaxis(cut.accelerations(self.V, self.A), -1, 0))
+        return self._with_cuts(
+            self.beta, lambda cut: np.moveaxis(cut.accelerations(self.V, self.A, self.bracket), -1, 0)
+        )
 
     def _with_cuts(self, tree: Array, own: Any) -> Array:
         """Numbers of all coordinates from those of the tree, and of each cut joint from its own two bodies."""
