@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.reference.couplings import Coupling, component_name
-from screwgauge.reference.mechanism import Frame, Joint
-from screwgauge.reference.rotations import Array, cross
-
-_WORLD = ("x", "y", "z")
+from screwgauge.reference.equations.joint_types import JointPose, components
+from screwgauge.reference.mechanism import Joint
+from screwgauge.reference.rotations import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,48 +85,21 @@ def reaction_components(
     """
     rows = []
     for i in by_role(joints):
-        joint = joints[i]
+        joint, (parent, child) = joints[i], (joints[i].parent_frame, joints[i].child_frame)
         point = joint_point(joint, R_child[i], p_child[i])
-        for label, is_force, direction in _directions(joint, R_parent[i], R_child[i]):
+        at = JointPose(joint, R_parent[i] @ parent.R, point, R_child[i] @ child.R, point)
+        directions = [*_each(at.type.forces(at), point), *_each(at.type.moments(at), point)]
+        for (label, unit), direction in zip(components(joint), directions, strict=True):
             zero = np.zeros_like(direction)
-            arrays = (direction, zero, point) if is_force else (zero, direction, point)
-            rows.append((f"{joint.name}.{label}", "N" if is_force else "N m", i, *arrays))
+            arrays = (direction, zero, point) if unit == "N" else (zero, direction, point)
+            rows.append((f"{joint.name}.{label}", unit, i, *arrays))
     if not rows:
         return Reactions((), (), (), *[np.zeros((len(R_child[0]) if joints else 1, 0, 3))] * 3)
     names, units, owners, *stacks = zip(*rows, strict=True)
     return Reactions(names, units, owners, *(np.stack(arrays, axis=1) for arrays in stacks))
 
 
-def _directions(joint: Joint, R_parent: Array, R_child: Array) -> list[tuple[str, bool, Array]]:
-    """(label, is a force, direction in the world) of each component of one joint."""
-    if joint.kind == "F":
-        return []
-    n = len(R_child)
-    world = [(f"f{name}", True, np.tile(axis, (n, 1))) for name, axis in zip(_WORLD, np.eye(3), strict=True)]
-    if joint.kind == "S":
-        return world
-    if joint.kind == "U":
-        first = R_parent @ (joint.parent_frame.R @ joint.axes[0])
-        second = R_child @ (joint.child_frame.R @ joint.axes[1])
-        normal = cross(first, second)
-        return [*world, ("m", False, normal / np.linalg.norm(normal, axis=1, keepdims=True))]
-    across = _across(joint.axes[0], joint.child_frame, R_child)
-    if joint.kind == "R":
-        return [*world, *((f"m{name}", False, d) for name, d in across)]
-    forces = [(f"f{name}", True, d) for name, d in across]
-    if joint.kind == "C":
-        return [*forces, *((f"m{name}", False, d) for name, d in across)]
-    frame = R_child @ joint.child_frame.R
-    return [*forces, *((f"m{name}", False, frame[..., k]) for k, name in enumerate(_WORLD))]
-
-
-def _across(axis: Array, frame: Frame, R_child: Array) -> list[tuple[str, Array]]:
-    """Two directions across a joint axis: those of the joint frame where the axis is one of its axes."""
-    k = int(np.argmax(np.abs(axis)))
-    others = [i for i in range(3) if i != k]
-    R = R_child @ frame.R
-    if abs(axis[k]) == 1.0:
-        return [(_WORLD[i], R[..., i]) for i in others]
-    first = cross(axis, np.eye(3)[others[0]])
-    first /= np.linalg.norm(first)
-    return [("1", R @ first), ("2", R @ cross(axis, first))]
+def _each(directions: Array, point: Array) -> Array:
+    """Unit directions at every sample. Shape (..., m, 3), (n, 3) -> (m, n, 3)."""
+    length = np.linalg.norm(directions, axis=-1, keepdims=True)  # of a U joint's moment 1 where the loop is closed
+    return np.moveaxis(np.broadcast_to(directions / length, (len(point), *directions.shape[-2:])), 1, 0)

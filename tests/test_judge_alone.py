@@ -94,12 +94,14 @@ def test_one_wrong_number_of_the_only_quantity_asked_is_found(quantity, componen
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_the_sign_of_all_moments_of_universal_joints(engine, monkeypatch):
-    right = reactions._directions
+    right = reactions.reaction_components
 
-    def turned(joint, R_parent, R_child):
-        return [(label, f, -d if joint.kind == "U" and not f else d) for label, f, d in right(joint, R_parent, R_child)]
+    def turned(*arguments):
+        found = right(*arguments)
+        universal = np.array([name.endswith(".m") for name in found.names])
+        return replace(found, moment=np.where(universal[:, None], -found.moment, found.moment))
 
-    monkeypatch.setattr(reactions, "_directions", turned)
+    monkeypatch.setattr(closed_forces, "reaction_components", turned)
     components = Dynamics.components
 
     def signed(self, wrenches, x):

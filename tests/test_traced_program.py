@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from support.traced import Factors, Lanes, NotTraceableError, Trace, apply, program, rotation
+from support.equations import rotation
+from support.traced import Factors, Lanes, NotTraceableError, Trace, apply, program
 
 SAMPLES = np.array([0.3, -0.7, 1.1])
 
@@ -58,7 +59,8 @@ def test_what_nobody_wants_is_left_out(trace):
 
 def test_a_turn_about_an_axis_of_its_frame_costs_two_numbers(trace):
     s, c = trace.input(SAMPLES), trace.input(SAMPLES)
-    assert rotation((0.0, 0.0, 1.0), s, c) == ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
+    turned = rotation(np.array([0.0, 0.0, 1.0]), s, c)
+    assert turned.tolist() == [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]
 
 
 def test_pivots_keep_their_size_at_every_sample(trace):

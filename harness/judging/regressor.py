@@ -13,7 +13,8 @@ from screwgauge.reference import screws
 from screwgauge.reference.along import joint_wrenches
 from screwgauge.reference.applied import Applied, Load
 from screwgauge.reference.dynamics import BodyMotion, body_motion, required_wrench
-from screwgauge.reference.kinematics import Bracket, Velocities, accelerations, velocities
+from screwgauge.reference.equations.kinematics import Bracket
+from screwgauge.reference.kinematics import Velocities, accelerations, velocities
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.pose import Pose, length
 from screwgauge.reference.rotations import Array, cross

@@ -82,7 +82,8 @@ class CutJoint:
         if not own:
             return relative - lie_bracket(before, V[..., self.child, :] - before)
         w = self.rates(V)
-        return relative - joint_bias(before, [scale(w[..., i], self.S[..., i, :]) for i in range(w.shape[-1])], bracket)
+        terms = [scale(w[..., i], self.S[..., i, :]) for i in range(w.shape[-1])]
+        return np.asarray(relative - joint_bias(before, terms, bracket))
 
     def accelerations(self, V: Array, A: Array, bracket: Bracket | None = None) -> Array:
         """Second derivatives of its coordinates. Shape (..., f)."""

@@ -84,8 +84,7 @@ class Forward(Dynamics):
         for motor in self.applied.motors:
             total = total + motor_force(self, motor) * self.joint_rate(motor.coordinate)
         for spring in self.applied.springs:
-            joint = isinstance(spring, JointSpring)
-            rate = self.joint_rate(spring.coordinate) if joint else line(self, spring)[2]
+            rate = self.joint_rate(spring.coordinate) if isinstance(spring, JointSpring) else line(self, spring)[2]
             total = total - spring.damping * rate * rate
         return total
 

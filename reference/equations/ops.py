@@ -25,9 +25,14 @@ class System(Protocol):
 
     Attributes:
         exact: Whether `response` is.
+        A: The matrix without dimension, of floats. Shape (..., m, n).
+        condition, whole_condition: Of floats, over unknowns that move, and over all. Shape (...).
     """
 
     exact: bool
+    condition: Any
+    whole_condition: Any
+    A: Array
 
     def solve(self, b: Array) -> Array:
         """Unknowns that move. Shape (..., m) -> (..., moving)."""
@@ -62,10 +67,11 @@ class Ops:
     maximum: Callable[[Any, Any], Any]
     system: Callable[[Sequence[Block], Array, Array, int, tuple[int, ...]], Any]
 
-    def square(self, A: Array) -> Any:
+    def square(self, A: Array) -> System:
         """A small square system without units. Shape (..., n, n)."""
         n = A.shape[-1]
-        return self.system([(slice(0, n), range(n), A)], np.ones(n), np.ones(n), n, A.shape[:-2])
+        made: System = self.system([(slice(0, n), range(n), A)], np.ones(n), np.ones(n), n, A.shape[:-2])
+        return made
 
 
 class Dense:
@@ -130,7 +136,7 @@ class Dense:
 
     def response(self, unit: Array, *, whole: bool = False) -> Array:
         back = self.whole if whole else self.inverse
-        return ((back * (unit / self.unit)) ** 2).sum(-1) * self.size[: back.shape[-2]] ** 2
+        return np.asarray(((back * (unit / self.unit)) ** 2).sum(-1) * self.size[: back.shape[-2]] ** 2)
 
 
 class Sparse:

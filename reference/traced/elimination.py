@@ -7,13 +7,13 @@ zero somewhere may be zero at another pose.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import reduce
 
 import numpy as np
 
 from screwgauge.reference.traced.trace import NotTraceableError
-from screwgauge.reference.traced.vectors import Scalar, squares
+from screwgauge.reference.traced.vectors import Scalar
 
 #: Share of the largest entry of its column that a pivot must have, at every sample; sparsity chooses among these.
 LARGE = 0.05
@@ -136,12 +136,3 @@ class Factors:
         for k, (row, _) in reversed([*enumerate(self.pivots)]):
             x[row] = z[k] - sum((factor * x[r] for r, factor in self.lower[k]), start=0.0)
         return [x[row] for row in sorted(x)]
-
-
-def solve(A: Sequence[Sequence[Scalar]], b: Iterable[Scalar]) -> tuple[Scalar, list[Scalar]]:
-    """Solves a small square system. Returns the squares of its reciprocal pivots, summed up, and the unknowns."""
-    n = len(A)
-    entries = {(i, j): A[i][j] for i in range(n) for j in range(n)}
-    factors = Factors(entries, [1.0] * n, [1.0] * n, [range(n)], 0.0)
-    x = factors.solve(list(b))
-    return squares(factors.inverse), [x[i] for i in range(n)]

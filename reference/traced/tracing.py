@@ -115,7 +115,8 @@ def traced(
 
 def sprung_cuts(loops: Loops, applied: Applied) -> list[int]:
     """Angles of cut joints that springs act on."""
-    columns = [*loops.lay.mechanism.columns([x.coordinate for x in applied.springs if isinstance(x, JointSpring)])]
+    sprung = tuple(x.coordinate for x in applied.springs if isinstance(x, JointSpring))
+    columns = loops.lay.mechanism.columns(sprung)
     return [c for c in dict.fromkeys(columns) if c in loops.owner and loops.lay.turns[c]]
 
 

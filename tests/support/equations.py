@@ -12,6 +12,7 @@ from screwgauge.reference.equations.joint_types import JointPose, closure_residu
 from screwgauge.reference.equations.ops import Ops
 from screwgauge.reference.equations.reactions import reaction_names
 from screwgauge.reference.equations.rounding import gain
+from screwgauge.reference.equations.screws import rotation
 
 
 def exchange(monkeypatch: pytest.MonkeyPatch, name: str, wrong: Callable[..., object]) -> None:

@@ -8,4 +8,4 @@ from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.native import Native, machine_code
 from screwgauge.reference.traced.program import only, program
 from screwgauge.reference.traced.trace import NotTraceableError, Trace
-from screwgauge.reference.traced.vectors import apply, rotation
+from screwgauge.reference.traced.vectors import apply
