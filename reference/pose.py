@@ -53,12 +53,12 @@ def pose(lay: Layout, q: Array) -> Pose:
 def _across(at: TreePose, joint: Joint, q: Array) -> tuple[Array, Array]:
     """Closure residual and screws of a cut joint, see `Pose`. Shape (n, f) -> (n, 6), (n, f, 6)."""
     frames = at.joint(joint)
-    values = joint_values(joint, range(q.shape[1]), coordinates(q, NUMPY))
+    values = joint_values(joint.freedoms, range(q.shape[1]), coordinates(q, NUMPY))
     screws, R_via, p_via = joint_screws(joint, frames.R_parent, frames.p_parent, values)
     turn = vee(R_via @ frames.R_child.swapaxes(-1, -2))
     # measured at the joint, where the lever arms are short, then moved to O
     shift = p_via - frames.p_child
-    return np.concatenate([turn, shift - cross(turn, frames.p_child)], axis=-1), np.stack(screws, axis=1)
+    return np.concatenate([turn, shift - cross(turn, frames.p_child)], axis=-1), screws
 
 
 def centres_of_mass(lay: Layout, at: Pose) -> Array:

@@ -79,7 +79,7 @@ def _coordinates(lay: Layout, driver: Joint, legs: list[list[Joint]], y: Array, 
     q = zeros(y, len(lay.mechanism.coordinates)) + lay.mechanism.home
     q[..., lay.mechanism.independent_columns] = y
     at = coordinates(q, ops)
-    values = joint_values(driver, lay.columns[driver.name], at)
+    values = joint_values(driver.freedoms, lay.columns[driver.name], at)
     eye, origin = zeros(y, 3, 3) + np.eye(3), zeros(y, 3)
     _, R, p = joint_screws(driver, *placed(eye, origin, driver.parent_frame), values)
     platform = unplaced(R, p, driver.child_frame)

@@ -58,8 +58,7 @@ class CutJoint:
     @cached_property
     def S(self) -> Array:
         """Its unit screws. Shape (..., f, 6)."""
-        screws = joint_screws(self.at.joint, self.at.R_parent, self.at.p_parent, self.values)[0]
-        return np.stack(np.broadcast_arrays(*screws), axis=-2)
+        return joint_screws(self.at.joint, self.at.R_parent, self.at.p_parent, self.values)[0]
 
     @cached_property
     def D(self) -> Array:

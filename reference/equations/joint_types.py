@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -61,14 +61,20 @@ class JointPose:
         return times(self.R_child, self.joint.axes[-1])
 
 
+@lru_cache(maxsize=4096)
+def is_identity(frame: Frame) -> bool:
+    """Whether a frame is that of its body; looked at once."""
+    return frame.is_identity
+
+
 def placed(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
     """Pose of a frame that is fixed in a body."""
-    return (R, p) if frame.is_identity else (R @ frame.R, p + times(R, frame.p))
+    return (R, p) if is_identity(frame) else (R @ frame.R, p + times(R, frame.p))
 
 
 def unplaced(R: Array, p: Array, frame: Frame) -> tuple[Array, Array]:
     """Pose of the body in which a frame of known pose is fixed."""
-    if frame.is_identity:
+    if is_identity(frame):
         return R, p
     R = R @ frame.R.T
     return R, p - times(R, frame.p)
@@ -100,6 +106,7 @@ def _normal(at: JointPose) -> Array:
     return cross(at.first, at.last)[..., None, :]
 
 
+@lru_cache(maxsize=4096)
 def _beside(joint: Joint) -> tuple[Sequence[str], Array]:
     """Labels and directions across the axis: axes of the joint frame where the joint's is one of these."""
     axis = joint.axes[0]

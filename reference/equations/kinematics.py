@@ -14,11 +14,10 @@ from screwgauge.reference.equations.screws import (
     Array,
     lie_bracket,
     power,
-    prismatic,
-    revolute,
     rotation,
     scale,
     times,
+    unit_screws,
 )
 from screwgauge.reference.graph import Edge
 from screwgauge.reference.layout import Layout
@@ -26,6 +25,10 @@ from screwgauge.reference.mechanism import Joint
 
 Bracket = Callable[[Array, Array], Array]
 """Takes two twists, shape (..., 6), and returns a third."""
+
+
+Freedoms = Sequence[tuple[bool, Array]]
+"""Of each freedom of a joint, whether it turns, and its axis in the joint's frame."""
 
 
 class Coordinates(NamedTuple):
@@ -48,6 +51,7 @@ class Step(NamedTuple):
         near, far: Bodies before and after the joint, 0 being ground.
         columns: Its coordinates.
         sign: -1 where the joint is entered from its child.
+        freedoms: (turns, axis) of each.
     """
 
     edge: Edge
@@ -55,6 +59,7 @@ class Step(NamedTuple):
     far: int
     columns: list[int]
     sign: float
+    freedoms: list[tuple[bool, Array]]
 
 
 def walk(lay: Layout) -> list[Step]:
@@ -62,7 +67,14 @@ def walk(lay: Layout) -> list[Step]:
     if "walk" not in lay.kept:
         index = lay.mechanism.body_index
         lay.kept["walk"] = [
-            Step(e, index[e.near], index[e.far], lay.columns[e.joint.name], -1.0 if e.reverse else 1.0)
+            Step(
+                e,
+                index[e.near],
+                index[e.far],
+                lay.columns[e.joint.name],
+                -1.0 if e.reverse else 1.0,
+                e.joint.freedoms,
+            )
             for e in lay.tree.edges
         ]
     steps: list[Step] = lay.kept["walk"]
@@ -97,50 +109,61 @@ def zeros(like: Array, *shape: int) -> Array:
     return np.zeros(like.shape[:-1] + shape, dtype=like.dtype)
 
 
-def joint_values(joint: Joint, columns: Sequence[int], at: Coordinates) -> list[Value]:
+def joint_values(freedoms: Freedoms, columns: Sequence[int], at: Coordinates) -> list[Value]:
     """The coordinates of one joint."""
     return [
         (at.sine[..., c], at.cosine[..., c]) if turns else (at.q[..., c], None)
-        for c, (turns, _) in zip(columns, joint.freedoms, strict=True)
+        for c, (turns, _) in zip(columns, freedoms, strict=True)
     ]
 
 
-def joint_screws(
-    joint: Joint, R: Array, p: Array, values: Sequence[Value], *, reverse: bool = False
-) -> tuple[list[Array], Array, Array]:
-    """Unit screws of a joint's freedoms, eqs. (18)-(20), and its frame beyond them, eq. (24).
+def joint_axes(
+    freedoms: Freedoms, R: Array, p: Array, values: Sequence[Value], *, reverse: bool = False
+) -> tuple[list[Array], list[Array], Array, Array]:
+    """Directions and points of the axes of a joint's freedoms, eqs. (18)-(20), and its frame beyond them, eq. (24).
 
     Args:
         R, p: Its frame on the side from which it is entered.
         values: Of each freedom.
         reverse: Whether it is entered from its child.
     """
-    screws, freedoms = list[Array](), [*zip(joint.freedoms, values, strict=True)]
-    for (turns, axis), (value, cosine) in freedoms[::-1] if reverse else freedoms:
+    directions, points, steps = list[Array](), list[Array](), [*zip(freedoms, values, strict=True)]
+    for (turns, axis), (value, cosine) in steps[::-1] if reverse else steps:
         e, value = times(R, axis), -value if reverse else value
-        screws.append(revolute(e, p) if turns else prismatic(e))
+        directions.append(e)
+        points.append(p)
         if turns:
             R = R @ rotation(axis, value, cosine)
         else:
             p = p + scale(value, e)
-    return screws[::-1] if reverse else screws, R, p
+    order = -1 if reverse else 1
+    return directions[::order], points[::order], R, p
+
+
+def joint_screws(joint: Joint, R: Array, p: Array, values: Sequence[Value]) -> tuple[Array, Array, Array]:
+    """Unit screws of a joint's freedoms, shape (..., f, 6), and its frame beyond them, see `joint_axes`."""
+    directions, points, R_end, p_end = joint_axes(joint.freedoms, R, p, values)
+    turns = np.array([turns for turns, _ in joint.freedoms])
+    lines = (np.stack(np.broadcast_arrays(*vectors), axis=-2) for vectors in (directions, points))
+    return unit_screws(turns, *lines), R_end, p_end
 
 
 def tree_pose(lay: Layout, at: Coordinates) -> TreePose:
     """The pose of all bodies by the joints of the tree, eq. (24)."""
     n = len(lay.mechanism.body_index)
-    R, p, S = zeros(at.q, n, 3, 3), zeros(at.q, n, 3), zeros(at.q, at.q.shape[-1], 6)
+    R, p = zeros(at.q, n, 3, 3), zeros(at.q, n, 3)
+    e, r = zeros(at.q, at.q.shape[-1], 3), zeros(at.q, at.q.shape[-1], 3)
     R[..., 0, :, :] = np.eye(3)
-    for edge, near, far, columns, _ in walk(lay):
+    for edge, near, far, columns, _, freedoms in walk(lay):
         joint = edge.joint
         (_, start), (_, end) = joint.sides[::-1] if edge.reverse else joint.sides
-        values = joint_values(joint, columns, at)
+        values = joint_values(freedoms, columns, at)
         entered = placed(R[..., near, :, :], p[..., near, :], start)
-        screws, R_end, p_end = joint_screws(joint, *entered, values, reverse=edge.reverse)
-        for c, screw in zip(columns, screws, strict=True):
-            S[..., c, :] = screw
+        directions, points, R_end, p_end = joint_axes(freedoms, *entered, values, reverse=edge.reverse)
+        for c, direction, point in zip(columns, directions, points, strict=True):
+            e[..., c, :], r[..., c, :] = direction, point
         R[..., far, :, :], p[..., far, :] = unplaced(R_end, p_end, end)
-    return TreePose(lay, R, p, S)
+    return TreePose(lay, R, p, unit_screws(lay.turns, e, r))
 
 
 def twists(at: TreePose, w: Array) -> Array:
@@ -150,7 +173,7 @@ def twists(at: TreePose, w: Array) -> Array:
         w: Rates of the tree's coordinates. Shape (..., n_q).
     """
     V = zeros(w, len(at.lay.mechanism.body_index), 6)
-    for _, near, far, columns, sign in walk(at.lay):
+    for _, near, far, columns, sign, _ in walk(at.lay):
         V[..., far, :] = V[..., near, :] + times(sign * at.S[..., columns, :].swapaxes(-1, -2), w[..., columns])
     return V
 
@@ -164,7 +187,7 @@ def bias_screws(at: TreePose, w: Array, V: Array, bracket: Bracket | None = None
         bracket: In place of the Lie bracket, to see what a part of it does.
     """
     A = zeros(w, V.shape[-2], 6)
-    for edge, near, far, columns, sign in walk(at.lay):
+    for edge, near, far, columns, sign, _ in walk(at.lay):
         terms = [scale(sign * w[..., c], at.S[..., c, :]) for c in columns]
         own = joint_bias(V[..., near, :], terms[::-1] if edge.reverse else terms, bracket)
         A[..., far, :] = A[..., near, :] + own
@@ -190,7 +213,7 @@ def transmitted(lay: Layout, wrenches: Array) -> dict[str, Array]:
         Joint -> shape (..., 6).
     """
     total, found = wrenches.copy(), dict[str, Array]()
-    for edge, near, far, _, sign in reversed(walk(lay)):
+    for edge, near, far, _, sign, _ in reversed(walk(lay)):
         found[edge.joint.name] = sign * total[..., far, :]
         total[..., near, :] = total[..., near, :] + total[..., far, :]
     return found

@@ -5,6 +5,7 @@ A twist is ``[angular; linear at O]``, a wrench ``[force; moment about O]`` (eq.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -44,27 +45,49 @@ def transpose(M: Array) -> Array:
 
 def join(*parts: Array) -> Array:
     """Vectors of different lengths, one after the other. Shapes (..., m_i) -> (..., sum m_i)."""
-    lead = np.broadcast_shapes(*(x.shape[:-1] for x in parts))
-    return np.concatenate([np.broadcast_to(x, lead + x.shape[-1:]) for x in parts], axis=-1)
+    lead = {x.shape[:-1] for x in parts}
+    if len(lead) > 1:
+        wide = np.broadcast_shapes(*lead)
+        parts = tuple(np.broadcast_to(x, wide + x.shape[-1:]) for x in parts)
+    return np.concatenate(parts, axis=-1)
 
 
 def stack(*parts: Array) -> Array:
     """Rows of matrices, one below the other. Shapes (..., m_i, n) -> (..., sum m_i, n)."""
-    lead = np.broadcast_shapes(*(x.shape[:-2] for x in parts))
-    return np.concatenate([np.broadcast_to(x, lead + x.shape[-2:]) for x in parts], axis=-2)
+    lead = {x.shape[:-2] for x in parts}
+    if len(lead) > 1:
+        wide = np.broadcast_shapes(*lead)
+        parts = tuple(np.broadcast_to(x, wide + x.shape[-2:]) for x in parts)
+    return np.concatenate(parts, axis=-2)
 
 
 def rotation(axis: Array, sine: Any, cosine: Any) -> Array:
     """Rodrigues' formula, ``e e^T + cos (1 - e e^T) + sin [e x]``, of which eqs. (19)-(21) are cases. (..., 3, 3)."""
-    (x, y, z), E = axis, np.outer(axis, axis)
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]], dtype=axis.dtype)
-    s, c = (np.asarray(value)[..., None, None] for value in (sine, cosine))
-    return np.asarray(E + c * (np.eye(3, dtype=axis.dtype) - E) + s * K)
+    E, F, K = _generators(axis.tobytes(), axis.dtype.str)
+    return np.asarray(E + np.asarray(cosine)[..., None, None] * F + np.asarray(sine)[..., None, None] * K)
+
+
+@lru_cache(maxsize=1024)
+def _generators(axis: bytes, dtype: str) -> tuple[Array, Array, Array]:
+    """``e e^T``, ``1 - e e^T`` and ``[e x]``: axes are those of joints, always the same."""
+    e = np.frombuffer(axis, dtype=dtype)
+    (x, y, z), E = e, np.outer(e, e)
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]], dtype=e.dtype)
+    return E, np.eye(3, dtype=e.dtype) - E, K
 
 
 def revolute(e: Array, r: Array) -> Array:
     """Unit screw of a rotation about the axis `e` through the point `r`, eq. (2). Shape (..., 6)."""
     return join(e, cross(r, e))
+
+
+def unit_screws(turns: Array, directions: Array, points: Array) -> Array:
+    """Unit screws of axes, some of which turn, eqs. (2), (18). Shapes (m,), (..., m, 3), (..., m, 3) -> (..., m, 6)."""
+    S = np.zeros((*directions.shape[:-1], 6), dtype=directions.dtype)
+    e = directions[..., turns, :]
+    S[..., turns, :3], S[..., turns, 3:] = e, cross(points[..., turns, :], e)
+    S[..., ~turns, 3:] = directions[..., ~turns, :]
+    return S
 
 
 def prismatic(e: Array) -> Array:
