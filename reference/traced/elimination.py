@@ -20,9 +20,6 @@ LARGE = 0.05
 #: Below this, without dimension, a pivot is none.
 SMALLEST = 1e-6
 
-Entries = dict[tuple[int, int], Scalar]
-"""(row, column) -> entry that is not structurally zero."""
-
 
 class Factors:
     """``A = L U`` with rows and columns in the order of the pivots; rows without pivot are left over.
