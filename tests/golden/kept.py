@@ -50,6 +50,11 @@ def quick_rung(i: int, case: str) -> bool:
 LONG = ("long-run 1000000", "long-run 100000", "softness 1.0000000000000001e-05", "softness 2.0000000000000002e-05")
 
 
+def long_rung(case: str) -> bool:
+    """Whether a rung is one of those, or one of quick runs has the same severity, with fewer samples."""
+    return case in LONG or (not case.endswith("quick") and f"{case} quick" in studied.rungs())
+
+
 PARTS: dict[str, Part] = {
     "scenes": Part(solved.given, solved.scene),
     "simulations": Part(solved.simulations, solved.simulated, usual),
@@ -59,9 +64,7 @@ PARTS: dict[str, Part] = {
     "random": Part(lambda: map(str, range(200)), solved.drawn, every(4)),
     "imported": Part(solved.files, solved.imported, every(8)),
     "compiled": Part(solved.programs, solved.compiled),
-    "stress": Part(
-        studied.rungs, studied.rung, lambda i, case: case.endswith("quick") and usual(i, case), LONG.__contains__
-    ),
+    "stress": Part(studied.rungs, studied.rung, quick_rung, long_rung),
     "leaving-out": Part(lambda: ["3ups-upu-s-fast"], studied.left_out),
     "diagnoses": Part(lambda: diagnosed.CASES, diagnosed.diagnosis),
 }
