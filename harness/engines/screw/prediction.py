@@ -11,10 +11,11 @@ from screwgauge.engines.screw.programs import Runner
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.closed.anchor import Anchor
 from screwgauge.reference.closed.between import Rows, interpolated, knots, predicted, slopes
+from screwgauge.reference.closed.cut_coordinates import read
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.kinematics import positions, velocities
 from screwgauge.reference.layout import Layout
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, nearest_angles
 from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.program import only
 from screwgauge.reference.traced.scalars import Scalars
@@ -143,26 +144,34 @@ class Predictor:
 
     def _closed(self, y: Array, slope: Array, rows: list[int]) -> tuple[list[Known], Array] | None:
         """Poses at some samples, and at others between where they are far from each other; all joint coordinates."""
-        found, q, ahead = list[Known](), list[Array](), rows[::-1]
+        found, ahead, before = list[Known](), rows[::-1], self.at
+        guess = before[self.dependent]
         while ahead:
             row = ahead[-1]
-            closed = self.close(y[row], slope[row], _ahead(self.known, row) if self.known else self.at[self.dependent])
+            closed = self.close(y[row], slope[row], _ahead(self.known, row) if self.known else guess)
             if closed is not None:
                 self.known = [*self.known[-1:], (ahead.pop(), *closed)]
                 found.append(self.known[-1])
-                self.at = self._whole(y[row], closed[0])
-                q.append(self.at)
             elif found and row - found[-1][0] > 1:
                 ahead.append((found[-1][0] + row) // 2)
             else:
                 return None
-        return found, np.array(q)
+        q = np.tile(before, (len(found), 1))
+        q[:, self.chosen], q[:, self.dependent] = y[[row for row, *_ in found]], np.array([z for _, z, _ in found])
+        self.at = self._whole(q, before)[-1].copy()
+        return found, q
 
-    def _whole(self, y: Array, z: Array) -> Array:
-        """All joint coordinates of a closed pose, those of cut joints next to those of the pose before."""
-        q, system = self.at.copy(), self.system
-        q[self.chosen], q[self.dependent] = y, z
-        return system.joints((q / system.size)[system.unknown], q) if self.cuts else q
+    def _whole(self, q: Array, before: Array) -> Array:
+        """Fills in coordinates of cut joints, pose after pose next to those of the pose before. Shape (n, n_q)."""
+        if not self.cuts:
+            return q
+        q[:] = read(self.lay, q, near=False)
+        for joint in self.lay.tree.cuts:
+            columns = [c for c in self.lay.columns[joint.name] if self.lay.turns[c]]
+            near = before[columns]
+            for row in q:
+                near = row[columns] = nearest_angles(row[columns], near)[0]
+        return q
 
 
 def _ahead(known: Sequence[Known], row: int) -> Array:
