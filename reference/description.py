@@ -193,7 +193,7 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
     n, n_axes = len(KINDS[kind]), max(1, sum(KINDS[kind]))
     axes, at = table.get("axes", XYZ) if n_axes == 3 else required(table, "axes", where), f"{where}.axes"
     _check_length(axes, n_axes, f"a {kind} joint has {n_axes} axes", at, "write a list of unit vectors")
-    slides = ["x", "y", "z"] if kind == "F" else []
+    slides = ["x", "y", "z"] if KINDS[kind].count(False) == 3 else []
     labels = [*slides, *(f"q{i + 1}" for i in range(n - len(slides)))]
     coordinates = table.get("coordinates", [name] if n == 1 else [f"{name}.{label}" for label in labels])
     what = f"a {kind} joint has {n} coordinates"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,14 +18,16 @@ GROUND = "ground"
 SLACK = 1e-12
 
 #: Freedoms of each joint kind in order: True turns about its axis, False slides along it. Composite joints are
-#: serial: each axis is carried by the freedoms before it, and all axes meet in the joint's origin. F constrains
-#: nothing, it gives a pose coordinates: x, y and z in the parent's frame, then three angles.
+#: serial: each axis is carried by the freedoms before it, and all axes meet in the joint's origin. E slides in a plane
+#: and turns about its normal. F constrains nothing, it gives a pose coordinates: x, y and z in the parent's frame, then
+#: three angles.
 KINDS: dict[str, tuple[bool, ...]] = {
     "R": (True,),
     "P": (False,),
     "U": (True, True),
     "S": (True, True, True),
     "C": (True, False),
+    "E": (False, False, True),
     "F": (False, False, False, True, True, True),
 }
 
@@ -88,8 +90,8 @@ class Joint:
 
     Attributes:
         kind: One of `KINDS`.
-        axes: Unit axes in the joint frame, at zero of the freedoms before. Shape (n_axes, 3); C has one axis, F those
-            of its angles.
+        axes: Unit axes of its angles in the joint frame, at zero of the freedoms before; of P that of its slide.
+            Shape (n_axes, 3).
         coordinates: Names of its coordinates, in the order of its freedoms.
         home: Their values at the home pose [rad or m]. Shape (n,).
         limits: Their bounds [rad or m], infinite where free. Shape (n, 2).
@@ -110,9 +112,28 @@ class Joint:
 
     @property
     def freedoms(self) -> list[tuple[bool, Array]]:
-        """(turns, axis in the joint frame) of each freedom."""
-        axes = [*np.eye(3, dtype=self.axes.dtype), *self.axes] if self.kind == "F" else self.axes
-        return [(turn, axes[min(i, len(axes) - 1)]) for i, turn in enumerate(KINDS[self.kind])]
+        """(turns, axis in the joint frame) of each freedom.
+
+        One slide is along the first axis, two are across it, see `across`, three along the axes of the joint frame.
+        """
+        ways = {2: across(self)[1], 3: np.eye(3, dtype=self.axes.dtype)}
+        turning, sliding = iter(self.axes), iter(ways.get(self.slides, self.axes))
+        return [(turns, next(turning if turns else sliding)) for turns in KINDS[self.kind]]
+
+    @property
+    def angles(self) -> int:
+        """How many of its freedoms turn."""
+        return sum(KINDS[self.kind])
+
+    @property
+    def slides(self) -> int:
+        """How many of its freedoms slide."""
+        return len(KINDS[self.kind]) - self.angles
+
+    @property
+    def constrains(self) -> bool:
+        """Whether it transmits any force: F does not."""
+        return len(KINDS[self.kind]) < 6
 
     @property
     def sides(self) -> tuple[tuple[str, Frame], tuple[str, Frame]]:
@@ -128,11 +149,28 @@ class Joint:
         where = self.where or self.name
         if self.actuated and len(self.coordinates) != 1:
             raise DescriptionError(f"a {self.kind} joint cannot be actuated", where, "actuate an R or a P joint")
-        if self.kind in "USF":
+        if len(self.axes) > 1:
             gram = self.axes @ self.axes.T
             if np.abs(gram - np.eye(len(gram))).max() > 1e-12:
                 what = "the axes of a composite joint are not orthogonal"
                 raise DescriptionError(what, where, "write it as R joints instead")
+
+
+@lru_cache(maxsize=4096)
+def across(joint: Joint) -> tuple[Sequence[str], Array]:
+    """Labels and directions across a joint's first axis, in its frame: axes of the frame where that is one of them.
+
+    Returns:
+        ``xy`` and so on, or ``12``, and unit vectors at right angles. Shape (2, 3).
+    """
+    axis = joint.axes[0]
+    k = int(np.argmax(np.abs(axis)))
+    others = [i for i in range(3) if i != k]
+    if abs(axis[k]) == 1.0:
+        return ["xyz"[i] for i in others], np.eye(3, dtype=axis.dtype)[others]
+    first = np.cross(axis, np.eye(3, dtype=axis.dtype)[others[0]])
+    first = first / np.linalg.norm(first)
+    return "12", np.array([first, np.cross(axis, first)])
 
 
 def actuator_names(joints: Sequence[Joint]) -> tuple[str, ...]:
@@ -202,7 +240,7 @@ class Mechanism:
 
     @property
     def actuator_units(self) -> tuple[str, ...]:
-        return tuple("N m" if joint.kind == "R" else "N" for joint in self.actuators)
+        return tuple("N m" if joint.angles else "N" for joint in self.actuators)
 
     def columns(self, names: Mapping[str, str] | tuple[str, ...]) -> list[int]:
         """Positions of named coordinates in the vector of all joint coordinates."""

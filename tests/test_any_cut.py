@@ -42,6 +42,16 @@ def legs(wrist: str, places: list[tuple[float, float]]) -> dict[str, tuple[objec
     return joints
 
 
+def planes() -> dict[str, tuple[object, ...]]:
+    """Three legs that hold a platform by planes in it."""
+    joints, where = {}, zip(((5, 0), (-4, 3), (-2, -4)), ("high0 platform", "platform high1", "high2 platform"))
+    for k, ((x, y), sides) in enumerate(where):
+        joints[f"r{k}"] = "R*", f"ground low{k}", [x / 8, y / 8, 0], [(A, B, C)[k]]
+        joints[f"b{k}"] = "R*", f"low{k} high{k}", [x / 10, y / 10, 0.2], [(Z, D, A)[k]]
+        joints[f"e{k}"] = "E", sides, [x / 20, y / 20, 0.4], [(D, C, X)[k]]
+    return joints
+
+
 STEWART = {"pose": ("F", "ground platform", [0, 0, 0.7], [Z, Y, X])}
 STEWART |= legs("S", [(0.2, 0.8), (1.9, 1.4), (2.3, 2.9), (4, 3.5), (4.4, 5), (-0.2, -0.8)])
 #: Name -> independent coordinates, and joints with their points and axes at home, where frames are those of the world.
@@ -94,6 +104,33 @@ MECHANISMS = {
         },
     ),
     "3-upu": (["s0", "s1", "s2"], legs("U", [(0.1, 0.1), (2.2, 2.2), (4.1, 4.1)])),
+    "planar loop": (
+        ["a", "e.q3"],
+        {
+            "a": ("R*", "ground one", [0, 0, 0], [Y]),
+            "b": ("R*", "one two", [0.1, 0, 0.4], [Y]),
+            "e": ("E", "ground two", [0.6, 0, 0.2], [Y]),
+        },
+    ),
+    "ruer": (
+        ["a"],
+        {
+            "a": ("R*", "ground one", [0, 0, 0], [A]),
+            "b": ("U", "one two", [0.3, 0.1, 0.2], u(0.3, 1.1)),
+            "c": ("R", "two three", [0.4, 0.6, 0.1], [C]),
+            "e": ("E", "ground three", [0.1, 0.5, -0.3], [D]),
+        },
+    ),
+    "rcep": (
+        ["e.q2"],
+        {
+            "a": ("R*", "ground one", [0, 0, 0], [A]),
+            "b": ("C", "one two", [0.3, 0.1, 0.2], [B]),
+            "e": ("E", "three two", [0.4, 0.6, 0.1], [C]),
+            "d": ("P", "three ground", [0.1, 0.5, -0.3], [D]),
+        },
+    ),
+    "3-rre": (["r0", "r1", "r2"], planes()),
     "stewart": ([f"pose.{name}" for name in ("x", "y", "z", "q1", "q2", "q3")], STEWART),
 }
 
@@ -156,6 +193,10 @@ def test_every_joint_closes_a_loop_wherever_it_is_listed(name, which, tmp_path):
         ("rccc", "C weld"),
         ("uuuu", "U weld"),
         ("3-upu", "U weld U weld"),
+        ("planar loop", "E weld"),
+        ("ruer", "R"),
+        ("rcep", "E weld"),
+        ("3-rre", "E weld E weld"),
         ("stewart", "S" * 6),
     ],
 )

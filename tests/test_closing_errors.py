@@ -24,6 +24,10 @@ CASES = [
     ("uuuu", "c", "U"),
     ("rccc", "c", "C"),
     ("stewart", "s3", "P"),
+    ("planar loop", "e", "E"),
+    ("ruer", "e", "E"),
+    ("rcep", "e", "E"),
+    ("3-rre", "e1", "E"),
 ]
 #: Others that only compiled programs are asked about.
 TRACED = [*CASES, ("rccc", "a", "R"), ("stewart", "v0", "S")]
@@ -72,10 +76,9 @@ def test_coordinates_of_the_cut_joint_are_read_from_its_two_bodies(cut):
 
 def opened(joint, q, twist):
     """A joint of given coordinates, its parent in the world's axes, whose child was moved by a small twist at O."""
-    turns = q if joint.kind in "US" else q[:1] if joint.kind in "RC" else []
-    M, d = np.eye(3), joint.axes[0] * (q[-1] if joint.kind in "PC" else 0.0)
-    for axis, angle in zip(joint.axes, turns, strict=False):
-        M = M @ rotation(axis, np.array(angle))
+    M, d = np.eye(3), np.zeros(3)
+    for (turns, axis), value in zip(joint.freedoms, q, strict=False):
+        M, d = (M @ rotation(axis, np.array(value)), d) if turns else (M, d + M @ axis * value)
     angle = np.linalg.norm(twist[:3])
     turned = rotation(twist[:3] / angle, angle) if angle else np.eye(3)
     return JointPose(joint, np.eye(3), np.zeros(3), turned @ M, turned @ d + twist[3:])

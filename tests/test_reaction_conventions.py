@@ -38,6 +38,9 @@ COMPONENTS = {
     "U": ("U", [X, Y], {**WORLD, "m": np.cross(OTHER @ PARENT.R @ X, TURNED @ CHILD.R @ Y)}),
     "S": ("S", [X, Y, Z], WORLD),
     "F": ("F", [X, Y, Z], {}),
+    "E normal to z": ("E", [Z], {"fz": IN_CHILD["z"], "mx": IN_CHILD["x"], "my": IN_CHILD["y"]}),
+    "E normal to -y": ("E", [-Y], {"fy": IN_CHILD["y"], "mx": IN_CHILD["x"], "mz": IN_CHILD["z"]}),
+    "E oblique": ("E", [OBLIQUE], {"f": TURNED @ CHILD.R @ OBLIQUE, "m1": NORMAL["1"], "m2": NORMAL["2"]}),
 }
 
 

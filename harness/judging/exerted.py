@@ -102,7 +102,8 @@ def held(joint: Joint, near: Array, far: Array) -> dict[str, Array]:
 
     Forces of joints that only turn are along the world's axes. All else is along axes of the child's joint frame: all
     three where no freedom turns, else those across the joint's axis, and where that is none of them the two across it
-    are called 1 and 2. The moment of a U joint is along the cross product of its first and its second axis.
+    are called 1 and 2. The force of an E joint is along that axis of the frame that is its normal, or without a letter
+    along the normal. The moment of a U joint is along the cross product of its first and its second axis.
 
     Args:
         near, far: World axes of the joint's frame on its parent and on its child. Shape (n, 3, 3).
@@ -118,6 +119,9 @@ def held(joint: Joint, near: Array, far: Array) -> dict[str, Array]:
     across = {name: times(far, direction) for name, direction in _beside(joint.axes[0]).items()}
     forces = world if joint.kind == "R" else {f"f{name}": direction for name, direction in across.items()}
     frame = {name: far[..., i] for i, name in enumerate(_XYZ)}
+    if joint.kind == "E":
+        normal = [(f"f{name}", frame[name]) for name in _XYZ if name not in across]
+        forces = dict(normal) if len(normal) == 1 else {"f": times(far, joint.axes[0])}
     turned = frame if joint.kind == "P" else across
     return {**forces, **{f"m{name}": direction for name, direction in turned.items()}}
 

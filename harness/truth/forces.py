@@ -17,9 +17,7 @@ from screwgauge.reference.reactions import by_role
 from screwgauge.truth.certify import NotCertified, floats, independent_rows
 from screwgauge.truth.exact import Vector, cross, difference, dot, normalized, solve, unit_vector
 from screwgauge.truth.kinematics import State, point, spin
-from screwgauge.truth.linkage import Linkage
-
-WORLD: tuple[list[arb], ...] = tuple([arb(int(i == k)) for i in range(3)] for k in range(3))
+from screwgauge.truth.linkage import AXES, Linkage, split
 
 
 class RoutesDisagree(NotCertified):
@@ -92,12 +90,11 @@ def _components(linkage: Linkage, now: State, joint: Joint) -> list[Unknown]:
     parent = now.bodies[index[joint.parent]][0] * frames.parent
     child = now.bodies[index[joint.child]][0] * frames.child
     at = [child[i, 3] for i in range(3)]
-    columns = [point(child, axis, 0) for axis in WORLD]
-    world = [(f"f{name}", True, axis) for name, axis in zip("xyz", WORLD, strict=True)]
-    across = [] if joint.kind in "SU" else _across(frames.axes[0], child)
-    parts = [(f"f{name}", True, d) for name, d in across] if joint.kind in "PC" else world
-    turns = across if joint.kind in "RC" else zip("xyz", columns, strict=True) if joint.kind == "P" else []
-    parts = parts + [(f"m{name}", False, d) for name, d in turns]
+    columns = [(name, point(child, axis, 0)) for name, axis in zip("xyz", AXES, strict=True)]
+    *across, along = [(name, point(child, axis, 0)) for name, axis in split(frames.axes[-1])]  # of R, P, C and E
+    forces = {"P": across, "C": across, "E": [along]}.get(joint.kind, [*zip("xyz", AXES, strict=True)])
+    turns = {"R": across, "C": across, "E": across, "P": columns}.get(joint.kind, [])
+    parts = [(f"f{name}", True, d) for name, d in forces] + [(f"m{name}", False, d) for name, d in turns]
     if joint.kind == "U":
         normal = cross(point(parent, frames.axes[0], 0), point(child, frames.axes[1], 0))
         parts = [*parts, ("m", False, normalized(normal))]
@@ -105,16 +102,6 @@ def _components(linkage: Linkage, now: State, joint: Joint) -> list[Unknown]:
         Unknown(f"{joint.name}.{label}", "N" if is_force else "N m", joint, is_force, direction, at)
         for label, is_force, direction in parts
     ]
-
-
-def _across(axis: Vector, child: arb_mat) -> list[tuple[str, Vector]]:
-    """Two directions across an axis: those of the joint frame where it is one of them (see the README)."""
-    k = max(range(3), key=lambda i: abs(float(axis[i].mid())))
-    others = [i for i in range(3) if i != k]
-    if all(axis[i] == 0 for i in others):
-        return [("xyz"[i], point(child, WORLD[i], 0)) for i in others]
-    first = normalized(cross(axis, WORLD[others[0]]))
-    return [("1", point(child, first, 0)), ("2", point(child, cross(axis, first), 0))]
 
 
 def driving(linkage: Linkage, now: State) -> list[Unknown]:
@@ -239,7 +226,7 @@ def _axial_rows(linkage: Linkage, now: State, names: Sequence[str]) -> list[dict
     joint, direction = axial
     line = unit_vector(direction)
     k = min(range(3), key=lambda i: abs(float(line[i].mid())))
-    first = normalized(cross(line, WORLD[k]))
+    first = normalized(cross(line, AXES[k]))
     child = now.bodies[linkage.mechanism.body_index[linkage.mechanism.joint(joint).child]][0]
     columns = [names.index(f"{joint}.f{axis}") for axis in "xyz"]
     return [dict(zip(columns, point(child, across, 0), strict=True)) for across in (first, cross(line, first))]

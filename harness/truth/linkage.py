@@ -14,8 +14,10 @@ from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
 from screwgauge.truth.couplings import along, directions, owner, read_ties
 from screwgauge.truth.exact import (
     Vector,
+    cross,
     identity,
     inverse,
+    normalized,
     number,
     placement,
     rotation_matrix,
@@ -26,6 +28,10 @@ from screwgauge.truth.exact import (
 )
 from screwgauge.truth.jets import Jet, MatrixJet, mul, sin_cos
 from screwgauge.truth.jets import inverse as jet_inverse
+
+
+#: Those of a frame, exactly.
+AXES: tuple[Vector, ...] = tuple([arb(int(i == k)) for i in range(3)] for k in range(3))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -219,8 +225,19 @@ def _move(column: int, sign: int, turns: bool, axis: Vector) -> Move:
 def _frames(kind: str, table: Mapping[str, Any], rounded: bool) -> Frames:
     parts = table.get("parent_frame", {}), table.get("child_frame", {}), table.get("axes", XYZ)
     parent, child, axes = (widened(part) for part in parts) if rounded else parts
-    axes = [*(XYZ if kind == "F" else ()), *axes]
-    return Frames(placement(parent), placement(child), [unit_vector(axis) for axis in axes])
+    turns = [unit_vector(axis) for axis in axes]
+    slides = AXES if kind == "F" else [way for _, way in split(turns[0])[:2]] if kind == "E" else []
+    return Frames(placement(parent), placement(child), [*slides, *turns])
+
+
+def split(axis: Vector) -> list[tuple[str, Vector]]:
+    """Labels and directions, two across an axis and one along it: of the joint frame where it is one of its axes."""
+    k = max(range(3), key=lambda i: abs(float(axis[i].mid())))
+    across = [i for i in range(3) if i != k]
+    if all(axis[i] == 0 for i in across):
+        return [("xyz"[i], AXES[i]) for i in (*across, k)]
+    first = normalized(cross(axis, AXES[across[0]]))
+    return [("1", first), ("2", cross(axis, first)), ("", axis)]
 
 
 def _mass(table: Mapping[str, Any]) -> Mass:

@@ -9,6 +9,7 @@ from screwgauge.reference.equations.kinematics import coordinates, tree_pose
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.equations.screws import dot, transpose
 from screwgauge.reference.layout import Layout
+from screwgauge.reference.mechanism import KINDS
 from screwgauge.reference.rotations import Array, nearest_angles, triad, triad_angles
 
 
@@ -33,11 +34,11 @@ def read(lay: Layout, guess: Array, *, near: bool = True) -> Array:
 
 def _values(at: JointPose, guess: Array, *, near: bool) -> Array:
     """Coordinates of one joint. Shape (n, f) -> (n, f)."""
-    found, turns = guess.copy(), np.array(at.type.freedoms)
+    found, turns = guess.copy(), np.array(KINDS[at.joint.kind])
     if turns.any():
-        few = len(at.joint.axes) < 3
+        few = at.joint.angles < 3
         angles = triad_angles(transpose(at.R_parent) @ at.R_child, triad(at.joint.axes), few)[..., : turns.sum()]
         found[:, turns] = nearest_angles(angles, guess[:, turns])[0] if near else angles
     if not turns.all():
-        found[:, ~turns] = dot(at.first, at.p_child - at.p_parent)[:, None]
+        found[:, ~turns] = np.stack([dot(e, at.p_child - at.p_parent) for e in at.slides], axis=1)
     return found

@@ -135,13 +135,8 @@ class Loops:
 
     def folds(self, q: Array) -> list[Array]:
         """Which of its two triples of angles each cut joint has, see `cut_coordinates`. Shape (..., n_q) -> (...)."""
-        middle = [self.lay.columns[joint.name][1] if sum(turning(joint)) == 3 else None for joint in self.cuts]
+        middle = [self.lay.columns[joint.name][1] if joint.angles == 3 else None for joint in self.cuts]
         return [np.where(np.cos(0.0 if c is None else q[..., c]) < 0.0, -1.0, 1.0) for c in middle]
-
-
-def turning(joint: Any) -> list[bool]:
-    """Which freedoms of a joint turn."""
-    return [turns for turns, _ in joint.freedoms]
 
 
 class Closed:

@@ -1,4 +1,4 @@
-"""The joint types, one table: what follows from a joint's kind follows from its entry here.
+"""The joint types, one table: what follows from a joint's kind follows from its freedoms (`KINDS`) and its entry here.
 
 A joint transmits the wrenches that have no power on its freedoms (eq. 8). These close the loop of a cut joint, and are
 the components of its reaction. Their directions are orthonormal and act at the joint's point of the child, so that a
@@ -29,7 +29,7 @@ from screwgauge.reference.equations.screws import (
     times,
     transpose,
 )
-from screwgauge.reference.mechanism import Frame, Joint
+from screwgauge.reference.mechanism import KINDS, Frame, Joint, across
 from screwgauge.reference.rotations import triad
 
 Value = tuple[Any, Any]
@@ -59,6 +59,11 @@ class JointPose:
     def last(self) -> Array:
         """Its last axis, carried by the child."""
         return times(self.R_child, self.joint.axes[-1])
+
+    @cached_property
+    def slides(self) -> list[Array]:
+        """Directions in which it slides, at zero of the angles before: these turn about them."""
+        return [times(self.R_parent, axis) for turns, axis in self.joint.freedoms if not turns]
 
 
 @lru_cache(maxsize=4096)
@@ -98,7 +103,7 @@ def _child(at: JointPose) -> Array:
 
 def _across(at: JointPose) -> Array:
     """Two directions across the axis, carried by the child."""
-    return np.asarray(_beside(at.joint)[1] @ transpose(at.R_child))
+    return np.asarray(across(at.joint)[1] @ transpose(at.R_child))
 
 
 def _normal(at: JointPose) -> Array:
@@ -106,17 +111,17 @@ def _normal(at: JointPose) -> Array:
     return cross(at.first, at.last)[..., None, :]
 
 
+def _along(at: JointPose) -> Array:
+    """The axis, carried by the child."""
+    return times(at.R_child, _named_axis(at.joint)[1])[..., None, :]
+
+
 @lru_cache(maxsize=4096)
-def _beside(joint: Joint) -> tuple[Sequence[str], Array]:
-    """Labels and directions across the axis: axes of the joint frame where the joint's is one of these."""
+def _named_axis(joint: Joint) -> tuple[str, Array]:
+    """Label and direction of the axis: that axis of the joint frame that it is, in either sense, or itself."""
     axis = joint.axes[0]
-    k = int(np.argmax(np.abs(axis)))
-    others = [i for i in range(3) if i != k]
-    if abs(axis[k]) == 1.0:
-        return ["xyz"[i] for i in others], np.eye(3, dtype=axis.dtype)[others]
-    first = np.cross(axis, np.eye(3, dtype=axis.dtype)[others[0]])
-    first = first / np.linalg.norm(first)
-    return "12", np.array([first, np.cross(axis, first)])
+    named = np.flatnonzero(np.abs(axis) == 1.0)
+    return ("xyz"[named[0]], np.eye(3, dtype=axis.dtype)[named[0]]) if named.size else ("", axis)
 
 
 # Small rotations by which a cut joint is open along its constraint moments, (..., 3) in the world.
@@ -168,7 +173,6 @@ class JointType:
     """What a kind of joint is.
 
     Attributes:
-        freedoms: In order, whether each turns.
         forces, moments: Directions of its constraint forces and moments.
         open: Small rotation by which it is open along the moments when it is cut.
         angles: Its angles when it is cut.
@@ -176,7 +180,6 @@ class JointType:
             not matter to eq. (48).
     """
 
-    freedoms: tuple[bool, ...]
     forces: Callable[[JointPose], Array]
     moments: Callable[[JointPose], Array]
     open: Callable[[JointPose], Array] | None
@@ -185,19 +188,21 @@ class JointType:
 
 
 TYPES = {
-    "R": JointType((True,), _world, _across, _tilt, _one_angle),
-    "P": JointType((False,), _across, _child, _turn, _no_angle),
-    "U": JointType((True, True), _world, _normal, _skew, _two_angles, idle=False),
-    "S": JointType((True, True, True), _world, _none, None, _three_angles),
-    "C": JointType((True, False), _across, _across, _tilt, _one_angle),
-    "F": JointType((False, False, False, True, True, True), _none, _none, None, _no_angle),
+    "R": JointType(_world, _across, _tilt, _one_angle),
+    "P": JointType(_across, _child, _turn, _no_angle),
+    "U": JointType(_world, _normal, _skew, _two_angles, idle=False),
+    "S": JointType(_world, _none, None, _three_angles),
+    "C": JointType(_across, _across, _tilt, _one_angle),
+    "E": JointType(_along, _across, _tilt, _one_angle),
+    "F": JointType(_none, _none, None, _no_angle),
 }
 
 
 def components(joint: Joint) -> list[tuple[str, str]]:
     """Label and unit of each constraint wrench: ``fx`` and N, ``m1`` and N m."""
-    kind, beside = TYPES[joint.kind], _beside(joint)[0]
-    labels: dict[Any, Sequence[str]] = {_world: "xyz", _child: "xyz", _across: beside, _normal: [""], _none: ""}
+    kind, labels = TYPES[joint.kind], dict[Any, Sequence[str]]()
+    labels |= {_world: "xyz", _child: "xyz", _normal: [""], _none: ""}
+    labels |= {_across: across(joint)[0], _along: [_named_axis(joint)[0]]}
     forces = [(f"f{label}", "N") for label in labels[kind.forces]]
     return forces + [(f"m{label}", "N m") for label in labels[kind.moments]]
 
@@ -215,8 +220,8 @@ def forbidden_twists(at: JointPose) -> Array:
 def closure_residual(at: JointPose) -> Array:
     """By how much a cut joint is open along each constraint wrench, m and rad; powers are its rates. Shape (..., m)."""
     kind, shift = at.type, at.p_child - at.p_parent
-    if not all(kind.freedoms):
-        shift = shift - scale(dot(at.first, shift), at.first)
+    for e in at.slides:
+        shift = shift - scale(dot(e, shift), e)
     found = times(kind.forces(at), shift)
     return found if kind.open is None else join(found, times(kind.moments(at), kind.open(at)))
 
@@ -230,12 +235,14 @@ def dual_wrenches(at: JointPose, S: Array) -> Array:
     Returns:
         Shape (..., f, 6).
     """
-    turns = sum(at.type.freedoms)
-    axes = S[..., :turns, :3]
-    if turns == 3:  # no orthogonal triad
+    freedoms = [*enumerate(KINDS[at.joint.kind])]
+    turning, sliding = ([i for i, turns in freedoms if turns == wanted] for wanted in (True, False))
+    axes = S[..., turning, :3]
+    if len(turning) == 3:  # no orthogonal triad
         faces = cross(axes[..., [1, 2, 0], :], axes[..., [2, 0, 1], :])
         axes = faces / np.asarray(dot(axes[..., 0, :], faces[..., 0, :]))[..., None, None]
-    return stack(couple(axes), force(S[..., turns:, 3:], at.p_child[..., None, :]))
+    found = stack(couple(axes), force(S[..., sliding, 3:], at.p_child[..., None, :]))
+    return found[..., np.argsort(turning + sliding), :]
 
 
 def cut_coordinates(at: JointPose, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value]:
@@ -247,7 +254,6 @@ def cut_coordinates(at: JointPose, fold: Any, sqrt: Callable[[Any], Any]) -> lis
     A = triad(at.joint.axes)
     handed = float(np.sign(np.linalg.det(A.astype(float))))
     M = A @ (transpose(at.R_parent) @ at.R_child) @ A.T
-    found: list[Value] = [(handed * sine, cosine) for sine, cosine in at.type.angles(M, fold, sqrt)]
-    if not all(at.type.freedoms):
-        found.append((dot(at.first, at.p_child - at.p_parent), None))
-    return found
+    angles = ((handed * sine, cosine) for sine, cosine in at.type.angles(M, fold, sqrt))
+    shifts = ((dot(e, at.p_child - at.p_parent), None) for e in at.slides)
+    return [next(angles if turns else shifts) for turns in KINDS[at.joint.kind]]

@@ -42,7 +42,7 @@ def drive_gain(at: Dynamics) -> Any:
 
 def chart_condition(cut: CutJoint) -> Any:
     """Condition number of the angles of a cut joint, 1 where they are good, infinite in gimbal lock. Shape (...)."""
-    if sum(cut.at.type.freedoms) < 3:
+    if cut.at.joint.angles < 3:
         return 1.0
     cosine = cut.values[1][1]
     return np.sqrt((1.0 + 2.0 / (cosine * cosine)) / 3.0)
@@ -50,7 +50,7 @@ def chart_condition(cut: CutJoint) -> Any:
 
 def chart_gain(at: Closed) -> Any:
     """Square of the condition of the angles of cut joints, one each where they are good. Shape (...)."""
-    middle = [cut.values[1][1] for cut in at.cuts if len(cut.at.type.freedoms) == sum(cut.at.type.freedoms) == 3]
+    middle = [cut.values[1][1] for cut in at.cuts if cut.at.joint.angles == 3]
     return sum((1.0 / (c * c) for c in middle), start=0.0)
 
 
