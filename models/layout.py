@@ -195,7 +195,7 @@ def _weld(link: Link) -> Closure:
 def _points(joint: Joint, half: float) -> Closure:
     """Points of both bodies that a cut joint keeps together: of a hinge as far from its middle as `half` [m]."""
     kind, arms = "point", np.zeros((1, 3))
-    if joint.kind == "R":
+    if POINTS[joint.kind] == 2:
         kind, arms = "points", half * np.array([joint.axes[0], -joint.axes[0]])
     near, far = joint.parent_frame, joint.child_frame
     points = near.p + arms @ near.R.T, far.p + arms @ far.R.T

@@ -21,7 +21,15 @@ COLOURS = ("#0072B2", "#00795B", "#B04A87", "#8C6D31", "#5E5AA8", "#3A7D9C")
 PLAIN, DRIVEN, CUT, STANDING = "#8A9199", "#E69F00", "#D55E00", "#5F666D"
 MASS, AXIS, DOUBT = "#B58900", "#4477AA", "#CC0077"
 COMPARED = ("links", "joints", "axes")
-KINDS = {"R": "revolute", "P": "prismatic", "U": "universal", "S": "spherical", "C": "cylindrical", "F": "free"}
+KINDS = {
+    "R": "revolute",
+    "P": "prismatic",
+    "U": "universal",
+    "S": "spherical",
+    "C": "cylindrical",
+    "E": "planar",
+    "F": "free",
+}
 LINK, JOINT, DISTINCT = 0.012, 0.022, 1e-3  # radius of a link, size of a joint, what can be told apart
 
 
@@ -68,10 +76,10 @@ def ends(mechanism: Mechanism) -> dict[str, list[End]]:
     """Body -> where its joints are."""
     found: dict[str, list[End]] = {name: [] for name in mechanism.body_index}
     for joint in mechanism.joints:
-        if joint.kind != "F":
+        if joint.constrains:
             standing = GROUND in (joint.parent, joint.child)
             for name, frame in joint.sides:
-                found[name].append(End(frame.p, standing, joint.kind in "PC"))
+                found[name].append(End(frame.p, standing, joint.slides > 0))
     return found
 
 
@@ -107,7 +115,7 @@ def shapes(mechanism: Mechanism) -> list[Shape]:
         found += _body(body, index[body.name], points[body.name], unit, colour_of(index[body.name]))
     cuts = cut_joints(mechanism)
     for joint in mechanism.joints:
-        if joint.kind != "F":
+        if joint.constrains:
             found += _joint(joint, index[joint.parent], index[joint.child], unit, joint.name in cuts)
     for odd in suspicious(mechanism):
         at = odd.point / unit
@@ -163,23 +171,23 @@ def mark(joint: Joint) -> Array:
 def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Iterator[Shape]:
     """Its axes, each in the body that carries it, with what says that it is driven or cut."""
     colour, name, at = DRIVEN if joint.actuated else PLAIN, joint.name, mark(joint) / unit
-    second = child if joint.kind == "U" else parent
-    for (turns, axis), i in zip(joint.freedoms, (parent, second), strict=False):
+    second = child if joint.angles == 2 else parent
+    for (turns, axis), i in zip(joint.freedoms, (parent, second, child), strict=False):
         frame, p = (joint.parent_frame, at) if i == parent else (joint.child_frame, joint.child_frame.p / unit)
         e, kind = frame.R @ axis, "rod" if turns else "box"
-        if joint.kind == "S":
+        if joint.angles == 3:
             yield Shape("joints", "ball", parent, p, p, JOINT, colour, name)
             break
-        half, size = (3.4 if turns and joint.kind == "C" else 1.9) * JOINT * e, (0.6 if turns else 0.9) * JOINT
+        half, size = (3.4 if turns and joint.slides == 1 else 1.9) * JOINT * e, (0.6 if turns else 0.9) * JOINT
         yield Shape("joints", kind, i, p - half, p + half, size, colour, name)
         yield Shape("axes", "arrow", i, p - 0.12 * e, p + 0.18 * e, 0.003, AXIS, name)
-        if not turns:
-            ends = joint.parent_frame.p / unit, joint.child_frame.p / unit
-            yield Shape("joints", "slide", parent, *ends, 0.5 * LINK, colour, name, child)
         if joint.actuated and turns:
             yield Shape("joints", "ring", i, p, p + JOINT * e, 2.0 * JOINT, DRIVEN, name)
         for way in (e, -e) if joint.actuated and not turns else ():
             yield Shape("joints", "arrow", i, p + 2.2 * JOINT * way, p + 5.5 * JOINT * way, 0.007, DRIVEN, name)
+    if joint.slides:
+        ends = joint.parent_frame.p / unit, joint.child_frame.p / unit
+        yield Shape("joints", "slide", parent, *ends, 0.5 * LINK, colour, name, child)
     if cut:
         yield Shape("joints", "cage", parent, at, at, 2.4 * JOINT, CUT, name)
     for i, p in ((parent, joint.parent_frame.p), (child, joint.child_frame.p)):
@@ -216,7 +224,7 @@ def joint_marks(mechanism: Mechanism, at: Pose | None = None) -> list[tuple[Join
     """Joints with places and last axes, in the world, at home or at another pose; in lengths of the mechanism."""
     lay = layout(mechanism)
     at, index, unit = at or pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
-    sides = [(joint, index[joint.parent]) for joint in mechanism.joints if joint.kind != "F"]
+    sides = [(joint, index[joint.parent]) for joint in mechanism.joints if joint.constrains]
     return [
         (j, (at.p[0, i] + at.R[0, i] @ mark(j)) / unit, at.R[0, i] @ j.parent_frame.R @ j.freedoms[-1][1])
         for j, i in sides

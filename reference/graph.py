@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 
-#: Kinds of joint whose loop is closed by points of the two bodies that coincide.
-POINTS = "RS"
+#: Kinds of joint whose loop is closed by points of the two bodies that coincide, and how many.
+POINTS = {"R": 2, "S": 1}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +55,7 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> SpanningT
         return name
 
     def rank(joint: Joint) -> tuple[bool, bool, bool, bool, bool, int, str]:
-        free, wanted, few = joint.kind == "F", joint.name in keep, len(joint.coordinates)
+        free, wanted, few = not joint.constrains, joint.name in keep, len(joint.coordinates)
         return (
             not free,
             joint.name not in coupled,
@@ -104,7 +104,7 @@ def check_connected(mechanism: Mechanism, where: str) -> None:
         if joint.name in coupled:
             what = "every joint of the loop that it closes has a coupled coordinate"
             raise DescriptionError(what, joint.where, "leave one of these couplings out: the loop moves that joint")
-        if joint.kind == "F":
+        if not joint.constrains:
             raise DescriptionError("F joints alone make a loop", joint.where, "remove one of them")
     reached = {GROUND, *(edge.far for edge in tree.edges)}
     for body in mechanism.bodies:

@@ -79,7 +79,7 @@ def solids(mechanism: Mechanism) -> Iterator[Solid]:
     index, places = mechanism.body_index, {body.name: list[Array]() for body in mechanism.bodies}
     for joint in mechanism.joints:
         for name, frame in joint.sides:
-            if name in places and joint.kind != "F":
+            if name in places and joint.constrains:
                 places[name].append(frame.p)
     heavy = [body for body in mechanism.bodies if body.mass]
     cloud = [p[0, i] + R[0, i] @ point for name, i in index.items() for point in places.get(name, ())]
@@ -118,7 +118,7 @@ def hinges(mechanism: Mechanism) -> Iterator[Hinge]:
         for (turns, _), name, home, (low, high) in zip(
             joint.freedoms, joint.coordinates, joint.home, joint.limits, strict=True
         ):
-            if turns and name not in tied and joint.kind != "F":
+            if turns and name not in tied and joint.constrains:
                 yield Hinge(name, float(home), (float(low), float(high)))
 
 

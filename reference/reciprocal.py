@@ -105,7 +105,7 @@ def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
         parts.setdefault(root(inner[0]) if inner else joint.name, []).append(joint)
     ways = [part for part in parts.values() if ends <= {*_sides(part)}]
     kept = coupled_joints(mechanism)
-    return tuple(_leg(part, body, kept) for part in ways if any(joint.kind != "F" for joint in part))
+    return tuple(_leg(part, body, kept) for part in ways if any(joint.constrains for joint in part))
 
 
 def _sides(joints: Sequence[Joint]) -> list[str]:

@@ -44,7 +44,7 @@ def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
     """All that is found, body by body."""
     lay = layout(mechanism)
     unit, at, index = length(lay), pose(lay, mechanism.home[None]), mechanism.body_index
-    joints = [joint for joint in mechanism.joints if joint.kind != "F"]
+    joints = [joint for joint in mechanism.joints if joint.constrains]
     cloud = [at.p[0, index[j.parent]] + at.R[0, index[j.parent]] @ j.parent_frame.p for j in joints]
     extent = widest(cloud)
     found = list[Suspicion]()
@@ -65,12 +65,13 @@ def _axes(mechanism: Mechanism, body: str) -> list[_Axis]:
     """Axes that are fixed in a body: the outer ones of its joints."""
     found = []
     for joint in mechanism.joints:
-        if joint.kind in "SF":
+        if joint.angles == 3:
             continue
         for side, (name, frame) in enumerate(joint.sides):
             if name == body:
-                turns, axis = joint.freedoms[-side]
-                found.append(_Axis(joint.name, turns or joint.kind == "C", frame.R @ axis, frame.p))
+                # the parent of a planar joint has a normal to it, the child also the point in which it turns
+                line = joint.angles > 0 and (side == 1 or joint.slides < 2)
+                found.append(_Axis(joint.name, line, frame.R @ joint.axes[-side], frame.p))
     return found
 
 
@@ -88,7 +89,7 @@ def _masses(body: Body, its: list[tuple[Joint, Array]], unit: float, extent: flo
             f"the centre of mass of {name} is {away:.3g} m away from its joints; {measure[1]} {measure[0]:.3g} m apart"
         )
         yield Suspicion(name, body.com, text)
-    if len(points) > 1 and max(spread, away) < ROUNDING * unit and not any(joint.kind in "PC" for joint, _ in its):
+    if len(points) > 1 and max(spread, away) < ROUNDING * unit and not any(joint.slides for joint, _ in its):
         yield Suspicion(name, body.com, f"{name} has no length: joints and centre of mass are at one point")
     moments = np.linalg.eigvalsh(body.inertia)
     if moments[0] > 0.0 and np.ptp(moments) < 1e-9 * moments[-1]:

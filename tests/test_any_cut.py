@@ -44,11 +44,11 @@ def legs(wrist: str, places: list[tuple[float, float]]) -> dict[str, tuple[objec
 
 def planes() -> dict[str, tuple[object, ...]]:
     """Three legs that hold a platform by planes in it."""
-    joints, where = {}, zip(((5, 0), (-4, 3), (-2, -4)), ("high0 platform", "platform high1", "high2 platform"))
-    for k, ((x, y), sides) in enumerate(where):
+    joints, sides = {}, ("high0 platform", "platform high1", "high2 platform")
+    for k, (x, y) in enumerate(((5, 0), (-4, 3), (-2, -4))):
         joints[f"r{k}"] = "R*", f"ground low{k}", [x / 8, y / 8, 0], [(A, B, C)[k]]
         joints[f"b{k}"] = "R*", f"low{k} high{k}", [x / 10, y / 10, 0.2], [(Z, D, A)[k]]
-        joints[f"e{k}"] = "E", sides, [x / 20, y / 20, 0.4], [(D, C, X)[k]]
+        joints[f"e{k}"] = "E", sides[k], [x / 20, y / 20, 0.4], [(D, C, X)[k]]
     return joints
 
 

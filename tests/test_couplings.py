@@ -91,7 +91,7 @@ def test_mobility_counts_them(write):
     mechanism = load_mechanism(write("every-kind.toml", every_kind()))
     counted = mobility_at_home(mechanism)
     assert counted.mobility == 2
-    assert counted.joint_freedoms == 17
+    assert counted.joint_freedoms == 20
     assert counted.kutzbach == 2
     assert counted.overconstraints == 0
     assert all(counted.unique)

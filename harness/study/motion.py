@@ -108,7 +108,7 @@ def arrows(motion: Motion) -> list[Arrow]:
     if (forces := motion.values.get("actuator_force")) is not None:
         columns = dict(zip(forces.components, forces.array.T, strict=True))
         for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=True):
-            turns, S = joint.kind == "R", motion.at.S[:, motion.lay.columns[joint.name][0]]
+            turns, S = joint.angles == 1, motion.at.S[:, motion.lay.columns[joint.name][0]]
             vectors = columns[name][:, None] * (S[:, :3] if turns else S[:, 3:])
             found += [Arrow("actuators", f"{name}, actuator", index[joint.child], joint.child_frame.p, vectors, turns)]
     if (forces := motion.values.get("reaction")) is not None:

@@ -29,7 +29,6 @@ from screwgauge.truth.exact import (
 from screwgauge.truth.jets import Jet, MatrixJet, mul, sin_cos
 from screwgauge.truth.jets import inverse as jet_inverse
 
-
 #: Those of a frame, exactly.
 AXES: tuple[Vector, ...] = tuple([arb(int(i == k)) for i in range(3)] for k in range(3))
 

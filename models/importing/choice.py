@@ -77,7 +77,9 @@ def choose(
             what = f"{len(chosen)} coordinates of rank {rank} for {K.shape[1]} degrees of freedom"
             raise DescriptionError(what, f"{where}, --independent", f"name {K.shape[1]} that determine the motion")
     driven = {*chosen.values()} if actuated is None else {*actuated}
-    joints = tuple(replace(joint, actuated=joint.kind in "RP" and joint.name in driven) for joint in mechanism.joints)
+    joints = tuple(
+        replace(joint, actuated=len(joint.coordinates) == 1 and joint.name in driven) for joint in mechanism.joints
+    )
     doubt = f"Its loops leave {K.shape[1]} freedoms; {rounded(hidden)}: {FULL}." if len(hidden) else ""
     return replace(mechanism, joints=joints, independent=chosen), doubt
 
@@ -87,8 +89,8 @@ def preferences(mechanism: Mechanism, actuated: Sequence[str]) -> list[list[int]
     tiers: list[list[int]] = [[], [], [], []]
     coupled = {coupling.coordinate for coupling in mechanism.couplings}
     for joint in mechanism.joints:
-        simple = joint.kind in "RP" and joint.name not in coupled
-        rank = 0 if joint.kind == "F" else 1 if joint.name in actuated else 2 if simple else 3
+        simple = len(joint.coordinates) == 1 and joint.name not in coupled
+        rank = 0 if not joint.constrains else 1 if joint.name in actuated else 2 if simple else 3
         tiers[rank] += mechanism.columns(joint.coordinates)
     return tiers
 

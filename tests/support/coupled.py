@@ -57,6 +57,9 @@ EVERY_KIND: Couplings = {
     "f.q1": ("a", [0.1, 0.8]),
     "f.q2": ("b", [0.2, -0.3]),
     "f.q3": ("", [-0.1]),
+    "e.q1": ("a", [0.1, 0.3]),
+    "e.q2": ("b", [-0.1, 0.4, 0.2]),
+    "e.q3": ("e.q2", [0.2, 2.0]),
 }
 _KINDS = (  # joint, kind, parent, child, axes
     ("a", "R", "ground", "A", [[0, 0, 1]]),
@@ -67,6 +70,7 @@ _KINDS = (  # joint, kind, parent, child, axes
     ("p", "P", "F", "B", [[1, 0, 0]]),
     ("r", "R", "D", "G", [[0, 1, 0]]),
     ("f", "F", "A", "H", [[0, 0, 1], [0, 1, 0], [1, 0, 0]]),
+    ("e", "E", "I", "C", [[0.6, 0, 0.8]]),
 )
 
 
@@ -74,7 +78,7 @@ def every_kind(couplings: Couplings = EVERY_KIND) -> str:
     """A tree of joints of every kind, two of them declared towards ground, with two freedoms."""
     home = homes(couplings, {"a": 0.3, "b": -0.2})
     text = 'name = "every-kind"\nindependent = { a = "a", b = "b" }\n'
-    text += "".join(body(name, i) for i, name in enumerate("ABCDEFGH"))
+    text += "".join(body(name, i) for i, name in enumerate("ABCDEFGHI"))
     for i, (name, kind, parent, child, axes) in enumerate(_KINDS):
         own = [x for x in home if x.partition(".")[0] == name]
         turned = f'{{ axis = [1, 0, 0], angle = "{0.2 * i:.3f}" }}'

@@ -50,7 +50,7 @@ class Bounds:
         loads = (float(np.linalg.norm(x.force) + np.linalg.norm(x.torque) / length) for x in problem.applied.loads)
         self.weight = self.mass * float(np.linalg.norm(problem.applied.g)) + sum(loads)  # all weights and loads [N]
         # each of several spherical joints adds one at least
-        self.spare_charts = max(sum(joint.kind == "S" for joint in lay.tree.cuts) - 1, 0)
+        self.spare_charts = max(sum(joint.angles == 3 for joint in lay.tree.cuts) - 1, 0)
         # largest closure residual that rounding makes of all rows
         self.arrived = float(ARRIVED * max(6 * len(lay.tree.cuts), 1) ** 0.5)
         self.weights = self._weights()

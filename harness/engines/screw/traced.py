@@ -238,12 +238,12 @@ class TracedWork:
         for joint in self.lay.tree.cuts:
             columns = self.lay.columns[joint.name]
             turning = [c for c in columns if self.lay.turns[c]]
-            swapped = np.cos(near[:, columns[1]]) < 0.0 if joint.kind == "S" else np.zeros(1, dtype=bool)
+            swapped = np.cos(near[:, columns[1]]) < 0.0 if joint.angles == 3 else np.zeros(1, dtype=bool)
             if "joint_position" in values:
                 q = values["joint_position"]
                 found, other = nearest_angles(q[:, turning], near[:, turning])
-                q[:, turning] = found if joint.kind == "S" else nearest_turn(q[:, turning], near[:, turning])
-                swapped = other if joint.kind == "S" else swapped
+                q[:, turning] = found if joint.angles == 3 else nearest_turn(q[:, turning], near[:, turning])
+                swapped = other if joint.angles == 3 else swapped
             if swapped.any():
                 for name, places in self._middle[columns[1]].items():
                     if name in values:
@@ -255,7 +255,7 @@ class TracedWork:
         found, tree = {}, open_tree(self.lay)[1]
         for joint in self.lay.tree.cuts:
             column = self.lay.columns[joint.name][1:2]
-            if joint.kind == "S":
+            if joint.angles == 3:
                 place = [tree.index(column[0])] if column[0] in tree else []
                 rates = dict.fromkeys(("joint_velocity", "joint_acceleration"), column)
                 found[column[0]] = rates | dict.fromkeys(("tree_force", "tree_force_soft"), place)

@@ -33,6 +33,7 @@ MARKS = {
     "U": '<path d="M0,-7L7,0L0,7L-7,0Z"/>',
     "S": '<circle r="7"/><circle r="3.5"/>',
     "C": '<rect x="-9" y="-5" width="18" height="10" rx="5"/>',
+    "E": '<path d="M-11,6L-4,-6H11L4,6Z"/><circle r="2.5"/>',
 }
 TOWARDS, AWAY = '<circle r="1.6" fill="#222"/>', '<path d="M-3,-3L3,3M-3,3L3,-3" stroke="#222"/>'
 #: A revolute joint is driven round, others along.
@@ -139,10 +140,10 @@ def _line(look: str, a: Array, b: Array, *, arrow: bool = False) -> str:
 
 def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -> str:
     """The mark of a joint and its last axis: an arrow, or in the mark where it points at the viewer or away."""
-    turn = np.degrees(np.arctan2(seen[1], seen[0])) if joint.kind in "PC" and np.hypot(*seen) > 0.05 else 0.0
-    drive = "" if not joint.actuated else ROUND if joint.kind == "R" else ALONG
-    steep = joint.kind == "R" and abs(towards) > 0.95
-    arrow = _line("axis", place, place + 26.0 * seen, arrow=True) if joint.kind in "RC" and not steep else ""
+    turn = np.degrees(np.arctan2(seen[1], seen[0])) if joint.slides == 1 and np.hypot(*seen) > 0.05 else 0.0
+    drive = "" if not joint.actuated else ROUND if joint.angles else ALONG
+    steep = joint.angles == 1 and abs(towards) > 0.95
+    arrow = _line("axis", place, place + 26.0 * seen, arrow=True) if joint.angles == 1 and not steep else ""
     inner = (TOWARDS if towards > 0 else AWAY) if steep else ""
     marks = f'<g class="mark{" driven" * joint.actuated}">{MARKS[joint.kind]}</g>{inner}{drive}{CAGE * cut}'
     return f'{arrow}<g transform="translate({_xy(place)}) rotate({turn:.0f})">{marks}</g>'
@@ -151,13 +152,14 @@ def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -
 def _legend(mechanism: Mechanism, compared: bool) -> tuple[str, float]:
     """Marks with what they mean, and how far down they reach."""
     there = {joint.kind for joint in mechanism.joints}
+    turning = any(joint.angles == 1 for joint in mechanism.joints)
     items = [(f'<g class="mark">{MARKS[kind]}</g>', name) for kind, name in KINDS.items() if kind in {*MARKS} & there]
     if mechanism.actuators:
-        way = ROUND if mechanism.actuators[0].kind == "R" else ALONG
+        way = ROUND if mechanism.actuators[0].angles else ALONG
         items.append((f'<g class="mark driven"><circle r="5.5"/></g>{way}', "driven"))
     items += [(CAGE, "cut: closes a loop")] * bool(cut_joints(mechanism))
     items += [(f'<g transform="translate(0 -8)">{FOOT}</g>', "ground")]
-    items += [('<path class="axis" d="M-10,0H10l-5,-3M10,0l-5,3"/>', "axis (dot: towards you)")] * ("R" in there)
+    items += [('<path class="axis" d="M-10,0H10l-5,-3M10,0l-5,3"/>', "axis (dot: towards you)")] * turning
     items += [('<path class="other" d="M-12,0H12"/>', "the other")] * compared
     out, x, y = [], 28.0, 40.0
     for shape, text in items:

@@ -32,7 +32,7 @@ def sentences(lay: Layout, at: Pose, found: Sequence[Held], t: Array) -> list[st
         t: Their times [s].
     """
     first, mechanism, index = found[0], lay.mechanism, lay.mechanism.body_index
-    points = [(joint, index[joint.child]) for joint in mechanism.joints if joint.kind in "RUSC"]
+    points = [(joint, index[joint.child]) for joint in mechanism.joints if joint.constrains and joint.angles]
     places = {joint.name: joint_point(joint, at.R[0, i], at.p[0, i]) for joint, i in points}
     sides = [side for joint in mechanism.joints for side in (joint.parent, joint.child)]
     tips = sum(sides.count(body.name) == 1 for body in mechanism.bodies)
