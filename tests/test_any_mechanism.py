@@ -1,4 +1,4 @@
-"""Mechanisms other than the paper's: any graph of R, P, U, S and C joints, either way round."""
+"""Mechanisms other than the paper's: any graph of joints, either way round."""
 
 from __future__ import annotations
 
