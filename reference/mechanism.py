@@ -111,14 +111,12 @@ class Joint:
     where: str = ""
 
     @property
-    def freedoms(self) -> list[tuple[bool, Array]]:
+    def freedoms(self) -> tuple[tuple[bool, Array], ...]:
         """(turns, axis in the joint frame) of each freedom.
 
         One slide is along the first axis, two are across it, see `across`, three along the axes of the joint frame.
         """
-        ways = {2: across(self)[1], 3: np.eye(3, dtype=self.axes.dtype)}
-        turning, sliding = iter(self.axes), iter(ways.get(self.slides, self.axes))
-        return [(turns, next(turning if turns else sliding)) for turns in KINDS[self.kind]]
+        return _freedoms(self)
 
     @property
     def angles(self) -> int:
@@ -154,6 +152,13 @@ class Joint:
             if np.abs(gram - np.eye(len(gram))).max() > 1e-12:
                 what = "the axes of a composite joint are not orthogonal"
                 raise DescriptionError(what, where, "write it as R joints instead")
+
+
+@lru_cache(maxsize=4096)
+def _freedoms(joint: Joint) -> tuple[tuple[bool, Array], ...]:
+    ways = {2: across(joint)[1], 3: np.eye(3, dtype=joint.axes.dtype)}
+    turning, sliding = iter(joint.axes), iter(ways.get(joint.slides, joint.axes))
+    return tuple((turns, next(turning if turns else sliding)) for turns in KINDS[joint.kind])
 
 
 @lru_cache(maxsize=4096)

@@ -18,7 +18,7 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError, check_seed
 from screwgauge.reference.layout import layout
-from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.mechanism import KINDS, Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.exciting import stays_regular
 from screwgauge.scene.motion import read_drive
@@ -133,7 +133,7 @@ def _drive(sketch: Sketch, K: Array) -> list[int]:
         Rows of the actuated coordinates.
     """
     first = sketch.firsts
-    rows = {first[i]: joint for i, joint in enumerate(sketch.joints) if joint.kind in "RP"}
+    rows = {first[i]: joint for i, joint in enumerate(sketch.joints) if len(KINDS[joint.kind]) == 1}
     driven = [row for row, joint in rows.items() if joint.driven] or pick(sketch.rng, K, rows)
     if len(rows) > len(driven) and sketch.rng.random() < 0.15:
         driven.append(int(sketch.rng.choice([row for row in rows if row not in driven])))

@@ -104,7 +104,7 @@ class Sketch:
 
     def axes(self, kind: str, first: Array | None = None) -> Array:
         """Random axes of a joint at home, the first of them given or not. Shape (n_axes, 3)."""
-        n = 1 if kind == "C" else len(KINDS[kind])
+        n = max(1, sum(KINDS[kind]))
         first = self.unit() if first is None else first
         second = np.cross(first, self.beside(first))
         second /= np.linalg.norm(second)

@@ -17,6 +17,17 @@ from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import Array, cross, lanes, product, times
 
 _XYZ = "xyz"
+#: Kind of joint -> directions of its forces and of its moments: axes of the world or of the child's joint frame, those
+#: across or along the joint's axis, the normal to its two.
+HELD = {
+    "R": ("world", "across"),
+    "P": ("across", "frame"),
+    "U": ("world", "normal"),
+    "S": ("world", ""),
+    "C": ("across", "across"),
+    "E": ("along", "across"),
+    "F": ("", ""),
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +85,7 @@ def unit_forces(answer: Answer, quantity: str) -> Iterator[Unit]:
         point = bodies.p[:, child] + times(bodies.R[:, child], joint.child_frame.p)
         parts = {f"{joint.name}.{label}": (label[0], along) for label, along in held(joint, near, far).items()}
         if quantity == "actuator_force":
-            parts = {driven[joint]: ("m" if joint.kind == "R" else "f", times(far, joint.axes[0]))}
+            parts = {driven[joint]: ("m" if joint.angles else "f", times(far, joint.axes[0]))}
         for name, (kind, along) in parts.items():
             none, pushes = np.zeros(3), kind == "f"
             act = Act(joint, along if pushes else none, none if pushes else along, point)
@@ -111,19 +122,23 @@ def held(joint: Joint, near: Array, far: Array) -> dict[str, Array]:
     Returns:
         Label -> shape (n, 3).
     """
-    world = {f"f{name}": np.broadcast_to(axis, (len(far), 3)) for name, axis in zip(_XYZ, np.eye(3), strict=True)}
-    if joint.kind == "U":
-        return {**world, "m": cross(times(near, joint.axes[0]), times(far, joint.axes[1]))}
-    if joint.kind in "SF":
-        return world if joint.kind == "S" else {}
-    across = {name: times(far, direction) for name, direction in _beside(joint.axes[0]).items()}
-    forces = world if joint.kind == "R" else {f"f{name}": direction for name, direction in across.items()}
-    frame = {name: far[..., i] for i, name in enumerate(_XYZ)}
-    if joint.kind == "E":
-        normal = [(f"f{name}", frame[name]) for name in _XYZ if name not in across]
-        forces = dict(normal) if len(normal) == 1 else {"f": times(far, joint.axes[0])}
-    turned = frame if joint.kind == "P" else across
-    return {**forces, **{f"m{name}": direction for name, direction in turned.items()}}
+    forces, moments = (_directions(what, joint, near, far) for what in HELD[joint.kind])
+    labelled = {f"f{name}": direction for name, direction in forces.items()}
+    return labelled | {f"m{name}": direction for name, direction in moments.items()}
+
+
+def _directions(what: str, joint: Joint, near: Array, far: Array) -> dict[str, Array]:
+    if not what:
+        return {}
+    if what == "world":
+        return {name: np.broadcast_to(axis, (len(far), 3)) for name, axis in zip(_XYZ, np.eye(3), strict=True)}
+    if what == "normal":
+        return {"": cross(times(near, joint.axes[0]), times(far, joint.axes[1]))}
+    frame, across = {name: far[..., i] for i, name in enumerate(_XYZ)}, _beside(joint.axes[0])
+    if what == "across":
+        return {name: times(far, direction) for name, direction in across.items()}
+    along = {name: axis for name, axis in frame.items() if name not in across}
+    return frame if what == "frame" else along if len(along) == 1 else {"": times(far, joint.axes[0])}
 
 
 def _beside(axis: Array) -> dict[str, Array]:

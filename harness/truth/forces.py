@@ -83,25 +83,40 @@ def unknowns(linkage: Linkage, now: State) -> list[Unknown]:
     return [unknown for i in by_role(joints) for unknown in _components(linkage, now, joints[i])]
 
 
+#: Kind of joint -> directions of its forces and of its moments, see `_directions`.
+HELD = {
+    "R": ("world", "across"),
+    "P": ("across", "frame"),
+    "U": ("world", "normal"),
+    "S": ("world", ""),
+    "C": ("across", "across"),
+    "E": ("along", "across"),
+    "F": ("", ""),
+}
+
+
 def _components(linkage: Linkage, now: State, joint: Joint) -> list[Unknown]:
-    if joint.kind == "F":
-        return []
     frames, index = linkage.frames[joint.name], linkage.mechanism.body_index
     parent = now.bodies[index[joint.parent]][0] * frames.parent
     child = now.bodies[index[joint.child]][0] * frames.child
     at = [child[i, 3] for i in range(3)]
-    columns = [(name, point(child, axis, 0)) for name, axis in zip("xyz", AXES, strict=True)]
-    *across, along = [(name, point(child, axis, 0)) for name, axis in split(frames.axes[-1])]  # of R, P, C and E
-    forces = {"P": across, "C": across, "E": [along]}.get(joint.kind, [*zip("xyz", AXES, strict=True)])
-    turns = {"R": across, "C": across, "E": across, "P": columns}.get(joint.kind, [])
-    parts = [(f"f{name}", True, d) for name, d in forces] + [(f"m{name}", False, d) for name, d in turns]
-    if joint.kind == "U":
-        normal = cross(point(parent, frames.axes[0], 0), point(child, frames.axes[1], 0))
-        parts = [*parts, ("m", False, normalized(normal))]
     return [
-        Unknown(f"{joint.name}.{label}", "N" if is_force else "N m", joint, is_force, direction, at)
-        for label, is_force, direction in parts
+        Unknown(f"{joint.name}.{letter}{label}", unit, joint, unit == "N", direction, at)
+        for what, letter, unit in zip(HELD[joint.kind], "fm", ("N", "N m"), strict=True)
+        for label, direction in _directions(what, frames.axes, parent, child)
     ]
+
+
+def _directions(what: str, axes: Sequence[Vector], parent: arb_mat, child: arb_mat) -> list[tuple[str, Vector]]:
+    """Labels and directions in the world: its axes, those of the child, across or along an axis, normal to two."""
+    world = [*zip("xyz", AXES, strict=True)]
+    if what == "world":
+        return world
+    if what == "normal":
+        return [("", normalized(cross(point(parent, axes[0], 0), point(child, axes[1], 0))))]
+    parts = split(axes[-1])
+    chosen = {"": [], "frame": world, "across": parts[:2], "along": parts[2:]}[what]
+    return [(label, point(child, axis, 0)) for label, axis in chosen]
 
 
 def driving(linkage: Linkage, now: State) -> list[Unknown]:
@@ -111,7 +126,7 @@ def driving(linkage: Linkage, now: State) -> list[Unknown]:
         frames = linkage.frames[joint.name]
         child = now.bodies[index[joint.child]][0] * frames.child
         axis, at = point(child, frames.axes[0], 0), [child[i, 3] for i in range(3)]
-        actuators.append(Unknown(joint.name, "", joint, joint.kind != "R", axis, at))
+        actuators.append(Unknown(joint.name, "", joint, not joint.angles, axis, at))
     return actuators
 
 

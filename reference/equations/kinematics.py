@@ -59,7 +59,7 @@ class Step(NamedTuple):
     far: int
     columns: list[int]
     sign: float
-    freedoms: list[tuple[bool, Array]]
+    freedoms: Freedoms
 
 
 def walk(lay: Layout) -> list[Step]:
