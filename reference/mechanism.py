@@ -171,7 +171,7 @@ def across(joint: Joint) -> tuple[Sequence[str], Array]:
     axis = joint.axes[0]
     k = int(np.argmax(np.abs(axis)))
     others = [i for i in range(3) if i != k]
-    if abs(axis[k]) == 1.0:
+    if not axis[others].any():
         return ["xyz"[i] for i in others], np.eye(3, dtype=axis.dtype)[others]
     first = np.cross(axis, np.eye(3, dtype=axis.dtype)[others[0]])
     first = first / np.linalg.norm(first)

@@ -19,6 +19,8 @@ from support.tolerances import LINEAR
 ENGINES = (*IN_DOUBLES, "truth")
 X, Y, Z = [1, 0, 0], [0, 1, 0], [0, 0, 1]
 A, B, C, D = ["3/5", 0, "4/5"], [0, "5/13", "12/13"], ["2/3", "2/3", "1/3"], ["-6/7", "2/7", "3/7"]
+#: Of a plane: an axis of the frame but for rounding, which engines and truth have to take for the same.
+NEARLY = ["sin(pi)", 0, -1]
 
 
 def u(first: object, second: object) -> list[list[object]]:
@@ -48,7 +50,7 @@ def planes() -> dict[str, tuple[object, ...]]:
     for k, (x, y) in enumerate(((5, 0), (-4, 3), (-2, -4))):
         joints[f"r{k}"] = "R*", f"ground low{k}", [x / 8, y / 8, 0], [(A, B, C)[k]]
         joints[f"b{k}"] = "R*", f"low{k} high{k}", [x / 10, y / 10, 0.2], [(Z, D, A)[k]]
-        joints[f"e{k}"] = "E", sides[k], [x / 20, y / 20, 0.4], [(D, C, X)[k]]
+        joints[f"e{k}"] = "E", sides[k], [x / 20, y / 20, 0.4], [(D, C, NEARLY)[k]]
     return joints
 
 

@@ -145,7 +145,7 @@ def _beside(axis: Array) -> dict[str, Array]:
     """Two directions at right angles to an axis: axes of the frame if it is one of them, else made from the first."""
     main = int(np.abs(axis).argmax())
     others = [i for i in range(3) if i != main]
-    if abs(axis[main]) == 1.0:
+    if not axis[others].any():
         return {_XYZ[i]: np.eye(3)[i] for i in others}
     one = np.cross(axis, np.eye(3)[others[0]])
     one = one / np.sqrt(one @ one)

@@ -55,10 +55,8 @@ def obstacle(lay: Layout, motion: GivenMotion, part: int = 3) -> str:
         ScrewgaugeError: It cannot be followed.
     """
     system, mechanism = loop_equations(lay), lay.mechanism
-    path, middle = (
-        system.follower(),
-        [joint.coordinates[1] for joint in mechanism.joints if joint.constrains and joint.angles == 3],
-    )
+    path, balls = system.follower(), [joint for joint in mechanism.joints if joint.constrains and joint.angles == 3]
+    middle = [joint.coordinates[1] for joint in balls]
     for first in range(0, len(motion), part):
         some = motion.part(slice(first, first + part))
         at = system.follow(path, some.y, some.t, (some.yd, some.ydd), strict=True)

@@ -120,8 +120,8 @@ def _along(at: JointPose) -> Array:
 def _named_axis(joint: Joint) -> tuple[str, Array]:
     """Label and direction of the axis: that axis of the joint frame that it is, in either sense, or itself."""
     axis = joint.axes[0]
-    named = np.flatnonzero(np.abs(axis) == 1.0)
-    return ("xyz"[named[0]], np.eye(3, dtype=axis.dtype)[named[0]]) if named.size else ("", axis)
+    named = np.flatnonzero(axis)
+    return ("xyz"[named[0]], np.eye(3, dtype=axis.dtype)[named[0]]) if len(named) == 1 else ("", axis)
 
 
 # Small rotations by which a cut joint is open along its constraint moments, (..., 3) in the world.
@@ -200,9 +200,8 @@ TYPES = {
 
 def components(joint: Joint) -> list[tuple[str, str]]:
     """Label and unit of each constraint wrench: ``fx`` and N, ``m1`` and N m."""
-    kind, labels = TYPES[joint.kind], dict[Any, Sequence[str]]()
+    kind, labels = TYPES[joint.kind], {_across: across(joint)[0], _along: [_named_axis(joint)[0]]}
     labels |= {_world: "xyz", _child: "xyz", _normal: [""], _none: ""}
-    labels |= {_across: across(joint)[0], _along: [_named_axis(joint)[0]]}
     forces = [(f"f{label}", "N") for label in labels[kind.forces]]
     return forces + [(f"m{label}", "N m") for label in labels[kind.moments]]
 
@@ -235,14 +234,14 @@ def dual_wrenches(at: JointPose, S: Array) -> Array:
     Returns:
         Shape (..., f, 6).
     """
-    freedoms = [*enumerate(KINDS[at.joint.kind])]
-    turning, sliding = ([i for i, turns in freedoms if turns == wanted] for wanted in (True, False))
-    axes = S[..., turning, :3]
-    if len(turning) == 3:  # no orthogonal triad
+    turns = np.array(KINDS[at.joint.kind])
+    axes = S[..., turns, :3]
+    if at.joint.angles == 3:  # no orthogonal triad
         faces = cross(axes[..., [1, 2, 0], :], axes[..., [2, 0, 1], :])
         axes = faces / np.asarray(dot(axes[..., 0, :], faces[..., 0, :]))[..., None, None]
-    found = stack(couple(axes), force(S[..., sliding, 3:], at.p_child[..., None, :]))
-    return found[..., np.argsort(turning + sliding), :]
+    duals = stack(couple(axes), force(S[..., ~turns, 3:], at.p_child[..., None, :]))
+    order = np.argsort(~turns, kind="stable")  # of these: the angles, then the slides
+    return duals[..., np.argsort(order), :]
 
 
 def cut_coordinates(at: JointPose, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value]:
