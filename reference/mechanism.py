@@ -11,7 +11,7 @@ import numpy as np
 
 from screwgauge.reference.couplings import Coupling, CouplingRows, bind, check_couplings
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, across
 
 GROUND = "ground"
 #: Of its trace: by how much rounding may make an inertia tensor one that no body has.
@@ -156,26 +156,9 @@ class Joint:
 
 @lru_cache(maxsize=4096)
 def _freedoms(joint: Joint) -> tuple[tuple[bool, Array], ...]:
-    ways = {2: across(joint)[1], 3: np.eye(3, dtype=joint.axes.dtype)}
+    ways = {2: across(joint.axes[0])[1], 3: np.eye(3, dtype=joint.axes.dtype)}
     turning, sliding = iter(joint.axes), iter(ways.get(joint.slides, joint.axes))
     return tuple((turns, next(turning if turns else sliding)) for turns in KINDS[joint.kind])
-
-
-@lru_cache(maxsize=4096)
-def across(joint: Joint) -> tuple[Sequence[str], Array]:
-    """Labels and directions across a joint's first axis, in its frame: axes of the frame where that is one of them.
-
-    Returns:
-        ``xy`` and so on, or ``12``, and unit vectors at right angles. Shape (2, 3).
-    """
-    axis = joint.axes[0]
-    k = int(np.argmax(np.abs(axis)))
-    others = [i for i in range(3) if i != k]
-    if not axis[others].any():
-        return ["xyz"[i] for i in others], np.eye(3, dtype=axis.dtype)[others]
-    first = np.cross(axis, np.eye(3, dtype=axis.dtype)[others[0]])
-    first = first / np.linalg.norm(first)
-    return "12", np.array([first, np.cross(axis, first)])
 
 
 def actuator_names(joints: Sequence[Joint]) -> tuple[str, ...]:

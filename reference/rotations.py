@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -34,6 +35,21 @@ def cross(a: Array, b: Array) -> Array:
     c[..., 1] = az * bx - ax * bz
     c[..., 2] = ax * by - ay * bx
     return c
+
+
+def across(axis: Array) -> tuple[Sequence[str], Array]:
+    """Labels and directions across a unit axis: axes of the frame where it is one of them.
+
+    Returns:
+        ``xy`` and so on, or ``12``, and unit vectors at right angles. Shape (2, 3).
+    """
+    k = int(np.argmax(np.abs(axis)))
+    others = [i for i in range(3) if i != k]
+    if not axis[others].any():
+        return ["xyz"[i] for i in others], np.eye(3, dtype=axis.dtype)[others]
+    first = np.cross(axis, np.eye(3, dtype=axis.dtype)[others[0]])
+    first = first / np.linalg.norm(first)
+    return "12", np.array([first, np.cross(axis, first)])
 
 
 def widest(points: ArrayLike) -> float:

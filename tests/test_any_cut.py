@@ -50,7 +50,7 @@ def planes() -> dict[str, tuple[object, ...]]:
     for k, (x, y) in enumerate(((5, 0), (-4, 3), (-2, -4))):
         joints[f"r{k}"] = "R*", f"ground low{k}", [x / 8, y / 8, 0], [(A, B, C)[k]]
         joints[f"b{k}"] = "R*", f"low{k} high{k}", [x / 10, y / 10, 0.2], [(Z, D, A)[k]]
-        joints[f"e{k}"] = "E", sides[k], [x / 20, y / 20, 0.4], [(D, C, NEARLY)[k]]
+        joints[f"e{k}"] = "E", sides[k], [x / 20, y / 20, 0.4], [(D, C, X)[k]]
     return joints
 
 
@@ -120,7 +120,7 @@ MECHANISMS = {
             "a": ("R*", "ground one", [0, 0, 0], [A]),
             "b": ("U", "one two", [0.3, 0.1, 0.2], u(0.3, 1.1)),
             "c": ("R", "two three", [0.4, 0.6, 0.1], [C]),
-            "e": ("E", "ground three", [0.1, 0.5, -0.3], [D]),
+            "e": ("E", "ground three", [0.1, 0.5, -0.3], [NEARLY]),
         },
     ),
     "rcep": (

@@ -8,7 +8,7 @@ read its rates and drive it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -29,8 +29,8 @@ from screwgauge.reference.equations.screws import (
     times,
     transpose,
 )
-from screwgauge.reference.mechanism import KINDS, Frame, Joint, across
-from screwgauge.reference.rotations import triad
+from screwgauge.reference.mechanism import KINDS, Frame, Joint
+from screwgauge.reference.rotations import across, triad
 
 Value = tuple[Any, Any]
 """Of an angle its sine and cosine; of a slide its length and None."""
@@ -103,7 +103,7 @@ def _child(at: JointPose) -> Array:
 
 def _across(at: JointPose) -> Array:
     """Two directions across the axis, carried by the child."""
-    return np.asarray(across(at.joint)[1] @ transpose(at.R_child))
+    return np.asarray(_beside(at.joint)[1] @ transpose(at.R_child))
 
 
 def _normal(at: JointPose) -> Array:
@@ -114,6 +114,12 @@ def _normal(at: JointPose) -> Array:
 def _along(at: JointPose) -> Array:
     """The axis, carried by the child."""
     return times(at.R_child, _named_axis(at.joint)[1])[..., None, :]
+
+
+@lru_cache(maxsize=4096)
+def _beside(joint: Joint) -> tuple[Sequence[str], Array]:
+    """Labels and directions across its first axis."""
+    return across(joint.axes[0])
 
 
 @lru_cache(maxsize=4096)
@@ -200,8 +206,9 @@ TYPES = {
 
 def components(joint: Joint) -> list[tuple[str, str]]:
     """Label and unit of each constraint wrench: ``fx`` and N, ``m1`` and N m."""
-    kind, labels = TYPES[joint.kind], {_across: across(joint)[0], _along: [_named_axis(joint)[0]]}
-    labels |= {_world: "xyz", _child: "xyz", _normal: [""], _none: ""}
+    kind, beside, axis = TYPES[joint.kind], _beside(joint)[0], _named_axis(joint)[0]
+    labels: dict[Any, Sequence[str]] = {_world: "xyz", _child: "xyz", _across: beside, _normal: [""], _none: ""}
+    labels[_along] = [axis]
     forces = [(f"f{label}", "N") for label in labels[kind.forces]]
     return forces + [(f"m{label}", "N m") for label in labels[kind.moments]]
 
