@@ -37,7 +37,7 @@ MECHANISMS = {
         },
     ),
 }
-#: Largest difference over the largest number, condition numbers of these loops being below 100.
+#: Largest difference over the largest number, their condition numbers being about 100 at most.
 AGREED = 1e-11
 CASES = [("ruer", 1), ("ruer", 4), ("puer", 0), ("puer", 7), ("3-rre", 0), ("3-rre", 2)]
 
