@@ -46,22 +46,51 @@ class GivenMotion(_ReadOnly):
     Attributes:
         t: Time [s]. Shape (n,).
         y, yd, ydd: Coordinates [rad or m] and derivatives. Shape (n, n_independent).
+        drive: The motion as a function of time, where it is one.
     """
 
     t: Array
     y: Array
     yd: Array
     ydd: Array
+    drive: Callable[[Array], GivenMotion] | None = None
 
     def __len__(self) -> int:
         return len(self.t)
 
     def part(self, rows: slice | Rows) -> GivenMotion:
-        return GivenMotion(self.t[rows], self.y[rows], self.yd[rows], self.ydd[rows])
+        return GivenMotion(self.t[rows], self.y[rows], self.yd[rows], self.ydd[rows], self.drive)
 
     def ordered(self, columns: list[int]) -> GivenMotion:
         """The same with the independent coordinates in another order."""
-        return GivenMotion(self.t, self.y[:, columns], self.yd[:, columns], self.ydd[:, columns])
+        drive = None if self.drive is None else _Reordered(self.drive, tuple(columns))
+        return GivenMotion(self.t, self.y[:, columns], self.yd[:, columns], self.ydd[:, columns], drive)
+
+    def scaled(self, unit: Array) -> Callable[[Array], tuple[Array, Array, Array]] | None:
+        """Times -> coordinates over their units and derivatives there, where the motion is a function of time.
+
+        Args:
+            unit: Shape (k,).
+        """
+        if (drive := self.drive) is None:
+            return None
+
+        def at(t: Array) -> tuple[Array, Array, Array]:
+            motion = drive(t)
+            return motion.y / unit, motion.yd / unit, motion.ydd / unit
+
+        return at
+
+
+@dataclass(frozen=True, slots=True)
+class _Reordered:
+    """A motion whose independent coordinates come in another order."""
+
+    drive: Callable[[Array], GivenMotion]
+    columns: tuple[int, ...]
+
+    def __call__(self, t: Array) -> GivenMotion:
+        return self.drive(t).ordered([*self.columns])
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,18 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference import linear, screws
-from screwgauge.reference.closed.continuation import OPEN, newton
+from screwgauge.reference.closed.assembly_mode import AssemblyMode, Rates
+from screwgauge.reference.closed.constant_coordinates import home_equations
 from screwgauge.reference.closed.cut_coordinates import read
-from screwgauge.reference.closed.following import Follower
-from screwgauge.reference.closed.loops import LoopEquations, Rates, loop_equations
-from screwgauge.reference.closed.resting import home_equations
+from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.equations import closed_form as forms
 from screwgauge.reference.equations.kinematics import Bracket, coordinates
 from screwgauge.reference.equations.motion import Motion
 from screwgauge.reference.equations.ops import NUMPY
-from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.layout import Layout
-from screwgauge.reference.pose import Pose, constraint_matrix
+from screwgauge.reference.pose import Pose, constraint_matrix, pose
 from screwgauge.reference.rotations import Array
 
 
@@ -63,28 +61,15 @@ def closure_system(lay: Layout, at: Pose) -> Array:
     return np.concatenate([constraint_matrix(lay, at), E], axis=1)
 
 
-def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None, *, path: Follower | None = None) -> Pose:
-    """Poses on the branch of the home pose: in closed form where that is this branch, else followed from home.
+def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None) -> Pose:
+    """Poses on the assembly mode of home, see `AssemblyMode.motion`.
 
     Args:
         y: Independent coordinates [rad or m]. Shape (n, k).
         t: Times [s]. Shape (n,).
-        rates: Derivatives, by which the motion is followed where the straight way between samples is singular.
-        path: What has followed the samples before these, such as `home_equations(lay).follower()`; home by default.
-
-    Raises:
-        ClosureError: A loop cannot close, or there is no way but over a singular pose.
+        rates: Derivatives. Shape (n, k) each.
     """
-    system = home_equations(lay)
-    start = closed_form(lay, y, system.fixed)
-    if start is None:
-        return system.follow(path or system.follower(), y, t, rates)
-    z, _, error = newton(
-        system.evaluate, (start / system.size)[:, system.unknown], y / system.size[lay.mechanism.independent_columns]
-    )
-    if not (error < OPEN).all():
-        raise ClosureError("the closed form leaves loops open", lay.mechanism.name, "check the geometry")
-    return system.fill(z, start)
+    return pose(lay, AssemblyMode(lay).motion(y, t, rates))
 
 
 def closed_form(lay: Layout, y: Array, fixed: Collection[int] | None = None) -> Array | None:

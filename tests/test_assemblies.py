@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.reference.closed import following
 from support.engines import solve
 from support.errors import ClosureError, SingularPoseError
 from support.geometry import within_half_turn
@@ -17,7 +16,7 @@ from support.models import write_models
 from support.planar import Bar, four_bar, moving
 from support.questions import BASE_LOCK, SCENE, SINGULAR_B, findings, still
 from support.scene import check_scene
-from support.solve import closed_form, layout, loop_equations, straight_and_bent
+from support.solve import Anchors, AssemblyMode, Curve, bent, closed_form, continuation, layout, straight
 from support.stress import CASES, OK, SILENT
 from support.tolerances import ROUNDING
 
@@ -72,8 +71,7 @@ def test_random_steps_stay_on_the_branch_of_the_closed_form():
     turn = rng.uniform(0.0, 2.0 * np.pi, 12)
     y = np.stack([BASE_LOCK + around * np.cos(turn), around * np.sin(turn)], axis=1)
     y[::3] = np.stack([rng.uniform(-0.6, 0.6, 4), SINGULAR_B - around[::3]], axis=1)
-    system = loop_equations(lay)
-    q = system.follow(system.follower(), y, np.arange(12.0), strict=True).q
+    q = AssemblyMode(lay, strict=True).motion(y, np.arange(12.0))
     assert np.abs(within_half_turn(q - closed_form(lay, y)))[:, :12].max() < ALIKE
 
 
@@ -99,12 +97,14 @@ def test_another_assembly_is_one_sentence(tmp_path, write):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("step", "verdict"), [(following.STEP, OK), (np.inf, SILENT)])
-def test_the_stress_case_tells_an_engine_that_jumps(step, verdict, tmp_path, monkeypatch):
-    if step > following.STEP:  # as if no step were bounded
-        monkeypatch.setattr(following, "STEP", step)
-        monkeypatch.setattr(following, "CHANGE", step)
-        monkeypatch.setattr(following, "FARTHEST", step)
+@pytest.mark.parametrize(("bounded", "verdict"), [(True, OK), (False, SILENT)])
+def test_the_stress_case_tells_an_engine_that_jumps(bounded, verdict, tmp_path, monkeypatch):
+    if not bounded:  # as if every ball were large
+        monkeypatch.setattr(
+            Anchors, "distance", lambda self, y, a: np.zeros(np.broadcast_shapes(y.shape[:-1], np.shape(a)))
+        )
+        monkeypatch.setattr(Anchors, "distances", lambda self, y, a: np.zeros(y.shape[:-1]))
+        monkeypatch.setattr(continuation, "NEAR", np.inf)
     found = [one for question in CASES["assembly"].ask(1e-2, True, tmp_path) for one in findings(question)]
     assert {one.verdict for one in found if one.engine.endswith("1.2 rad") and not one.own} == {verdict}
     assert {one.verdict for one in found if one.own} == {OK}
@@ -121,13 +121,13 @@ def test_a_motion_beyond_where_the_loops_close_is_refused_there(write):
 
 def test_besides_the_straight_way_two_lead_round_either_side():
     a, b = np.array([0.1, 0.2, 0.3]), np.array([1.0, 0.4, -0.5])
-    straight, left, right = straight_and_bent(a, b)
-    for way in (straight, left, right):
-        assert np.abs(way(0.0) - a).max() < ROUNDING
-        assert np.abs(way(1.0) - b).max() < ROUNDING
-    assert np.abs(straight(0.5) - (a + b) / 2).max() < ROUNDING
-    bend = left(0.5) - straight(0.5)
+    way, left, right = (Curve(points) for points in (straight(a, b), *bent(a, b)))
+    for curve in (way, left, right):
+        assert np.abs(curve.points[[0, -1]] - [a, b]).max() < ROUNDING
+    middle, *sides = (curve.halves()[0].points[-1] for curve in (way, left, right))
+    assert np.abs(middle - (a + b) / 2).max() < ROUNDING
+    bend = sides[0] - middle
     assert abs(bend @ (b - a)) < ROUNDING
     assert np.linalg.norm(bend) == pytest.approx(0.3 * np.linalg.norm(b - a), rel=0.5)
-    assert np.abs(left(0.3) + right(0.3) - 2 * straight(0.3)).max() < ROUNDING
-    assert len(straight_and_bent(a[:1], b[:1])) == 1
+    assert np.abs(sides[0] + sides[1] - 2 * middle).max() < ROUNDING
+    assert bent(a[:1], b[:1]) == []

@@ -86,8 +86,8 @@ def test_one_actuator_that_hardly_moves_is_badly_conditioned(tmp_path):
     """At a matrix of one number no condition number shows: its force is 2e5 N m here, and 1.5e-12 of that is lost."""
     scene = screwgauge.random(2, "rscr", tmp_path)
     motion = scene.at(np.linspace(scene.t[0], scene.t[-1], 300)).motion.part(slice(0, 54))
-    work = Work(scene.problem(["actuator_force"]), motion, layout(scene.mechanism))
-    condition = work.part(slice(None)).trust.forces["actuator_force"]
+    work = Work(layout(scene.mechanism), scene.problem(["actuator_force"]))
+    condition = work.part(motion, work.close(motion, work.predict(motion))).trust.forces["actuator_force"]
     assert condition[53] > 1e3 > 300.0 > condition[0]
 
 

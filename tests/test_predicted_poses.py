@@ -4,7 +4,7 @@ more than once."""
 import numpy as np
 import pytest
 
-from support.solve import Follower, Spacing, knots, predicted
+from support.solve import Continuation, knots, predicted
 
 EVERY, STEP = 16, 0.1
 
@@ -42,7 +42,7 @@ def test_followed_samples_have_the_ends_among_them_and_none_is_far_from_the_next
 
 
 @pytest.mark.parametrize("n", [1000, 3000])
-def test_a_follower_asks_for_most_poses_once(n):
+def test_continuation_asks_for_most_poses_once(n):
     asked = []
 
     def evaluate(z, y):
@@ -52,19 +52,8 @@ def test_a_follower_asks_for_most_poses_once(n):
         matrix[:, 0, 1] = -np.cos(z[:, 1])
         return residual, matrix
 
-    path = Follower(evaluate, np.zeros(2), np.zeros(1))
+    path = Continuation(evaluate, np.zeros(2), np.zeros(1), angles=np.ones(2, bool), turning=np.ones(1, bool))
     y = 0.4 * np.sin(np.linspace(0.0, 2.0, n))[:, None]
     found = path.follow(y, np.arange(float(n)))
     assert np.abs(found.z[:, 0] - np.sin(y[:, 0])).max() < 1e-15
     assert sum(asked) < 1.7 * n
-
-
-def test_samples_that_are_followed_lie_as_far_apart_as_those_between_need_no_second_look():
-    spacing = Spacing()
-    asked = ((0.0, 24), (0.1, 24), (0.0, 36), (0.3, 24), (0.0, 24), (0.5, 16), (0.5, 10), (0.9, 8), (0.9, 8))
-    for again, every in asked:
-        spacing.learn(spacing.every, again)
-        assert spacing.every == every
-    y = np.linspace(0.0, 0.01, 1000)[:, None]
-    assert len(spacing.rows(y, 1000)) == 1 + 1000 // 8
-    assert spacing.rows(y, 100) is spacing.rows(y[:100], 100) is None  # not worth it

@@ -71,26 +71,15 @@ def followed():
 
 
 @pytest.mark.slow
-def test_poses_that_the_program_closes_lead_where_those_of_the_array_solver_do(followed):
-    scene, work = followed
-    predictor = work.again().predictor
-    near = predictor.predict(scene.motion)
-    assert predictor.by_program
-    columns = [*work.traced.predicted, *work.lay.cut_columns]
-    expected = predictor.by_array(scene.motion)
-    assert np.abs(near - expected)[:, work.traced.predicted].max() < 1e-4
-    assert np.abs(near - expected)[:, columns].max() < 0.5
-
-
-@pytest.mark.slow
-def test_parts_go_on_from_each_other_and_leaps_are_walked(followed, monkeypatch):
+def test_parts_go_on_from_each_other_and_leaps_are_walked(followed):
     scene, work = followed
     work, motion = work.again(), scene.motion
-    monkeypatch.setattr(type(work.predictor), "by_array", None)  # is not asked
     expected = compiled.by_array(scene, motion)["joint_position"][0]
     for rows in (slice(0, 90), slice(90, 201), slice(20, 90)):
-        values = work.part(motion.part(rows)).values["joint_position"]
+        some = motion.part(rows)
+        values = work.part(some, work.predict(some)).values["joint_position"]
         assert np.abs(values - expected[rows]).max() < 1e-12
+        assert not work.by_array
 
 
 def test_what_the_program_does_not_close_is_followed_by_array(followed, monkeypatch):

@@ -13,7 +13,7 @@ from support.acting import Applied, JointSpring, Load, Motor, PointSpring, force
 from support.engines import Problem
 from support.mechanism import load_mechanism
 from support.scene import InitialValue, Integration
-from support.solve import Branch, ScrewModel, Settings, StagedDOP853, TracedForward, forward, layout, moved, velocities
+from support.solve import ScrewModel, Settings, TracedForward, forward, layout, moved
 from support.tolerances import LINEAR
 from support.traced import NotTraceableError
 
@@ -47,6 +47,12 @@ def everything(lay):
     )
 
 
+def slope(programs, t, *state):
+    """Derivative of one state, or None."""
+    found = programs.slope(t, np.array(state)[:, None])
+    return None if found is None else found[:, 0]
+
+
 def traced(lay, applied, start, backend, near=1e5):
     task = InitialValue(start, np.zeros_like(start), 0.0, np.array([0.0, 1.0]), Integration(near=near))
     return TracedForward(lay, Problem(applied, task, MOTION), task, backend)
@@ -65,7 +71,7 @@ def test_slopes_are_those_of_the_arrays(name, backend):
     yd = np.sin(1.0 + np.arange(len(y)))
     near = y[:, None] + 1e-3 * np.arange(11)  # more than a register holds
     states = np.concatenate([near, np.repeat(yd[:, None], 11, axis=1), np.zeros((1, 11))])
-    found, two, one = programs.slope(t, states), programs.slope(t, states[:, :2]), programs.one(t, states[:, 0])
+    found, two, one = programs.slope(t, states), programs.slope(t, states[:, :2]), slope(programs, t, *states[:, 0])
     rate = moved(lay, near.T, states[len(y) : -1].T)
     forces = forces_at(lay.mechanism, applied, t)
     right = np.concatenate([states[len(y) : -1], forward(lay, rate, forces).ydd.T, power(lay, rate, forces)[None]])
@@ -107,7 +113,7 @@ def test_next_to_a_singular_pose_no_digit_is_lost_on_the_way(backend):
     distance = 1e-4 * np.linspace(1.0, 1.2, 6)
     for y in np.pi / 2.0 - distance:
         programs = traced(lay, scene.applied, np.array([y - 1e-8]), backend, near=1e9)
-        found = programs.one(0.0, np.array([y, 3.0, 0.0]))
+        found = slope(programs, 0.0, y, 3.0, 0.0)
         assert abs(found[1] - kappa * np.sin(y)) < 1e-5
 
 
@@ -116,58 +122,15 @@ def test_a_doubtful_state_is_left_to_the_array_solver(backend):
     scene = screwgauge.load_scene("a02-fourbar-2")
     lay, y = layout(scene.mechanism), np.array([0.3])
     programs = traced(lay, scene.applied, y, backend)
-    state = np.array([0.31, 1.0, 0.0])
-    assert programs.one(0.0, state) is not None
-    assert programs.one(0.0, np.array([np.pi / 2.0 - 1e-6, 1.0, 0.0])) is None  # nearly singular, and far
-    assert programs.one(0.0, np.array([np.nan, 1.0, 0.0])) is None
+    state = 0.31, 1.0, 0.0
+    assert slope(programs, 0.0, *state) is not None
+    assert slope(programs, 0.0, np.pi / 2.0 - 1e-6, 1.0, 0.0) is None  # nearly singular, and far
+    assert slope(programs, 0.0, np.nan, 1.0, 0.0) is None
     assert programs.slope(0.0, np.array([[0.31, 9.0], [1.0, 1.0], [0.0, 0.0]])) is None
     strict = traced(lay, scene.applied, y, backend, near=5.0)
-    assert strict.one(0.0, state) is None
-    programs.at.q[0] += 0.2  # another branch is no place to predict from
-    assert programs.one(0.0, np.array([0.3, 1.0, 0.0])) is None
-
-
-@pytest.mark.parametrize(("name", "rtol"), [("a01-pendulum", 1e-4), ("a01-pendulum", 1e-9), ("a02-fourbar-2", 1e-9)])
-def test_steps_by_machine_code_are_those_of_scipy(name, rtol):
-    pytest.importorskip("llvmlite")
-    scene = screwgauge.load_scene(name)
-    integration = Integration("DOP853", rtol, rtol)
-    task = replace(scene.start, t=np.linspace(0.0, scene.start.t[-1] / 3.0, 4), integration=integration)
-    asked = Problem(scene.applied, task, MOTION)
-    mine, other = (ScrewModel(layout(scene.mechanism), settings=Settings(backend=b)).solve(asked) for b in backends())
-    assert (mine.cost.steps, mine.cost.evaluations) == (other.cost.steps, other.cost.evaluations)
-    a, b = (found.values["joint_position"].array for found in (mine, other))
-    assert np.abs(a - b).max() < 1e-9 * np.abs(b).max()
-
-
-def test_steps_by_machine_code_end_before_a_doubtful_pose():
-    pytest.importorskip("llvmlite")
-    scene = screwgauge.load_scene("a02-fourbar-2")
-    lay, state = layout(scene.mechanism), np.array([0.3, 2.0, 0.0])
-    programs = traced(lay, scene.applied, state[:1], "llvm", near=60.0)
-    solver = StagedDOP853(programs.one, 0.0, state, 5.0, rtol=1e-9, atol=1e-9)
-    assert programs.walk(solver, 5.0)
-    assert 0.1 < solver.t < 1.0
-    assert programs.slope(solver.t, solver.y[:, None]) is not None
-    evaluations, after = programs.steps()
-    assert evaluations >= 12 * len(after)
-    assert after[-1][0] == solver.t
-    assert np.abs(after[-1][1] - programs.pose(solver.y[:1])).max() < LINEAR
-    ahead = solver.y + np.array([0.2, 0.0, 0.0])
-    assert programs.slope(solver.t, ahead[:, None]) is None
-
-
-@pytest.mark.parametrize("backend", backends())
-def test_a_way_too_long_for_one_prediction_is_gone_in_steps(backend):
-    scene = screwgauge.load_scene("a03-andrews-ivp")
-    lay, y = layout(scene.mechanism), scene.start.start
-    programs, state = traced(lay, scene.applied, y, backend), np.array([[y[0] + 1.5], [3.0], [0.0]])
-    assert not programs.place(state[:1])
-    rate = velocities(lay, Branch(lay, lay.mechanism.home).poses(state[:1].T), state[1:2].T)
-    right = forward(lay, rate, forces_at(lay.mechanism, scene.applied, 0.0)).ydd[0, 0]
-    assert abs(programs.slope(0.0, state)[1, 0] / right - 1.0) < 1e-9
-    programs.at.q[0] += 0.2  # from another branch no step leads there
-    assert programs.slope(0.0, state + 0.5) is None
+    assert slope(strict, 0.0, *state) is None
+    programs.pose[0] += 0.2  # another branch is no place to predict from
+    assert slope(programs, 0.0, 0.3, 1.0, 0.0) is None
 
 
 def test_angles_of_joints_that_close_loops_are_followed_over_whole_turns():
@@ -197,7 +160,7 @@ def test_a_motor_on_a_joint_that_closes_a_loop_acts_there():
     lay = layout(scene.mechanism)
     motor = Motor(lay.tree.cuts[0].name, np.array([2.0]), np.zeros((0, 3)))
     applied, y = replace(scene.applied, motors=(motor,)), np.array([0.4])
-    found = traced(lay, applied, y, "numpy").one(0.0, np.array([0.4, 1.5, 0.0]))
+    found = slope(traced(lay, applied, y, "numpy"), 0.0, 0.4, 1.5, 0.0)
     rate = moved(lay, y[None], np.array([[1.5]]))
     forces = forces_at(lay.mechanism, applied, 0.0)
     assert abs(found[1] - forward(lay, rate, forces).ydd[0, 0]) < LINEAR

@@ -68,6 +68,11 @@ class Trust:
     open: Array | float = 0.0
     stretch: Array | float = 1.0
 
+    @classmethod
+    def unknown(cls, n: int) -> Trust:
+        """That of n samples of which nothing is known yet."""
+        return cls(*np.full((3, n), np.nan))
+
     def doubtful(self) -> Rows:
         """Samples for which powers of the gain would say too much."""
         worst = np.maximum(self.gain, self.charts) / CLEAR
@@ -90,8 +95,8 @@ class Trust:
         arrays, forces = self._each(), {name: array.copy() for name, array in self.forces.items()}
         for name, array in other._each().items():
             arrays[name][rows] = array
-        for name, array in forces.items():
-            array[rows] = other.forces.get(name, 1.0)
+        for name in forces.keys() | other.forces.keys():
+            forces.setdefault(name, np.ones(len(self.condition)))[rows] = other.forces.get(name, 1.0)
         return Trust(**arrays, forces=forces)
 
     def of(self, quantity: str) -> Array:

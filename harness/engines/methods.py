@@ -44,25 +44,6 @@ class Pace:
         return len(self.times) == self.window and (t - self.times[0]) * ENDLESS < (self.end - t) * self.window
 
 
-class StagedDOP853(DOP853):  # type: ignore[misc]  # scipy has no types
-    """scipy's method that asks for steps taken elsewhere first.
-
-    Attributes:
-        walk: Takes steps as far as it can and puts the solver there; whether there were any.
-    """
-
-    walk: Callable[[StagedDOP853], bool]
-
-    def step(self) -> str | None:
-        message: str | None = super().step()
-        if self.status != "failed":
-            self.t_old = self.t - self.h_previous
-        return message
-
-    def _step_impl(self) -> tuple[bool, str | None]:
-        return (True, None) if self.walk(self) else super()._step_impl()
-
-
 def check_method(name: str) -> type[OdeSolver]:
     """The method of a name.
 

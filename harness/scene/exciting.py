@@ -13,6 +13,7 @@ from screwgauge.problem import GivenMotion
 from screwgauge.quantities import G0
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
+from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.dynamics import body_motion, partial_motion
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, check_seed
@@ -55,15 +56,15 @@ def obstacle(lay: Layout, motion: GivenMotion, part: int = 3) -> str:
         ScrewgaugeError: It cannot be followed.
     """
     system, mechanism = loop_equations(lay), lay.mechanism
-    path, balls = system.follower(), [joint for joint in mechanism.joints if joint.constrains and joint.angles == 3]
+    mode, balls = AssemblyMode(lay, strict=True), [j for j in mechanism.joints if j.constrains and j.angles == 3]
     middle = [joint.coordinates[1] for joint in balls]
     for first in range(0, len(motion), part):
         some = motion.part(slice(first, first + part))
-        at = system.follow(path, some.y, some.t, (some.yd, some.ydd), strict=True)
-        q = np.vstack([mechanism.home, at.q])
+        closed = mode.motion(some.y, some.t, (some.yd, some.ydd), some.scaled(mode.unit))
+        q = np.vstack([mechanism.home, closed])
         worst, steep = linear.condition(system.matrix(pose(lay, q))), np.abs(q[:, mechanism.columns(tuple(middle))])
         inside = (worst < WORSE * worst[0]).all() and (steep < np.maximum(STEEPEST, (steep[0] + np.pi / 2) / 2)).all()
-        if beyond := limits_left(mechanism, at.q):
+        if beyond := limits_left(mechanism, closed):
             return f"it would leave the limits of {first_few(beyond, NAMED)}"
         if not inside:
             return "it would come near a singular pose"

@@ -51,7 +51,7 @@ class Analytic:
             raise DescriptionError(
                 f"grows beyond all numbers at t = {late:g} s", self.where, "shorten or slow the motion"
             )
-        return GivenMotion(t, y, yd, ydd)
+        return GivenMotion(t, y, yd, ydd, self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,8 @@ import numpy as np
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference import linear
-from screwgauge.reference.closed.anchor import PathEnd
+from screwgauge.reference.closed.assembly_mode import AssemblyMode
+from screwgauge.reference.closed.continuation import PathEnd
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
 from screwgauge.reference.layout import Layout, layout
@@ -198,13 +199,13 @@ def limits_left(mechanism: Mechanism, q: Array) -> list[str]:
 class Walk:
     """Follows a motion part by part from home, for errors in terms of the description.
 
-    Nothing is held here: what never moves on the home branch may begin to move at a singular pose. Charts of cut
+    A pose where coordinates that are constant on the home branch may begin to move is singular, too. Charts of cut
     joints are not among the unknowns; where one locks, only rates of that joint are lost.
     """
 
     def __init__(self, lay: Layout) -> None:
-        self.lay, self.system = lay, loop_equations(lay)
-        self.path = self.system.follower()
+        self.lay, self.mode = lay, AssemblyMode(lay, strict=True)
+        self.system = self.mode.system
         self.before: float | None = None
 
     def part(self, motion: GivenMotion) -> Array:
@@ -215,21 +216,21 @@ class Walk:
             ClosureError: The loops cannot close.
             SingularPoseError: A pose is singular, or passed on the way.
         """
+        unit, mechanism = self.mode.unit, self.lay.mechanism
         try:
-            size = self.path.size
-            found = self.path.follow(motion.y / size, motion.t, (motion.yd / size, motion.ydd / size), strict=True)
+            guess = self.mode.predict(motion.y, motion.t, (motion.yd, motion.ydd), motion.scaled(unit))
+            found = self.mode.follow(guess)
         except PathEnd as end:
             if not end.beyond:
                 raise ClosureError(end.what, end.where, end.remedy) from None
             raise self._passed(end, motion) from None
-        q, unknown, mechanism = found.near, self.system.unknown, self.lay.mechanism
-        q[:, mechanism.independent_columns] = motion.y
-        q[:, unknown] = found.z * self.system.size[unknown]
-        regular = (linear.inverted_along(found.matrix)[1] <= linear.SINGULAR).all()
+        matrix = found.more[0] if found.more else found.matrix
+        regular = (linear.inverted_along(matrix)[1] <= linear.SINGULAR).all()
+        q = self.system.tree(found.z, guess.q)
         if not regular or np.isfinite(mechanism.limits[self.lay.cut_columns]).any():
             q = self.system.coordinates(found.z, q)
         if not regular:
-            check_regular(self.lay, q, motion.t, motion.y, found.matrix)
+            check_regular(self.lay, q, motion.t, motion.y, matrix)
         self.before = float(motion.t[-1])
         return q
 
@@ -240,13 +241,13 @@ class Walk:
 
     def _passed(self, end: PathEnd, motion: GivenMotion) -> SingularPoseError:
         """That a motion passes a singular pose, in words."""
-        y = end.y * self.path.size
+        y = end.y * self.mode.unit
         ended = self.system.fill(end.z[None], self.lay.mechanism.home[None])
         near = near_singularity(self.lay, ended)
         meets, described = self.lay.mechanism.described(y), self.lay.mechanism.described
         times = motion.t if self.before is None else np.append(self.before, motion.t)
         i = int(np.flatnonzero(times == end.t)[0])
-        if np.abs(end.y - motion.y[i - len(times)] / self.path.size).max() < NEAR:
+        if np.abs(end.y - motion.y[i - len(times)] / self.mode.unit).max() < NEAR:
             check_regular(self.lay, ended.q, np.array([end.t]), y[None])
         if not i:
             return SingularPoseError(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.reference.closed.anchor import REMEDY, no_further
-from screwgauge.reference.closed.continuation import OPEN
+from screwgauge.reference.closed.constant_coordinates import home_equations
+from screwgauge.reference.closed.continuation import REMEDY, no_further
 from screwgauge.reference.closed.loops import loop_equations
-from screwgauge.reference.closed.resting import home_equations
+from screwgauge.reference.closed.newton import OPEN
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.pose import Pose, pose

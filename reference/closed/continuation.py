@@ -1,71 +1,342 @@
-"""Newton's method on stacks of poses."""
+"""Continuation of the assembly mode of home: closed poses of a motion, or of samples in any order.
+
+A motion is followed along its curve between samples; samples in any order are reached by a front of anchors that grows
+around home. Where neither leads on, that is said.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.reference import linear
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.closed.anchors import NEAR, Flags, Indices
+from screwgauge.reference.closed.curves import HALF, Curve, Drive, State, bent, consistent, hermite, straight
+from screwgauge.reference.closed.hermite_prediction import knots, predicted
+from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
+from screwgauge.reference.closed.walk import LEAP, MISS, Blocked, Walk
+from screwgauge.reference.errors import ClosureError
+from screwgauge.reference.rotations import TURN, Array, within_half_turn
 
-#: Evaluates poses: (q (n, n_q), y (n, k)) -> closure residuals (n, m), their derivative (n, m, n_q), and what else is
-#: to be known of the poses that are found, (n, ...) each.
-Evaluation = Callable[[Array, Array], tuple[Array, ...]]
+#: Anchors of a region at most, and ways that are tried to each of its samples.
+LARGEST, PATIENCE = 2000, 3
+#: Nearer to singular poses than this many times home's beta no region is explored.
+STEEP = 1e3
+#: What is farther away [rad or lengths of the mechanism] is not reached by following a path.
+LONGEST = 1e3
+#: Samples looked at together, at first and at most.
+WINDOW, WIDEST = 32, 8192
+#: So many samples as follow each other closely are predicted from every so many of them, so far apart in y at most.
+DENSE, EVERY, SPREAD = 100, 16, 0.1
+#: Singular poses that the way from home to the start of a motion may lead over.
+LEAPS = 8
+REMEDY = "shorten the motion or check the geometry"
 
-# Angles are in rad, distances in lengths of the mechanism wherever these are used.
-#: A closure residual below this is as small as float64 can make it.
-ROUNDING = 2 * linear.EPS
-#: A loop whose closure residual stays above this does not close.
-OPEN = 1e-10
-#: Steps in which the residual has to halve at least once: else no solution is near. At a double root it does in each.
-PATIENCE = 12
+
+def no_further(y: Array) -> str:
+    """That a motion cannot be followed beyond independent coordinates `y`, shape (k,)."""
+    return f"the loops cannot close beyond y = {np.array2string(y, precision=6)}, or the pose there is singular"
 
 
-def newton(
-    evaluate: Evaluation, q: Array, y: Array, *, most: int = 60, begun: Sequence[Array] | None = None
-) -> tuple[Array, ...]:
-    """Newton's method, sample by sample as far as each needs.
+class PathEnd(ClosureError):
+    """A motion that cannot be followed any further.
 
-    Args:
-        q: Starting values. Shape (n, n_q).
-        y: Independent coordinates. Shape (n, k).
-        begun: What `evaluate` gives there, if it is known.
-
-    Returns:
-        Joint coordinates (n, n_q), the derivative of the closure residuals there (n, m, n_q), the largest closure
-        residual of each sample (n,) [rad or m], and what else `evaluate` gives.
+    Attributes:
+        z, y: The last pose reached: unknowns, shape (n_z,), and independent coordinates, shape (k,). No dimension.
+        t: Time of the sample that cannot be reached [s].
+        singular: Whether that pose is singular; otherwise the way is too long.
+        beyond: Whether the loops close beyond it, too.
     """
-    q = q.copy()
-    residual, matrix, *more = evaluate(q, y) if begun is None else (array.copy() for array in begun)
-    error = np.abs(residual).max(axis=1, initial=0.0)
-    active = np.flatnonzero(~(error <= ROUNDING))
-    goal, idle = 0.5 * error, np.zeros(len(q), dtype=np.intp)
-    for _ in range(most):
-        if not active.size:
-            break
-        step = linear.solve(matrix[active], -residual[active][..., None])[..., 0]
-        # long steps leave the region where Newton's method converges
-        step *= np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
-        trial = q[active] + step
-        residual_new, matrix_new, *more_new = evaluate(trial, y[active])
-        after = np.abs(residual_new).max(axis=1)
-        before = error[active]
-        stalled = (before < 1e-11) & ~(after < 0.5 * before)  # as small as rounding lets it be
-        take = ~stalled | (after < before)
-        rows = active[take]
-        pairs = (q, trial), (residual, residual_new), (matrix, matrix_new), (error, after)
-        for kept, new in (*pairs, *zip(more, more_new, strict=True)):
-            kept[rows] = new[take]
-        halved = after <= goal[active]
-        goal[active[halved]] = 0.5 * after[halved]
-        idle[active] = np.where(halved, 0, idle[active] + 1)
-        active = active[~stalled & ~(after <= ROUNDING) & np.isfinite(after) & (idle[active] < PATIENCE)]
-    return q, matrix, error, *more
+
+    def __init__(self, z: Array, y: Array, size: Array | float, t: float, *, singular: bool, beyond: bool) -> None:
+        super().__init__(no_further(y * size), f"t = {t:g} s", REMEDY)
+        self.z, self.y, self.t, self.singular, self.beyond = z, y, t, singular, beyond
 
 
-def velocity_map(A: Array, k: int) -> Array:
-    """Velocity map K, ``qd = K yd``, the last k rows of A selecting y. Shape (n, m, n_q) -> (n, n_q, k)."""
-    right = np.zeros((*A.shape[:2], k), dtype=A.dtype)
-    right[:, -k:] = np.eye(k)
-    return linear.solve(A, right)
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """Closed poses of n samples, without dimension.
+
+    Attributes:
+        z: Unknowns. Shape (n, n_z).
+        matrix: Jacobian of the closure residuals. Shape (n, m, n_z).
+        error: Largest closure residual of each. Shape (n,).
+        more: What else was evaluated there. Shape (n, ...) each.
+    """
+
+    z: Array
+    matrix: Array
+    error: Array
+    more: tuple[Array, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Predicted:
+    """What samples are predicted from.
+
+    Attributes:
+        t: Times [s], or numbers of samples in any order. Shape (n,).
+        z: Unknowns to first order. Shape (n, n_z).
+        anchor: Anchor of each sample. Shape (n,).
+        visited: Of a motion the unknowns of all anchors along its way, in order; empty where samples are in any order.
+            Shape (v, n_z).
+        visit: Which of these each sample is predicted from. Shape (n,).
+    """
+
+    t: Array
+    z: Array
+    anchor: Indices
+    visited: Array
+    visit: Indices
+
+    def rows(self, rows: Indices) -> Predicted:
+        """The same for some of the samples, in any order."""
+        return Predicted(self.t[rows], self.z[rows], self.anchor[rows], self.visited[:0], self.visit[rows])
+
+    @property
+    def ordered(self) -> bool:
+        """Whether samples follow each other."""
+        return len(self.visited) > 0
+
+
+class Continuation(Walk):
+    """Closed poses of one assembly mode: of the samples of a motion, or in any order."""
+
+    def predict(
+        self, y: Array, t: Array, rates: tuple[Array, Array] | None = None, drive: Drive | None = None
+    ) -> Predicted:
+        """Predicts the samples of a motion that goes on from those before, each linked to the one before.
+
+        Args:
+            y: Independent coordinates. Shape (n, k).
+            t: Times [s]. Shape (n,).
+            rates: Their derivatives: between samples the motion is the curve through both states. Without them, or
+                where they do not belong together, samples are poses and any way will do. Shape (n, k) each.
+            drive: The motion itself between these times.
+
+        Raises:
+            PathEnd: The motion leads to where the loops cannot close, or over a singular pose.
+        """
+        self._look_for_turns(y)
+        curves, moving, miss = self._curves(y, t, rates, drive)
+        anchor, visit, i, window = np.empty(len(y), dtype=np.intp), np.empty(len(y), dtype=np.intp), 0, WINDOW
+        begin = len(self.visits) - 1
+        while i < len(y):
+            rows = slice(i, min(i + window, len(y)))
+            found = self._linked(curves[rows], miss[rows])
+            m = len(found)
+            if m:
+                changed = np.flatnonzero(np.diff(found, prepend=self.at))
+                visit[i : i + m] = len(self.visits) - 1 + np.searchsorted(changed, np.arange(m), side="right")
+                self.visits += found[changed].tolist()
+                anchor[i : i + m], self.at, self.begun = found, int(found[-1]), True
+            window = min(2 * window, WIDEST) if i + m == rows.stop else max(window // 2, WINDOW)
+            i += m
+            if i < rows.stop:
+                ends = (float(t[i - 1]) if i else float(self.last[0]) if self.last else float(t[0])), float(t[i])
+                self._go(Curve(curves[i], ends, drive if moving[i] else None), moving=bool(moving[i]))
+                anchor[i], visit[i], self.begun = self.at, len(self.visits) - 1, True
+                i += 1
+        self.last = [t[-1], y[-1], *(x[-1] for x in rates or ())]
+        return self._predicted(y, t, anchor, visit - begin, begin)
+
+    def _predicted(self, y: Array, t: Array, anchor: Indices, visit: Indices, begin: int) -> Predicted:
+        """Predictions from anchors, whole turns counted along the way."""
+        table = self.anchors.table["z"][self.visits[begin:]]
+        visited = self._unwrapped(np.concatenate([self.path[-1:], table]))[1:]
+        z = self.anchors.predict(y, anchor) + (visited - table)[visit]
+        self.path, self.visits = visited[-1:], self.visits[-1:]
+        return Predicted(t, z, anchor, visited, visit)
+
+    def _curves(
+        self, y: Array, t: Array, rates: tuple[Array, Array] | None, drive: Drive | None
+    ) -> tuple[Array, Flags, Array]:
+        """The curve that leads to each sample, whether it is the motion, and by how much that differs half-way.
+
+        Returns:
+            Shapes (n, 6, k), (n,), (n, k).
+        """
+        before = np.concatenate([(self.last[1] if self.last else self.anchors[self.at].y)[None], y[:-1]])
+        points, moving, miss = straight(before, y), np.zeros(len(y), dtype=bool), np.zeros_like(y)
+        if rates is None:
+            return points, moving, miss
+        known = len(self.last) == 4
+        states = [y, *rates]
+        if known:
+            states = [np.concatenate([old[None], new]) for old, new in zip(self.last[1:], states, strict=True)]
+            t = np.concatenate([self.last[:1], t])
+        h = np.diff(t)
+        ends: list[State] = [(x[0][some], x[1][some], x[2][some]) for x in [states] for some in (np.s_[:-1], np.s_[1:])]
+        rows = slice(0 if known else 1, None)
+        moving[rows] = consistent(h, *ends)
+        points[rows] = np.where(moving[rows, None, None], hermite(h, *ends), points[rows])
+        if drive is not None and len(h):
+            miss[rows] = np.where(moving[rows, None], drive(t[:-1] + 0.5 * h)[0] - HALF @ points[rows], 0.0)
+        return points, moving, miss
+
+    def _linked(self, curves: Array, miss: Array) -> Indices:
+        """Anchors of the first samples that are linked to those before: their curves lie in one ball. (n, 6, k)."""
+        anchors, y = self.anchors, curves[:, -1]
+        found, good = anchors.cover(y, int(anchors.table["sheet"][self.at]))
+        before = np.concatenate([[self.at], found[:-1]])
+        within = self._within(curves, miss, before)
+        other = np.flatnonzero(~within & (found != before))
+        within[other] = self._within(curves[other], miss[other], found[other])
+        good &= within
+        for i in np.flatnonzero(good & (found != before)).tolist():
+            good[i] = anchors.alike(int(before[i]), int(found[i]))
+        return found if good.all() else found[: int(np.argmin(good))]
+
+    def _within(self, curves: Array, miss: Array, a: Indices) -> Flags:
+        """Whether curves lie in the balls of anchors. Shapes (n, 6, k), (n, k), (n,) -> (n,)."""
+        inside = (self.anchors.distances(curves, a) <= 1.0).all(axis=1)
+        if miss.any():
+            W = self.anchors.table["W"][a]
+            inside &= np.matmul(np.matmul(miss[:, None], W), miss[..., None])[:, 0, 0] <= MISS**2
+        return np.asarray(inside)
+
+    def _go(self, curve: Curve, *, moving: bool) -> None:
+        """Goes to the end of a curve: along it if it is the motion, else straight or by any other way."""
+        target, t = curve.points[-1], curve.t[1]
+        length = float(np.abs(target - self.anchors[self.at].y).max(initial=0.0))
+        if not length <= LONGEST:
+            what = f"the motion jumps by {length:.3g} (rad, or lengths of the mechanism) from one sample to the next"
+            raise ClosureError(what, f"t = {t:g} s", "give samples closer to each other")
+        start, seen, home = self.at, len(self.visits), self.anchors[0].y
+        ways = [(list[int](), curve)]
+        around = not moving and not (self.strict and self.begun)
+        if around:
+            ways += [([], Curve(points)) for points in bent(curve.points[0], target)]
+        if around and start:
+            ways += [(self._back(), Curve(points)) for points in (straight(home, target), *bent(home, target))]
+        ends = list[PathEnd]()
+        for back, way in ways:
+            self.visits[seen:], self.steps = back, 0
+            self.at = self.visits[-1]
+            try:
+                self._along(way)
+                self._walk(target)
+                return
+            except Blocked as blocked:
+                ends.append(self._end(way, t, singular=blocked.singular))
+        if not (self.strict or self.begun) and self._straight_over(target):
+            return
+        self.visits[seen:], self.at = [], start
+        raise ends[0]
+
+    def _straight_over(self, target: Array) -> bool:
+        """Goes straight to the start of a motion, over singular poses: such as turn off there are left behind."""
+        self.visits, self.at = [0], 0
+        way = target - self.anchors[0].y
+        for _ in range(LEAPS):
+            self.steps = 0
+            try:
+                self._walk(target)
+                return True
+            except Blocked:
+                if not self._leap(way, target):
+                    return False
+        return False
+
+    def _end(self, curve: Curve, t: float, *, singular: bool) -> PathEnd:
+        """That a way along a curve ends here, and whether the loops close beyond."""
+        here, (begin, end) = self.anchors[self.at], curve.t
+        done = (self.piece.t[1] - begin) / (end - begin) if self.piece is not None and end > begin else 1.0
+        beyond = self._beyond(curve.at(min(1.0, done + LEAP)))
+        return PathEnd(here.z, here.y, self.size, t, singular=singular, beyond=beyond is not None)
+
+    def follow(
+        self, y: Array, t: Array, rates: tuple[Array, Array] | None = None, drive: Drive | None = None
+    ) -> Followed:
+        """The closed poses of samples, see `predict`."""
+        return self.close(y, self.predict(y, t, rates, drive))
+
+    def close(self, y: Array, prediction: Predicted) -> Followed:
+        """Newton's method from predictions; samples that it leads too far are made anchors.
+
+        Raises:
+            PathEnd: Such a sample cannot be reached.
+        """
+        start = prediction.z
+        if prediction.ordered and len(y) > DENSE and 2 * len(rows := knots(y, EVERY, SPREAD)) <= len(y):
+            z, J, *_ = newton(self.evaluate, start[rows], y[rows])
+            start = predicted(y, rows, z, velocity_map(J, y.shape[1]))
+        found = list(newton(self.evaluate, start, y))
+        z, _, error = found[:3]
+        far = self.anchors.corrections(z - prediction.z, prediction.anchor)
+        for i in np.flatnonzero(~((error < OPEN) & (far <= NEAR))).tolist():
+            try:
+                exact = self._exactly(y[i], int(prediction.anchor[i]), prediction.z[i])
+            except Blocked as blocked:
+                way = Curve(straight(self.anchors[self.at].y, y[i]))
+                raise self._end(way, float(prediction.t[i]), singular=blocked.singular) from None
+            for array, value in zip(found, newton(self.evaluate, exact[None], y[i : i + 1]), strict=True):
+                array[i] = value[0]
+        z, J, error, *more = found
+        return Followed(z, J, error, tuple(more))
+
+    def reach(self, y: Array) -> tuple[Predicted, Flags, Flags]:
+        """Predicts samples in any order, from anchors on the sheet of home that spread until all are in a ball.
+
+        Args:
+            y: Independent coordinates. Shape (n, k).
+
+        Returns:
+            Predictions; which samples were not reached without passing near a singular pose, or within `LARGEST`
+            anchors; and over which of them another sheet of the same piece lies, too, so that y alone does not say the
+            pose. Shape (n,) each.
+        """
+        self._look_for_turns(y)
+        anchors, self.floor = self.anchors, STEEP * self.anchors[0].beta
+        found, inside = anchors.cover(y, 0)
+        left = np.flatnonzero(~inside)
+        near, far, tries = found[left], anchors.distance(y[left], found[left]), np.zeros(len(left), dtype=int)
+        while left.size and len(anchors) < LARGEST:
+            i, first = int(np.argmin(far)), len(anchors)
+            self.at, self.steps = (int(near[i]), 0, self._aside(y[left[i]], 3))[tries[i]], 0
+            try:
+                self._walk(y[left[i]])
+                done = not anchors.table["sheet"][self.at]
+            except Blocked:
+                done = False
+            if done:
+                near[i], far[i] = self.at, 0.0
+            else:
+                tries[i], far[i] = tries[i] + 1, max(4.0 * far[i], 1e3)
+            for a in anchors.sheet_of(0)[anchors.sheet_of(0) >= first].tolist():
+                distance = anchors.distance(y[left], np.full(len(left), a))
+                closer = distance < far
+                near[closer], far[closer] = a, distance[closer]
+            found[left] = near
+            rest = (far > 1.0) & (tries < PATIENCE)
+            lost = left[(far > 1.0) & ~rest]
+            found[lost] = -1
+            left, near, far, tries = left[rest], near[rest], far[rest], tries[rest]
+        found[left] = -1
+        self.floor = np.inf
+        twice = np.zeros(len(y), dtype=bool)
+        for sheet in range(1, anchors.sheets):
+            twice |= anchors.cover(y, sheet)[1]
+        return self._of_region(y, np.maximum(found, 0)), found < 0, twice
+
+    def _aside(self, y: Array, i: int) -> int:
+        """The anchor of home's sheet that is number i from the nearest."""
+        kin = self.anchors.sheet_of(0)
+        order = np.argsort(np.linalg.norm(self.anchors.away(y, self.anchors.table["y"][kin]), axis=1))
+        return int(kin[order[min(i, len(kin) - 1)]])
+
+    def _of_region(self, y: Array, anchor: Indices) -> Predicted:
+        """Predictions whose angles depend on y alone: with more than one coordinate they are within half a turn of how
+        far they turn with these; with one they are as they were followed from home."""
+        anchors, table = self.anchors, self.anchors.table[: len(self.anchors)]
+        z, home = anchors.predict(y, anchor), self.anchors[0]
+        if self.loops:
+            turned = np.rint((y - table["y"][anchor]) / TURN) * anchors.turning
+            z += TURN * turned @ self.windings
+        if y.shape[1] > 1:
+            lag = np.abs(table["z"] - home.z - (table["y"] - home.y) @ self.windings)[:, anchors.angles]
+            if lag.max(initial=0.0) > np.pi - 1.0:  # within a ball no unknown moves by more than 1
+                expected = home.z + (y - home.y) @ self.windings
+                z = np.where(anchors.angles, expected + within_half_turn(z - expected), z)
+        visit = np.zeros(len(y), dtype=np.intp)
+        return Predicted(np.arange(float(len(y))), z, anchor, np.empty((0, z.shape[1])), visit)

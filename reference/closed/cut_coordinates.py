@@ -42,3 +42,21 @@ def _values(at: JointPose, guess: Array, *, near: bool) -> Array:
     if not turns.all():
         found[:, ~turns] = np.stack([dot(e, at.p_child - at.p_parent) for e in at.slides], axis=1)
     return found
+
+
+def follow_cut_joints(lay: Layout, q: Array, near: Array) -> Array:
+    """Joint coordinates along a way, those of each cut joint next to those of the pose before.
+
+    Args:
+        q: Joint coordinates, of which those of the tree are looked at. Shape (v, n_q).
+        near: Those of the pose before the first. Shape (n_q,).
+    """
+    if not lay.tree.cuts:
+        return q
+    q = read(lay, q, near=False)
+    for joint in lay.tree.cuts:
+        turning = [c for c in lay.columns[joint.name] if lay.turns[c]]
+        before = near[turning]
+        for row in q:
+            before = row[turning] = nearest_angles(row[turning], before)[0]
+    return q

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from screwgauge.reference.closed.continuation import OPEN, newton, velocity_map
+from screwgauge.reference.closed.continuation import Continuation
 from screwgauge.reference.closed.cut_coordinates import read
-from screwgauge.reference.closed.following import Follower
+from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
 from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.kinematics import coordinates
 from screwgauge.reference.equations.ops import NUMPY
@@ -18,9 +18,6 @@ from screwgauge.reference.equations.rounding import chart_condition
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.pose import Pose, pose
 from screwgauge.reference.rotations import Array
-
-Rates = tuple[Array, Array]
-"""First and second derivatives of the independent coordinates. Shape (n, k) each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +76,10 @@ class LoopEquations:
             found = [chart_condition(cut) + np.zeros(len(q)) for cut in self.closed(q).cuts]
         return np.stack(found, axis=1) if found else np.zeros((len(q), 0))
 
-    def evaluate(self, z: Array, y: Array) -> tuple[Array, Array]:
-        """Residuals, those of the couplings too, and their derivative, without dimension: an `Evaluation` for Newton.
+    def evaluate(self, z: Array, y: Array) -> tuple[Array, ...]:
+        """Residuals, those of the couplings too, and their Jacobian, without dimension: an `Evaluation` for Newton.
+
+        Where coordinates are fixed, the Jacobian with their columns, which come last, follows.
 
         Args:
             z: Unknowns over their `size`. Shape (n, n_unknown).
@@ -92,9 +91,11 @@ class LoopEquations:
         q[:, columns] = given  # of a cut joint the angle nearest to what is wanted
         q[:, self.unknown] = z * self.size[self.unknown]
         at = self.closed(q)
-        return at.residual(given) / self.loops.unit, self.matrix_of(at)
+        full = np.asarray(at.system.A)
+        found = at.residual(given) / self.loops.unit, full[..., : self.loops.moving]
+        return (*found, full) if self.fixed else found
 
-    def _tree(self, z: Array, guess: Array) -> Array:
+    def tree(self, z: Array, guess: Array) -> Array:
         """Joint coordinates, those of cut joints being guessed."""
         q, fixed = guess.copy(), list(self.fixed)
         q[:, fixed] = self.lay.mechanism.home[fixed]
@@ -112,32 +113,31 @@ class LoopEquations:
 
     def coordinates(self, z: Array, guess: Array) -> Array:
         """Of that pose all joint coordinates. Shape (n, n_q)."""
-        return read(self.lay, self._tree(z, guess))
+        return read(self.lay, self.tree(z, guess))
 
     def correct(self, q: Array, y: Array) -> tuple[Array, Array] | None:
         """A `Corrector`: all joint coordinates without dimension, those of cut joints read near the prediction."""
-        z, matrix, error = newton(self.evaluate, q[None, self.unknown], y[None])
+        z, matrix, error = newton(self.evaluate, q[None, self.unknown], y[None])[:3]
         if not error[0] < OPEN:
             return None
         K = np.zeros((len(q), len(y)))  # cut coordinates are not predicted: near gimbal lock they run away
         K[self.unknown] = velocity_map(matrix, len(y))[0]
         return self.coordinates(z, q[None] * self.size)[0] / self.size, K
 
-    def joints(self, z: Array, near: Array | None) -> Array:
-        """All joint coordinates of one pose, those of cut joints next to others, or to home. Shape (n_q,)."""
-        return np.asarray(self.coordinates(z[None], (self.lay.mechanism.home if near is None else near)[None])[0])
-
-    def follower(self) -> Follower:
-        """Follows motions from home on."""
+    def continuation(self, *, strict: bool = False) -> Continuation:
+        """Closed poses reached from home; see `Continuation`."""
         home, columns = self.lay.mechanism.home / self.size, self.lay.mechanism.independent_columns
-        return Follower(self.evaluate, home[self.unknown], home[columns], size=self.size[columns], read=self.joints)
-
-    def follow(self, path: Follower, y: Array, t: Array, rates: Rates | None = None, *, strict: bool = False) -> Pose:
-        """The poses of a motion, see `Follower.follow`. Shapes (n, k), (n,) and (n, k) twice, in rad and m."""
-        over = None if rates is None else (rates[0] / path.size, rates[1] / path.size)
-        found = path.follow(y / path.size, t, over, strict=strict)
-        found.near[:, self.lay.mechanism.independent_columns] = y  # with the whole turns that are given
-        return self.fill(found.z, found.near)
+        angles = self.lay.turns
+        return Continuation(
+            self.evaluate,
+            home[self.unknown],
+            home[columns],
+            angles=angles[self.unknown],
+            turning=angles[columns],
+            size=self.size[columns],
+            resting=bool(self.fixed),
+            strict=strict,
+        )
 
 
 def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:

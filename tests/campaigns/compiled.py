@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.engines.registry import get_engine
-from screwgauge.engines.screw.array_work import ArrayWork
 from screwgauge.engines.screw.bounds import examined
 from screwgauge.engines.screw.compiled import Answer, Solver
+from screwgauge.engines.screw.inverse import Work
 from screwgauge.families.draw import families, random
 from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
 from screwgauge.problem import GivenMotion, ModelFiles, Rows
@@ -76,12 +76,14 @@ def spread(errors: Array, units: Sequence[str]) -> Array:
 
 def by_array(scene: Scene, motion: GivenMotion) -> Answers:
     """All samples by the array solver."""
-    work = ArrayWork(layout(scene.mechanism), scene.problem(GIVEN), motion, "compared")
-    parts = [work.part(motion.part(slice(i, i + PART))) for i in range(0, len(motion), PART)]
-    errors = np.concatenate([examined(part, work.units, work.length) for part in parts])
-    each = np.split(errors, np.cumsum([len({*units}) for units in work.units.values()]), axis=1)
-    values = {name: np.concatenate([part.values[name] for part in parts]) for name in work.units}
-    return {name: (values[name], spread(e, work.units[name])) for name, e in zip(values, each, strict=False)}
+    work = Work(layout(scene.mechanism), scene.problem(GIVEN))
+    some = [motion.part(slice(i, i + PART)) for i in range(0, len(motion), PART)]
+    parts = [work.part(one, work.close(one, work.predict(one))) for one in some]
+    units = {name: units for name, (_, units) in work.names().items() if name in parts[0].values}
+    errors = np.concatenate([examined(part, units, work.system.length) for part in parts])
+    each = np.split(errors, np.cumsum([len({*one}) for one in units.values()]), axis=1)
+    values = {name: np.concatenate([part.values[name] for part in parts]) for name in units}
+    return {name: (values[name], spread(e, units[name])) for name, e in zip(values, each, strict=False)}
 
 
 def by_truth(scene: Scene, motion: GivenMotion) -> tuple[Rows, Answers]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.engines.methods import METHODS, SIZES, Pace, StagedDOP853
+from screwgauge.engines.methods import METHODS, SIZES, Pace
 from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.engines.screw.integrate import Trajectory
 from screwgauge.engines.screw.integrate import integrate as integrate_task
@@ -17,13 +17,16 @@ from screwgauge.engines.screw.programs import check_traceable
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.problem import InitialValue, Integration
 from screwgauge.reference import dynamics, kinematics, reactions
-from screwgauge.reference.closed.between import Spacing, knots, predicted
+from screwgauge.reference.closed import continuation
+from screwgauge.reference.closed.anchors import Anchors
+from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.branch import Branch
+from screwgauge.reference.closed.constant_coordinates import home_equations
+from screwgauge.reference.closed.continuation import Continuation
+from screwgauge.reference.closed.curves import Curve, bent, straight
 from screwgauge.reference.closed.cut_coordinates import read
-from screwgauge.reference.closed.following import Follower
+from screwgauge.reference.closed.hermite_prediction import knots, predicted
 from screwgauge.reference.closed.loops import LoopEquations, loop_equations
-from screwgauge.reference.closed.resting import home_equations
-from screwgauge.reference.closed.ways import straight_and_bent
 from screwgauge.reference.dynamics import force_matrix, joint_reactions
 from screwgauge.reference.forward import Forces, forward, forward_dense, inertia_matrix
 from screwgauge.reference.kinematics import (

@@ -10,7 +10,6 @@ from operator import is_
 
 import numpy as np
 
-from screwgauge.engines.screw.array_work import ArrayWork
 from screwgauge.engines.screw.programs import Bound
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.problem import GivenMotion
@@ -19,7 +18,6 @@ from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.layout import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.lanes import CHUNK, columns
-from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.scene.preflight import delivered
 from screwgauge.scene.scene import Scene, check_scene_type
 
@@ -67,28 +65,23 @@ class Solver:
             mode: Of the program that is made at once; others are made when they are first asked for.
         """
         self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
-        self.works: dict[Mode, list[TracedWork | ArrayWork]] = {}
+        self.works: dict[Mode, list[TracedWork]] = {}
         self.last: dict[Mode, tuple[Bound, Answer]] = {}
         work = self.first = self._works(mode)[0]
         self.components = {name: work.names()[name][0] for name in self.quantities}
         self.notes = tuple(filter(None, [work.said]))
 
-    def _works(self, mode: Mode) -> list[TracedWork | ArrayWork]:
+    def _works(self, mode: Mode) -> list[TracedWork]:
         """One a thread."""
         if mode not in self.works:
             lay, motion, problem = layout(self.scene.mechanism), self.scene.motion, self.scene.problem(self.quantities)
-            first: TracedWork | ArrayWork
-            try:
-                first = TracedWork(lay, problem, motion, self.backend, loaded=mode[0], estimates=mode[1])
-            except NotTraceableError as error:
-                first = ArrayWork(lay, problem, motion, error.what)
+            first = TracedWork(lay, problem, motion, self.backend, loaded=mode[0], estimates=mode[1])
             self.works[mode] = [first, *(first.again() for _ in range(self.threads - 1))]
         return self.works[mode]
 
     def as_c(self) -> str:
         """The program as C, for reading; empty if there is none."""
-        work = self.first
-        return work.traced.program.as_c() if isinstance(work, TracedWork) else ""
+        return "" if self.first.traced is None else self.first.traced.program.as_c()
 
     def buffers(self, n: int) -> dict[str, Array]:
         """Arrays for `out`, shape (n, n_component); numbers of one component lie side by side."""
@@ -100,25 +93,28 @@ class Solver:
         yd: Array,
         ydd: Array,
         *,
+        t: Array | None = None,
         load: Array | None = None,
         out: Mapping[str, Array] | None = None,
         estimates: bool = False,
     ) -> Answer:
-        """Answers samples.
+        """Answers samples in any order: a function of each row, whatever was asked before.
 
         Args:
             y, yd, ydd: Independent coordinates [rad or m] and derivatives. Shape (n, k).
+            t: Times [s]: the rows are a motion, which is followed from home along the curve through them. Shape (n,).
             load: In place of the scene's loads, force [N] and torque [N m] of each. Shape (6 n_load,) or
                 (n, 6 n_load).
             out: Where the values are written, see `buffers`.
             estimates: Whether errors are estimated sample by sample; samples are checked in any case.
 
         Raises:
-            ScrewgaugeError: An array of wrong shape or type, or a sample that cannot be solved.
+            ScrewgaugeError: An array of wrong shape or type, or a row that cannot be solved: not reached from home
+                without passing near a singular pose, or in two poses that are both reached.
         """
         given = (y, yd, ydd) if load is None else (y, yd, ydd, load)
         mode = load is not None, estimates
-        if out is not None and mode in self.last and len(out) == len(self.quantities):
+        if t is None and out is not None and mode in self.last and len(out) == len(self.quantities):
             bound, answer = self.last[mode]  # the buffers of the last call: nothing to prepare
             if all(map(is_, out.values(), bound.values)) and bound.fill(given):
                 return answer
@@ -128,6 +124,8 @@ class Solver:
             if not np.isfinite(array).all():
                 row = int(np.isfinite(array).all(axis=1).argmin())
                 raise DescriptionError(f"row {row} is not finite", name, "complete the samples")
+        if t is not None:
+            _check_array(t, (n,), "t")
         inputs = [y, yd, ydd, *([] if load is None else [self._loads(load, n)])]
         values = self.buffers(n) if out is None else self._checked(out, n)
         works = self._works(mode)
@@ -140,12 +138,12 @@ class Solver:
             arrays["error"] = columns(n, sum(counts))
             each = np.split(arrays["error"], np.cumsum(counts)[:-1], axis=1)
             found = dict(zip(works[0].units, each, strict=True))
-        shares = [(work, slice(n * i // self.threads, n * (i + 1) // self.threads)) for i, work in enumerate(works)]
-        if self.threads == 1:
-            self._fill(shares[0], inputs, arrays)
+        if t is not None or self.threads == 1:
+            self._fill(works[0], slice(0, n), inputs, arrays, t)
         else:
+            shares = [slice(n * i // self.threads, n * (i + 1) // self.threads) for i in range(len(works))]
             with ThreadPoolExecutor(self.threads) as pool:
-                [*pool.map(lambda share: self._fill(share, inputs, arrays), shares)]
+                [*pool.map(lambda work, share: self._fill(work, share, inputs, arrays, t), works, shares)]
         answer = Answer(values, sum((work.by_array for work in works), start=Counter[str]()), found)
         if works[0].bound is not None and works[0].bound.fits(inputs, values):
             self.last[mode] = works[0].bound, replace(answer, by_array={})
@@ -165,10 +163,10 @@ class Solver:
             yield self(y, yd, ydd, load=load[0] if load else None, out=out, estimates=estimates)
 
     def _fill(
-        self, share: tuple[TracedWork | ArrayWork, slice], inputs: Sequence[Array], arrays: Mapping[str, Array]
+        self, work: TracedWork, rows: slice, inputs: Sequence[Array], arrays: Mapping[str, Array], t: Array | None
     ) -> None:
-        """Fills in the values of some samples part after part. `share`: what works on them, and which they are."""
-        work, rows = share
+        """Fills in the values of some samples part after part."""
+        work.work.mode.restart()
         for start in range(rows.start, rows.stop, PART):
             some = slice(start, min(start + PART, rows.stop))
             given, into = inputs, arrays
@@ -176,7 +174,9 @@ class Solver:
                 given, into = [x[some] for x in inputs], {name: x[some] for name, x in arrays.items()}
             bound = work.bind(given, into)
             if bound is None or not bound.fill(given):
-                work.part(*_motion(given), into)
+                motion, loads = _motion(given, np.arange(some.start, some.stop, dtype=float) if t is None else t[some])
+                guess = work.predict(motion) if t is not None else work.reach(motion)
+                work.part(motion, guess, loads, into)
 
     def _loads(self, load: Array, n: int) -> Array:
         m = 6 * len(self.scene.applied.loads)
@@ -197,10 +197,10 @@ class Solver:
         return {name: out[name] for name in self.quantities}
 
 
-def _motion(inputs: Sequence[Array]) -> tuple[GivenMotion, Array | None]:
+def _motion(inputs: Sequence[Array], t: Array) -> tuple[GivenMotion, Array | None]:
     """Samples as a motion, and their loads."""
     y, yd, ydd, *loads = (array.copy() for array in inputs)
-    return GivenMotion(np.arange(len(y), dtype=float), y, yd, ydd), np.ascontiguousarray(loads[0].T) if loads else None
+    return GivenMotion(t.copy(), y, yd, ydd), np.ascontiguousarray(loads[0].T) if loads else None
 
 
 def _check_array(array: Array, shape: tuple[int, ...], where: str) -> None:

@@ -1,4 +1,4 @@
-"""Accelerations of single states and small batches by traced programs; what these cannot answer is for the arrays."""
+"""Accelerations of states by a traced program; what it cannot answer is for the arrays."""
 
 from __future__ import annotations
 
@@ -6,44 +6,35 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from scipy.integrate import DOP853
 
-from screwgauge.engines.methods import StagedDOP853
 from screwgauge.engines.screw.programs import check_traceable, runner
 from screwgauge.problem import InitialValue, Problem
-from screwgauge.reference.closed.branch import BEND, Branch
-from screwgauge.reference.closed.continuation import OPEN, ROUNDING
-from screwgauge.reference.closed.resting import home_equations
-from screwgauge.reference.equations.closure import Loops
+from screwgauge.reference.closed.branch import Branch
+from screwgauge.reference.closed.constant_coordinates import home_equations
+from screwgauge.reference.closed.newton import OPEN
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.linear import SINGULAR
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.forward import forward_programs
-from screwgauge.reference.traced.native import Native
-from screwgauge.reference.traced.scalars import Scalars
-from screwgauge.reference.traced.stages import Buffers, Limits
-from screwgauge.reference.traced.steps import GROW, LAST, SIZE, STEPS, TAKEN, TRIED, UNTIL, Stages, T
+from screwgauge.reference.traced.forward import CHECKS, forward_program
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.solution import Stopwatch
 
-#: Steps of Newton's method, and the square of one, without dimension, after which the next would be rounding.
-MOST, SETTLED = 10, 1e-20
-#: Longest way to a predicted pose, on average of all coordinates [rad or lengths of the mechanism]; what lies farther
-#: is reached in steps.
+#: How often the program goes on from where Newton's method came to, and the square of a step, without dimension, after
+#: which the next would be rounding.
+AGAIN, SETTLED = 4, 1e-20
+#: Longest way to a predicted pose, on average of all coordinates [rad or lengths of the mechanism].
 FARTHEST = 1.0
-#: Shortest step on a long way, as a share of it.
-SHORTEST = 2.0**-6
 #: How much closer to a singular pose than `Integration.near` the estimate of the condition may put a state.
 MARGIN = 1.5
-#: So many states of good condition that a program could not answer make new pivots worth while, so often.
-MISSED, AGAIN = 8, 3
+#: So many states of good condition that the program could not answer make new pivots worth while, so often.
+MISSED, TIMES = 8, 3
 
 
 class TracedForward:
-    """Slopes of states (y, yd, work) by programs, each pose predicted from the one before.
+    """Slopes of states (y, yd, work) by a program, each pose predicted from the one before.
 
     Attributes:
-        stages: The same for whole steps, where there is machine code.
+        pose: Closed pose that the next is predicted from, see `Forward.program`. Shape (d + d k + k, width).
         by_array: Evaluations that were left to the array solver.
         setup: What tracing and compiling took [s of processor time].
     """
@@ -52,11 +43,11 @@ class TracedForward:
         """Traces and compiles.
 
         Raises:
-            NotTraceableError: There are no such programs.
+            NotTraceableError: There is no such program.
             ClosureError: The loops cannot close at the start.
         """
         check_traceable(lay, replace(problem, wanted=frozenset()))
-        near = task.integration.near
+        self.system, near = home_equations(lay), task.integration.near
         self.lay, self.applied, self.backend, self.near = lay, problem.applied, backend, near
         self.by_array, self.made, self.setup, self.missed = 0, 0, 0.0, list[Array]()
         branch = Branch(lay, lay.mechanism.home)
@@ -66,174 +57,102 @@ class TracedForward:
         self.recall(branch.q, branch.K * branch.size[:, None] / branch.size[self.columns])
 
     def _make(self) -> None:
-        """Makes the programs, pivots being chosen at the poses that are known to matter."""
-        clock, lay, system = Stopwatch(), self.lay, home_equations(self.lay)
-        programs = forward_programs(Loops(lay, system.fixed), self.applied, np.array(self.poses))
-        (close, said), (respond, _) = (runner(p, self.backend, Scalars) for p in (programs.close, programs.respond))
-        self.said = f"{said}; " if said else ""
-        self.operations = len(programs.close.code) + len(programs.respond.code)
-        self.dependent, d = [*programs.dependent], len(programs.dependent)
-        self.columns, k = lay.mechanism.independent_columns, len(lay.mechanism.independent)
-        self.width, s = getattr(respond, "width", 1), len(DOP853.C) + 1
-        farthest, condition = FARTHEST * d**0.5, (self.near / MARGIN) ** 2
-        self.limits = Limits(MOST, SETTLED, ROUNDING**2, OPEN**2, BEND, 1e-9, farthest, condition, SINGULAR)
-        A, m, pose = np.zeros((s, s)), 2 * k + 1, np.zeros(k + d + d * k)
-        A[:-1, :-1], A[-1, :-1] = DOP853.A, DOP853.B
-        self.at = at = Buffers(
-            given=np.zeros((programs.respond.inputs, self.width)),
-            step=np.zeros((d + 2, self.width)),
-            answer=np.zeros((len(programs.respond.outputs), self.width)),
-            y=pose[:k],
-            q=pose[k : k + d],
-            K=pose[k + d :].reshape(d, k),
-            size=system.size[self.dependent],
-            state=np.zeros(m),
-            pose=pose,
-            start=np.zeros_like(pose),
-            A=A,
-            c=np.append(DOP853.C, 1.0),
-            E=np.array([DOP853.E3, DOP853.E5]),
-            slopes=np.zeros((s, m)),
-            new=np.zeros(m),
-            control=np.zeros(UNTIL + 1),
-            log=np.zeros((STEPS, 1 + m + d)),
-        )
-        self.close = close.bind([at.given[: d + k]], [at.step])
-        self.respond = respond.bind([at.given], [at.answer])
-        self.stages: Stages | None = None
-        if isinstance(close, Native) and isinstance(respond, Native):
-            self.stages = Stages(close, respond, at, self.limits)
+        """Makes the program, pivots being chosen at the poses that are known to matter."""
+        clock, lay, loops = Stopwatch(), self.lay, self.system.loops
+        traced = forward_program(loops, self.applied, np.array(self.poses))
+        compiled, note = runner(traced.program, self.backend)
+        self.note = f"{note}; " if note else ""
+        self.operations, self.columns = len(traced.program.code), lay.mechanism.independent_columns
+        self.dependent, k, width = [*traced.dependent], len(self.columns), getattr(compiled, "width", 1)
+        d = len(self.dependent)
+        self.pose, self.state = np.zeros((d + d * k + k, width)), np.zeros((2 * k + 1, width))
+        self.reached, self.answer = np.zeros_like(self.pose), np.zeros((k + 1, width))
+        self.checks = np.zeros((len(CHECKS), width))
+        limits = SETTLED, OPEN**2, (self.near / MARGIN) ** 2, SINGULAR, FARTHEST**2, 1.0
+        #: Answers to the states of all lanes; whether none is in doubt.
+        self.weights = 1.0 / np.array(limits)
+        self.run = compiled.bind([self.pose, self.state], [self.answer, self.reached, self.checks], self.weights)
         self.made += 1
         self.setup += clock.cost().cpu_s
 
     def recall(self, q: Array, K: Array) -> None:
         """Predicts from a closed pose with its velocity map from now on. Shapes (n_q,), (n_q, k)."""
-        self.at.y[:], self.at.q[:], self.at.K[:] = q[self.columns], q[self.dependent], K[self.dependent]
+        self.pose[:] = np.concatenate([q[self.dependent], K[self.dependent].ravel(), q[self.columns]])[:, None]
+
+    def _coordinates(self, q: Array) -> Array:
+        """Fills in the pose that is predicted from. Shape (n_q,)."""
+        q[self.columns], q[self.dependent] = self.pose[-len(self.columns) :, 0], self.pose[: len(self.dependent), 0]
+        return q
 
     def lend(self, branch: Branch) -> None:
         """Puts a branch to the pose that is predicted from."""
-        q = branch.q.copy()
-        q[self.columns], q[self.dependent] = self.at.y, self.at.q
-        branch.put(q)
+        branch.put(self._coordinates(branch.q.copy()))
 
     def learn(self, q: Array, K: Array, condition: float) -> None:
-        """Goes on from a pose that no program answered; if it closed it and its condition is good, it may ask for
-        other pivots. `condition`: infinite where it did not."""
+        """Goes on from a pose that the program did not answer; if it closed it and its condition is good, it may ask
+        for other pivots. `condition`: infinite where it did not."""
         self.by_array += 1
         if condition < self.near / MARGIN**2:
             self.missed.append(q)
-        if len(self.missed) >= MISSED and self.made <= AGAIN:
+        if len(self.missed) >= MISSED and self.made <= TIMES:
             self.poses, self.missed = [*self.poses, *self.missed], []
             with suppress(NotTraceableError):  # no pivots keep their size at all these poses
                 self._make()
         self.recall(q, K)
 
-    def place(self, y: Array) -> bool:
-        """Closes the loops at some independent coordinates; whether that is beyond doubt. Shape (k, m)."""
-        at, limits, m = self.at, self.limits, y.shape[1]
-        d, k = at.K.shape
-        at.given[d : d + k, :m] = y
-        if not d:
+    def _evaluate(self) -> bool:
+        """Runs the program at the states of all lanes; whether all are beyond doubt."""
+        if self.run():
+            self.pose[:] = self.reached
             return True
-        way = at.K @ (y - at.y[:, None])
-        at.given[:d, :m] = at.q[:, None] + way
-        off, there = 0.0, False
-        for _ in range(limits.most):
-            self.close()
-            moved, residual = at.step[d:, 0] if m == 1 else at.step[d:, :m].max(axis=1)
-            if there := bool(residual <= limits.rounding):
+        moved, residual, condition, inertia, far, strayed = (self.checks * self.weights[:, None]).max(axis=1)
+        rest, before = condition + inertia + far + strayed <= 1.0, self.pose.copy()
+        for _ in range(AGAIN):
+            if not (rest and np.isfinite(moved + residual)):
                 break
-            at.given[:d, :m] += at.step[:d, :m]
-            off += moved**0.5
-            if there := bool(moved <= limits.settled):
-                break
-        far = float(np.linalg.norm(way / at.size[:, None], axis=0).max())
-        near = off <= limits.bend * far + limits.slack and far <= limits.farthest
-        return bool(there and near and residual <= limits.residual)
-
-    def reach(self, y: Array) -> bool:
-        """The same over a way that is too long for one prediction, in steps towards the first. Shape (k, m)."""
-        if self.place(y):
-            return True
-        done, step, start = 0.0, 0.5, self.at.y.copy()
-        while step >= SHORTEST:
-            if self.place((start + (done + step) * (y[:, 0] - start))[:, None]):
-                self.respond()
-                self._go_on()
-                if self.place(y):
-                    return True
-                done, step = done + step, min(2.0 * step, 0.5 * (1.0 - done - step))
-            else:
-                step *= 0.5
+            self.pose[:] = self.reached  # from where Newton's method came to
+            if self.run():
+                self.pose[:] = self.reached
+                return True
+        self.pose[:] = before
         return False
 
-    def _go_on(self) -> None:
-        """Predicts from the first of the states that were answered."""
-        at, (d, k) = self.at, self.at.K.shape
-        at.y[:], at.q[:], at.K[:] = at.given[d : d + k, 0], at.given[:d, 0], at.answer[k + 3 :, 0].reshape(d, k)
-
-    def pose(self, y: Array) -> Array | None:
+    def closed(self, y: Array) -> Array | None:
         """Joint coordinates of the closed pose, those of cut joints left out; None where there is a doubt. (n_q,)."""
-        if not self.reach(y[:, None]):
-            return None
-        q = self.lay.mechanism.home.copy()
-        q[self.columns], q[self.dependent] = y, self.at.given[: len(self.at.q), 0]
-        return q
-
-    def one(self, t: float, state: Array) -> Array | None:
-        """Derivative of a state, None where it is doubtful. Shape (2 k + 1,)."""
-        if self.stages is None:
-            found = self.slope(t, state[:, None])
-            return None if found is None else found[:, 0]
-        self.at.state[:] = state
-        return self.at.slopes[0].copy() if self.stages.run(t, 0.0, 0, 0) else None
-
-    def walk(self, solver: StagedDOP853, until: float) -> bool:
-        """Steps of DOP853 until one leads past a time [s] or is doubtful, see `Buffers.log`; whether there were any."""
-        at, control = self.at, self.at.control
-        at.state[:], at.slopes[0], at.start[:] = solver.y, solver.f, at.pose
-        control[:] = solver.t, solver.h_abs, 0.0, 0.0, 0.0, GROW, solver.rtol, solver.atol, solver.t_bound, until
-        past = bool(self.stages and self.stages.walk())
-        solver.h_abs = control[SIZE]
-        if not control[TAKEN]:
-            return False
-        solver.t, solver.h_previous, solver.y_old, solver.K[:] = control[T], control[LAST], at.state.copy(), at.slopes
-        solver.y, solver.f = (at.new.copy(), at.slopes[-1].copy()) if past else (at.state.copy(), at.slopes[0].copy())
-        return True
-
-    def steps(self) -> tuple[int, list[tuple[float, Array, Array]]]:
-        """Evaluations that the last steps took, and time, joint coordinates and yd after each."""
-        at, rows, k = self.at, self.at.log[: int(self.at.control[TAKEN])], len(self.at.y)
-        q = np.tile(self.lay.mechanism.home, (len(rows), 1))
-        q[:, self.columns], q[:, self.dependent] = rows[:, 1 : 1 + k], rows[:, 2 + 2 * k :]
-        after = [*zip(rows[:, 0].tolist(), q, rows[:, 1 + k : 1 + 2 * k].copy(), strict=True)]
-        return int(at.control[TRIED]) * (len(at.slopes) - 1), after
+        k, before = len(self.columns), self.pose.copy()
+        self.state[:k], self.state[k:] = y[:, None], 0.0
+        fine = self._evaluate()
+        q = self._coordinates(self.lay.mechanism.home.copy())
+        self.pose[:] = before
+        return q if fine else None
 
     def slope(self, t: float, states: Array) -> Array | None:
         """Derivatives of states, one a column; None where one of them is doubtful. Shape (2 k + 1, n)."""
-        at, (d, k), out = self.at, self.at.K.shape, np.empty_like(states)
-        out[:k] = states[k:-1]
-        at.given[-1] = t
-        for first in range(0, states.shape[1], self.width):
-            some = states[:-1, first : first + self.width]
+        k, out, width = len(self.columns), np.empty_like(states), self.state.shape[1]
+        out[:k], self.state[-1] = states[k:-1], t
+        if states.shape[1] == 1:
+            self.state[:-1] = states[:-1]
+            if not self._evaluate():
+                return None
+            out[k:, 0] = self.answer[:, 0]
+            return out
+        before, ahead = self.pose[:, :1].copy(), None
+        for first in range(0, states.shape[1], width):
+            some = states[:-1, first : first + width]
             m = some.shape[1]
-            if not (self.place if first else self.reach)(some[:k]):
+            self.state[:-1, :m], self.state[:-1, m:], self.pose[:] = some, some[:, :1], before
+            if not self._evaluate():
+                self.pose[:] = before
                 return None
-            at.given[d:-1, :m] = some
-            self.respond()
-            found = at.answer[: k + 3, :m]
-            condition, inertia = found[-2:, 0] if m == 1 else found[-2:].max(axis=1)
-            if not (condition <= self.limits.condition and inertia <= self.limits.inertia):
-                return None
-            out[k:, first : first + m] = found[:-2]
-            if not first:
-                self._go_on()
+            out[k:, first : first + m] = self.answer[:, :m]
+            ahead = self.pose[:, :1].copy() if ahead is None else ahead
+        self.pose[:] = ahead  # the next are predicted from the first
         return out
 
     def notes(self) -> tuple[str, ...]:
-        how = "machine code" if self.stages else "Python code"
+        """How accelerations were computed."""
         left = f"; {self.by_array} evaluations by the array solver" if self.by_array else ""
         return (
-            f"{self.said}accelerations by a program of {self.operations} operations as {how}, "
+            f"{self.note}accelerations by a program of {self.operations} operations, "
             f"made in {self.setup:.2g} s of processor time that does not count as integration{left}",
         )

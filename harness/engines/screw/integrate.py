@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from scipy.integrate import DOP853, OdeSolver
 
-from screwgauge.engines.methods import MOST, SIZES, StagedDOP853, check_method, keep_passed
+from screwgauge.engines.methods import MOST, SIZES, check_method, keep_passed
 from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.engines.tree.cut_joints import SURE, follow
 from screwgauge.problem import InitialValue, Progress, quiet
 from screwgauge.reference.closed.branch import Branch
+from screwgauge.reference.closed.constant_coordinates import home_equations
 from screwgauge.reference.closed.cut_coordinates import read
-from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
 from screwgauge.reference.forward import Forces, energy, forward, power
 from screwgauge.reference.kinematics import Velocities, velocities
@@ -114,18 +114,10 @@ class _Run:
         found = None if self.traced is None else self.traced.slope(t, states)
         return self._by_arrays(t, states) if found is None else found
 
-    def one(self, t: float, state: Array) -> Array:
-        """The same of one state, without scipy's way around. Shape (2 k + 1,)."""
-        found = None if self.traced is None else self.traced.one(t, state)
-        if found is None:
-            return self.slope(t, state[:, None])[:, 0]
-        self.evaluations += 1
-        return found
-
     def _by_arrays(self, t: float, states: Array) -> Array:
         """The same by the array solver, on the same branch."""
         k, alone = len(states) // 2, states.shape[1] == 1
-        q = self.traced.pose(states[:k, 0]) if self.traced is not None and alone else None
+        q = self.traced.closed(states[:k, 0]) if self.traced is not None and alone else None
         forces, rate = self.forces(t), self.rates(states.T, q)
         found = forward(self.lay, rate, forces)
         worst = int(np.argmax(found.condition))
@@ -152,31 +144,13 @@ class _Run:
     def reach(self, t: float, state: Array) -> None:
         """Moves to a state and remembers its closed pose."""
         k = len(state) // 2
-        q = None if self.traced is None else self.traced.pose(state[:k])
+        q = None if self.traced is None else self.traced.closed(state[:k])
         if q is None:
             if self.traced is not None:
                 self.traced.lend(self.branch)
             self.branch.move(state[:k])
             q = self.branch.q.copy()
         self.passed.append((t, q, state[k:-1]))
-
-    def solver(self, method: type[OdeSolver], t: float, state: Array, options: dict[str, Any]) -> OdeSolver:
-        """One of scipy's, at a state."""
-        staged = method is DOP853 and self.traced is not None and self.traced.stages is not None
-        solver = (StagedDOP853 if staged else method)(self.slope, t, state, self.times[-1], **options)
-        solver.fun, solver.walk = self.one, self.walk
-        return solver
-
-    def walk(self, solver: StagedDOP853) -> bool:
-        """Takes steps by machine code until the next wanted time, the next doubt, or for a while."""
-        if self.traced is None:
-            return False
-        moved = self.traced.walk(solver, self.times[len(self.work)])
-        tried, steps = self.traced.steps()
-        self.evaluations += tried
-        self.taken += max(0, len(steps) - 1)
-        self.passed += steps[:-1]
-        return moved
 
     def steps(
         self, method: type[OdeSolver], state: Array, options: dict[str, Any], progress: Progress, clock: Stopwatch
@@ -185,14 +159,14 @@ class _Run:
         times, tries = self.times, 0
         size: float | None = None
         try:
-            solver = self.solver(method, times[0], state, options)
+            solver = method(self.slope, times[0], state, times[-1], **options)
         except (_Near, ScrewgaugeError) as error:
             return f"the start cannot be: {error}"
         safe = solver.t, solver.y
         while len(self.work) < len(times):
             try:
                 if size is not None:
-                    solver, size = self.solver(method, *safe, {**options, "first_step": size}), None
+                    solver, size = method(self.slope, *safe, times[-1], **{**options, "first_step": size}), None
                 message = solver.step()
                 with clock.aside():  # it may look at further states
                     between = solver.dense_output() if times[len(self.work)] <= solver.t else None

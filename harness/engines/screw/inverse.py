@@ -5,6 +5,7 @@ Or actuator forces read from the Newton-Euler system of all bodies, in place of 
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference import dynamics, linear
-from screwgauge.reference.closed.resting import home_equations
+from screwgauge.reference.closed.assembly_mode import AssemblyMode, Guess
 from screwgauge.reference.equations import dynamics as equations
 from screwgauge.reference.equations.closure import Loops
 from screwgauge.reference.equations.dynamics import Dynamics
@@ -39,10 +40,17 @@ _TREE = frozenset({"tree_force", "tree_force_soft"})
 
 def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
     """Positions, velocities, accelerations and forces of a given motion."""
-    work, labels = Work(problem, motion, lay), ("screw", __version__, f"rule {problem.rule}")
+    work, labels, assembly = Work(lay, problem), ("screw", __version__, f"rule {problem.rule}"), list[Array]()
+
+    def part(rows: slice) -> Part:
+        some = motion.part(rows)
+        q = work.close(some, work.predict(some))
+        assembly.append(q)
+        return work.part(some, q)
+
     size = {"length": work.system.length, "mass": lay.mechanism.mass}
-    solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, **size)
-    return replace(solution, assembly=np.concatenate(work.assembly))
+    solution = assemble(labels, len(motion), part, work.names, work.clock, progress, **size)
+    return replace(solution, assembly=np.concatenate(assembly))
 
 
 def _stage(name: str) -> str:
@@ -51,29 +59,49 @@ def _stage(name: str) -> str:
 
 
 class Work:
-    """What stays the same from part to part.
+    """Given motions on arrays: what stays the same from part to part.
 
     Attributes:
-        assembly: Joint coordinates, part by part.
+        mode: Closes the poses.
+        clock: Takes the time of the stages.
     """
 
-    def __init__(self, problem: Problem, motion: GivenMotion, lay: Layout) -> None:
-        self.problem, self.motion, self.lay, self.clock = problem, motion, lay, Clock()
-        self.system = home_equations(lay)
+    def __init__(self, lay: Layout, problem: Problem, clock: Clock | None = None) -> None:
+        self.problem, self.lay, self.clock, self.mode = problem, lay, clock or Clock(), AssemblyMode(lay)
+        self.system = self.mode.system
         self.loops = Loops(lay, self.system.fixed)
-        self.branch, self.assembly = self.system.follower(), list[Array]()
         self.path, self.tree = open_tree(lay)
         self.depth = stages(problem.wanted)
 
-    def part(self, rows: slice) -> Part:
-        motion = self.motion.part(rows)
+    def predict(self, motion: GivenMotion) -> Guess:
+        """Guesses for samples that follow those before."""
         with self.clock.stage("positions"):
-            at = positions(self.lay, motion.y, motion.t, (motion.yd, motion.ydd), path=self.branch)
-        self.assembly.append(at.q)
-        values, trust, A = self._beyond(at.q, motion)
+            return self.mode.predict(motion.y, motion.t, (motion.yd, motion.ydd), motion.scaled(self.mode.unit))
+
+    def close(self, motion: GivenMotion, guess: Guess) -> Array:
+        """Joint coordinates of closed poses. Shape (n, n_q)."""
+        with self.clock.stage("positions"):
+            return self.mode.close(guess)
+
+    def under(self, loads: Array | None) -> Work:
+        """The same under loads that change from sample to sample, force and torque of each. Shape (m, n)."""
+        if loads is None:
+            return self
+        each = np.split(loads.T, len(loads) // 3, axis=1)
+        some = tuple(
+            replace(load, force=force, torque=torque)
+            for load, force, torque in zip(self.problem.applied.loads, each[::2], each[1::2], strict=True)
+        )
+        other = copy(self)
+        other.problem = replace(self.problem, applied=replace(self.problem.applied, loads=some))
+        return other
+
+    def part(self, motion: GivenMotion, closed: Array) -> Part:
+        """All that is wanted at closed poses. Shape (n, n_q)."""
+        values, trust, A = self._beyond(closed, motion)
 
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
-            q, moving = at.q[doubtful], self.loops.columns[: self.loops.moving]
+            q, moving = closed[doubtful], self.loops.columns[: self.loops.moving]
             q[:, moving] += shake * self.loops.sizes[moving]
             return self._beyond(q, motion.part(doubtful))[0]
 

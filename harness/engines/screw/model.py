@@ -94,11 +94,7 @@ class ScrewModel:
         backend = self.settings.backend or ("numpy" if len(task) >= LONG else "array")
         if backend == "array":
             return solve_motion(self.lay, problem, task, progress)
-        try:
-            return solve_traced(self.lay, problem, task, progress, backend)
-        except NotTraceableError as error:
-            solution = solve_motion(self.lay, problem, task, progress)
-            return replace(solution, notes=(*solution.notes, f"all samples by the array solver: {error.what}"))
+        return solve_traced(self.lay, problem, task, progress, backend)
 
     def _simulate(self, problem: Problem, task: InitialValue, progress: Progress) -> Solution:
         from screwgauge.engines.screw.integrate import integrate

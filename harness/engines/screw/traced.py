@@ -11,28 +11,28 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.estimate import Part, vanishing
+from screwgauge.engines.estimate import Part, Trust, vanishing
 from screwgauge.engines.parts import assemble
-from screwgauge.engines.screw.array_work import filled, under
-from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
+from screwgauge.engines.screw.bounds import Bounds, Numbers, examined, roots
 from screwgauge.engines.screw.inverse import Work
-from screwgauge.engines.screw.prediction import Predictor, closer, single
 from screwgauge.engines.screw.programs import Bound, check_traceable, flat, runner
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
-from screwgauge.reference.closed.resting import home_equations
-from screwgauge.reference.equations.closure import Loops
+from screwgauge.reference.closed.assembly_mode import Guess
+from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
 from screwgauge.reference.traced.lanes import columns
 from screwgauge.reference.traced.trace import NotTraceableError
-from screwgauge.reference.traced.tracing import CHARTED, CHECKS, Wanted, traced
+from screwgauge.reference.traced.tracing import CHARTED, CHECKS, Traced, Wanted, traced
 from screwgauge.reference.traced.vectors import Scalar
-from screwgauge.solution import Clock, Solution
+from screwgauge.solution import Solution
 
-#: Samples of the motion at which pivots are chosen, and the cheap bounds compared with what the array solver says.
+#: Samples of the motion at which pivots are chosen.
 ANCHORS = 16
+LOST = "it is not reached from home without passing near a singular pose"
+TWICE = "two poses of these coordinates are reached from home, so that they do not say which is meant"
 
 
 class TracedWork:
@@ -43,6 +43,7 @@ class TracedWork:
         units: Quantity -> units of its components.
         said: What is to be said about it.
         by_array: Reason -> how many samples the array solver answered.
+        traced: The program, if there is one.
     """
 
     def __init__(
@@ -59,29 +60,36 @@ class TracedWork:
 
         Args:
             loaded: Whether every sample has its own loads, in place of those of the problem.
-            estimates: Whether the program says what its errors are, see `Bounds.estimated`.
+            estimates: Whether errors are estimated, see `Bounds.estimated`.
 
         Raises:
-            NotTraceableError: There is no such program.
             ScrewgaugeError: The motion cannot be followed.
         """
-        check_traceable(lay, problem)
-        self.lay, self.problem, self.clock, self.length = lay, problem, Clock(), home_equations(lay).length
+        self.lay, self.problem, self.work = lay, problem, Work(lay, problem)
+        self.clock, self.length, self.names = self.work.clock, self.work.system.length, self.work.names
         self.wanted = [name for name in GIVEN if name in problem.wanted]
         self.outputs = [*self.wanted, *(["error"] if estimates else [])]
-        system, self.bounds = home_equations(lay), Bounds(lay, problem, self.length)
+        self.by_array, self.bound = Counter[str](), None
+        self.traced: Traced | None = None
+        try:
+            check_traceable(lay, problem)
+            self._trace(motion, backend, loaded=loaded)
+        except NotTraceableError as error:
+            self.reason = error.what
+            self.said = f"all samples by the array solver: {error.what}"
+
+    def _trace(self, motion: GivenMotion, backend: str, *, loaded: bool) -> None:
+        self.bounds = Bounds(self.lay, self.problem, self.length)
         with self.clock.stage("tracing"):
             some, q = self._anchors(motion)
-            shares, tree = open_tree(lay)
-            wanted = Wanted(self.wanted, problem.rule == "spherical_axial", shares, tree, loaded)
+            shares, tree = open_tree(self.lay)
+            wanted = Wanted(self.wanted, self.problem.rule == "spherical_axial", shares, tree, loaded)
             samples = (some.y, some.yd, some.ydd, q)
-            self.traced = traced(Loops(lay, system.fixed), problem.applied, wanted, samples, self._further)
+            self.traced = traced(self.work.loops, self.problem.applied, wanted, samples, self._further)
         with self.clock.stage("compiling"):
             self.runner, self.said = runner(self.traced.program, backend)
-        self.single = single(self.runner, self.traced)
-        self.predictor = self._predictor()
-        self.by_array: Counter[str] = Counter()
-        self.bound: Bound | None = None
+        #: Whether angles of cut joints have to be told from others that mean the same.
+        self.charted = bool((self.traced.predicted and CHARTED & {*self.wanted}) or self.traced.near)
 
     def _further(self, outputs: Mapping[str, Sequence[Scalar]]) -> Mapping[str, list[Scalar]]:
         """Estimates errors if they are wanted."""
@@ -90,6 +98,11 @@ class TracedWork:
         sums, errors = self.bounds.estimated(roots(outputs[name][0] for name in CHECKS), outputs, self.units)
         return {"first": sums, "error": errors}
 
+    @cached_property
+    def units(self) -> dict[str, Sequence[str]]:
+        names = self.names()
+        return {name: names[name][1] for name in self.wanted}
+
     def _anchors(self, motion: GivenMotion) -> tuple[GivenMotion, Array]:
         """Well-conditioned samples, and all joint coordinates there.
 
@@ -97,61 +110,54 @@ class TracedWork:
             NotTraceableError: There is none.
         """
         some = motion.part(np.unique(np.linspace(0, len(motion) - 1, ANCHORS).astype(int)))
-        work = Work(self.problem, some, self.lay)
-        self.names, trust = work.names, work.part(slice(None)).trust
-        self.units = {name: self.names()[name][1] for name in self.wanted}
-        clear = np.setdiff1d(np.arange(len(some)), trust.doubtful())
+        q = self.work.close(some, self.work.predict(some))
+        self.work.mode.restart()
+        clear = np.setdiff1d(np.arange(len(some)), self.work.part(some, q).trust.doubtful())
         if not clear.size:
             raise NotTraceableError("the motion is badly conditioned", self.lay.mechanism.name, "use backend array")
-        return some.part(clear), work.assembly[0][clear]
+        return some.part(clear), q[clear]
 
     def again(self) -> TracedWork:
-        """The same for another thread: with buffers, predictions and counts of its own."""
+        """The same for another thread: with buffers, poses and counts of its own."""
         other = copy(self)
-        other.clock, other.by_array, other.bound = Clock(), Counter(), None
-        other.runner, other.single = self.runner.again(), self.single.again()
-        other.predictor = other._predictor()
+        other.work = Work(self.lay, self.problem)
+        other.clock, other.by_array, other.bound = other.work.clock, Counter(), None
+        if self.traced is not None:
+            other.runner = self.runner.again()
         return other
-
-    def _predictor(self) -> Predictor | None:
-        """What predicts poses with this program, if it needs that."""
-        if not (self.traced.predicted or self.traced.near):
-            return None
-        if not self.traced.predicted:  # only the turns of cut joints are to be known
-            return Predictor(self.lay, (), lambda y, rates, guess: None, cuts=True)
-        close = closer(self.single, self.traced, self.bounds, len(self.lay.mechanism.independent_columns))
-        cuts = bool(CHARTED & {*self.wanted} or self.traced.near)
-        return Predictor(self.lay, self.traced.predicted, close, cuts=cuts)
 
     def arrays(self, n: int) -> dict[str, Array]:
         """Arrays for `outputs` of n samples, (n, m) each; numbers of one component lie side by side."""
-        places = [self.traced.places[name] for name in self.outputs]
-        return {name: columns(n, place.stop - place.start) for name, place in zip(self.outputs, places, strict=True)}
+        names, errors = self.names(), sum(len({*each}) for each in self.units.values())
+        return {name: columns(n, errors if name == "error" else len(names[name][0])) for name in self.outputs}
 
-    def _run(self, motion: GivenMotion, q: Array, loads: Array, values: Mapping[str, Array]) -> tuple[Numbers, bool]:
+    def _run(
+        self, traced: Traced, motion: GivenMotion, guess: Guess | None, loads: Array, values: Mapping[str, Array]
+    ) -> tuple[Numbers, bool]:
         """Runs the program.
 
         Args:
-            q: Predicted joint coordinates. Shape (n_q, n).
+            guess: Where poses are not in closed form.
             loads: Of every sample, if each has its own. Shape (m, n).
             values: Filled; see `arrays`.
 
         Returns:
             What the program says, and whether no sample is in doubt.
         """
-        predicted, n = list(self.traced.predicted), len(motion)
+        n, d = len(motion), len(traced.predicted)
         inputs = [np.ascontiguousarray(x.T) for x in (motion.y, motion.yd, motion.ydd)]
-        inputs += [np.ascontiguousarray(q[predicted]), np.ascontiguousarray(q[[*self.traced.near]])]
-        inputs += [motion.t[None] if self.traced.timed else np.empty((0, n)), loads]
-        reached, checks = np.empty((2 * len(predicted), n)), np.empty((len(CHECKS), n))
+        if guess is not None:
+            near = guess.q.T[[*traced.near]] if traced.near else np.empty((0, n))
+            inputs += [guess.columns(traced.predicted), np.ascontiguousarray(near)]
+        inputs += [motion.t[None] if traced.timed else np.empty((0, n)), loads]
+        reached, checks = np.empty((2 * d, n)), np.empty((len(CHECKS), n))
         outputs = [reached, *(values[name].T for name in self.outputs), checks]
         clear = self.runner.bind(inputs, outputs, self.bounds.weights)()
         with np.errstate(all="ignore"):
             found = roots(checks)
-            near = self.bounds.near(found)
-            rows = np.flatnonzero(near & ~(found["closing"] <= self.bounds.arrived))
-        if predicted and rows.size:  # once more from where Newton's method came to
-            inputs[3] = reached[: len(predicted)]
+            rows = np.flatnonzero(self.bounds.near(found) & ~(found["closing"] <= self.bounds.arrived))
+        if d and rows.size:  # once more from where Newton's method came to
+            inputs[3] = reached[:d]
             some, arrays = [np.ascontiguousarray(x[:, rows]) for x in inputs], self.arrays(len(rows))
             again = np.empty((len(CHECKS), len(rows)))
             self.runner.bind(some, [reached[:, rows], *(array.T for array in arrays.values()), again])()
@@ -168,7 +174,7 @@ class TracedWork:
         Returns:
             Nothing, if the program needs predictions, or numbers of a component lie apart: then `part` is to be asked.
         """
-        if self.predictor is not None or not flat(values):
+        if self.traced is None or self.traced.predicted or self.traced.near or not flat(values):
             return None
         if self.bound is None or not self.bound.fits(inputs, values):
             n = len(inputs[0])
@@ -180,57 +186,94 @@ class TracedWork:
             self.bound = Bound(tuple(values.values()), tuple(np.split(given, ends, axis=1)), run)
         return self.bound
 
+    def predict(self, motion: GivenMotion) -> Guess | None:
+        """Guesses for samples that follow those before; None where poses are in closed form."""
+        closed = self.traced is not None and not (self.traced.predicted or self.traced.near)
+        return None if closed else self.work.predict(motion)
+
+    def reach(self, motion: GivenMotion) -> Guess | None:
+        """The same for samples in any order; times are their numbers.
+
+        Raises:
+            ClosureError: Some are not reached, or not determined by y.
+        """
+        if self.traced is not None and not (self.traced.predicted or self.traced.near):
+            return None
+        guess, lost, twice = self.work.mode.reach(motion.y)
+        for rows, what, remedy in ((lost, LOST, "shorten the way from home"), (twice, TWICE, "give t")):
+            if rows.any():
+                first, count = int(np.argmax(rows)), int(np.count_nonzero(rows))
+                where = f"row {motion.t[first]:.0f} ({self.lay.mechanism.described(motion.y[first])})"
+                others = f" and {count - 1} further rows" if count > 1 else ""
+                raise ClosureError(f"{what}{others}", where, remedy)
+        return guess
+
     def part(
         self,
         motion: GivenMotion,
+        guess: Guess | None,
         loads: Array | None = None,
         into: Mapping[str, Array] | None = None,
         *,
         thorough: bool = False,
     ) -> Part:
-        """Some samples that follow those before.
+        """Answers samples.
 
         Args:
-            thorough: Whether samples with what is zero are left to the array solver, see `vanishing`.
+            guess: See `predict`.
             loads: Of every sample, force and torque of each load, if the samples have their own. Shape (m, n).
             into: Where the values are written, see `arrays`.
+            thorough: Whether samples with what is zero are left to the array solver, see `vanishing`.
         """
-        n = len(motion)
-        arrays = self.arrays(n) if into is None or not flat(into) else into
+        arrays = self.arrays(len(motion)) if into is None or not flat(into) else into
         values = {name: arrays[name] for name in self.wanted}
-        with self.clock.stage("prediction"):
-            near = np.empty((0, n)) if self.predictor is None else self.predictor.predict(motion).T
+        if self.traced is None:
+            self.by_array[self.reason] += len(motion)
+            part = Part(values, Trust.unknown(len(motion)), np.arange(len(motion)), {})
+        else:
+            part = self._by_program(self.traced, motion, guess, loads, arrays, thorough=thorough)
+        part = self._completed(motion, guess, loads, arrays, part)
+        for name, array in arrays.items() if into is not None and arrays is not into else ():
+            into[name][:] = array  # type: ignore[index]
+        return part
+
+    def _by_program(
+        self,
+        traced: Traced,
+        motion: GivenMotion,
+        guess: Guess | None,
+        loads: Array | None,
+        arrays: Mapping[str, Array],
+        *,
+        thorough: bool,
+    ) -> Part:
+        """What the program answers; its doubtful samples are those that it leaves."""
+        values, n = {name: arrays[name] for name in self.wanted}, len(motion)
         with self.clock.stage("program"):
-            given = np.empty((0, n)) if loads is None else loads
-            out, clear = self._run(motion, near, given, arrays)
-            if not clear and self.predictor and self.predictor.by_program and not self.bounds.near(out).all():
-                near = self.predictor.by_array(motion).T
-                out, clear = self._run(motion, near, given, arrays)
+            out, clear = self._run(traced, motion, guess, np.empty((0, n)) if loads is None else loads, arrays)
         with self.clock.stage("error estimate"), np.errstate(all="ignore"):
-            if self.predictor is not None:
-                self._nearest(values, near.T)
+            if self.charted and guess is not None:
+                self._nearest(values, guess.q)
             trust = self.bounds.trust(out)
             left = np.zeros(0, dtype=np.intp) if clear else self.bounds.left(out, trust, self.by_array)
             if thorough:
                 zeros = np.setdiff1d(vanishing(values, trust, self.units, self.length), left)
                 self.by_array["zero beside their summands"] += len(zeros)
                 left = np.union1d(left, zeros)
-        found = self._completed(motion, loads, arrays, Part(values, trust, left, {}))
-        for name, array in arrays.items() if into is not None and arrays is not into else ():
-            into[name][:] = array  # type: ignore[index]
-        return found
+        return Part(values, trust, left, {})
 
-    def _completed(self, motion: GivenMotion, loads: Array | None, arrays: Mapping[str, Array], part: Part) -> Part:
-        """The same with some samples, those named doubtful, answered by the array solver."""
+    def _completed(
+        self, motion: GivenMotion, guess: Guess | None, loads: Array | None, arrays: Mapping[str, Array], part: Part
+    ) -> Part:
+        """The same with the doubtful samples answered by the array solver."""
         rows = part.doubtful
         if not rows.size:
             return replace(part, moved={name: np.zeros((0, x.shape[1])) for name, x in part.values.items()})
-        work = Work(under(self.problem, None if loads is None else loads[:, rows]), motion.part(rows), self.lay)
-        other = work.part(slice(None))
-        some = {name: array[rows] for name, array in arrays.items()}
-        filled(some, other, self.units, self.length)
-        for name, array in some.items():
-            arrays[name][rows] = array
+        work, some = self.work.under(None if loads is None else loads[:, rows]), motion.part(rows)
+        begun = work.mode.in_closed_form(some.y) if guess is None else guess.rows(rows)
+        other = work.part(some, work.close(some, begun))
+        for name, array in arrays.items():
+            array[rows] = examined(other, self.units, self.length) if name == "error" else other.values[name]
         return Part(part.values, part.trust.with_rows(rows, other.trust), rows[other.doubtful], other.moved)
 
     def _nearest(self, values: dict[str, Array], near: Array) -> None:
@@ -263,27 +306,26 @@ class TracedWork:
 
     def notes(self, n: int) -> tuple[str, ...]:
         """What the program answered, and what else is to be said."""
-        left, told = self.by_array.total(), [f"{count} {why}" for why, count in self.by_array.items() if count]
-        rest = f", {left} by the array solver ({', '.join(told)})" if told else ""
+        if self.traced is None:
+            return (self.said,)
+        left, reasons = self.by_array.total(), [f"{count} {why}" for why, count in self.by_array.items() if count]
+        rest = f", {left} by the array solver ({', '.join(reasons)})" if reasons else ""
         note = f"{n - left} of {n} samples by a program of {len(self.traced.program.code)} operations{rest}"
         return (note, *filter(None, [self.said]))
 
 
 def solve_traced(lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress, backend: str) -> Solution:
-    """Positions, velocities, accelerations and forces of a given motion by a traced program.
-
-    Raises:
-        NotTraceableError: There is no such program.
-    """
+    """Positions, velocities, accelerations and forces of a given motion by a traced program, where there is one."""
     known = replace(problem, wanted=problem.wanted | {"joint_position"})  # which assembly was solved
     work, assembly = TracedWork(lay, known, motion, backend), list[Array]()
 
     def part(rows: slice) -> Part:
-        found = work.part(motion.part(rows), thorough=True)
+        some = motion.part(rows)
+        found = work.part(some, work.predict(some), thorough=True)
         assembly.append(found.values["joint_position"])
         return replace(found, values={name: x for name, x in found.values.items() if name in problem.wanted})
 
-    labels = ("screw", __version__, f"rule {problem.rule}, backend {backend}")
+    labels = ("screw", __version__, f"rule {problem.rule}" + (f", backend {backend}" if work.traced else ""))
     size = {"length": work.length, "mass": lay.mechanism.mass}
     found = assemble(labels, len(motion), part, work.names, work.clock, progress, **size)
     return replace(found, assembly=np.concatenate(assembly), notes=work.notes(len(motion)))

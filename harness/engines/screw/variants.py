@@ -17,8 +17,8 @@ from screwgauge.engines.parts import component_names
 from screwgauge.engines.screw.scheme import integrate
 from screwgauge.problem import GivenMotion, Problem, Progress, quiet
 from screwgauge.reference import dynamics, linear
-from screwgauge.reference.closed.continuation import Evaluation, velocity_map
-from screwgauge.reference.closed.continuation import newton as newtons_method
+from screwgauge.reference.closed.newton import Evaluation, velocity_map
+from screwgauge.reference.closed.newton import newton as newtons_method
 from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
 from screwgauge.reference.kinematics import accelerations, closed_form, closure_system, positions, velocities
 from screwgauge.reference.layout import Layout, layout

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.engines.tree.closure import Loops, check_names, make_loops
 from screwgauge.engines.tree.cut_joints import Chart
@@ -72,6 +73,14 @@ class ClosedTree:
     def y_home(self) -> Array:
         """Independent coordinates at home [rad or m]. Shape (k,)."""
         return np.array([self._at_home[name] for name in self.file.independent.values()])
+
+    @cached_property
+    def angles(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which tree coordinates, and which independent ones, are angles. Shapes (n_v,), (k,)."""
+        turns = {name: turn for j in self.file.joints for name, turn in zip(j.coordinates, KINDS[j.kind], strict=True)}
+        names = self.tree.coordinates, self.file.independent.values()
+        tree, independent = (np.array([turns[name] for name in some], dtype=bool) for some in names)
+        return tree, independent
 
     @cached_property
     def sizes(self) -> Sizes:

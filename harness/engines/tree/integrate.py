@@ -23,8 +23,8 @@ from screwgauge.engines.tree.protocol import Mover
 from screwgauge.engines.tree.reading import Path, read_path
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress, quiet
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.closed.anchor import PathEnd
-from screwgauge.reference.closed.continuation import OPEN
+from screwgauge.reference.closed.continuation import PathEnd
+from screwgauge.reference.closed.newton import OPEN
 from screwgauge.reference.errors import ClosureError, DescriptionError, SingularPoseError
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost, Solution, Stopwatch

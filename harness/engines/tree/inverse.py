@@ -18,7 +18,7 @@ from screwgauge.engines.tree.cut_joints import unwrapped
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
-from screwgauge.reference.closed.following import Follower
+from screwgauge.reference.closed.continuation import Continuation
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.reference.wrenches import State
 from screwgauge.solution import Clock, Solution
@@ -61,7 +61,8 @@ class _Work:
         self.depth = stages(problem.wanted)
         sizes = closed.sizes
         self.moves = closed.tree.poses(closed.home[None]).moves
-        self.path = Follower(self._scaled, closed.home / sizes.q, closed.y_home / sizes.y, size=sizes.y)
+        home, y_home, angles = closed.home / sizes.q, closed.y_home / sizes.y, closed.angles
+        self.path = Continuation(self._scaled, home, y_home, angles=angles[0], turning=angles[1], size=sizes.y)
         # angles of cut joints at the last sample
         self.cut = {joint.name: closed.loops.begin(joint, motion.y[0]) for joint in closed.loops.cut}
         self.residual = 0.0
@@ -119,7 +120,8 @@ class _Work:
 
     def _positions(self, motion: GivenMotion) -> tuple[Array, Array, BodyPoses]:
         sizes = self.closed.sizes
-        found = self.path.follow(motion.y / sizes.y, motion.t, (motion.yd / sizes.y, motion.ydd / sizes.y))
+        rates = motion.yd / sizes.y, motion.ydd / sizes.y
+        found = self.path.follow(motion.y / sizes.y, motion.t, rates, motion.scaled(sizes.y))
         self.residual = float(found.error.max()) * max(1.0, sizes.length)
         R, p, screws = found.more
         return found.z * sizes.q, found.matrix, BodyPoses(R, p, screws, self.moves)

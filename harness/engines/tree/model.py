@@ -16,7 +16,7 @@ from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, P
 from screwgauge.quantities import FORCE
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied, JointSpring
-from screwgauge.reference.closed.continuation import velocity_map
+from screwgauge.reference.closed.newton import velocity_map
 from screwgauge.reference.dynamics import min_norm
 from screwgauge.reference.errors import DescriptionError, ModelFileError
 from screwgauge.reference.mechanism import GROUND

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.engines.tree.protocol import Mover
-from screwgauge.reference.closed.continuation import ROUNDING
+from screwgauge.reference.closed.newton import ROUNDING
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array
 

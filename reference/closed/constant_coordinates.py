@@ -1,4 +1,4 @@
-"""Coordinates that never move on the branch of the home pose, and the loop equations in which they are fixed."""
+"""Coordinates that are constant on the assembly mode of home, and the loop equations in which they are fixed."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.closed.continuation import newton, velocity_map
 from screwgauge.reference.closed.loops import LoopEquations, loop_equations
+from screwgauge.reference.closed.newton import newton, velocity_map
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.mechanism import Mechanism
@@ -54,7 +54,7 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
         return ()
     system = loop_equations(lay, fixed)
     start = z[:, [free.unknown.index(c) for c in system.unknown]]
-    _, _, error = newton(system.evaluate, start, y)
+    error = newton(system.evaluate, start, y)[2]
     return fixed if (error <= 64 * linear.EPS).all() else ()
 
 
@@ -74,10 +74,8 @@ def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
     closed = []
     for i in range(TRIALS):
         y = home[columns] + AWAY * np.cos(1.0 + 2.3 * i + 1.7 * (1 + i) * k)
-        path = system.follower()
-        path.begun = True  # straight on or not at all: ways round singular poses take seconds
         try:
-            found = path.follow(y[None], np.zeros(1), strict=True)
+            found = system.continuation().follow(y[None], np.zeros(1))
         except ClosureError:
             continue
         if linear.condition(found.matrix)[0] < CLEAR:

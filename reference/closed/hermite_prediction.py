@@ -1,4 +1,4 @@
-"""Poses of a motion between closed ones, predicted from these by Hermite's interpolation."""
+"""Initial guesses for poses of a motion between closed ones, by Hermite interpolation."""
 
 from __future__ import annotations
 
@@ -11,35 +11,7 @@ Rows = NDArray[np.intp]
 
 EDGE = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0  # derivative at the first of five samples, of fourth order
 CACHED = 2**14  # numbers worked on at a time
-MANY, SPREAD = 100, 0.1  # samples within reach from which on this pays; way in y between two followed, at most
-SELDOM, OFTEN, LEAST = 0.05, 0.2, 8  # shares of samples for which a spacing is too narrow, or wide; the narrowest
 KNOTS = 4  # around a sample that it is predicted from: a polynomial of degree seven
-
-
-class Spacing:
-    """How many samples lead from one that is followed to the next: so many that those between need one evaluation.
-
-    Attributes:
-        every: Samples, at most.
-        ceiling: So many were too many.
-    """
-
-    def __init__(self) -> None:
-        self.every, self.ceiling = 16, 48
-
-    def rows(self, y: Array, near: int) -> Rows | None:
-        """Those to be followed, if this is worth it. Shape (n, k) -> (m,). `near`: how many are within reach."""
-        if near <= MANY:
-            return None
-        rows = knots(y, self.every, SPREAD)
-        return rows if 2 * len(rows) <= len(y) else None
-
-    def learn(self, every: int, again: float) -> None:
-        """Draws from the share of samples that were evaluated again with that spacing."""
-        if again > OFTEN:
-            self.every, self.ceiling = max(2 * every // 3, LEAST), every
-        else:
-            self.every = wider if again < SELDOM and (wider := 3 * every // 2) < self.ceiling else every
 
 
 def knots(y: Array, every: int, step: float) -> Rows:

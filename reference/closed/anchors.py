@@ -1,0 +1,308 @@
+"""Anchors: closed poses with a ball around them in which exactly one solution lies next to its prediction.
+
+Within its ball the Jacobian J of the loop equations changes by less than a half, ``|J_a^+ J - 1| <= 1/2``, so that
+Newton's method converges from a prediction to the one solution there (Deuflhard, Newton Methods for Nonlinear Problems,
+2011, sections 3.1 and 5.1), and its correction is at most a fifth of the distance at which another could lie. The end
+points alone are no proof, as a kinked branch keeps the sign of det J: so the ball also bounds the second derivative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.reference.rotations import TURN, Array
+
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+Jacobian = Callable[[Array, Array], Array]
+"""Unknowns (n, n_z) and independent coordinates (n, k), both without dimension -> Jacobian (n, m, n)."""
+
+#: Largest change of the Jacobian between an anchor and a sample in its ball, and the share of it that is aimed at.
+CHANGE, MARGIN = 0.5, 0.8
+#: Longest way in y [rad or lengths of the mechanism] and of any unknown from an anchor: a whole turn is another pose.
+STEP = 0.5
+#: Share of the distance at which another solution could lie by which Newton's method may correct a prediction.
+NEAR = 0.2
+#: ``|J^-1|`` above which rounding of the residual turns J by an eighth: branches that meet cannot be told apart.
+FLOOR = 6e6
+#: Step of the central differences of the Jacobian.
+DIFFERENCE = 5e-6
+#: A change dJ is small in any of these norms, ``|s^-p U^T dJ V s^(p-1)|``: p = 1 is that of ``J^-1 dJ``, 0 that of
+#: ``dJ J^-1``. Next to the lock of a leg p = 1/2 takes tens of steps where p = 1 takes hundreds.
+NORMS = (0.0, 0.5, 1.0)
+TINY = 1e-100  # whose powers are numbers
+#: Share of a turn or length by which two predictions of one pose may differ at least.
+SAME = 1e-3
+#: Distances worked on at a time.
+BLOCK = 2**18
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Anchor:
+    """A closed pose and what was measured around it. No dimension anywhere.
+
+    Attributes:
+        z, y: Unknowns and independent coordinates. Shapes (n_z,), (k,).
+        K: Velocity map dz/dy. Shape (n_z, k).
+        W: Metric of the ball, ``dy^T W dy <= 1``. Shape (k, k).
+        beta: ``|J^-1|``, the amplification of a residual.
+        faint: Largest beta above `FLOOR` on the way here since beta was below it, else 0.
+        U, s, Vt: Singular value decomposition of the full Jacobian, coordinates at rest included.
+        power: Which of `NORMS` is used.
+        weight: Makes of a correction of the unknowns the change of J by it, as J changes along the motion: the
+            correction over the distance of other solutions. Shape (n, n_z).
+    """
+
+    z: Array
+    y: Array
+    K: Array
+    W: Array
+    beta: float
+    faint: float
+    U: Array
+    s: Array
+    Vt: Array
+    power: float
+    weight: Array
+
+    def change(self, J: Array) -> Array:
+        """``J_a^+ J - 1`` in the norm of the anchor. Shape (..., m, n) -> (..., n, n)."""
+        turned = self.U.T @ J @ self.Vt.T - np.diag(self.s)
+        return np.asarray(self.s[:, None] ** -self.power * turned * self.s ** (self.power - 1.0))
+
+
+def measure(z: Array, y: Array, J: Array, full: Array, jacobian: Jacobian, faint: float = 0.0) -> Anchor:
+    """Makes an anchor of a closed pose: its velocity map, and how fast the Jacobian changes along it.
+
+    Args:
+        z, y: Shapes (n_z,), (k,).
+        J, full: Jacobian over the unknowns, its last k rows being those of y, and over coordinates at rest, too, which
+            come last: a pose where these may begin to move is singular, however regular the others are. Shapes
+            (m, n_z), (m, n).
+        jacobian: Gives the full one.
+        faint: Of the anchor that it was reached from.
+    """
+    k, n_z = len(y), len(z)
+    U, s, Vt = np.linalg.svd(full, full_matrices=False)
+    s = np.maximum(s, TINY)
+    u, c, v = (U, s, Vt) if full.shape == J.shape else np.linalg.svd(J, full_matrices=False)
+    c = np.maximum(c, TINY)
+    K = (v.T / c) @ u[-k:].T
+    far = np.maximum(np.linalg.norm(K, axis=0), TINY)
+    aside = DIFFERENCE * (K / far).T
+    around = jacobian(np.concatenate([z + aside, z - aside]), np.tile(y, (2 * k, 1)))
+    slope = (around[:k] - around[k:]) * (far / (2.0 * DIFFERENCE))[:, None, None]  # dJ/dy, (k, m, n)
+    turned = U.T @ slope @ Vt.T
+    metrics = [(_gram(s[:, None] ** -p * turned * s ** (p - 1.0)), p) for p in NORMS]
+    change, power = min(metrics, key=lambda pair: float(np.trace(pair[0])))
+    weight = s[:, None] ** (1.0 - power) * Vt[:, :n_z]
+    weight = weight * _steepness(change, weight @ K)
+    second = np.einsum("ij,ajl,lb->iab", weight @ (v.T / c) @ u.T, slope[..., :n_z], K)
+    W = change / (MARGIN * CHANGE) ** 2 + _curvature(second) / (2.0 * NEAR * MARGIN) + K.T @ K + np.eye(k) / STEP**2
+    beta = float(1.0 / c[-1])
+    return Anchor(z, y, K, W, beta, max(faint, beta) if beta > FLOOR else 0.0, U, s, Vt, power, weight)
+
+
+def _steepness(change: Array, L: Array) -> float:
+    """Largest change of J per way of the unknowns along the motion, ``max dy^T change dy / |L dy|^2``, its root.
+
+    Args:
+        change: Shape (k, k).
+        L: Way of the unknowns per dy, in the norm that belongs to that of J. Shape (n, k).
+    """
+    size = np.linalg.norm(L, axis=0)
+    size = np.where(size > TINY, size, 1.0)
+    G = (L / size).T @ (L / size) + 1e-12 * np.eye(len(size))
+    found = np.linalg.eigvals(np.linalg.solve(G, change / np.outer(size, size))).real.max(initial=0.0)
+    return float(np.sqrt(max(found, 0.0)))
+
+
+def _gram(D: Array) -> Array:
+    """Metric M with ``|sum_i D_i dy_i| <= sqrt(dy^T M dy)`` in the Frobenius norm. Shape (k, n, n) -> (k, k)."""
+    return np.einsum("aij,bij->ab", D, D)
+
+
+def _curvature(second: Array) -> Array:
+    """Metric M with ``|second(dy, dy)| <= dy^T M dy``: how far linear predictions miss. Shape (n, k, k) -> (k, k).
+
+    The second derivative of z by y is ``-J^+ (dJ/dy K)``, weighted. Its components along an orthonormal basis are
+    quadratic forms, each bounded by the form of the absolute eigenvalues.
+    """
+    n, k, _ = second.shape
+    _, sizes, forms = np.linalg.svd(second.reshape(n, -1), full_matrices=False)
+    forms = forms.reshape(-1, k, k)
+    e, E = np.linalg.eigh(0.5 * (forms + forms.swapaxes(1, 2)))
+    return np.asarray(np.einsum("r,rip,rp,rjp->ij", sizes, E, np.abs(e), E))
+
+
+class Anchors:
+    """A growing table of anchors, looked up by independent coordinates.
+
+    Attributes:
+        turning: Which independent coordinates lead back to the same pose after a whole turn. Shape (k,).
+    """
+
+    def __init__(self, k: int, n_z: int, angles: Flags) -> None:
+        """`angles`: which unknowns are angles, shape (n_z,)."""
+        self.rows, self.angles, self.turning = list[Anchor](), angles, np.zeros(k, dtype=bool)
+        kinds = [("y", float, (k,)), ("z", float, (n_z,)), ("K", float, (n_z, k)), ("W", float, (k, k)), ("sheet", int)]
+        self.table = np.zeros(64, dtype=kinds)
+        self.links = dict[tuple[int, int], bool]()
+        self.lookups = dict[int, _Lookup]()
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, i: int) -> Anchor:
+        return self.rows[i]
+
+    @property
+    def bytes(self) -> int:
+        """Memory of all anchors."""
+        one = self.rows[0]
+        return len(self.rows) * (self.table.itemsize + one.U.nbytes + one.Vt.nbytes)
+
+    @property
+    def sheets(self) -> int:
+        """How many there are."""
+        return int(self.table["sheet"][: len(self)].max()) + 1
+
+    def sheet_of(self, sheet: int) -> Indices:
+        """The anchors of a sheet: on one branch wherever their balls meet."""
+        return np.flatnonzero(self.table["sheet"][: len(self)] == sheet)
+
+    def add(self, anchor: Anchor, sheet: int) -> int:
+        """Keeps an anchor; returns its number."""
+        i = len(self)
+        if i == len(self.table):
+            self.table = np.concatenate([self.table, np.zeros_like(self.table)])
+        self.rows.append(anchor)
+        self.table[i] = (anchor.y, anchor.z, anchor.K, anchor.W, sheet)
+        return i
+
+    def move(self, i: int, sheet: int) -> None:
+        """Puts an anchor on another sheet."""
+        for changed in (int(self.table["sheet"][i]), sheet):
+            self.lookups.pop(changed, None)
+        self.table["sheet"][i] = sheet
+
+    def shrink(self, i: int) -> None:
+        """Halves the ball of an anchor that has promised too much."""
+        self.table["W"][i] *= 4.0
+
+    def turn(self, i: int) -> None:
+        """Takes an independent coordinate for one that leads back to the same pose after a whole turn."""
+        self.turning[i] = True
+        self.lookups.clear()
+        self.links.clear()
+
+    # predictions
+
+    def away(self, y: Array, origin: Array) -> Array:
+        """Way from an origin, whole turns left out. Shapes (..., k)."""
+        way = y - origin
+        return way - TURN * np.rint(way / TURN) * self.turning if self.turning.any() else way
+
+    def distance(self, y: Array, a: Indices | int) -> Array:
+        """Distance of independent coordinates from anchors, 1 at the edge of their balls. (..., k), (...) -> (...)."""
+        way, W = self.away(y, self.table["y"][a]), self.table["W"][a]
+        return np.asarray(np.sqrt((np.matmul(way[..., None, :], W)[..., 0, :] * way).sum(-1)))
+
+    def distances(self, y: Array, a: Indices) -> Array:
+        """The same of many samples, which may be several points each. Shapes (n, ..., k), (n,) -> (n, ...)."""
+        found = np.empty(y.shape[:-1])
+        for rows, i in _groups(a):
+            way = self.away(y[rows], self.table["y"][i])
+            found[rows] = ((way @ self.table["W"][i]) * way).sum(-1)
+        return np.sqrt(found)
+
+    def predict(self, y: Array, a: Indices) -> Array:
+        """Unknowns to first order, whole turns of y left out. Shapes (n, k), (n,) -> (n, n_z)."""
+        found = np.empty((len(y), len(self.angles)))
+        for rows, i in _groups(a):
+            found[rows] = self.table["z"][i] + self.away(y[rows], self.table["y"][i]) @ self.table["K"][i].T
+        return found
+
+    def corrections(self, z: Array, a: Indices) -> Array:
+        """Size of corrections of unknowns over the distance of other solutions, infinite beyond 1. (n, n_z) -> (n,)."""
+        found = np.empty(len(z))
+        for rows, i in _groups(a):
+            found[rows] = np.linalg.norm(z[rows] @ self[i].weight.T, axis=1)
+        return np.where(np.abs(z).max(axis=1, initial=0.0) < 1.0, found, np.inf)
+
+    def alike(self, a: int, b: int) -> bool:
+        """Whether two anchors whose balls meet lie on one branch: their predictions agree half-way."""
+        if (a, b) not in self.links:
+            way = self.away(self[b].y, self[a].y)
+            middle, pair = (self[a].y + 0.5 * way)[None], (np.array([a]), np.array([b]))
+            ours, theirs = (self.predict(middle, one)[0] for one in pair)
+            gap = ours - theirs
+            gap = np.where(self.angles, gap - TURN * np.rint(gap / TURN), gap)
+            bend = np.abs((self[a].K - self[b].K) @ way).max(initial=0.0)  # several times what first order leaves
+            self.links[a, b] = self.links[b, a] = bool(np.abs(gap).max(initial=0.0) <= max(bend, SAME))
+        return self.links[a, b]
+
+    # looking up
+
+    def cover(self, y: Array, sheet: int) -> tuple[Indices, Flags]:
+        """Of a sheet the nearest anchors, and whether y lies in their balls. Shape (n, k) -> (n,), (n,).
+
+        Where it does not lie in that of the nearest, the best of the nearest eight is taken.
+        """
+        look = self.lookups.get(sheet)
+        if look is None or look.count != len(self):
+            look = self.lookups[sheet] = _Lookup(self, sheet)
+        found = look.nearest(y, 1)[:, 0]
+        inside = self.distances(y, found) <= 1.0
+        outside = np.flatnonzero(~inside)
+        if outside.size and len(look.rows) > 1:
+            some = look.nearest(y[outside], min(8, len(look.rows)))
+            far = self.distance(y[outside][:, None], some)
+            best = np.argmin(far, axis=1)
+            pick = np.arange(len(outside)), best
+            found[outside], inside[outside] = some[pick], far[pick] <= 1.0
+        return found, inside
+
+
+def _groups(a: Indices) -> Iterator[tuple[Indices, int]]:
+    """Rows of samples by their anchor."""
+    if len(a) == 1:
+        yield np.zeros(1, dtype=np.intp), int(a[0])
+        return
+    order = np.argsort(a, kind="stable")
+    ends = np.flatnonzero(np.diff(a[order])) + 1
+    for rows in np.split(order, ends) if len(a) else ():
+        yield rows, int(a[rows[0]])
+
+
+class _Lookup:
+    """The anchors of a sheet as points, each coordinate with whole turns being a point of the unit circle.
+
+    Attributes:
+        count: How many anchors there were when it was made.
+    """
+
+    def __init__(self, anchors: Anchors, sheet: int) -> None:
+        self.count, self.rows, self.turning = len(anchors), anchors.sheet_of(sheet), anchors.turning
+        self.points = self._points(anchors.table["y"][self.rows])
+        self.squares = (self.points * self.points).sum(-1)
+
+    def _points(self, y: Array) -> Array:
+        if not self.turning.any():
+            return y
+        angles = y[:, self.turning]
+        return np.concatenate([y[:, ~self.turning], np.cos(angles), np.sin(angles)], axis=1)
+
+    def nearest(self, y: Array, m: int) -> Indices:
+        """Anchors nearest to each y. Shape (n, k) -> (n, m)."""
+        found = np.empty((len(y), m), dtype=np.intp)
+        some = max(1, BLOCK // len(self.rows))
+        for first in range(0, len(y), some):
+            far = self.squares - 2.0 * self._points(y[first : first + some]) @ self.points.T
+            pick = np.argmin(far, axis=1)[:, None] if m == 1 else np.argpartition(far, m - 1, axis=1)[:, :m]
+            found[first : first + some] = pick
+        return np.asarray(self.rows[found])

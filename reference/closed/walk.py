@@ -1,0 +1,284 @@
+"""Steps from anchor to anchor: each within the ball of the one before, along straight ways and curves.
+
+All anchors lie on one connected piece of the regular closed poses, that of home: no step leads over a singular pose,
+however small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from screwgauge.reference.closed.anchors import CHANGE, NEAR, Anchors, Flags, measure
+from screwgauge.reference.closed.curves import Curve
+from screwgauge.reference.closed.newton import OPEN, Evaluation, newton
+from screwgauge.reference.errors import ClosureError
+from screwgauge.reference.rotations import TURN, Array, within_half_turn
+
+#: Ways in y of which rounding leaves nothing.
+SHORTEST = 1e-13
+#: Steps along one piece of a motion, and halvings of a curve.
+MOST, DEEPEST = 400, 48
+#: Share of a ball by which a motion may differ from the curve through its samples.
+MISS = 0.1
+#: Share of a way by which a singular pose is passed that is to be left behind, and the share of the largest singular
+#: value below which one says nothing about where it goes on.
+LEAP, BLUR = 1e-3, 1e-6
+
+
+class Blocked(Exception):
+    """No step leads on.
+
+    Attributes:
+        singular: Whether because of a singular pose; else there were too many steps.
+    """
+
+    def __init__(self, *, singular: bool) -> None:
+        super().__init__("singular" if singular else "too many steps")
+        self.singular = singular
+
+
+class Walk:
+    """The anchors of one assembly mode, and where it has got to among them.
+
+    Attributes:
+        anchors: All that are known.
+        at: The anchor that has been reached.
+        loops: Coordinate that leads back home after a whole turn -> unknowns along that turn. Shape (v, n_z).
+    """
+
+    def __init__(
+        self,
+        evaluate: Evaluation,
+        z: Array,
+        y: Array,
+        *,
+        angles: Flags,
+        turning: Flags,
+        size: Array | float = 1.0,
+        resting: bool = False,
+        strict: bool = False,
+    ) -> None:
+        """Starts at a pose that closes nearly, such as home.
+
+        Args:
+            z, y: Unknowns and independent coordinates there. Shapes (n_z,), (k,).
+            angles, turning: Which of them are angles.
+            size: What y is divided by, for messages. Shape (k,).
+            resting: Whether `evaluate` gives, after the Jacobian, that with the columns of coordinates at rest.
+            strict: Whether samples that are no motion are joined by straight ways only.
+
+        Raises:
+            ClosureError: The loops do not close there.
+        """
+        self.evaluate, self.size, self.resting, self.turns, self.strict = evaluate, size, resting, turning, strict
+        found, J, error, *more = newton(evaluate, z[None], y[None])
+        if not error[0] < OPEN:
+            remedy = "correct the placements or the home coordinates"
+            raise ClosureError("the loops do not close there", "home pose", remedy)
+        self.anchors, self.floor, self.steps = Anchors(len(y), len(z), angles), np.inf, 0
+        self.at = self.anchors.add(measure(found[0], y, J[0], self._full(J, more)[0], self._jacobian), 0)
+        self.visits, self.path, self.last = [self.at], found, list[Array]()
+        self.parent = {self.at: self.at}
+        self.piece: Curve | None = None
+        self.tried, self.loops, self.begun = set[int](), dict[int, Array](), False
+
+    def _full(self, J: Array, more: Sequence[Array]) -> Array:
+        return more[0] if self.resting else J
+
+    def _jacobian(self, z: Array, y: Array) -> Array:
+        _, J, *more = self.evaluate(z, y)
+        return self._full(J, more)
+
+    def restart(self) -> None:
+        """Begins the next motion at home."""
+        self.at, self.visits, self.path, self.last = 0, [0], self.anchors.table["z"][:1], list[Array]()
+        self.begun = False
+
+    def _step(self, target: Array) -> None:
+        """Goes to an anchor nearer to a target: an old one of the same branch, or a new one."""
+        anchors, here = self.anchors, self.anchors[self.at]
+        self.steps += 1
+        if self.steps > MOST:
+            raise Blocked(singular=False)
+        way = anchors.away(target, here.y)
+        far = float(anchors.distance(target, self.at))
+        goal = here.y + min(1.0, 1.0 / far) * way
+        if (known := self._known(goal, target, float(np.linalg.norm(way)))) is not None:
+            self._visit(known)
+            return
+        share, size = min(1.0, 1.0 / far), float(np.abs(way).max())
+        while share * size > SHORTEST * max(1.0, float(np.abs(target).max())):
+            if self._grow(here.y + share * way):
+                return
+            share *= 0.5
+            anchors.shrink(self.at)
+        raise Blocked(singular=True)
+
+    def _known(self, goal: Array, target: Array, length: float) -> int | None:
+        """An anchor of this sheet whose ball holds a goal well, nearer to the target than a length."""
+        anchors = self.anchors
+        kin = anchors.sheet_of(int(anchors.table["sheet"][self.at]))
+        kin = kin[(anchors.distance(goal, kin) <= 0.5) & (kin != self.at)]
+        left = np.linalg.norm(anchors.away(target, anchors.table["y"][kin]), axis=1)
+        for i in np.argsort(left)[:2]:
+            if left[i] < length * (1.0 - 1e-9) and anchors.alike(self.at, int(kin[i])):
+                return int(kin[i])
+        return None
+
+    def _grow(self, goal: Array) -> bool:
+        """Makes an anchor of the pose at y within the ball of this one, and goes there; whether it may be one."""
+        here = self.anchors[self.at]
+        start = here.z + here.K @ (goal - here.y)
+        both = np.stack([start, 0.5 * (start + here.z)]), np.stack([goal, 0.5 * (goal + here.y)])
+        begun = self.evaluate(*both)
+        ahead, half = here.change(self._full(begun[1], begun[2:]))
+        if not (np.isfinite(ahead).all() and np.linalg.norm(ahead, 2) <= CHANGE):
+            return False
+        if not np.linalg.norm(half - 0.5 * ahead, 2) <= 0.5 * CHANGE:
+            return False
+        z, J, error, *more = newton(self.evaluate, start[None], goal[None], most=8, begun=[x[:1] for x in begun])
+        full = self._full(J, more)[0]
+        far = self.anchors.corrections(z - start, np.array([self.at]))[0]
+        if not (error[0] < OPEN and np.isfinite(full).all() and far <= NEAR):
+            return False
+        if not np.linalg.norm(here.change(full), 2) <= CHANGE:
+            return False
+        anchor = measure(z[0], goal, J[0], full, self._jacobian, here.faint)
+        # so near to a singular pose none that leads away from it can be told from one on the branch that crosses there
+        if anchor.beta > self.floor or 2.0 * anchor.beta < here.faint:
+            raise Blocked(singular=True)
+        sheet = int(self.anchors.table["sheet"][self.at])
+        found = self.anchors.add(anchor, sheet)
+        self.parent[found] = self.at
+        self._sort(found, sheet)
+        self._visit(found)
+        return True
+
+    def _sort(self, new: int, sheet: int) -> None:
+        """Puts a new anchor on another sheet where one of its own lies over the same y in another pose."""
+        anchors, y = self.anchors, self.anchors[new].y
+        for candidate in dict.fromkeys([sheet, *range(anchors.sheets + 1)]):
+            rows = anchors.sheet_of(candidate)
+            rows = rows[rows != new]
+            near = rows[anchors.distance(y, rows) <= 0.7]
+            if all(anchors.alike(new, int(one)) for one in near[:8]):
+                if candidate != sheet:
+                    anchors.move(new, candidate)
+                return
+
+    def _visit(self, a: int) -> None:
+        self.at = a
+        self.visits.append(a)
+
+    def _walk(self, target: Array) -> None:
+        """Goes straight to where a target lies within the ball."""
+        while not self.anchors.distance(target, self.at) <= 1.0:
+            self._step(target)
+
+    def _along(self, curve: Curve, depth: int = 0) -> None:
+        """Goes along a curve, halved until its pieces lie in one ball each."""
+        anchors, points, self.piece = self.anchors, curve.points, curve
+        left, right, miss = curve.halves()
+
+        def inside() -> bool:
+            near = miss @ anchors.table["W"][self.at] @ miss <= MISS**2
+            return bool(near and (anchors.distance(points, self.at) <= 1.0).all())
+
+        if inside():
+            return
+        self._walk(points[0])
+        if anchors.distance(points[0], self.at) > 0.5:  # into the middle of a ball
+            self._step(points[0])
+        if inside():
+            return
+        if depth == DEEPEST:
+            raise Blocked(singular=True)
+        self._along(left, depth + 1)
+        self._along(right, depth + 1)
+
+    def _beyond(self, y: Array) -> tuple[Array, Array, Array] | None:
+        """A pose a little beyond a singular one, predicted by what is regular there: z, J and the full Jacobian."""
+        here, k = self.anchors[self.at], len(y)
+        _, J, *_ = self.evaluate(here.z[None], here.y[None])
+        start = here.z + np.linalg.pinv(J[0], rcond=BLUR)[:, -k:] @ (y - here.y)
+        z, J, error, *more = newton(self.evaluate, start[None], y[None])
+        closes = error[0] < OPEN and np.abs(z[0] - start).max() < 1.0
+        return (z[0], J[0], self._full(J, more)[0]) if closes else None
+
+    def _leap(self, way: Array, target: Array) -> bool:
+        """Lands a little beyond a singular pose; whether the loops close there."""
+        here = self.anchors[self.at]
+        last = np.linalg.norm(target - here.y) <= LEAP * np.linalg.norm(way)
+        y = target if last else here.y + LEAP * way
+        if (pose := self._beyond(y)) is None:
+            return False
+        z, J, full = pose
+        landed = self.anchors.add(measure(z, y, J, full, self._jacobian), self.anchors.sheets)
+        self.parent[landed] = self.at
+        self._visit(landed)
+        return True
+
+    def _back(self) -> list[int]:
+        """The anchors by which this one was reached, back to home."""
+        path, a = list[int](), self.at
+        while a:
+            a = self.parent[a]
+            path.append(a)
+        return path
+
+    def _exactly(self, y: Array, a: int, near: Array) -> Array:
+        """Unknowns of a sample in the ball of an anchor, by steps to the sample itself. Shape (n_z,)."""
+        at, visits, self.at, self.steps = self.at, self.visits[:], a, 0
+        try:
+            while self.anchors.away(y, self.anchors[self.at].y).any():
+                self._step(y)
+            z = self.anchors[self.at].z
+        finally:
+            self.at, self.visits = at, visits
+        return np.asarray(z + TURN * np.where(self.anchors.angles, np.rint((near - z) / TURN), 0.0))
+
+    def _look_for_turns(self, y: Array) -> None:
+        """Looks for whole turns of angles where samples lie farther than half a turn from home. Shape (n, k)."""
+        far = np.abs(y - self.anchors[0].y).max(axis=0) > np.pi
+        for i in np.flatnonzero(far & self.turns).tolist():
+            if i not in self.tried:
+                self.tried.add(i)
+                self._turn(i)
+
+    def _turn(self, i: int) -> None:
+        """Finds out whether one whole turn of an angle leads back to home, and how other angles turn meanwhile."""
+        at, visits, home = self.at, self.visits, self.anchors[0]
+        self.at, self.visits, self.steps = 0, [0], 0
+        try:
+            for share in (0.25, 0.5, 0.75, 1.0):
+                y = home.y.copy()
+                y[i] += share * TURN
+                self._walk(y)
+            path = np.concatenate(
+                [self.anchors.table["z"][self.visits], self.anchors.predict(y[None], np.array([self.at]))]
+            )
+            path = self._unwrapped(path)
+            z, _, error, *_ = newton(self.evaluate, path[-1:], y[None])
+            off = np.where(self.anchors.angles, within_half_turn(z[0] - home.z), z[0] - home.z)
+            if error[0] < OPEN and np.abs(off).max() < 1e-6:
+                self.loops[i] = path
+                self.anchors.turn(i)
+        except Blocked:
+            pass
+        finally:
+            self.at, self.visits = at, visits
+
+    def _unwrapped(self, path: Array) -> Array:
+        """Unknowns of poses in order, whole turns added so that angles do not jump. Shape (v, n_z)."""
+        jumps = np.where(self.anchors.angles, np.rint(np.diff(path, axis=0) / TURN), 0.0)
+        return np.concatenate([path[:1], path[1:] - TURN * np.cumsum(jumps, axis=0)])
+
+    @property
+    def windings(self) -> Array:
+        """Whole turns of the unknowns in one of each coordinate that leads back home. Shape (k, n_z)."""
+        found = np.zeros((len(self.turns), len(self.anchors.angles)))
+        for i, path in self.loops.items():
+            found[i] = np.rint((path[-1] - path[0]) / TURN) * self.anchors.angles
+        return found
