@@ -47,25 +47,40 @@ class Dynamics(Motion):
     Attributes:
         applied: Gravity, loads, springs, dampers and motors.
         t: Time [s], which motors go by. Shape (...).
+        driving: Forces along all joint coordinates that are given beside these, shape (..., n_q), if there are any.
         axial: Whether redundant actuators obey the rule of eq. (56), else that of the smallest norm.
     """
 
     t: Any = 0.0
+    driving: Array | None = None
     axial = False
 
     def __init__(
-        self, loops: Loops, at: Coordinates, yd: Array, ydd: Array, folds: Sequence[Any], ops: Ops, applied: Applied
+        self,
+        loops: Loops,
+        at: Coordinates,
+        yd: Array,
+        ydd: Array | None,
+        folds: Sequence[Any],
+        ops: Ops,
+        applied: Applied,
     ) -> None:
         super().__init__(loops, at, yd, ydd, folds, ops)
         self.applied = applied
 
     # what bodies need, and what is exerted on them
 
-    def inertia(self, V: Array, A: Array) -> Array:
-        """Wrenches that bodies need for a motion and against gravity, eqs. (51)-(55). Shape (..., b, 6)."""
+    def inertia(self, V: Array, A: Array, g: Array | None = None) -> Array:
+        """Wrenches that bodies need for a motion and against gravity, eqs. (51)-(55). Shape (..., b, 6).
+
+        Args:
+            V, A: Twists and acceleration screws of the bodies. Shape (..., b, 6).
+            g: Gravity, if it is not what is applied [m/s^2]. Shape (3,).
+        """
+        g = self.applied.g if g is None else g
         R, V, A, mechanism = self.pose.R[..., 1:, :, :], V[..., 1:, :], A[..., 1:, :], self.mechanism
         J = np.array([body.inertia for body in mechanism.bodies])
-        F = mechanism.masses[:, None] * (acceleration_at(V, A, self.com) - self.applied.g)
+        F = mechanism.masses[:, None] * (acceleration_at(V, A, self.com) - g)
         w, beta = (times(transpose(R), X[..., :3]) for X in (V, A))  # in the axes of the body, eq. (52)
         T = times(R, times(J, beta) + cross(w, times(J, w)))
         found = zeros(F[..., 0], F.shape[-2] + 1, 6)
@@ -161,7 +176,7 @@ class Dynamics(Motion):
     def _across_line(self, name: str, direction: Array) -> tuple[Array, Array]:
         n, child = len(self.mechanism.actuators), self.mechanism.joint(name).child
         R = self.pose.R[..., self.mechanism.body_index[child], :, :]
-        across = np.linalg.svd(direction[None])[2][1:] @ transpose(R)
+        across = across_direction(R, direction)
         names = [component for component, _ in reaction_names(self.mechanism)]
         own = [names.index(f"{name}.f{axis}") for axis in "xyz"]
         without, *unit = (
@@ -281,6 +296,11 @@ class Dynamics(Motion):
             shares: How much of each body is carried by each coordinate, with its sign. Shape (b - 1, n_q).
         """
         return np.asarray(power(transpose(shares) @ self.required[..., 1:, :], self.screws))
+
+
+def across_direction(R: Array, direction: Array) -> Array:
+    """Two world directions orthogonal to a body-fixed one, of eq. (56). Shapes (..., 3, 3), (3,) -> (..., 2, 3)."""
+    return np.asarray(np.linalg.svd(direction[None])[2][1:] @ transpose(R))
 
 
 QUANTITIES: Mapping[str, Any] = {

@@ -29,7 +29,7 @@ from screwgauge.reference.equations.screws import (
     times,
     transpose,
 )
-from screwgauge.reference.mechanism import Frame, Joint
+from screwgauge.reference.mechanism import KINDS, Frame, Joint
 from screwgauge.reference.rotations import triad
 
 Value = tuple[Any, Any]
@@ -230,12 +230,14 @@ def dual_wrenches(at: JointPose, S: Array) -> Array:
     Returns:
         Shape (..., f, 6).
     """
-    turns = sum(at.type.freedoms)
-    axes = S[..., :turns, :3]
-    if turns == 3:  # no orthogonal triad
+    freedoms = [*enumerate(KINDS[at.joint.kind])]
+    turning, sliding = ([i for i, turns in freedoms if turns == wanted] for wanted in (True, False))
+    axes = S[..., turning, :3]
+    if len(turning) == 3:  # no orthogonal triad
         faces = cross(axes[..., [1, 2, 0], :], axes[..., [2, 0, 1], :])
         axes = faces / np.asarray(dot(axes[..., 0, :], faces[..., 0, :]))[..., None, None]
-    return stack(couple(axes), force(S[..., turns:, 3:], at.p_child[..., None, :]))
+    found = stack(couple(axes), force(S[..., sliding, 3:], at.p_child[..., None, :]))
+    return found[..., np.argsort(turning + sliding), :]
 
 
 def cut_coordinates(at: JointPose, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value]:

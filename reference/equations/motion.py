@@ -11,7 +11,7 @@ import numpy as np
 from screwgauge.reference.equations.closure import Closed, CutJoint, Loops
 from screwgauge.reference.equations.kinematics import Bracket, Coordinates, bias_screws, twists
 from screwgauge.reference.equations.ops import Ops
-from screwgauge.reference.equations.screws import Array, acceleration_at, times
+from screwgauge.reference.equations.screws import Array, acceleration_at
 from screwgauge.reference.mechanism import Mechanism
 
 
@@ -27,8 +27,10 @@ class Motion(Closed):
 
     bracket: Bracket | None = None
 
-    def __init__(self, loops: Loops, at: Coordinates, yd: Array, ydd: Array, folds: Sequence[Any], ops: Ops) -> None:
-        """`ydd`: second derivatives of the independent coordinates. Shape (..., k)."""
+    def __init__(
+        self, loops: Loops, at: Coordinates, yd: Array, ydd: Array | None, folds: Sequence[Any], ops: Ops
+    ) -> None:
+        """`ydd`: second derivatives of the independent coordinates, shape (..., k); None where forces decide."""
         super().__init__(loops, at, folds, ops)
         self.yd, self._ydd, self.near = yd, ydd, dict[int, Any]()
 
@@ -39,6 +41,8 @@ class Motion(Closed):
     @property
     def ydd(self) -> Array:
         """Second derivatives of the independent coordinates. Shape (..., k)."""
+        if self._ydd is None:
+            raise TypeError("no accelerations are given")
         return self._ydd
 
     @cached_property
@@ -75,11 +79,10 @@ class Motion(Closed):
         """Acceleration screws of the bodies, eq. (44). Shape (..., b, 6)."""
         return self.bias + twists(self.pose, self.beta)
 
-    @cached_property
+    @property
     def com(self) -> Array:
         """Centres of mass. Shape (..., b - 1, 3)."""
-        own = np.array([body.com for body in self.mechanism.bodies])
-        return self.pose.p[..., 1:, :] + times(self.pose.R[..., 1:, :, :], own)
+        return self.pose.com
 
     @cached_property
     def com_acceleration(self) -> Array:
@@ -112,9 +115,21 @@ class Motion(Closed):
     @cached_property
     def joint_acceleration(self) -> Array:
         """Second derivatives of the coordinates of all joints. Shape (..., n_q)."""
-        return self._with_cuts(
-            self.beta, lambda cut: np.moveaxis(cut.accelerations(self.V, self.A, self.bracket), -1, 0)
-        )
+        return self.accelerations_of_joints(self.beta, self.A)
+
+    def accelerations_of_joints(self, beta: Array, A: Array) -> Array:
+        """The same from those of the tree and the acceleration screws of the bodies. (..., n_q), (..., b, 6)."""
+        return self._with_cuts(beta, lambda cut: np.moveaxis(cut.accelerations(self.V, A, self.bracket), -1, 0))
+
+    def joint_coordinate(self, coordinate: str) -> Any:
+        """A joint coordinate by its name. Shape (...)."""
+        c = self.mechanism.coordinates.index(coordinate)
+        return (self.joint_position if c in self.loops.owner else self.q)[..., c]
+
+    def joint_rate(self, coordinate: str) -> Any:
+        """Its rate. Shape (...)."""
+        c = self.mechanism.coordinates.index(coordinate)
+        return (self.joint_velocity if c in self.loops.owner else self.w)[..., c]
 
     def _with_cuts(self, tree: Array, own: Any) -> Array:
         """Numbers of all coordinates from those of the tree, and of each cut joint from its own two bodies."""

@@ -82,7 +82,7 @@ def _respond(loops: Loops, applied: Applied, q: Array, columns: list[int], folds
     x, _ = _inputs(trace, loops, q, columns)
     yd = np.array([trace.input(0.0 * q[:, c] + 1.0) for c in loops.y_columns], dtype=object)
     t = trace.input(0.0 * q[:, 0])
-    at = Response(loops, coordinates(x, TRACE), yd, yd, folds, TRACE, applied)
+    at = Response(loops, coordinates(x, TRACE), yd, None, folds, TRACE, applied)
     at.t = t
     K = at.K[..., columns].T
     answer = [*at.ydd, at.input_power, _condition(at), at.inertia_gain, *K.flat]
