@@ -73,13 +73,21 @@ class ClosedMotion(Forward):
         Only motion is projected, never reactions: what redundant constraints leave open does not matter.
 
         Raises:
+            SingularPoseError: See `check`.
+        """
+        self.check()
+        return super().response
+
+    def check(self) -> None:
+        """Refuses poses at which forces do not determine the accelerations.
+
+        Raises:
             SingularPoseError: The independent coordinates do not determine the motion there, some move no mass, or a
                 spring has no direction.
         """
         self._check_poses()
         self._check_inertia()
         self.check_springs()
-        return super().response
 
     def _check_poses(self) -> None:
         bad, mechanism = np.flatnonzero(~(self.condition < linear.SINGULAR)), self.mechanism

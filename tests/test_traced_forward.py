@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import screwgauge
-from support.acting import Applied, JointSpring, Load, Motor, PointSpring, forces_at, power
+from support.acting import Applied, JointSpring, Load, Motor, PointSpring
 from support.engines import Problem
 from support.mechanism import load_mechanism
 from support.scene import InitialValue, Integration
-from support.solve import Branch, ScrewModel, Settings, StagedDOP853, TracedForward, forward, layout, moved, velocities
+from support.solve import Branch, ScrewModel, Settings, StagedDOP853, TracedForward, layout, motion_at, moved
 from support.tolerances import LINEAR
 from support.traced import NotTraceableError
 
@@ -66,9 +66,8 @@ def test_slopes_are_those_of_the_arrays(name, backend):
     near = y[:, None] + 1e-3 * np.arange(11)  # more than a register holds
     states = np.concatenate([near, np.repeat(yd[:, None], 11, axis=1), np.zeros((1, 11))])
     found, two, one = programs.slope(t, states), programs.slope(t, states[:, :2]), programs.one(t, states[:, 0])
-    rate = moved(lay, near.T, states[len(y) : -1].T)
-    forces = forces_at(lay.mechanism, applied, t)
-    right = np.concatenate([states[len(y) : -1], forward(lay, rate, forces).ydd.T, power(lay, rate, forces)[None]])
+    at = moved(lay, near.T, states[len(y) : -1].T, applied=applied, t=t)
+    right = np.concatenate([states[len(y) : -1], at.ydd.T, at.input_power[None]])
     assert np.abs(found / right - 1.0).max() < 1e-10
     assert np.abs(two / right[:, :2] - 1.0).max() < 1e-10  # of which one needs no step
     assert np.abs(one / right[:, 0] - 1.0).max() < 1e-10
@@ -163,8 +162,8 @@ def test_a_way_too_long_for_one_prediction_is_gone_in_steps(backend):
     lay, y = layout(scene.mechanism), scene.start.start
     programs, state = traced(lay, scene.applied, y, backend), np.array([[y[0] + 1.5], [3.0], [0.0]])
     assert not programs.place(state[:1])
-    rate = velocities(lay, Branch(lay, lay.mechanism.home).poses(state[:1].T), state[1:2].T)
-    right = forward(lay, rate, forces_at(lay.mechanism, scene.applied, 0.0)).ydd[0, 0]
+    q = Branch(lay, lay.mechanism.home).poses(state[:1].T).q
+    right = motion_at(lay, q, state[1:2].T, applied=scene.applied).ydd[0, 0]
     assert abs(programs.slope(0.0, state)[1, 0] / right - 1.0) < 1e-9
     programs.at.q[0] += 0.2  # from another branch no step leads there
     assert programs.slope(0.0, state + 0.5) is None
@@ -198,7 +197,6 @@ def test_a_motor_on_a_joint_that_closes_a_loop_acts_there():
     motor = Motor(lay.tree.cuts[0].name, np.array([2.0]), np.zeros((0, 3)))
     applied, y = replace(scene.applied, motors=(motor,)), np.array([0.4])
     found = traced(lay, applied, y, "numpy").one(0.0, np.array([0.4, 1.5, 0.0]))
-    rate = moved(lay, y[None], np.array([[1.5]]))
-    forces = forces_at(lay.mechanism, applied, 0.0)
-    assert abs(found[1] - forward(lay, rate, forces).ydd[0, 0]) < LINEAR
-    assert abs(found[2] - power(lay, rate, forces)[0]) < LINEAR
+    at = moved(lay, y[None], np.array([[1.5]]), applied=applied)
+    assert abs(found[1] - at.ydd[0, 0]) < LINEAR
+    assert abs(found[2] - at.input_power[0]) < LINEAR

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from screwgauge.reference.applied import Applied
+from screwgauge.reference.couplings import Coupling, component_name
 from screwgauge.reference.equations.applied_forces import Exerted, exerted
 from screwgauge.reference.equations.closure import Loops
-from screwgauge.reference.equations.joint_types import forbidden_twists
+from screwgauge.reference.equations.joint_types import components, forbidden_twists
 from screwgauge.reference.equations.kinematics import (
     Coordinates,
     forces_along,
@@ -24,7 +25,6 @@ from screwgauge.reference.equations.kinematics import (
 )
 from screwgauge.reference.equations.motion import Motion
 from screwgauge.reference.equations.ops import Ops, System, absent
-from screwgauge.reference.equations.reactions import by_role, reaction_names
 from screwgauge.reference.equations.screws import (
     Array,
     acceleration_at,
@@ -39,6 +39,7 @@ from screwgauge.reference.equations.screws import (
     times,
     transpose,
 )
+from screwgauge.reference.mechanism import KINDS, Joint, by_role
 
 
 class Dynamics(Motion):
@@ -177,7 +178,7 @@ class Dynamics(Motion):
         n, child = len(self.mechanism.actuators), self.mechanism.joint(name).child
         R = self.pose.R[..., self.mechanism.body_index[child], :, :]
         across = across_direction(R, direction)
-        names = [component for component, _ in reaction_names(self.mechanism)]
+        names = reaction_names(self.mechanism.joints, ())[0]
         own = [names.index(f"{name}.f{axis}") for axis in "xyz"]
         without, *unit = (
             times(across, self.reactions(f, idle=f.any())[..., own]) for f in (np.zeros(n), *np.eye(n, dtype=float))
@@ -237,7 +238,8 @@ class Dynamics(Motion):
 
     @cached_property
     def _arms(self) -> Array:
-        return np.array([self.loops.length if unit == "N m" else 1.0 for _, unit in reaction_names(self.mechanism)])
+        units = reaction_names(self.mechanism.joints, self.mechanism.couplings)[1]
+        return np.array([self.loops.length if unit == "N m" else 1.0 for unit in units])
 
     @cached_property
     def _redundant(self) -> list[tuple[Array, Array]]:
@@ -271,7 +273,7 @@ class Dynamics(Motion):
             x[..., self._rows_of[joint.name]]
             if joint.name in self._rows_of
             else powers(wrenches[joint.name][..., None, :], forbidden_twists(self.pose.joint(joint)))[..., 0, :]
-            for joint in by_role(self.mechanism)
+            for joint in by_role(self.mechanism.joints)
         ]
         return join(*found, x[..., self.loops.ends[-1] : self.loops.given.start])
 
@@ -289,13 +291,23 @@ class Dynamics(Motion):
                 S[..., column, :] = cut.S[..., i, :]
         return S
 
-    def open_tree_force(self, shares: Array) -> Array:
+    def open_tree_force(self, shares: Array, need: Array | None = None) -> Array:
         """Forces along all coordinates that inertia and gravity ask of an open tree. Shape (..., n_q).
 
         Args:
             shares: How much of each body is carried by each coordinate, with its sign. Shape (b - 1, n_q).
+            need: Other wrenches that the bodies need. Shape (..., b, 6).
         """
-        return np.asarray(power(transpose(shares) @ self.required[..., 1:, :], self.screws))
+        need = self.required if need is None else need
+        return np.asarray(power(transpose(shares) @ need[..., 1:, :], self.screws))
+
+
+def reaction_names(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and units of all reaction components: ``leg1.base.fx`` and N, by role; those of couplings after them."""
+    pairs = [(f"{joint.name}.{label}", unit) for joint in by_role(joints) for label, unit in components(joint)]
+    turns = {name: turn for joint in joints for name, turn in zip(joint.coordinates, KINDS[joint.kind], strict=True)}
+    pairs += [(component_name(one), "N m" if turns[one.coordinate] else "N") for one in couplings]
+    return tuple(name for name, _ in pairs), tuple(unit for _, unit in pairs)
 
 
 def across_direction(R: Array, direction: Array) -> Array:

@@ -19,7 +19,7 @@ class Forward(Dynamics):
     """Motion that follows from the forces at a closed pose; `Dynamics` of the accelerations found."""
 
     @cached_property
-    def _partial(self) -> tuple[Array, Array]:
+    def partial_motion(self) -> tuple[Array, Array]:
         """Velocities of centres of mass, and angular ones in body axes, per rate of each y. (..., k, b - 1, 3)."""
         each = [twists(self.pose, self.K[..., j, :])[..., 1:, :] for j in range(self.K.shape[-2])]
         turn = transpose(self.pose.R[..., 1:, :, :])
@@ -31,7 +31,7 @@ class Forward(Dynamics):
     @cached_property
     def inertia_matrix(self) -> Array:
         """M of the kinetic energy ``yd M yd / 2``: partial motions against each other. Shape (..., k, k)."""
-        (v, w), mechanism = self._partial, self.mechanism
+        (v, w), mechanism = self.partial_motion, self.mechanism
         mv = mechanism.masses[:, None] * v
         Jw = times(np.array([body.inertia for body in mechanism.bodies]), w)
         k = v.shape[-3]

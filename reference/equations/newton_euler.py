@@ -8,12 +8,11 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.equations.dynamics import Dynamics, across_direction
+from screwgauge.reference.equations.dynamics import Dynamics, across_direction, reaction_names
 from screwgauge.reference.equations.joint_types import constraint_wrenches, dual_wrenches
 from screwgauge.reference.equations.kinematics import TreePose, twists
-from screwgauge.reference.equations.reactions import by_role, reaction_names
 from screwgauge.reference.equations.screws import Array, cross, join, transpose
-from screwgauge.reference.mechanism import Joint
+from screwgauge.reference.mechanism import Joint, by_role
 
 
 def balances(com: Array, W: Array) -> Array:
@@ -49,6 +48,13 @@ def drives(at: TreePose, S: Array, columns: Collection[int]) -> Array:
     return found
 
 
+def exerted_wrenches(at: Dynamics) -> Array:
+    """What all that is applied exerts on the bodies, along joints, too. Shape (n, b, 6)."""
+    driven = np.flatnonzero(at.exerted.along.any(axis=0)).tolist()
+    along = np.einsum("ni,nibx->nbx", at.exerted.along, drives(at.pose, at.screws, driven))
+    return np.asarray(at.exerted.wrenches + along)
+
+
 def force_matrix(at: TreePose, q: Array, S: Array) -> Array:
     """The matrix c of eq. (57): what each unknown exerts on each body, see `balances`.
 
@@ -64,7 +70,7 @@ def force_matrix(at: TreePose, q: Array, S: Array) -> Array:
     mechanism = at.lay.mechanism
     slopes = mechanism.coupling_rows.matrix(q)
     along = drives(at, S, {*mechanism.actuated_columns, *np.flatnonzero(slopes.any(axis=(0, 1))).tolist()})
-    parts = [on_bodies(at, joint, constraint_wrenches(at.joint(joint))) for joint in by_role(mechanism)]
+    parts = [on_bodies(at, joint, constraint_wrenches(at.joint(joint))) for joint in by_role(mechanism.joints)]
     parts += [np.einsum("nmi,nibx->nmbx", slopes, along), along[:, mechanism.actuated_columns]]
     return transpose(balances(at.com[:, None], np.concatenate(parts, axis=1)))
 
@@ -87,8 +93,7 @@ class NewtonEuler:
 
     def __init__(self, at: Dynamics) -> None:
         self.at, self.c = at, force_matrix(at.pose, at.q, at.screws)
-        components, length = reaction_names(at.mechanism), at.loops.length
-        self.names, self.units = tuple(name for name, _ in components), tuple(unit for _, unit in components)
+        (self.names, self.units), length = reaction_names(at.mechanism.joints, at.mechanism.couplings), at.loops.length
         self.rows = np.resize([1.0, 1.0, 1.0, length, length, length], self.c.shape[1])
         self.size = np.where(np.array([*self.units, *at.mechanism.actuator_units]) == "N m", length, 1.0)
 
@@ -145,14 +150,7 @@ class NewtonEuler:
     @property
     def need(self) -> Array:
         """What joints and actuators must exert on the bodies for the motion, see `balances`. Shape (n, 6 (b - 1))."""
-        return self._need(self.at.required)
-
-    def _need(self, inertia: Array) -> Array:
-        """The same for other wrenches that inertia and gravity ask for. Shape (n, b, 6)."""
-        at = self.at
-        driven = np.flatnonzero(at.exerted.along.any(axis=0)).tolist()
-        along = np.einsum("ni,nibx->nbx", at.exerted.along, drives(at.pose, at.screws, driven))
-        return balances(at.com, inertia - at.exerted.wrenches - along)
+        return balances(self.at.com, self.at.required - exerted_wrenches(self.at))
 
     def response(self) -> tuple[Array, Array]:
         """Accelerations of all joint coordinates and all reactions, from the balance of every body and the closure of
@@ -167,11 +165,11 @@ class NewtonEuler:
         at, loops, m = self.at, self.at.loops, len(self.names)
         c, G = self.c[..., :m], at.system.A[:, : loops.given.start]
         still = at.accelerations(0.0 * at.yd, at.w, at.V, at.bias)
-        right = -self._need(at.inertia(at.V, at.bias + twists(at.pose, still)))
+        need = at.inertia(at.V, at.bias + twists(at.pose, still)) - exerted_wrenches(at)
         unit = np.einsum("bi,nix->inbx", at.loops.lay.path, at.pose.S)[loops.columns]
         D = balances(at.com, at.inertia(0.0 * unit, unit, np.zeros(3))).transpose(1, 2, 0) * loops.size
         system = np.block([[D, -c], [G, np.zeros((*G.shape[:2], m))]])
-        right = np.concatenate([right, np.zeros(G.shape[:2])], axis=1)
+        right = np.concatenate([-balances(at.com, need), np.zeros(G.shape[:2])], axis=1)
         # equal sizes of the columns, whose units differ; what stays far below is redundancy
         size = np.linalg.norm(system, axis=1, keepdims=True)
         size = np.where(size > 0.0, size, 1.0)

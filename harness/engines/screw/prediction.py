@@ -13,7 +13,8 @@ from screwgauge.reference.closed.anchor import Anchor
 from screwgauge.reference.closed.between import Rows, interpolated, knots, predicted, slopes
 from screwgauge.reference.closed.cut_coordinates import read
 from screwgauge.reference.closed.resting import home_equations
-from screwgauge.reference.kinematics import positions, velocities
+from screwgauge.reference.closed_motion import motion_at
+from screwgauge.reference.kinematics import positions
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array, nearest_angles
 from screwgauge.reference.traced.lanes import Lanes
@@ -107,12 +108,12 @@ class Predictor:
         self.by_program = self.behind = False
         rows = knots(motion.y / self.size, EVERY, STEP)
         some = motion.part(rows)
-        at = positions(self.lay, some.y, some.t, (some.yd, some.ydd), path=self.branch)
-        self.at, self.known = at.q[-1], []
+        q = positions(self.lay, some.y, some.t, (some.yd, some.ydd), path=self.branch)
+        self.at, self.known = q[-1], []
         if len(rows) == len(motion):
-            return at.q
-        K = velocities(self.lay, at, some.yd).K
-        return predicted(motion.y, rows, at.q, np.where(np.isfinite(K), K, 0.0))
+            return q
+        K = motion_at(self.lay, q, some.yd).joint_map
+        return predicted(motion.y, rows, q, np.where(np.isfinite(K), K, 0.0))
 
     def _followed(self, motion: GivenMotion, rows: Rows) -> Array | None:
         """By poses that the program closes, each from where those before lead to; nothing if one is in doubt."""
