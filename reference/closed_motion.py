@@ -49,7 +49,8 @@ class ClosedMotion(Forward):
 
     def _locked(self, cut: int) -> tuple[Array, ...]:
         """Entries of the coordinates of a cut joint, by its number, where it is in gimbal lock."""
-        return np.ix_(~(self.charts[:, cut] <= linear.SINGULAR), self.loops.lay.columns[self.loops.cuts[cut].name])
+        columns = np.array(self.loops.lay.columns[self.loops.cuts[cut].name])
+        return np.ix_(~(self.charts[:, cut] <= linear.SINGULAR), columns)
 
     @cached_property
     def joint_position(self) -> Array:
@@ -58,6 +59,12 @@ class ClosedMotion(Forward):
         for j in range(len(self.cuts)):
             found[self._locked(j)] = self.q[self._locked(j)]
         return found
+
+    @cached_property
+    def screws(self) -> Array:
+        """Unit screws of all joints, not numbers of a cut joint in gimbal lock. Shape (n, n_q, 6)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return super().screws
 
     def _with_cuts(self, tree: Array, own: Any) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):

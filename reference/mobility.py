@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.equations.dynamics import reaction_names
+from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.equations.newton_euler import force_matrix
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import serial_chains

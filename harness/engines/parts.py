@@ -10,7 +10,7 @@ import numpy as np
 from screwgauge.engines.estimate import Part, errors
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress
 from screwgauge.quantities import FORCE, QUANTITIES
-from screwgauge.reference.equations.dynamics import reaction_names
+from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.errors import ClosureError, ModelFileError
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
 from screwgauge.reference.rotations import Array

@@ -13,16 +13,10 @@ from typing import Any
 import numpy as np
 
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.couplings import Coupling, component_name
 from screwgauge.reference.equations.applied_forces import Exerted, exerted
 from screwgauge.reference.equations.closure import Loops
-from screwgauge.reference.equations.joint_types import components, forbidden_twists
-from screwgauge.reference.equations.kinematics import (
-    Coordinates,
-    forces_along,
-    transmitted,
-    zeros,
-)
+from screwgauge.reference.equations.joint_types import forbidden_twists, reaction_names
+from screwgauge.reference.equations.kinematics import Coordinates, forces_along, transmitted, zeros
 from screwgauge.reference.equations.motion import Motion
 from screwgauge.reference.equations.ops import Ops, System, absent
 from screwgauge.reference.equations.screws import (
@@ -39,7 +33,8 @@ from screwgauge.reference.equations.screws import (
     times,
     transpose,
 )
-from screwgauge.reference.mechanism import KINDS, Joint, by_role
+from screwgauge.reference.mechanism import by_role
+from screwgauge.reference.rotations import across_direction
 
 
 class Dynamics(Motion):
@@ -68,8 +63,6 @@ class Dynamics(Motion):
     ) -> None:
         super().__init__(loops, at, yd, ydd, folds, ops)
         self.applied = applied
-
-    # what bodies need, and what is exerted on them
 
     def inertia(self, V: Array, A: Array, g: Array | None = None) -> Array:
         """Wrenches that bodies need for a motion and against gravity, eqs. (51)-(55). Shape (..., b, 6).
@@ -169,6 +162,13 @@ class Dynamics(Motion):
             return times(self.B, self.drive.solve(Q))
         return self.drive.solve(times(self.B, Q) if self.surplus else Q)
 
+    def driven(self, f: Array) -> Array:
+        """Forces of the actuators among those along all coordinates. Shape (..., n_act) -> (..., n_q)."""
+        lead, n = np.broadcast_shapes(self.q.shape[:-1], f.shape[:-1]), self.q.shape[-1]
+        along = np.zeros((*lead, n), dtype=self.q.dtype)
+        along[..., self.mechanism.actuated_columns] = along[..., self.mechanism.actuated_columns] + f
+        return along
+
     @cached_property
     def line(self) -> tuple[Array, Array] | None:
         """Eq. (56), if it is the rule: force of a joint across its line per actuator force, and what these undo."""
@@ -176,10 +176,8 @@ class Dynamics(Motion):
 
     def _across_line(self, name: str, direction: Array) -> tuple[Array, Array]:
         n, child = len(self.mechanism.actuators), self.mechanism.joint(name).child
-        R = self.pose.R[..., self.mechanism.body_index[child], :, :]
-        across = across_direction(R, direction)
-        names = reaction_names(self.mechanism.joints, ())[0]
-        own = [names.index(f"{name}.f{axis}") for axis in "xyz"]
+        across = across_direction(self.pose.R[..., self.mechanism.body_index[child], :, :], direction)
+        own = [reaction_names(self.mechanism.joints, ())[0].index(f"{name}.f{axis}") for axis in "xyz"]
         without, *unit = (
             times(across, self.reactions(f, idle=f.any())[..., own]) for f in (np.zeros(n), *np.eye(n, dtype=float))
         )
@@ -194,20 +192,15 @@ class Dynamics(Motion):
 
     def reactions(self, f: Array, *, idle: bool = False) -> Array:
         """The same for given actuator forces. Shape (..., n_act) -> (..., r). `idle`: where nothing else acts."""
-        x, wrenches = self.constraint_forces(f, idle=idle)
-        return self.components(wrenches, x)
+        return self.components(*self.constraint_forces(f, idle=idle))
 
-    def _lead(self, f: Array) -> tuple[int, ...]:
-        return np.broadcast_shapes(self.q.shape[:-1], f.shape[:-1])
+    def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[dict[str, Array], Array]:
+        """Wrenches of all joints, see `transmitted`, and forces along the rows of M.
 
-    def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[Array, dict[str, Array]]:
-        """Forces along the rows of M, and the wrenches of all joints, see `transmitted`.
-
-        ``M^T x = tau`` gives those of cut joints, and what is then transmitted all others. Where constraints are
+        ``M^T x = tau`` gives the forces at cut joints, and what is then transmitted all others. Where constraints are
         redundant, of all answers that of smallest norm, moments over the length of the mechanism.
         """
-        along = np.array(np.broadcast_to(zeros(self.q, self.q.shape[-1]), (*self._lead(f), self.q.shape[-1])))
-        along[..., self.mechanism.actuated_columns] = along[..., self.mechanism.actuated_columns] + f
+        along = self.driven(f)
         tau, need = -self.along_tree(along), 0.0 * self.required
         if not idle:
             tau, need, along = tau + self.tau, self.required - self.exerted.wrenches, along + self.exerted.along
@@ -217,16 +210,13 @@ class Dynamics(Motion):
             own = times(N, self.components(self.transmitted(x, need, along), x) / self._arms)
             share = self.ops.square(N @ transpose(N)).solve(own)
             x = x - sum(scale(share[..., i], row) for i, (row, _) in enumerate(null))
-        return x, self.transmitted(x, need, along)
+        return self.transmitted(x, need, along), x
 
     @cached_property
     def imbalance(self) -> Array:
         """What reactions and actuator forces leave along the coordinates of the tree. Shape (..., n)."""
-        f = self.actuator_force
-        driven = self.exerted.along + 0.0
-        driven[..., self.mechanism.actuated_columns] = driven[..., self.mechanism.actuated_columns] + f
-        x, wrenches = self.constraint_forces(f)
-        left = driven + 0.0
+        wrenches, x = self.constraint_forces(self.actuator_force)
+        left = self.exerted.along + self.driven(self.actuator_force)
         for row, (i, of, slope) in enumerate(self.loops.derivatives(self.q, 1), self.loops.ends[-1]):
             left[..., i] = left[..., i] + x[..., row]
             if of is not None:
@@ -282,15 +272,6 @@ class Dynamics(Motion):
         ends = self.loops.ends
         return {joint.name: slice(ends[j], ends[j + 1]) for j, joint in enumerate(self.loops.cuts)}
 
-    @cached_property
-    def screws(self) -> Array:
-        """Unit screws of all joints. Shape (..., n_q, 6)."""
-        S = self.pose.S + 0.0
-        for cut in self.cuts:
-            for i, column in enumerate(self.loops.lay.columns[cut.at.joint.name]):
-                S[..., column, :] = cut.S[..., i, :]
-        return S
-
     def open_tree_force(self, shares: Array, need: Array | None = None) -> Array:
         """Forces along all coordinates that inertia and gravity ask of an open tree. Shape (..., n_q).
 
@@ -300,19 +281,6 @@ class Dynamics(Motion):
         """
         need = self.required if need is None else need
         return np.asarray(power(transpose(shares) @ need[..., 1:, :], self.screws))
-
-
-def reaction_names(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units of all reaction components: ``leg1.base.fx`` and N, by role; those of couplings after them."""
-    pairs = [(f"{joint.name}.{label}", unit) for joint in by_role(joints) for label, unit in components(joint)]
-    turns = {name: turn for joint in joints for name, turn in zip(joint.coordinates, KINDS[joint.kind], strict=True)}
-    pairs += [(component_name(one), "N m" if turns[one.coordinate] else "N") for one in couplings]
-    return tuple(name for name, _ in pairs), tuple(unit for _, unit in pairs)
-
-
-def across_direction(R: Array, direction: Array) -> Array:
-    """Two world directions orthogonal to a body-fixed one, of eq. (56). Shapes (..., 3, 3), (3,) -> (..., 2, 3)."""
-    return np.asarray(np.linalg.svd(direction[None])[2][1:] @ transpose(R))
 
 
 QUANTITIES: Mapping[str, Any] = {

@@ -121,6 +121,15 @@ class Motion(Closed):
         """The same from those of the tree and the acceleration screws of the bodies. (..., n_q), (..., b, 6)."""
         return self._with_cuts(beta, lambda cut: np.moveaxis(cut.accelerations(self.V, A, self.bracket), -1, 0))
 
+    @cached_property
+    def screws(self) -> Array:
+        """Unit screws of all joints. Shape (..., n_q, 6)."""
+        S = self.pose.S + 0.0
+        for cut in self.cuts:
+            for i, column in enumerate(self.loops.lay.columns[cut.at.joint.name]):
+                S[..., column, :] = cut.S[..., i, :]
+        return S
+
     def joint_coordinate(self, coordinate: str) -> Any:
         """A joint coordinate by its name. Shape (...)."""
         c = self.mechanism.coordinates.index(coordinate)

@@ -8,11 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.equations.dynamics import Dynamics, across_direction, reaction_names
-from screwgauge.reference.equations.joint_types import constraint_wrenches, dual_wrenches
+from screwgauge.reference.equations.dynamics import Dynamics
+from screwgauge.reference.equations.joint_types import constraint_wrenches, dual_wrenches, reaction_names
 from screwgauge.reference.equations.kinematics import TreePose, twists
 from screwgauge.reference.equations.screws import Array, cross, join, transpose
 from screwgauge.reference.mechanism import Joint, by_role
+from screwgauge.reference.rotations import across_direction
 
 
 def balances(com: Array, W: Array) -> Array:

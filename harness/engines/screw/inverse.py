@@ -17,7 +17,8 @@ from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.closed_motion import ClosedMotion
 from screwgauge.reference.equations import dynamics as equations
 from screwgauge.reference.equations.closure import Loops
-from screwgauge.reference.equations.dynamics import Dynamics, reaction_names
+from screwgauge.reference.equations.dynamics import Dynamics
+from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.equations.rounding import gain
 from screwgauge.reference.equations.screws import force, power
 from screwgauge.reference.extent import extent

@@ -15,12 +15,11 @@ from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import Problem
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.equations.dynamics import across_direction, reaction_names
-from screwgauge.reference.equations.joint_types import JointPose, placed
+from screwgauge.reference.equations.joint_types import JointPose, placed, reaction_names
 from screwgauge.reference.equations.screws import times
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Joint, by_role
-from screwgauge.reference.rotations import Array, cross
+from screwgauge.reference.rotations import Array, across_direction, cross
 from screwgauge.reference.wrenches import State, applied_wrenches
 
 
