@@ -162,8 +162,8 @@ def motion_at(
     )
     for what, values, columns in given:
         if values is not None:
-            at.driving = np.zeros(q.shape) if at.driving is None else at.driving
-            at.driving[:, columns] += _checked(what, values, len(q), len(columns), lay.mechanism.name)
+            at.given_forces = np.zeros(q.shape) if at.given_forces is None else at.given_forces
+            at.given_forces[:, columns] += _checked(what, values, len(q), len(columns), lay.mechanism.name)
     return at
 
 

@@ -216,3 +216,15 @@ def test_coordinates_that_together_move_no_mass_are_refused_at_any_sample(write)
     assert np.isfinite(response(path, (0.0, 1.0), (0.1, 1.0)).ydd).all()
     with pytest.raises(SingularPoseError, match="some combination of the independent coordinates moves no mass"):
         response(path, (0.0, 0.1), (0.0, 0.0)).check()
+
+
+@pytest.mark.parametrize("name", ["stewart", "rccc", "a02-fourbar-2"])
+def test_forces_along_any_coordinate_do_the_same_in_both_routes(name):
+    """Along those of a floating joint and of joints that close loops, too."""
+    lay = layout(load_mechanism(name))
+    home, columns = lay.mechanism.home, lay.mechanism.independent_columns
+    y = home[columns] + 0.05 * np.cos(np.arange(2.0 * len(columns))).reshape(2, -1)
+    forces = np.sin(1.0 + np.arange(float(len(home))))
+    at = moved(lay, y, np.ones_like(y), joints=forces)
+    assert np.abs(at.ydd - moved(lay, y, np.ones_like(y)).ydd).max() > 1e-3
+    assert np.abs(NewtonEuler(at).response()[0] - at.joint_acceleration).max() < DENSE * np.abs(at.ydd).max()

@@ -29,7 +29,7 @@ class Exerted(NamedTuple):
 
 
 def exerted(at: Dynamics) -> Exerted:
-    """What loads, springs, dampers and motors exert, and forces that are given, see `Dynamics.driving`."""
+    """What loads, springs, dampers and motors exert, and forces that are given, see `Dynamics.given_forces`."""
     W, along = zeros(at.q, len(at.mechanism.body_index), 6), zeros(at.q, at.q.shape[-1])
     coordinates = at.mechanism.coordinates
     for load in at.applied.loads:
@@ -47,7 +47,7 @@ def exerted(at: Dynamics) -> Exerted:
     for motor in at.applied.motors:
         c = coordinates.index(motor.coordinate)
         along[..., c] = along[..., c] + motor_force(at, motor)
-    return Exerted(W, along if at.driving is None else along + at.driving)
+    return Exerted(W, along if at.given_forces is None else along + at.given_forces)
 
 
 def load_wrench(at: Dynamics, load: Load) -> Array:

@@ -43,12 +43,12 @@ class Dynamics(Motion):
     Attributes:
         applied: Gravity, loads, springs, dampers and motors.
         t: Time [s], which motors go by. Shape (...).
-        driving: Forces along all joint coordinates that are given beside these, shape (..., n_q), if there are any.
+        given_forces: Further forces along all joint coordinates, if there are any. Shape (..., n_q).
         axial: Whether redundant actuators obey the rule of eq. (56), else that of the smallest norm.
     """
 
     t: Any = 0.0
-    driving: Array | None = None
+    given_forces: Array | None = None
     axial = False
 
     def __init__(
@@ -162,7 +162,7 @@ class Dynamics(Motion):
             return times(self.B, self.drive.solve(Q))
         return self.drive.solve(times(self.B, Q) if self.surplus else Q)
 
-    def driven(self, f: Array) -> Array:
+    def along_joints(self, f: Array) -> Array:
         """Forces of the actuators among those along all coordinates. Shape (..., n_act) -> (..., n_q)."""
         lead, n = np.broadcast_shapes(self.q.shape[:-1], f.shape[:-1]), self.q.shape[-1]
         along = np.zeros((*lead, n), dtype=self.q.dtype)
@@ -200,7 +200,7 @@ class Dynamics(Motion):
         ``M^T x = tau`` gives the forces at cut joints, and what is then transmitted all others. Where constraints are
         redundant, of all answers that of smallest norm, moments over the length of the mechanism.
         """
-        along = self.driven(f)
+        along = self.along_joints(f)
         tau, need = -self.along_tree(along), 0.0 * self.required
         if not idle:
             tau, need, along = tau + self.tau, self.required - self.exerted.wrenches, along + self.exerted.along
@@ -216,7 +216,7 @@ class Dynamics(Motion):
     def imbalance(self) -> Array:
         """What reactions and actuator forces leave along the coordinates of the tree. Shape (..., n)."""
         wrenches, x = self.constraint_forces(self.actuator_force)
-        left = self.exerted.along + self.driven(self.actuator_force)
+        left = self.exerted.along + self.along_joints(self.actuator_force)
         for row, (i, of, slope) in enumerate(self.loops.derivatives(self.q, 1), self.loops.ends[-1]):
             left[..., i] = left[..., i] + x[..., row]
             if of is not None:

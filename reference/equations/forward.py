@@ -108,4 +108,4 @@ class Forward(Dynamics):
         for spring in self.applied.springs:
             rate = stretch_rate(self, spring)
             total = total - spring.damping * rate * rate
-        return total if self.driving is None else total + dot(self.driving, self.joint_velocity)
+        return total if self.given_forces is None else total + dot(self.given_forces, self.joint_velocity)

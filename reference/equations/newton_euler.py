@@ -32,7 +32,7 @@ def on_bodies(at: TreePose, joint: Joint, W: Array) -> Array:
     return found
 
 
-def drives(at: TreePose, S: Array, columns: Collection[int]) -> Array:
+def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
     """What unit forces along some joint coordinates exert on all bodies, with no power on the others of a joint.
 
     Args:
@@ -52,7 +52,7 @@ def drives(at: TreePose, S: Array, columns: Collection[int]) -> Array:
 def exerted_wrenches(at: Dynamics) -> Array:
     """What all that is applied exerts on the bodies, along joints, too. Shape (n, b, 6)."""
     driven = np.flatnonzero(at.exerted.along.any(axis=0)).tolist()
-    along = np.einsum("ni,nibx->nbx", at.exerted.along, drives(at.pose, at.screws, driven))
+    along = np.einsum("ni,nibx->nbx", at.exerted.along, joint_wrenches(at.pose, at.screws, driven))
     return np.asarray(at.exerted.wrenches + along)
 
 
@@ -70,7 +70,7 @@ def force_matrix(at: TreePose, q: Array, S: Array) -> Array:
     """
     mechanism = at.lay.mechanism
     slopes = mechanism.coupling_rows.matrix(q)
-    along = drives(at, S, {*mechanism.actuated_columns, *np.flatnonzero(slopes.any(axis=(0, 1))).tolist()})
+    along = joint_wrenches(at, S, {*mechanism.actuated_columns, *np.flatnonzero(slopes.any(axis=(0, 1))).tolist()})
     parts = [on_bodies(at, joint, constraint_wrenches(at.joint(joint))) for joint in by_role(mechanism.joints)]
     parts += [np.einsum("nmi,nibx->nmbx", slopes, along), along[:, mechanism.actuated_columns]]
     return transpose(balances(at.com[:, None], np.concatenate(parts, axis=1)))
