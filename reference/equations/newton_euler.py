@@ -17,7 +17,7 @@ from screwgauge.reference.rotations import across_direction
 
 
 def balances(com: Array, W: Array) -> Array:
-    """Wrenches on the bodies as forces and moments about their centres of mass. (..., b, 6) -> (..., 6 (b - 1))."""
+    """Wrenches on bodies as in eqs. (53)-(55), moments about their centres of mass. (..., b, 6) -> (..., 6 b - 6)."""
     W = W[..., 1:, :]
     found = join(W[..., :3], W[..., 3:] - cross(com, W[..., :3]))
     return found.reshape(*found.shape[:-2], -1)
@@ -33,7 +33,7 @@ def on_bodies(at: TreePose, joint: Joint, W: Array) -> Array:
 
 
 def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
-    """What unit forces along some joint coordinates exert on all bodies, with no power on the others of a joint.
+    """What unit forces along some joint coordinates exert on all bodies: no power on the joint's others, eq. (8).
 
     Args:
         S: Unit screws of all joints. Shape (n, n_q, 6).
