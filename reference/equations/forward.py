@@ -21,7 +21,7 @@ class Forward(Dynamics):
     @cached_property
     def partial_motion(self) -> tuple[Array, Array]:
         """Velocities of centres of mass, and angular ones in body axes, per rate of each y. (..., k, b - 1, 3)."""
-        each = [twists(self.pose, self.K[..., j, :])[..., 1:, :] for j in range(self.K.shape[-2])]
+        each = [V[..., 1:, :] for V in self.partial]
         turn = transpose(self.pose.R[..., 1:, :, :])
         return (
             np.stack([velocity_at(V, self.com) for V in each], axis=-3),

@@ -56,13 +56,16 @@ class Motion(Closed):
         return twists(self.pose, self.w)
 
     @cached_property
+    def partial(self) -> list[Array]:
+        """Twists of the bodies per rate of each independent coordinate. Shape (..., b, 6) each."""
+        return [twists(self.pose, self.K[..., j, :]) for j in range(self.K.shape[-2])]
+
+    @cached_property
     def joint_map(self) -> Array:
         """Velocity map of all joints. Shape (..., n_q, k)."""
-        found = []
-        for j in range(self.K.shape[-2]):
-            V = twists(self.pose, self.K[..., j, :])
-            found.append(self._with_cuts(self.K[..., j, :], lambda cut, V=V: np.moveaxis(cut.rates(V), -1, 0)))
-        return np.stack(found, axis=-1)
+        rates = np.moveaxis(self.K, -2, 0)
+        columns = [self._with_cuts(w, lambda cut, V=V: cut.rates(V)) for w, V in zip(rates, self.partial, strict=True)]
+        return np.stack(columns, axis=-1)
 
     @cached_property
     def bias(self) -> Array:
@@ -94,23 +97,19 @@ class Motion(Closed):
         """Coordinates of all joints, see `near`. Shape (..., n_q)."""
         return self._with_cuts(self.q, self._cut_position)
 
-    def _cut_position(self, cut: CutJoint) -> list[Any]:
-        found, atan2 = list[Any](), self.ops.atan2
+    def _cut_position(self, cut: CutJoint) -> Array:
+        found = list[Any]()
         for column, (x, cosine) in zip(self.loops.lay.columns[cut.at.joint.name], cut.values, strict=True):
-            if cosine is None:
-                found.append(x)
-            elif column in self.near:
-                angle = self.near[column]
-                s, c = self.ops.sin(angle), self.ops.cos(angle)
-                found.append(angle + atan2(x * c - cosine * s, cosine * c + x * s))
-            else:
-                found.append(atan2(x, cosine))
-        return found
+            angle = self.near.get(column, 0.0)
+            s, c = self.ops.sin(angle), self.ops.cos(angle)
+            turns = cosine is not None
+            found.append(angle + self.ops.atan2(x * c - cosine * s, cosine * c + x * s) if turns else x)
+        return np.stack(np.broadcast_arrays(*found), axis=-1)
 
     @cached_property
     def joint_velocity(self) -> Array:
         """Rates of all joints. Shape (..., n_q)."""
-        return self._with_cuts(self.w, lambda cut: np.moveaxis(cut.rates(self.V), -1, 0))
+        return self._with_cuts(self.w, lambda cut: cut.rates(self.V))
 
     @cached_property
     def joint_acceleration(self) -> Array:
@@ -119,15 +118,14 @@ class Motion(Closed):
 
     def accelerations_of_joints(self, beta: Array, A: Array) -> Array:
         """The same from those of the tree and the acceleration screws of the bodies. (..., n_q), (..., b, 6)."""
-        return self._with_cuts(beta, lambda cut: np.moveaxis(cut.accelerations(self.V, A, self.bracket), -1, 0))
+        return self._with_cuts(beta, lambda cut: cut.accelerations(self.V, A, self.bracket))
 
     @cached_property
     def screws(self) -> Array:
         """Unit screws of all joints. Shape (..., n_q, 6)."""
         S = self.pose.S + 0.0
         for cut in self.cuts:
-            for i, column in enumerate(self.loops.lay.columns[cut.at.joint.name]):
-                S[..., column, :] = cut.S[..., i, :]
+            S[..., self.loops.lay.columns[cut.at.joint.name], :] = cut.S
         return S
 
     def joint_coordinate(self, coordinate: str) -> Any:
@@ -144,6 +142,5 @@ class Motion(Closed):
         """Numbers of all coordinates from those of the tree, and of each cut joint from its own two bodies."""
         found = tree + 0.0
         for cut in self.cuts:
-            for column, x in zip(self.loops.lay.columns[cut.at.joint.name], own(cut), strict=True):
-                found[..., column] = x
+            found[..., self.loops.lay.columns[cut.at.joint.name]] = own(cut)
         return found

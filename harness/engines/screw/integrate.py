@@ -22,7 +22,7 @@ from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
 from screwgauge.reference.layout import Layout
-from screwgauge.reference.pose import Pose, pose
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
 from screwgauge.solution import Cost, Stopwatch
@@ -57,18 +57,16 @@ class Trajectory:
 class _Near(Exception):
     """A pose too close to a singular one."""
 
-    def __init__(self, lay: Layout, at: Pose, condition: float) -> None:
+    def __init__(self, lay: Layout, q: Array, condition: float) -> None:
         super().__init__(condition)
-        self.lay, self.at, self.condition = lay, at, condition
+        self.lay, self.q, self.condition = lay, q, condition
 
     def __str__(self) -> str:
         """Worked out only when it is to be read: most such poses are stepped over."""
         mechanism = self.lay.mechanism
-        pose = mechanism.described(self.at.q[0, mechanism.independent_columns])
-        return (
-            f"the pose {pose} is nearly singular (condition {self.condition:.1e}): "
-            f"{near_singularity(self.lay, self.at)}"
-        )
+        where = mechanism.described(self.q[mechanism.independent_columns])
+        why = near_singularity(self.lay, pose(self.lay, self.q[None]))
+        return f"the pose {where} is nearly singular (condition {self.condition:.1e}): {why}"
 
 
 class _Run:
@@ -128,7 +126,7 @@ class _Run:
         at = self.rates(t, states.T, q)
         ydd, worst = at.ydd, int(np.argmax(at.condition))
         if at.condition[worst] > self.near:
-            raise _Near(self.lay, pose(self.lay, at.q[[worst]]), float(at.condition[worst]))
+            raise _Near(self.lay, at.q[worst], float(at.condition[worst]))
         if self.traced is not None:
             self.traced.learn(at.q[0], at.joint_map[0], float(at.condition[0]) if q is not None else np.inf)
         return np.concatenate([states[k:-1], ydd.T, at.input_power[None]])
