@@ -168,6 +168,12 @@ def actuator_names(joints: Sequence[Joint]) -> tuple[str, ...]:
     return tuple(group if groups.count(group) == 1 else name for group, name in zip(groups, driven, strict=True))
 
 
+def by_role(joints: Sequence[Joint]) -> list[Joint]:
+    """Joints, grouped by role in the order in which the roles first appear: that of reaction components."""
+    roles = list(dict.fromkeys(joint.role for joint in joints))
+    return sorted(joints, key=lambda joint: roles.index(joint.role))
+
+
 @dataclass(frozen=True, eq=False)
 class Mechanism:
     """A graph of bodies and joints.
@@ -256,7 +262,7 @@ class Mechanism:
     @cached_property
     def masses(self) -> Array:
         """Mass of each body [kg]. Shape (n_body,)."""
-        return np.array([body.mass for body in self.bodies])
+        return np.array([body.mass for body in self.bodies], dtype=self.home.dtype)
 
     @property
     def mass(self) -> float:

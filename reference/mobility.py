@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.dynamics import force_matrix, joint_reactions
+from screwgauge.reference.equations.joint_types import reaction_names
+from screwgauge.reference.equations.newton_euler import force_matrix
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import serial_chains
-from screwgauge.reference.kinematics import closure_system
 from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.mechanism import KINDS
-from screwgauge.reference.pose import Pose, centres_of_mass, chain_screws, constraint_matrix, length, pose
+from screwgauge.reference.pose import Pose, length, pose
 from screwgauge.reference.rotations import Array
 
 
@@ -36,7 +36,7 @@ def reciprocal_screws(S: Array) -> Array:
 
 def chain_constraints(lay: Layout, at: Pose) -> list[Array]:
     """Wrenches by which each serial chain constrains the output body, eqs. (9)-(11). Shape (6, r) each."""
-    return [reciprocal_screws(chain_screws(lay, chain, at)[0]) for chain in serial_chains(lay.mechanism)]
+    return [reciprocal_screws(at.chain_screws(chain)[0]) for chain in serial_chains(lay.mechanism)]
 
 
 def output_constraints(lay: Layout, at: Pose) -> Array:
@@ -114,10 +114,9 @@ def mobility(lay: Layout, at: Pose) -> Mobility:
     """Counts at one pose. `at` holds one sample and is closed."""
     lay, at = in_lengths(lay, at)
     mechanism = lay.mechanism
-    G = constraint_matrix(lay, at)[0]
-    reactions = joint_reactions(lay, at)
-    c = force_matrix(lay, at, centres_of_mass(lay, at), reactions)[0]
-    constraints = len(reactions.names)
+    G = at.constraint_matrix[0]
+    c, names = force_matrix(at, at.q, at.S)[0], reaction_names(mechanism.joints, mechanism.couplings)[0]
+    constraints = len(names)
     hidden = linear.null_space(c)  # forces that balance among themselves
     internal = linear.null_space(c[:, :constraints])  # those that need no actuator
     rank = constraints - internal.shape[1]
@@ -131,7 +130,7 @@ def mobility(lay: Layout, at: Pose) -> Mobility:
         constraint_rank=rank,
         overconstraints=constraints - rank,
         actuation_redundancy=hidden.shape[1] - (constraints - rank),
-        names=(*reactions.names, *mechanism.actuator_names),
+        names=(*names, *mechanism.actuator_names),
         unique=_untouched(hidden),
         determined=_untouched(internal) + (True,) * len(mechanism.actuators),
     )
@@ -150,7 +149,7 @@ def check_independent(lay: Layout, at: Pose) -> None:
     """
     lay, at = in_lengths(lay, at)
     mechanism = lay.mechanism
-    A = closure_system(lay, at)[0]
+    A = at.closing_matrix[0]
     k = len(mechanism.independent)
     freedoms = A.shape[1] - linear.rank(A[: len(A) - k])
     names = ", ".join(f"{label} = {name}" for label, name in mechanism.independent.items())

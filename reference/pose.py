@@ -1,9 +1,10 @@
-"""Poses of all bodies and unit screws of all joints, for whole trajectories of joint coordinates."""
+"""Poses of all bodies and unit screws of all joints by joint coordinates, whether or not these close the loops."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -14,31 +15,54 @@ from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.graph import Edge
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.mechanism import Joint, Mechanism
-from screwgauge.reference.rotations import Array, cross, times, vee, widest
+from screwgauge.reference.rotations import Array, cross, vee, widest
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Pose:
+@dataclass(frozen=True, eq=False)
+class Pose(TreePose):
     """Where everything is, for n samples. Body 0 is ground.
 
     Attributes:
+        R, p: Orientation and origin of each body in the world. Shapes (n, b, 3, 3), (n, b, 3).
+        S: Unit screws, child relative to parent, eqs. (18)-(20), those of cut joints by their own coordinates.
+            Shape (n, n_q, 6).
         q: Joint coordinates [rad or m]. Shape (n, n_q).
-        R, p: Orientation and origin of each body in the world. Shapes (n, n_body + 1, 3, 3), (n, n_body + 1, 3).
-        S: Unit screws, child relative to parent, eqs. (18)-(20). Shape (n, n_q, 6).
         residual: Closure residual: for each cut joint, the small displacement (as a twist at O) from the child's pose
             as the tree gives it to the pose as the cut joint gives it. Zero where loops close. Shape (n, n_cut, 6).
     """
 
     q: Array
-    R: Array
-    p: Array
-    S: Array
     residual: Array
 
     def rows(self, rows: Sequence[int] | NDArray[np.intp]) -> Pose:
         """The same for some of the samples."""
         at = np.asarray(rows)
-        return Pose(self.q[at], self.R[at], self.p[at], self.S[at], self.residual[at])
+        return Pose(self.lay, self.R[at], self.p[at], self.S[at], self.q[at], self.residual[at])
+
+    @property
+    def loop_matrix(self) -> Array:
+        """Screws of all loops, six rows a loop: ``G w = 0`` closes them, eq. (15). Shape (n, 6 n_cut, n_q)."""
+        G = self.S[:, None] * self.lay.loop[None, :, :, None]
+        return np.asarray(G.transpose(0, 1, 3, 2).reshape(len(self.q), -1, self.q.shape[1]))
+
+    @cached_property
+    def constraint_matrix(self) -> Array:
+        """The same over the rows of the couplings: what velocities satisfy. Shape (n, 6 n_cut + n_coupling, n_q)."""
+        couplings = self.lay.mechanism.coupling_rows
+        return np.concatenate([self.loop_matrix, couplings.matrix(self.q)], axis=1)
+
+    @property
+    def closing_matrix(self) -> Array:
+        """The same over the selection of y, ``[G; E] w = [0; yd]``. Shape (n, 6 n_cut + n_coupling + k, n_q)."""
+        selection = np.eye(self.q.shape[1], dtype=self.q.dtype)[self.lay.mechanism.independent_columns]
+        E = np.broadcast_to(selection, (len(self.q), *selection.shape))
+        return np.concatenate([self.constraint_matrix, E], axis=1)
+
+    def chain_screws(self, chain: tuple[Edge, ...]) -> Array:
+        """Screw matrix S of a serial chain, eqs. (5), (18)-(20). Shape (n, 6, n_chain)."""
+        signs = [(edge, -1 if edge.reverse else 1) for edge in chain]
+        screws = [sign * self.S[:, i] for edge, sign in signs for i in self.lay.columns[edge.joint.name][::sign]]
+        return np.stack(screws, axis=2)
 
 
 def pose(lay: Layout, q: Array) -> Pose:
@@ -47,7 +71,7 @@ def pose(lay: Layout, q: Array) -> Pose:
     residual = np.empty((len(q), len(lay.tree.cuts), 6), dtype=q.dtype)
     for i, joint in enumerate(lay.tree.cuts):
         residual[:, i], at.S[:, lay.columns[joint.name]] = _across(at, joint, q[:, lay.columns[joint.name]])
-    return Pose(q, at.R, at.p, at.S, residual)
+    return Pose(lay, at.R, at.p, at.S, q, residual)
 
 
 def _across(at: TreePose, joint: Joint, q: Array) -> tuple[Array, Array]:
@@ -59,12 +83,6 @@ def _across(at: TreePose, joint: Joint, q: Array) -> tuple[Array, Array]:
     # measured at the joint, where the lever arms are short, then moved to O
     shift = p_via - frames.p_child
     return np.concatenate([turn, shift - cross(turn, frames.p_child)], axis=-1), screws
-
-
-def centres_of_mass(lay: Layout, at: Pose) -> Array:
-    """Where the bodies' centres of mass are [m]. Shape (n, n_body, 3)."""
-    com = np.stack([body.com for body in lay.mechanism.bodies])
-    return np.asarray(at.p[:, 1:] + times(at.R[:, 1:], com))
 
 
 _lengths: WeakKeyDictionary[Mechanism, float] = WeakKeyDictionary()
@@ -84,22 +102,3 @@ def _length(lay: Layout) -> float:
     places = [(b.name, b.com) for b in mechanism.bodies]
     places += [(body, frame.p) for joint in mechanism.joints for body, frame in joint.sides]
     return widest([p[0, index[body]] + R[0, index[body]] @ point for body, point in places]) or 1.0
-
-
-def loop_matrix(lay: Layout, at: Pose) -> Array:
-    """Screws of all loops, six rows a loop: ``G w = 0`` closes them. Shape (n, 6 n_cut, n_q)."""
-    G = at.S[:, None] * lay.loop[None, :, :, None]
-    return np.asarray(G.transpose(0, 1, 3, 2).reshape(len(at.q), -1, at.q.shape[1]))
-
-
-def constraint_matrix(lay: Layout, at: Pose) -> Array:
-    """The same over the rows of the couplings: what velocities must satisfy. Shape (n, 6 n_cut + n_coupling, n_q)."""
-    G, couplings = loop_matrix(lay, at), lay.mechanism.coupling_rows
-    return np.concatenate([G, couplings.matrix(at.q)], axis=1) if len(couplings) else G
-
-
-def chain_screws(lay: Layout, chain: tuple[Edge, ...], at: Pose) -> Array:
-    """Screw matrix S of a serial chain, eqs. (5), (18)-(20). Shape (n, 6, n_chain)."""
-    signs = [(edge, -1 if edge.reverse else 1) for edge in chain]
-    screws = [sign * at.S[:, i] for edge, sign in signs for i in lay.columns[edge.joint.name][::sign]]
-    return np.stack(screws, axis=2)

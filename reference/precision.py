@@ -9,12 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import DTypeLike
 
-from screwgauge.reference.dynamics import force_matrix, joint_reactions
-from screwgauge.reference.kinematics import closed_form
-from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.mechanism import Frame, Mechanism
-from screwgauge.reference.pose import centres_of_mass, pose
-from screwgauge.reference.rotations import Array
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -43,26 +38,3 @@ def rounded(item: T, dtype: DTypeLike) -> T:
         elif isinstance(value, Frame):
             object.__setattr__(changed, one.name, rounded(value, dtype))
     return changed
-
-
-def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
-    """The matrix c of eq. (57) in numpy's longest format, at poses known in closed form.
-
-    Args:
-        y: Independent coordinates [rad or m]. Shape (n, k).
-
-    Returns:
-        Shape (n, 6 n_body, n_reaction + n_actuator). None where that format is no wider than a double, or the closed
-        form leaves the loops open.
-    """
-    wider = np.finfo(np.longdouble)
-    if not wider.eps < np.finfo(float).eps:
-        return None
-    lay = layout(in_precision(lay.mechanism, np.longdouble))
-    q = closed_form(lay, y.astype(np.longdouble))
-    if q is None:
-        return None
-    at = pose(lay, q)
-    if not np.abs(at.residual).max(initial=0.0) < 64 * wider.eps:
-        return None
-    return force_matrix(lay, at, centres_of_mass(lay, at), joint_reactions(lay, at))

@@ -9,12 +9,12 @@ from itertools import pairwise
 import numpy as np
 
 from screwgauge.reference import linear
+from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.graph import coupled_joints, spanning_tree
-from screwgauge.reference.kinematics import velocities
 from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.mobility import in_lengths, reciprocal_screws
-from screwgauge.reference.pose import Pose, constraint_matrix, length, pose
+from screwgauge.reference.pose import Pose, length, pose
 from screwgauge.reference.rotations import Array, cross, skew
 
 #: Pitches and distances below it, in lengths of the mechanism, are none; shares of a unit screw likewise.
@@ -150,7 +150,7 @@ def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Arr
     lay = layout(few, spanning_tree(few))
     at = pose(lay, q[:, mechanism.columns(few.coordinates)])
     path = lay.path[few.body_index[body], :, None]
-    moves = map(linear.null_space, constraint_matrix(lay, at))
+    moves = map(linear.null_space, at.constraint_matrix)
     return [_span((S * path).T @ free) for S, free in zip(at.S, moves, strict=True)]
 
 
@@ -183,9 +183,9 @@ def idle_forces(lay: Layout, at: Pose) -> Array:
 
     None are told at a singular pose, where rates are not numbers.
     """
-    rates = [velocities(lay, at, e[None]).w[0] for e in np.eye(len(lay.mechanism.independent))]
+    rates = motion_at(lay, at.q, np.zeros((1, len(lay.mechanism.independent)))).joint_map[0].T
     sizes = np.where(lay.turns, 1.0, length(lay))[lay.mechanism.actuated_columns]
-    work = np.array(rates)[:, lay.mechanism.actuated_columns] / sizes
+    work = rates[:, lay.mechanism.actuated_columns] / sizes
     return linear.null_space(work) if work.size and np.isfinite(work).all() else np.zeros((work.shape[1], 0))
 
 

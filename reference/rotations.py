@@ -202,3 +202,8 @@ def nearest_angles(angles: Array, near: Array) -> tuple[Array, NDArray[np.bool_]
     other = nearest_turn(other_triple(angles), near)
     swapped = np.abs(other - near).sum(axis=-1) < np.abs(one - near).sum(axis=-1)
     return np.where(swapped[..., None], other, one), swapped
+
+
+def across_direction(R: Array, direction: Array) -> Array:
+    """Two world directions orthogonal to a body-fixed one, of eq. (56). Shapes (..., 3, 3), (3,) -> (..., 2, 3)."""
+    return np.asarray(np.linalg.svd(direction[None])[2][1:] @ R.swapaxes(-1, -2))

@@ -6,12 +6,12 @@ from functools import partial
 
 import numpy as np
 
-from screwgauge.reference import screws
 from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.couplings import component_name
+from screwgauge.reference.equations.screws import velocity_at
 from screwgauge.reference.graph import output_body
 from screwgauge.reference.layout import Layout
-from screwgauge.reference.pose import Pose, centres_of_mass
+from screwgauge.reference.pose import Pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.wording import first_few
 
@@ -63,6 +63,6 @@ def _large(values: Array, share: float = SHARE) -> list[int]:
 def _moved(lay: Layout, system: LoopEquations, at: Pose, motion: Array) -> list[str]:
     """Bodies that a motion of the tree moves."""
     V = np.einsum("bi,i,ix->bx", lay.path, motion, at.S[0])[1:]
-    linear = screws.velocity_at(V, centres_of_mass(lay, at)[0]) / system.length
+    linear = velocity_at(V, at.com[0]) / system.length
     speed = np.abs(np.concatenate([V[:, :3], linear], axis=1)).max(axis=1)
     return [lay.mechanism.bodies[i].name for i in sorted(_large(speed))]

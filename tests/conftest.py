@@ -27,7 +27,6 @@ from screwgauge import load_scene
 from screwgauge.engines.screw.integrate import integrate
 from screwgauge.study import apart
 from screwgauge.study.bench import timing
-from support.acting import Forces, forces_at
 from support.bench import LEAVING_OUT, Bench, Plan, bench, contestants
 from support.command import main
 from support.engines import ENGINES, Problem, in_turn
@@ -270,7 +269,6 @@ class Answer(NamedTuple):
     """A forward scene integrated by the solver, and its observables, shape (n, n_observable)."""
 
     lay: Layout
-    forces: Callable[[float], Forces]
     trajectory: Trajectory
     observable: Array
 
@@ -288,13 +286,10 @@ def answer():
             method = replace(task.integration, rtol=tolerance, atol=tolerance)
             task = replace(task, integration=method)
 
-        def forces(t: float) -> Forces:
-            return forces_at(scene.mechanism, scene.applied, t)
-
         problem = Problem(scene.applied, task, frozenset({"joint_position"}))
-        found = integrate(lay, task, forces, traced=TracedForward(lay, problem, task, "llvm"))
+        found = integrate(lay, task, scene.applied, traced=TracedForward(lay, problem, task, "llvm"))
         assert found.stopped == ""
         assert len(found.t) == len(known)
-        return Answer(lay, forces, found, observe(lay, scene.observables, found.rates.pose.q).array), known
+        return Answer(lay, found, observe(lay, scene.observables, found.rates.q).array), known
 
     return solve

@@ -11,7 +11,7 @@ from support.errors import DescriptionError
 from support.geometry import linear, number, rotation
 from support.mechanism import Body, load_mechanism
 from support.scene import check_home
-from support.solve import at_home, loop_matrix
+from support.solve import at_home
 from support.tolerances import PLACED
 
 ROD = """
@@ -257,7 +257,7 @@ def test_models_of_an_open_loop_are_not_written(changed_scene, refused):
 
 def dependent(mechanism, pair: tuple[str, str]) -> bool:
     """Whether two coordinates together leave a freedom of the closed loops at home, by a rank of its own."""
-    G = loop_matrix(*at_home(mechanism))[0]
+    G = at_home(mechanism)[1].loop_matrix[0]
     rows = np.vstack([G, np.eye(G.shape[1])[mechanism.columns(pair)]])
     return linear.rank(rows) < G.shape[1]
 

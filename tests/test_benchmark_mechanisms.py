@@ -7,7 +7,7 @@ import pytest
 
 from support.freedoms import check_independent, mobility
 from support.mechanism import four_bars, load_mechanism, mechanism_path
-from support.solve import at_home, joint_point, layout, pose
+from support.solve import at_home, layout, pose
 from support.tolerances import FORMULA, PLACED, TWENTY_DIGITS
 
 #: bodies, joint freedoms, Kutzbach's count, mobility, redundant constraints
@@ -24,11 +24,7 @@ COUNTS = {
 def points(name):
     """World position of every joint on its child at home, by name."""
     lay, at = at_home(load_mechanism(name))
-    index = lay.mechanism.body_index
-    return {
-        joint.name: joint_point(joint, at.R[:, index[joint.child]], at.p[:, index[joint.child]])[0]
-        for joint in lay.mechanism.joints
-    }
+    return {joint.name: at.joint(joint).p_child[0] for joint in lay.mechanism.joints}
 
 
 @pytest.mark.parametrize("name", COUNTS)

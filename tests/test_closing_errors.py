@@ -62,8 +62,8 @@ def test_all_samples_close_to_rounding(tmp_path):
     scene = screwgauge.random(1, "rccc", tmp_path)
     motion = scene.at(np.linspace(scene.t[0], scene.t[-1], 300)).motion
     lay = layout(scene.mechanism)
-    at, system = positions(lay, motion.y, motion.t, (motion.yd, motion.ydd)), home_equations(lay)
-    assert np.abs(system.closed(at.q).residual(motion.y)).max() < 1e-14
+    q, system = positions(lay, motion.y, motion.t, (motion.yd, motion.ydd)), home_equations(lay)
+    assert np.abs(system.closed(q).residual(motion.y)).max() < 1e-14
 
 
 def test_coordinates_of_the_cut_joint_are_read_from_its_two_bodies(cut):
@@ -92,7 +92,7 @@ def test_every_type_of_joint_is_open_by_errors_whose_derivatives_are_its_wrenche
     assert np.abs(closure_residual(at)).max() < CLOSED
     for twist in np.eye(6):
         ahead, behind = (closure_residual(opened(joint, q, sign * STEP * twist)) for sign in (1, -1))
-        power = screws.reciprocal_product(constraint_wrenches(at), twist)
+        power = screws.power(constraint_wrenches(at), twist)
         assert (ahead - behind) / (2 * STEP) == pytest.approx(power, abs=DIFFERENCE)
 
 

@@ -9,7 +9,6 @@ import pytest
 from numpy.polynomial import Polynomial
 
 import screwgauge
-from support.acting import Forces
 from support.coupled import EVERY_KIND, body, coupling_tables, every_kind, geared_five_bar, moving, started
 from support.engines import IN_DOUBLES, ask, model_files
 from support.freedoms import in_lengths, mobility_at_home
@@ -18,7 +17,7 @@ from support.mechanism import load_mechanism
 from support.models import write_models
 from support.planar import Bar, four_bar
 from support.scene import GIVEN, SIMULATED
-from support.solve import accelerations, forward, forward_dense, in_precision, layout, moved, pose, posed, velocities
+from support.solve import NewtonEuler, in_precision, layout, motion_at, moved, pose, posed
 from support.tolerances import LINEAR, ROUND_TRIP
 
 pytestmark = pytest.mark.slow
@@ -103,19 +102,17 @@ def test_the_two_forward_dynamics_of_the_solver_agree_and_couplings_have_no_powe
     mechanism = load_mechanism(write("coupled.toml", text))
     lay, k = layout(mechanism), len(mechanism.independent)
     y = mechanism.home[mechanism.independent_columns] + np.array([[0.1, -0.2]])[:, :k]
-    rate = moved(lay, y, np.full((1, k), 2.0))
-    forces = Forces(actuators=np.full(len(mechanism.actuators), 0.7))
-    dense = forward_dense(lay, rate, forces)
-    ydd = forward(lay, rate, forces).ydd
-    assert dense.qdd[:, mechanism.independent_columns] == pytest.approx(ydd, rel=ROUND_TRIP, abs=0)
-    assert (mechanism.coupling_rows.matrix(rate.pose.q) @ rate.w[..., None]) == pytest.approx(0.0, abs=1e-13)
+    at = moved(lay, y, np.full((1, k), 2.0), actuators=np.full(len(mechanism.actuators), 0.7))
+    qdd, _ = NewtonEuler(at).response()
+    assert qdd[:, mechanism.independent_columns] == pytest.approx(at.ydd, rel=ROUND_TRIP, abs=0)
+    assert (mechanism.coupling_rows.matrix(at.q) @ at.joint_velocity[..., None]) == pytest.approx(0.0, abs=1e-13)
 
 
 def test_single_precision_stays_single(write):
     mechanism = in_precision(load_mechanism(write("every-kind.toml", every_kind())), np.float32)
     lay = layout(mechanism)
-    rate = velocities(lay, pose(lay, mechanism.home[None]), np.ones((1, 2), np.float32))
-    assert accelerations(lay, rate, np.ones((1, 2), np.float32))[0].dtype == rate.A.dtype == np.float32
+    at = motion_at(lay, mechanism.home[None], *np.ones((2, 1, 2), np.float32))
+    assert at.joint_acceleration.dtype == at.system.A.dtype == np.float32
 
 
 def test_the_judge_sees_a_wrong_pull_and_a_broken_coupling(write):

@@ -10,13 +10,13 @@ import pytest
 
 import screwgauge
 from screwgauge import Scene
-from support.acting import Forces, JointSpring, PointSpring, energy, hold
+from support.acting import JointSpring, PointSpring, hold
 from support.engines import ModelFiles, model_files, simulate, simulate_scene
 from support.errors import ModelFileError, SingularPoseError, UnknownNameError
 from support.mechanism import DATA
 from support.models import write_models
 from support.scene import InitialValue, Integration, observe
-from support.solve import METHODS, SIZES, layout, pose, velocities
+from support.solve import METHODS, SIZES, layout, motion_at
 from support.tolerances import DENSE, ENERGY_PER_ERROR, FOLLOWED, LINEAR, ROUND_TRIP
 from support.trees import MujocoMover, PinocchioMover
 
@@ -75,10 +75,10 @@ def test_established_problem(name, engine):
         assert bool(refined) == (name not in ("a01-pendulum", "a05-governor"))  # without closed loops
         assert not refined or 1.0 <= float(refined[1]) <= int(refined[2])
     assert np.abs(observe(lay, scene.observables, found.q).array - known).max() < error
-    rate = velocities(lay, pose(lay, found.q), found.v[:, lay.mechanism.independent_columns])
+    at = motion_at(lay, found.q, found.v[:, lay.mechanism.independent_columns], applied=scene.applied)
     # joints that were cut, too
-    assert np.abs(rate.w - found.v).max() < DENSE * max(1.0, np.abs(found.v).max())
-    E = energy(lay, rate, Forces(gravity=scene.applied.g, springs=scene.applied.springs))
+    assert np.abs(at.joint_velocity - found.v).max() < DENSE * max(1.0, np.abs(found.v).max())
+    E = at.energy
     assert np.abs(E - E[0] - found.work).max() < ENERGY_PER_ERROR * error  # dampers are integrated along
 
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import screwgauge
-from support.acting import Forces
 from support.engines import Values, ask, model_files, stopped_after
 from support.mechanism import load_mechanism
 from support.scene import check_start, eigenvalues
@@ -179,9 +178,8 @@ def test_stiff_scene_with_an_explicit_method_is_warned_of(sprung):
 def test_eigenvalues_of_the_governor_are_the_known_ones():
     """-8117, -1450, -20.30, -20.05, +-7.346i (published with its reference), and two zeros of the spin."""
     scene = screwgauge.load_scene("a05-governor")
-    forces = Forces(gravity=scene.applied.g, springs=scene.applied.springs)
     lay = layout(load_mechanism("a05-governor"))
-    found = eigenvalues(lay, forces, scene.start.start, scene.start.rates)
+    found = eigenvalues(lay, scene.applied, scene.start.start, scene.start.rates)
     found = found[np.abs(found) > 1.0]
     known = np.array([-8117.0, -1450.0, -20.30, -20.05, 7.346j, -7.346j])
     for value in known:

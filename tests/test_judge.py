@@ -48,10 +48,10 @@ def test_sign_of_the_lie_bracket(scene, monkeypatch):
 def test_dropped_gyroscopic_term(scene, monkeypatch):
     right = Dynamics.inertia
 
-    def without(self, V, A):
+    def without(self, V, A, g=None):
         R, w = self.pose.R[:, 1:], V[:, 1:, :3]
         J = R @ np.array([body.inertia for body in self.mechanism.bodies]) @ R.swapaxes(-1, -2)
-        found = right(self, V, A)
+        found = right(self, V, A, g)
         found[:, 1:, 3:] -= np.cross(w, (J @ w[..., None])[..., 0])
         return found
 
@@ -76,8 +76,8 @@ def test_lever_arms_with_the_sign_of_eq_55(scene, monkeypatch):
     """Lever arms from the joint to the centre of mass, as the subscripts of eq. (55) say."""
     right = Dynamics.inertia
 
-    def printed(self, V, A):
-        found = right(self, V, A)
+    def printed(self, V, A, g=None):
+        found = right(self, V, A, g)
         platform = self.mechanism.body_index["platform"]
         found[:, platform, 3:] -= 2.0 * np.cross(self.com[:, platform - 1], found[:, platform, :3])
         return found

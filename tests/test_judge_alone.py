@@ -9,12 +9,12 @@ import pytest
 
 from screwgauge.engines.tree import closed_forces
 from support.engines import IN_DOUBLES, Solution, ask, model_files
-from support.equations import Dynamics, reaction_names
+from support.equations import Dynamics, across_direction, components, preload_space, reaction_names
 from support.judging import judge
 from support.planar import Bar, four_bar
 from support.planar import moving as moving_bars
 from support.scene import GIVEN, sampled
-from support.solve import ScrewModel, dynamics, layout, reactions
+from support.solve import ScrewModel, layout
 from support.tolerances import LINEAR
 from support.trees import MujocoTree, PinocchioTree
 
@@ -94,19 +94,18 @@ def test_one_wrong_number_of_the_only_quantity_asked_is_found(quantity, componen
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_the_sign_of_all_moments_of_universal_joints(engine, monkeypatch):
-    right = reactions.reaction_components
+    right = closed_forces.components
 
-    def turned(*arguments):
-        found = right(*arguments)
-        universal = np.array([name.endswith(".m") for name in found.names])
-        return replace(found, moment=np.where(universal[:, None], -found.moment, found.moment))
+    def turned(at, wrench, about):
+        universal = [label == "m" for label, _ in components(at.joint)]
+        return np.where(universal, -1.0, 1.0) * right(at, wrench, about)
 
-    monkeypatch.setattr(closed_forces, "reaction_components", turned)
-    components = Dynamics.components
+    monkeypatch.setattr(closed_forces, "components", turned)
+    of_the_solver = Dynamics.components
 
     def signed(self, wrenches, x):
-        universal = [name.endswith(".m") for name, _ in reaction_names(self.mechanism)]
-        return components(self, wrenches, x) * np.where(universal, -1.0, 1.0)
+        universal = [name.endswith(".m") for name in reaction_names(self.mechanism.joints, ())[0]]
+        return of_the_solver(self, wrenches, x) * np.where(universal, -1.0, 1.0)
 
     monkeypatch.setattr(Dynamics, "components", signed)
     scene = moving()
@@ -118,16 +117,16 @@ def test_the_sign_of_all_moments_of_universal_joints(engine, monkeypatch):
 @pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_forces_that_are_not_the_smallest(engine, monkeypatch):
     """A newton of preload: it balances, gives the right power, and is not what the rule says."""
-    right = dynamics.min_norm
+    right = closed_forces.min_norm
 
     def preloaded(B, Q):
         forces, condition = right(B, Q)
-        return forces + dynamics.preload_space(B)[..., 0], condition
+        return forces + preload_space(B)[..., 0], condition
 
     smallest = Dynamics.actuator_force.func
 
     def with_preload(self):
-        return smallest(self) + dynamics.preload_space(self.B)[..., 0]
+        return smallest(self) + preload_space(self.B)[..., 0]
 
     monkeypatch.setattr(Dynamics, "actuator_force", property(with_preload))
     monkeypatch.setattr(closed_forces, "min_norm", preloaded)
@@ -140,7 +139,7 @@ def test_forces_that_are_not_the_smallest(engine, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", IN_DOUBLES)
 def test_a_spherical_joint_whose_force_lies_along_another_line(engine, monkeypatch):
-    right = dynamics.across_direction
+    right = across_direction
 
     def elsewhere(R, direction):
         return right(R, np.array([0.6, 0.0, 0.8]))

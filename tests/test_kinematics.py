@@ -7,15 +7,7 @@ import pytest
 
 from support.geometry import screws
 from support.mechanism import load_mechanism, serial_chains
-from support.solve import (
-    accelerations,
-    chain_acceleration,
-    chain_screws,
-    kinematics,
-    layout,
-    moved,
-    positions,
-)
+from support.solve import chain_acceleration, kinematics, layout, moved, pose, positions
 from support.tolerances import CLOSED, DIFFERENCE, ROUNDING, TWENTY_DIGITS
 
 
@@ -36,16 +28,15 @@ T = np.linspace(0.0, 10.0, 23)
 
 
 def joints(lay, t):
-    return positions(lay, motion(t)[0], t).q
+    return positions(lay, motion(t)[0], t)
 
 
-def rates(lay, t):
-    y, yd, _ = motion(t)
-    return moved(lay, y, yd)
+def at(lay, t):
+    return moved(lay, *motion(t))
 
 
 def test_loops_close_to_rounding(lay):
-    assert np.abs(positions(lay, motion(T)[0], T).residual).max() < CLOSED
+    assert np.abs(pose(lay, joints(lay, T)).residual).max() < CLOSED
 
 
 def test_home_pose_is_the_start_of_the_path(lay):
@@ -68,17 +59,16 @@ def test_third_rotation_vanishes_only_for_the_symmetric_leg(lay):
 
 def test_rates_are_derivatives_of_positions(lay):
     h = 1e-5
-    found = rates(lay, T).w
+    found = at(lay, T).joint_velocity
     assert np.abs((joints(lay, T + h) - joints(lay, T - h)) / (2 * h) - found).max() < DIFFERENCE
 
 
 def test_accelerations_are_derivatives_of_rates(lay):
     def w(t):
-        return rates(lay, t).w
+        return at(lay, t).joint_velocity
 
     h = 1e-5
-    rate = rates(lay, T)
-    found, _ = accelerations(lay, rate, motion(T)[2])
+    found = at(lay, T).joint_acceleration
     assert np.abs((w(T + h) - w(T - h)) / (2 * h) - found).max() < DIFFERENCE
 
 
@@ -93,17 +83,16 @@ def chain_velocities(S, V):
 
 def test_every_chain_carries_the_platform_by_eq_15_and_eq_44(lay):
     """The loops of the graph and the chains of the paper are the same statement."""
-    rate = rates(lay, T)
-    beta, A = accelerations(lay, rate, motion(T)[2])
+    now = at(lay, T)
     platform = lay.mechanism.body_index["platform"]
     for chain in serial_chains(lay.mechanism):
-        S = chain_screws(lay, chain, rate.pose)
+        S = pose(lay, now.q).chain_screws(chain)
         columns = [column for edge in chain for column in lay.columns[edge.joint.name]]
-        w, residual = chain_velocities(S, rate.V[:, platform])
+        w, residual = chain_velocities(S, now.V[:, platform])
         assert residual.max() < ROUNDING
-        assert np.abs(w - rate.w[:, columns]).max() < ROUNDING
-        found = chain_acceleration(S, rate.w[:, columns], beta[:, columns])
-        assert np.abs(found - A[:, platform]).max() < ROUNDING
+        assert np.abs(w - now.joint_velocity[:, columns]).max() < ROUNDING
+        found = chain_acceleration(S, now.joint_velocity[:, columns], now.joint_acceleration[:, columns])
+        assert np.abs(found - now.A[:, platform]).max() < ROUNDING
 
 
 def test_a_twist_outside_the_range_of_a_chain_is_reported(paper):
@@ -111,11 +100,10 @@ def test_a_twist_outside_the_range_of_a_chain_is_reported(paper):
     lay = layout(paper)
     t = np.linspace(0.1, 6.0, 50)
     y, yd, _ = motion(t)
-    at = positions(lay, y, t)
     printed = np.zeros((len(t), 6))
     printed[:, :2] = yd
     leg1 = serial_chains(paper)[0]
-    _, residual = chain_velocities(chain_screws(lay, leg1, at), printed)
+    _, residual = chain_velocities(pose(lay, positions(lay, y, t)).chain_screws(leg1), printed)
     assert residual.max() > 1e-3
 
 
@@ -123,13 +111,12 @@ def test_point_accelerations_are_derivatives_of_point_velocities(paper):
     lay = layout(paper)
 
     def point_velocity(t):
-        rate = rates(lay, t)
-        r = rate.pose.p[:, 3] + rate.pose.R[:, 3] @ np.array([0.1, -0.2, 0.3])
-        return rate.V[:, 3], r, rate
+        now = at(lay, t)
+        r = now.pose.p[:, 3] + now.pose.R[:, 3] @ np.array([0.1, -0.2, 0.3])
+        return now.V[:, 3], r, now.A[:, 3]
 
     h = 1e-5
-    V, r, rate = point_velocity(T)
-    _, A = accelerations(lay, rate, motion(T)[2])
-    found = screws.acceleration_at(V, A[:, 3], r)
+    V, r, A = point_velocity(T)
+    found = screws.acceleration_at(V, A, r)
     ahead, behind = (screws.velocity_at(*point_velocity(T + s)[:2]) for s in (h, -h))
     assert np.abs((ahead - behind) / (2 * h) - found).max() < DIFFERENCE

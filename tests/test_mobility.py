@@ -15,7 +15,7 @@ from support.freedoms import (
 )
 from support.geometry import linear
 from support.mechanism import serial_chains
-from support.solve import at_home, chain_screws, layout, posed
+from support.solve import at_home, layout, posed
 from support.tolerances import ROUNDING
 
 R, L, THETA = 0.8, 0.6, np.pi / 6
@@ -42,7 +42,7 @@ def test_screws_of_the_upu_chain_are_those_of_eq_6(home):
             [0, 1, 0, -L * c, 0, R - L * s],
         ]
     ).T
-    assert np.abs(chain_screws(lay, serial_chains(lay.mechanism)[0], at)[0] - expected).max() < ROUNDING
+    assert np.abs(at.chain_screws(serial_chains(lay.mechanism)[0])[0] - expected).max() < ROUNDING
 
 
 def test_upu_chain_constrains_by_the_force_of_eq_9(home):
@@ -83,7 +83,7 @@ def test_reciprocal_screws_do_no_work_at_any_pose(paper):
     lay = layout(paper)
     at = posed(lay, 0.25, -0.1)
     for chain in serial_chains(paper):
-        S = chain_screws(lay, chain, at)[0]
+        S = at.chain_screws(chain)[0]
         wrenches = reciprocal_screws(S)
         assert np.abs(exchange(S).T @ wrenches).max(initial=0.0) < ROUNDING
         assert wrenches.shape[1] == 6 - linear.rank(S)

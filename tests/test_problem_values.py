@@ -25,10 +25,10 @@ def test_two_four_bars_pass_their_singular_poses(answer):
     found, known = answer("a02-fourbar-2")
     assert change_of_energy(found) < 1.5e-6
     assert np.abs(found.observable - known[["B0.x", "B0.y"]]).to_numpy().max() < FOLLOWED_TO_THE_END["a02-fourbar-2"]
-    crank = found.trajectory.rates.pose.q[:, 0]
+    crank = found.trajectory.rates.q[:, 0]
     assert np.abs(crank + known["phi"]).max() < FOLLOWED_TO_THE_END["a02-fourbar-2"]  # no turn is lost
     assert np.ptp(crank) > 4.0 * np.pi
-    others = found.trajectory.rates.pose.q[:, 1:3] - crank[:, None]
+    others = found.trajectory.rates.q[:, 1:3] - crank[:, None]
     assert np.abs(others).max() < 1e-13  # still parallelograms
 
 

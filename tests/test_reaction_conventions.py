@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.geometry import rotation
+from support.equations import JointPose, components, constraint_wrenches
+from support.geometry import rotation, screws
 from support.judging import exerted, judge
 from support.mechanism import KINDS, Frame, Joint
 from support.models import read_loops, stem, write_models
 from support.scene import GIVEN, sampled
-from support.solve import ScrewModel, layout, reaction_components
+from support.solve import ScrewModel, layout
 from support.tolerances import AGREE, FORMULA
 from support.trees import MujocoTree, PinocchioTree, TreeModel, close_tree
 
@@ -53,17 +54,16 @@ def joint_of(kind: str, axes) -> Joint:
 @pytest.mark.parametrize(("kind", "axes", "expected"), COMPONENTS.values(), ids=COMPONENTS)
 def test_engines_and_judge_mean_the_same_by_a_name(kind, axes, expected):
     joint, p = joint_of(kind, axes), np.array([[1.0, 2.0, 3.0]])
-    parts = reaction_components([joint], [OTHER[None]], [TURNED[None]], [p])
-    named = {name.removeprefix("j."): k for k, name in enumerate(parts.names)}
+    point = p + TURNED @ CHILD.p
+    at = JointPose(joint, (OTHER @ PARENT.R)[None], point, (TURNED @ CHILD.R)[None], point)
+    wrenches, named = constraint_wrenches(at)[0], {name: k for k, (name, _) in enumerate(components(joint))}
     seen = exerted(joint, (OTHER @ PARENT.R)[None], (TURNED @ CHILD.R)[None])
     assert list(named) == list(seen) == list(expected)
     for name, direction in expected.items():
-        acting, idle = (parts.force, parts.moment) if name[0] == "f" else (parts.moment, parts.force)
-        along = direction if kind != "U" or name != "m" else direction / np.linalg.norm(direction)
-        assert np.allclose(acting[0, named[name]], along, rtol=0, atol=FORMULA)
-        assert not idle[0, named[name]].any()
-        assert parts.units[named[name]] == ("N" if name[0] == "f" else "N m")
-        assert np.allclose(parts.point[0, named[name]], p[0] + TURNED @ CHILD.p, rtol=0, atol=FORMULA)
+        pushes = name[0] == "f"
+        acting = screws.force(direction, point[0]) if pushes else screws.couple(direction)
+        assert np.allclose(wrenches[named[name]], acting, rtol=0, atol=FORMULA)
+        assert components(joint)[named[name]][1] == ("N" if pushes else "N m")
         assert np.allclose(seen[name][0], direction, rtol=0, atol=FORMULA)
 
 

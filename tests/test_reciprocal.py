@@ -11,7 +11,7 @@ from screwgauge.reference.reciprocal import Element, body_twists, elements, end_
 from support.freedoms import reciprocal_screws
 from support.geometry import couple, force, linear, prismatic, revolute
 from support.mechanism import Mechanism, load_mechanism, mechanism_names
-from support.solve import at_home, layout, posed, velocities
+from support.solve import at_home, layout, motion_at, posed
 
 CLOSE = 1e-9  # of directions of unit length, and of points that lie within a few metres
 X, Y, Z = np.eye(3)
@@ -237,6 +237,7 @@ def test_idle_forces_of_actuators_do_no_work(paper: Mechanism) -> None:
     idle = idle_forces(lay, at)
     assert idle.shape == (4, 2)
     for rates in np.eye(2):
-        assert velocities(lay, at, rates[None]).w[0, paper.actuated_columns] @ idle == pytest.approx([0, 0], abs=CLOSE)
+        w = motion_at(lay, at.q, rates[None]).joint_velocity[0, paper.actuated_columns]
+        assert w @ idle == pytest.approx([0, 0], abs=CLOSE)
     stewart = load_mechanism("stewart")
     assert idle_forces(*at_home(stewart)).shape == (6, 0)

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 import screwgauge
-from support.acting import Forces
 from support.command import main
 from support.engines import IN_DOUBLES
 from support.errors import DescriptionError
 from support.judging import judge
-from support.solve import forward, layout, moved
+from support.solve import ScrewModel, Settings, layout, moved
 from support.tolerances import DENSE
 
 ACTING = """
@@ -96,20 +95,17 @@ def test_judge_misses_what_is_left_out(scene, results, missing):
 
 
 def test_forward_dynamics_gives_the_accelerations_back(scene, results):
-    """Round trip through another route: forces of the run, accelerations of `reference.forward`."""
+    """Round trip through another route: forces of the run, accelerations of `equations.forward`."""
     lay, motion = layout(scene.mechanism), scene.motion
-    rate = moved(lay, motion.y, motion.yd)
-    joints = np.zeros_like(rate.w)
-    for motor in scene.applied.motors:
-        column = scene.mechanism.coordinates.index(motor.coordinate)
-        joints[:, column] = [motor.force(t) for t in motion.t]
-    forces = Forces(
-        actuators=results.values("actuator_force", "pinocchio"),
-        joints=joints,
-        loads=scene.applied.loads,
-        springs=scene.applied.springs,
-    )
-    assert np.abs(forward(lay, rate, forces).ydd - motion.ydd).max() < DENSE
+    f = results.values("actuator_force", "pinocchio")
+    at = moved(lay, motion.y, motion.yd, applied=scene.applied, t=motion.t, actuators=f)
+    assert np.abs(at.ydd - motion.ydd).max() < DENSE
+
+
+def test_the_balance_of_all_bodies_knows_springs_and_motors(scene, results):
+    model = ScrewModel(layout(scene.mechanism), settings=Settings(whole_system=True))
+    f = model.solve(scene.problem(["actuator_force"])).values["actuator_force"].array
+    assert np.abs(f - results.values("actuator_force", "screw")).max() < DENSE
 
 
 def test_truth_refuses_with_one_sentence(scene):

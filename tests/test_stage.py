@@ -18,7 +18,7 @@ from screwgauge.report.stage.picture import stage, told
 from screwgauge.study.motion import FRAMES
 from support.mechanism import Mechanism, load_mechanism, mechanism_names
 from support.pages import Items, Picture
-from support.solve import layout, length, positions
+from support.solve import layout, length, pose, positions
 
 SEEN = 2e-4  # of the mechanism's length: positions and quaternions have four decimals
 MOST = 400_000  # of the default scene, bytes
@@ -51,7 +51,7 @@ def test_bodies_are_where_the_motion_has_them() -> None:
     data, mechanism = data_of(picture), scene.mechanism
     lay = layout(mechanism)
     unit, rows = length(lay), [int(np.argmin(np.abs(scene.t - t))) for t in data["t"]]
-    at = positions(lay, scene.motion.y[rows], scene.t[rows])
+    at = pose(lay, positions(lay, scene.motion.y[rows], scene.t[rows]))
     com, i = mechanism.body("platform").com, mechanism.body_index["platform"]
     expected = (at.p[:, i] + at.R[:, i] @ com) / unit
     found = np.array([placed(data, k, i, com / unit) - placed(data, k, 0, np.zeros(3)) for k in range(len(rows))])

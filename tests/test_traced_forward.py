@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import screwgauge
-from support.acting import Applied, JointSpring, Load, Motor, PointSpring, forces_at, power
+from support.acting import Applied, JointSpring, Load, Motor, PointSpring
 from support.engines import Problem
 from support.mechanism import load_mechanism
 from support.scene import InitialValue, Integration
-from support.solve import ScrewModel, Settings, TracedForward, forward, layout, moved
+from support.solve import ScrewModel, Settings, TracedForward, layout, moved
 from support.tolerances import LINEAR
 from support.traced import NotTraceableError
 
@@ -72,9 +72,8 @@ def test_slopes_are_those_of_the_arrays(name, backend):
     near = y[:, None] + 1e-3 * np.arange(11)  # more than a register holds
     states = np.concatenate([near, np.repeat(yd[:, None], 11, axis=1), np.zeros((1, 11))])
     found, two, one = programs.slope(t, states), programs.slope(t, states[:, :2]), slope(programs, t, *states[:, 0])
-    rate = moved(lay, near.T, states[len(y) : -1].T)
-    forces = forces_at(lay.mechanism, applied, t)
-    right = np.concatenate([states[len(y) : -1], forward(lay, rate, forces).ydd.T, power(lay, rate, forces)[None]])
+    at = moved(lay, near.T, states[len(y) : -1].T, applied=applied, t=t)
+    right = np.concatenate([states[len(y) : -1], at.ydd.T, at.input_power[None]])
     assert np.abs(found / right - 1.0).max() < 1e-10
     assert np.abs(two / right[:, :2] - 1.0).max() < 1e-10  # of which one needs no step
     assert np.abs(one / right[:, 0] - 1.0).max() < 1e-10
@@ -161,7 +160,6 @@ def test_a_motor_on_a_joint_that_closes_a_loop_acts_there():
     motor = Motor(lay.tree.cuts[0].name, np.array([2.0]), np.zeros((0, 3)))
     applied, y = replace(scene.applied, motors=(motor,)), np.array([0.4])
     found = slope(traced(lay, applied, y, "numpy"), 0.0, 0.4, 1.5, 0.0)
-    rate = moved(lay, y[None], np.array([[1.5]]))
-    forces = forces_at(lay.mechanism, applied, 0.0)
-    assert abs(found[1] - forward(lay, rate, forces).ydd[0, 0]) < LINEAR
-    assert abs(found[2] - power(lay, rate, forces)[0]) < LINEAR
+    at = moved(lay, y[None], np.array([[1.5]]), applied=applied)
+    assert abs(found[1] - at.ydd[0, 0]) < LINEAR
+    assert abs(found[2] - at.input_power[0]) < LINEAR

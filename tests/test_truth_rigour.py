@@ -21,7 +21,7 @@ from support.truth import Certifier, Linkage, NotCertified, Sampler, drive, exac
 def balls(scene, bits):
     """All quantities of the first sample."""
     mechanism = load_mechanism(scene.mechanism_file)
-    start = positions(layout(mechanism), scene.motion.y, scene.t).q[0].tolist()
+    start = positions(layout(mechanism), scene.motion.y, scene.t)[0].tolist()
     with ctx.workprec(bits):
         linkage = Linkage(mechanism, mechanism_tables(scene.mechanism_file))
         sampler = Sampler(linkage, scene.problem(["reaction"]), "f", Clock())

@@ -14,9 +14,9 @@ from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.models.kinematics.closing import constraint_rows
 from screwgauge.models.kinematics.tree import Motion, States, move, plant
 from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.equations.screws import acceleration_at, velocity_at
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.screws import acceleration_at, velocity_at
 
 #: How many states are drawn: more than the ten inertial parameters of a body need to be told apart.
 STATES = 40

@@ -21,11 +21,10 @@ from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map, weighed
 from screwgauge.models.kinematics.closing import equations
 from screwgauge.models.kinematics.tree import States, Tree, draw, home, plant
-from screwgauge.models.placement import quaternion, quaternion_rotation
+from screwgauge.models.placement import adjoint, quaternion, quaternion_rotation
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.screws import adjoint
 
 #: States at which libraries are asked.
 STATES = 12

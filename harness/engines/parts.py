@@ -10,11 +10,9 @@ import numpy as np
 from screwgauge.engines.estimate import Part, errors
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress
 from screwgauge.quantities import FORCE, QUANTITIES
-from screwgauge.reference.dynamics import joint_reactions
+from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.errors import ClosureError, ModelFileError
-from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Cost, Solution, Timing, Values
 
@@ -99,9 +97,7 @@ def component_names(
 
 def described(mechanism: Mechanism) -> Names:
     """Names and units as the description alone has them: without those of a tree, which an engine cuts."""
-    lay = layout(mechanism)
-    found = joint_reactions(lay, pose(lay, mechanism.home[None]))  # names only
-    bodies, reactions = [body.name for body in mechanism.bodies], (found.names, found.units)
+    bodies, reactions = [body.name for body in mechanism.bodies], reaction_names(mechanism.joints, mechanism.couplings)
     return component_names(mechanism.joints, bodies, mechanism.independent, (), mechanism.actuator_names, reactions)
 
 

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.models.placement import quaternion_rotation
+from screwgauge.models.placement import adjoint, quaternion_rotation
 from screwgauge.models.readings.reading import FREEDOMS
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.screws import adjoint
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -155,7 +155,7 @@ def _table(
     else:
         sample = partial(enclosed, [sampler(bits) for bits in (BITS, 2 * BITS)], motion)
     # a guess, nothing more
-    start = positions(layout(mechanism), motion.y, motion.t, (motion.yd, motion.ydd)).q[rows].tolist()
+    start = positions(layout(mechanism), motion.y, motion.t, (motion.yd, motion.ydd))[rows].tolist()
     found: list[Balls | None] = []
     reasons: list[str] = []
     remedy = ""

@@ -13,15 +13,15 @@ import numpy as np
 
 from screwgauge.judging.answer import Row, largest
 from screwgauge.judging.assembly import assembly_of
-from screwgauge.judging.regressor import BRACKET, Moved, moved, parameters, terms
+from screwgauge.judging.regressor import BRACKET, moved, parameters, terms
 from screwgauge.judging.visible import Visible
 from screwgauge.problem import GivenMotion, Problem
 from screwgauge.quantities import FLOOR, natural_scales
+from screwgauge.reference.closed_motion import ClosedMotion
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution
 
@@ -140,8 +140,8 @@ def coverage(
     lay = layout(mechanism)
     try:
         with np.errstate(all="ignore"):  # what is not a number at some sample is one at others
-            versions = moved(lay, pose(lay, q[rows]), motion.part(rows))
-            visible = Visible(lay, versions[""].rate, versions[""].bodies.com, problem, counted)
+            versions = moved(lay, q[rows], motion.part(rows), problem.applied)
+            visible = Visible(versions[""], problem, counted)
             forces, sizes = _forces(visible, versions)
             parts = _parameters(visible, versions[""], sizes, tolerance_of) if sizes else ()
             return Coverage((*_motions(versions, problem), *forces), tuple(parts), "")
@@ -149,9 +149,9 @@ def coverage(
         return Coverage(missing=f"Coverage is not known: {error}.")
 
 
-def _motions(versions: Mapping[str, Moved], problem: Problem) -> Iterator[Row]:
+def _motions(versions: Mapping[str, ClosedMotion], problem: Problem) -> Iterator[Row]:
     """What accelerations lose with the Lie bracket."""
-    scales, whole = natural_scales(versions[""].lay.mechanism), _accelerations(versions[""])
+    scales, whole = natural_scales(versions[""].mechanism), _accelerations(versions[""])
     for (quantity, unit), array in whole.items():
         if quantity in problem.wanted:
             size = max(largest(array), FLOOR * scales[unit])
@@ -160,20 +160,20 @@ def _motions(versions: Mapping[str, Moved], problem: Problem) -> Iterator[Row]:
                 yield _share(quantity, unit, term, largest(array - rest) / size)
 
 
-def _accelerations(of: Moved) -> dict[tuple[str, str], Array]:
+def _accelerations(at: ClosedMotion) -> dict[tuple[str, str], Array]:
     """(quantity, unit) -> values."""
-    units = np.array(of.lay.mechanism.units)
+    units, qdd = np.array(at.mechanism.units), at.joint_acceleration
     return {
-        **{("joint_acceleration", f"{unit}/s^2"): of.qdd[:, units == unit] for unit in dict.fromkeys(units)},
-        ("body_angular_acceleration", "rad/s^2"): of.bodies.beta,
-        ("com_acceleration", "m/s^2"): of.bodies.a,
+        **{("joint_acceleration", f"{unit}/s^2"): qdd[:, units == unit] for unit in dict.fromkeys(units)},
+        ("body_angular_acceleration", "rad/s^2"): at.A[:, 1:, :3],
+        ("com_acceleration", "m/s^2"): at.com_acceleration,
     }
 
 
-def _forces(visible: Visible, versions: Mapping[str, Moved]) -> tuple[list[Row], dict[tuple[str, str], float]]:
+def _forces(visible: Visible, versions: Mapping[str, ClosedMotion]) -> tuple[list[Row], dict[tuple[str, str], float]]:
     """Shares of the terms of forces, and the largest magnitude of each quantity and unit."""
-    names, needed = terms(versions, visible.problem.applied)
-    scales, rows, sizes = natural_scales(visible.lay.mechanism), list[Row](), dict[tuple[str, str], float]()
+    names, needed = terms(versions)
+    scales, rows, sizes = natural_scales(visible.at.mechanism), list[Row](), dict[tuple[str, str], float]()
     whole = [i for i, name in enumerate(names) if name not in BRACKET]  # which is a part of inertia
     for quantity, unit, array in visible.forces(needed):
         size = max(largest(array[..., whole].sum(axis=2)), FLOOR * scales[unit])
@@ -183,10 +183,10 @@ def _forces(visible: Visible, versions: Mapping[str, Moved]) -> tuple[list[Row],
 
 
 def _parameters(
-    visible: Visible, now: Moved, sizes: Mapping[tuple[str, str], float], tolerance_of: Callable[[str], float]
+    visible: Visible, now: ClosedMotion, sizes: Mapping[tuple[str, str], float], tolerance_of: Callable[[str], float]
 ) -> Iterator[Row]:
     """What each parameter does to the compared forces."""
-    names, needed = parameters(now, visible.problem.applied)
+    names, needed = parameters(now)
     effect, errors = np.zeros(len(names)), np.full(len(names), np.inf)
     for quantity, unit, array in visible.forces(needed):
         columns = np.nanmax(np.abs(array), axis=(0, 1), initial=0.0)

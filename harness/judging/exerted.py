@@ -1,6 +1,6 @@
 """What reactions and actuator forces stand for, as the judge reads their names.
 
-Written down from the meaning of the components and not from `screwgauge.reference.reactions`, by which the engines
+Written down from the meaning of the components and not from the solver's table of joint types, by which the engines
 resolve theirs: a wrong sign or direction there is to be seen here.
 """
 

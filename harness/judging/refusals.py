@@ -14,6 +14,7 @@ from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import gimbal_lock, near_singularity
 from screwgauge.solution import Solution
@@ -69,7 +70,7 @@ def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tupl
 
 def _reason(mechanism: Mechanism, rule: str, quantities: list[str], y: Array) -> str:
     lay = layout(mechanism)
-    at = positions(lay, y[None], np.zeros(1))
+    at = pose(lay, positions(lay, y[None], np.zeros(1)))
     system = loop_equations(lay)
     if not linear.condition(system.matrix(at))[0] < NEAR:
         return near_singularity(lay, at)

@@ -2,38 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
 from screwgauge.judging.visible import Needed
 from screwgauge.problem import GivenMotion
-from screwgauge.reference import screws
-from screwgauge.reference.along import joint_wrenches
-from screwgauge.reference.applied import Applied, Load
-from screwgauge.reference.dynamics import BodyMotion, body_motion, required_wrench
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.equations.kinematics import Bracket
-from screwgauge.reference.kinematics import Velocities, accelerations, velocities
+from screwgauge.reference.equations.newton_euler import exerted_wrenches
+from screwgauge.reference.equations.screws import Array, cross, prismatic, revolute, times, transpose
 from screwgauge.reference.layout import Layout
-from screwgauge.reference.pose import Pose, length
-from screwgauge.reference.rotations import Array, cross
-from screwgauge.reference.springs import springs_and_motors
 
 _AXES = "xyz"
 _Wrench = tuple[Array | float, Array | float]
 _NONE: _Wrench = (0.0, 0.0)
 _Column = tuple[str, int, _Wrench, _Wrench]
-"""Name, body, and what it needs by the parameter: force and moment, own and applied, see `Needed`."""
+"""Name, body, and what it needs by the parameter: force and moment about its centre of mass, own and applied."""
 
 
 def _products(first: Array, second: Array) -> dict[str, Array]:
     """The terms of the Lie bracket of two twists, eq. (36)."""
     w1, v1, w2, v2 = first[..., :3], first[..., 3:], second[..., :3], second[..., 3:]
     return {
-        "w1 x w2": screws.revolute(cross(w1, w2), np.zeros(3)),
-        "w1 x v2": screws.prismatic(cross(w1, v2)),
-        "w2 x v1": screws.prismatic(-cross(w2, v1)),
+        "w1 x w2": revolute(cross(w1, w2), np.zeros(3)),
+        "w1 x v2": prismatic(cross(w1, v2)),
+        "w2 x v1": prismatic(-cross(w2, v1)),
     }
 
 
@@ -51,77 +47,68 @@ def _without(term: str) -> Bracket:
     return bracket
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Moved:
-    """A mechanism at n samples of a motion.
+def moved(lay: Layout, q: Array, motion: GivenMotion, applied: Applied) -> dict[str, ClosedMotion]:
+    """The mechanism in motion, and the same with each part of the Lie bracket left out; the first has no name.
 
-    Attributes:
-        qdd: Joint accelerations. Shape (n, n_q).
-        bodies: Motion of the bodies.
+    Args:
+        q: Joint coordinates of closed poses. Shape (n, n_q).
     """
-
-    lay: Layout
-    t: Array
-    rate: Velocities
-    qdd: Array
-    bodies: BodyMotion
-
-
-def moved(lay: Layout, at: Pose, motion: GivenMotion) -> dict[str, Moved]:
-    """The mechanism in motion, and the same with each part of the Lie bracket left out; the first has no name."""
-    rate = velocities(lay, at, motion.yd)
-
-    def one(bracket: Bracket | None) -> Moved:
-        qdd, A = accelerations(lay, rate, motion.ydd, bracket)
-        return Moved(lay, motion.t, rate, qdd, body_motion(lay, at, rate.V, A))
-
-    return {"": one(None), **{term: one(_without(term)) for term in BRACKET}}
+    found = {name: motion_at(lay, q, motion.yd, motion.ydd, applied, motion.t) for name in ("", *BRACKET)}
+    for term in BRACKET:
+        found[term].bracket = _without(term)
+    found[""].check_springs()
+    return found
 
 
-def terms(versions: Mapping[str, Moved], applied: Applied) -> tuple[tuple[str, ...], Needed]:
+def terms(versions: Mapping[str, ClosedMotion]) -> tuple[tuple[str, ...], Needed]:
     """Names of the kinds of terms, and what bodies need by each. The parts of the bracket are parts of `inertial`."""
     now = versions[""]
-    lay, rate, bodies, none = now.lay, now.rate, now.bodies, np.zeros(3)
-    still = replace(bodies, **{name: np.zeros_like(bodies.a) for name in ("omega", "beta", "a")})
+    applied, nothing, none = now.applied, np.zeros_like(now.V), np.zeros(3)
 
-    def needed(motion: BodyMotion, gravity: Array = none, loads: Sequence[Load] = ()) -> Array:
-        return np.concatenate(required_wrench(lay, rate.pose, motion, gravity, loads), axis=2)
+    def exerted(**what: Any) -> Array:
+        return exerted_wrenches(motion_at(now.loops.lay, now.q, now.yd, None, Applied(**what), now.t))
 
-    own, outside = {"gravity": needed(still, applied.g)}, dict[str, Array]()
+    own, outside = {"gravity": now.inertia(nothing, nothing)}, dict[str, Array]()
     if applied.loads:
-        outside["loads"] = needed(still, loads=applied.loads)
+        outside["loads"] = -exerted(loads=applied.loads)
     if applied.springs or applied.motors:
-        pulls, loads = springs_and_motors(lay, rate, applied, now.t)
-        along = joint_wrenches(lay, rate.pose, bodies.com, pulls).reshape(own["gravity"].shape)
-        outside["springs and motors"] = needed(still, loads=loads) - along
-    whole, turning = needed(bodies), needed(replace(still, omega=bodies.omega))
+        outside["springs and motors"] = -exerted(springs=applied.springs, motors=applied.motors)
+    whole, turning = now.inertia(now.V, now.A, none), _gyroscopic(now)
     own |= {"inertial": whole - turning, "gyroscopic": turning}
-    own |= {term: whole - needed(versions[term].bodies) for term in BRACKET}
+    own |= {term: whole - now.inertia(now.V, versions[term].A, none) for term in BRACKET}
     names = tuple(dict.fromkeys([*own, *outside]))
-    zero = np.zeros_like(whole)
-    return names, Needed(*(np.stack([part.get(name, zero) for name in names], axis=3) for part in (own, outside)))
+    return names, Needed(*(np.stack([part.get(name, nothing) for name in names]) for part in (own, outside)))
 
 
-def parameters(now: Moved, applied: Applied) -> tuple[tuple[str, ...], Needed]:
+def _gyroscopic(at: ClosedMotion) -> Array:
+    """Moments ``w x J w`` of the bodies. Shape (n, b, 6)."""
+    R, found = at.pose.R[:, 1:], np.zeros_like(at.V)
+    w = times(transpose(R), at.V[:, 1:, :3])
+    found[:, 1:, 3:] = times(R, cross(w, times(np.array([body.inertia for body in at.mechanism.bodies]), w)))
+    return found
+
+
+def parameters(now: ClosedMotion) -> tuple[tuple[str, ...], Needed]:
     """Names of the inertial parameters and load points, and the derivatives of what bodies need by each.
 
     By mass, centre of mass and inertia about it, all else that the description says being kept, each as large as the
     body's own: its mass (that of the mechanism where it has none), the length of the mechanism, its largest moment of
     inertia. A body without mass has neither centre nor inertia.
     """
-    found = [*_of_bodies(now, applied), *_of_loads(now, applied)]
-    parts = np.zeros((2, *now.bodies.a.shape[:2], 6, len(found)))
+    found = [*_of_bodies(now), *_of_loads(now)]
+    parts = np.zeros((2, len(found), *now.V.shape))
     for column, (_, body, *wrenches) in enumerate(found):
         for part, (force, moment) in zip(parts, wrenches, strict=True):
-            part[:, body, :3, column], part[:, body, 3:, column] = force, moment
+            part[column, :, body, :3], part[column, :, body, 3:] = force, moment
+            part[column, :, body, 3:] += cross(now.com[:, body - 1], part[column, :, body, :3])
     return tuple(name for name, *_ in found), Needed(*parts)
 
 
-def _of_bodies(now: Moved, applied: Applied) -> Iterator[_Column]:
-    bodies, L, mechanism = now.bodies, length(now.lay), now.lay.mechanism
-    for i, body in enumerate(mechanism.bodies):
-        R, w, b = now.rate.pose.R[:, i + 1], bodies.omega[:, i], bodies.beta[:, i]
-        weight = (body.mass or mechanism.mass) * (bodies.a[:, i] - applied.g)
+def _of_bodies(now: ClosedMotion) -> Iterator[_Column]:
+    applied, L, mechanism = now.applied, now.loops.length, now.mechanism
+    for i, body in enumerate(mechanism.bodies, 1):
+        R, w, b = now.pose.R[:, i], now.V[:, i, :3], now.A[:, i, :3]
+        weight = (body.mass or mechanism.mass) * (now.com_acceleration[:, i - 1] - applied.g)
         yield f"mass of {body.name}", i, (weight, 0.0), _NONE
         if not body.mass:
             continue
@@ -135,15 +122,16 @@ def _of_bodies(now: Moved, applied: Applied) -> Iterator[_Column]:
             j, k = (_AXES.index(axis) for axis in pair)
             unit = np.zeros((3, 3))
             unit[j, k] = unit[k, j] = size
-            J = R @ unit @ R.swapaxes(1, 2)
-            Jb, Jw = ((J @ v[..., None])[..., 0] for v in (b, w))
+            J = R @ unit @ transpose(R)
+            Jb, Jw = times(J, b), times(J, w)
             yield f"inertia {pair} of {body.name}", i, (0.0, Jb + cross(w, Jw)), _NONE
 
 
-def _of_loads(now: Moved, applied: Applied) -> Iterator[_Column]:
-    for number, load in enumerate(applied.loads, 1):
-        i, which = now.lay.mechanism.body_index[load.body], f" {number}" if len(applied.loads) > 1 else ""
+def _of_loads(now: ClosedMotion) -> Iterator[_Column]:
+    loads = now.applied.loads
+    for number, load in enumerate(loads, 1):
+        i, which = now.mechanism.body_index[load.body], f" {number}" if len(loads) > 1 else ""
         if np.any(load.force):
-            for axis, r in zip(_AXES, np.moveaxis(length(now.lay) * now.rate.pose.R[:, i], 2, 0), strict=True):
+            for axis, r in zip(_AXES, np.moveaxis(now.loops.length * now.pose.R[:, i], 2, 0), strict=True):
                 moment = -cross(r, np.broadcast_to(load.force, r.shape))
-                yield f"point {axis} of load{which} on {load.body}", i - 1, _NONE, (0.0, moment)
+                yield f"point {axis} of load{which} on {load.body}", i, _NONE, (0.0, moment)

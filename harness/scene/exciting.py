@@ -15,12 +15,11 @@ from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.loops import loop_equations
-from screwgauge.reference.dynamics import body_motion, partial_motion
+from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, check_seed
-from screwgauge.reference.kinematics import Velocities, velocities
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import length, pose
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.wording import first_few
 from screwgauge.scene.motion import Drive, read_drive
@@ -94,11 +93,11 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
         )
     mechanism, lay = scene.mechanism, check_home(scene.mechanism)
     columns = mechanism.independent_columns
-    rate = velocities(lay, pose(lay, mechanism.home[None]), np.zeros((1, len(columns))))
+    at = motion_at(lay, mechanism.home[None], np.zeros((1, len(columns))))
     size = loop_equations(lay).size
-    heights = size[columns] / (SINES * np.abs(rate.K[0] / size[:, None] * size[columns]).max(axis=0))
+    heights = size[columns] / (SINES * np.abs(at.joint_map[0] / size[:, None] * size[columns]).max(axis=0))
     heights = np.minimum(heights, _room(mechanism) / (SINES * AMPLITUDES[0]))
-    sines, pace = _sines(np.random.default_rng(seed), heights), _pace(lay, rate, scene.applied, heights)
+    sines, pace = _sines(np.random.default_rng(seed), heights), _pace(at, scene.applied, heights)
     stopped = ""
     for amplitude in AMPLITUDES[largest >= AMPLITUDES]:
         omega = pace / np.sqrt(amplitude)
@@ -162,15 +161,13 @@ def _sines(rng: np.random.Generator, heights: Array) -> Array:
     return sines
 
 
-def _pace(lay: Layout, rate: Velocities, applied: Applied, heights: Array) -> float:
+def _pace(at: ClosedMotion, applied: Applied, heights: Array) -> float:
     """Frequency [rad/s] at which moving so far from home takes as much inertia as gravity and loads can be."""
-    mechanism, index = lay.mechanism, lay.mechanism.body_index
-    bodies = body_motion(lay, rate.pose, rate.V, np.zeros_like(rate.V))
-    v, w = (part[0] * heights[:, None] for part in partial_motion(lay, rate, bodies.com))
-    inertia = np.einsum("b,bjx,bjx", mechanism.masses, v, v) + np.einsum("bjx,bxy,bjy", w, bodies.J[0], w)
-    v, w = np.linalg.norm(v, axis=2).sum(axis=1), np.linalg.norm(w, axis=2).sum(axis=1)
+    mechanism, index = at.mechanism, at.mechanism.body_index
+    inertia = float((heights**2 * np.diagonal(at.inertia_matrix[0])).sum())
+    v, w = (np.linalg.norm(part[0], axis=2).T @ heights for part in at.partial_motion)
     acting = np.linalg.norm(applied.g) * mechanism.masses @ v
     for load in applied.loads:
         i = index[load.body] - 1
         acting += np.linalg.norm(load.force) * v[i] + np.linalg.norm(load.torque) * w[i]
-    return float(np.sqrt(acting / inertia if acting * inertia > 0.0 else G0 / length(lay)))
+    return float(np.sqrt(acting / inertia if acting * inertia > 0.0 else G0 / at.loops.length))

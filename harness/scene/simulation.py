@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.problem import InitialValue
+from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.branch import Branch
+from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.errors import DescriptionError, JointLimitError, ScrewgaugeError
-from screwgauge.reference.forward import Forces, forces_at, forward
-from screwgauge.reference.kinematics import positions, velocities
+from screwgauge.reference.kinematics import positions
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.preflight import FARTHEST, beyond_limits, check_home, check_regular
@@ -43,36 +44,36 @@ def check_start(scene: Scene) -> tuple[Layout, tuple[str, ...]]:
         what = f"the start is {away[k]:.3g} {unit} away from the home pose"
         raise DescriptionError(what, scene.name, f"start within {FARTHEST:g}; check its units")
     since = np.array([task.since])
-    at = positions(lay, task.start[None], since)
-    check_regular(lay, at.q, since, task.start[None])
-    if beyond := beyond_limits(mechanism, at.q):
+    q = positions(lay, task.start[None], since)
+    check_regular(lay, q, since, task.start[None])
+    if beyond := beyond_limits(mechanism, q):
         where, remedy = "start of the scene", "start elsewhere or widen the limits"
         raise JointLimitError(f"joint coordinate {beyond[1]}", where, remedy)
-    forces = forces_at(mechanism, scene.applied, task.since)
-    forward(lay, velocities(lay, at, task.rates[None]), forces)
-    return lay, tuple(filter(None, [stiff_warning(stiffness(lay, forces, task), task)]))
+    motion_at(lay, q, task.rates[None], applied=scene.applied, t=task.since).check()
+    return lay, tuple(filter(None, [stiff_warning(stiffness(lay, scene.applied, task), task)]))
 
 
-def eigenvalues(lay: Layout, forces: Forces, start: Array, yd: Array) -> Array:
+def eigenvalues(lay: Layout, applied: Applied, start: Array, yd: Array, t: float = 0.0) -> Array:
     """Eigenvalues of the linearised motion (y, yd) at a state [1/s]. Complex, shape (2 k,).
 
     Args:
         start, yd: Independent coordinates and their rates. Shape (k,).
+        t: Time, by which motors go [s].
     """
     k, state = len(start), np.concatenate([start, yd])
     size = DIFFERENCE * np.maximum(np.abs(state), 1.0)
     states = np.concatenate([state + np.diag(size), state - np.diag(size)])
     branch = Branch(lay, lay.mechanism.home)
     branch.move(start)
-    rate = velocities(lay, branch.poses(states[:, :k]), states[:, k:])
-    slopes = np.concatenate([states[:, k:], forward(lay, rate, forces).ydd], axis=1)
+    at = motion_at(lay, branch.poses(states[:, :k]).q, states[:, k:], applied=applied, t=t)
+    slopes = np.concatenate([states[:, k:], at.ydd], axis=1)
     return np.asarray(np.linalg.eigvals((slopes[: 2 * k] - slopes[2 * k :]).T / (2.0 * size)))
 
 
-def stiffness(lay: Layout, forces: Forces, task: InitialValue) -> complex:
+def stiffness(lay: Layout, applied: Applied, task: InitialValue) -> complex:
     """The fastest eigenvalue at the start [1/s]; 0 where poses beside the start do not exist."""
     try:
-        fastest = complex(max(eigenvalues(lay, forces, task.start, task.rates), key=abs))
+        fastest = complex(max(eigenvalues(lay, applied, task.start, task.rates, task.since), key=abs))
     except ScrewgaugeError:
         return 0j
     return fastest if np.isfinite(fastest) else 0j

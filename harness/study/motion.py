@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.problem import GivenMotion, Rows, spread
 from screwgauge.reference.applied import Load
-from screwgauge.reference.dynamics import joint_reactions
+from screwgauge.reference.equations.joint_types import components, constraint_wrenches
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.layout import Layout, layout
@@ -80,10 +80,10 @@ def followed(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAM
     if isinstance(scene.task, GivenMotion):
         rows = spread(len(scene.t), frames)
         try:
-            at = positions(lay, scene.task.y[rows], scene.t[rows])
+            q = positions(lay, scene.task.y[rows], scene.t[rows])
         except ScrewgaugeError:  # the report says what no engine could follow
             return still(scene.mechanism)
-        return Motion(lay, at, scene.t[rows], "screw", loads=_loads(scene, rows))
+        return Motion(lay, pose(lay, q), scene.t[rows], "screw", loads=_loads(scene, rows))
     return still(scene.mechanism)
 
 
@@ -112,13 +112,13 @@ def arrows(motion: Motion) -> list[Arrow]:
             vectors = columns[name][:, None] * (S[:, :3] if turns else S[:, 3:])
             found += [Arrow("actuators", f"{name}, actuator", index[joint.child], joint.child_frame.p, vectors, turns)]
     if (forces := motion.values.get("reaction")) is not None:
-        parts = joint_reactions(motion.lay, motion.at)
         columns = dict(zip(forces.components, forces.array.T, strict=True))
-        for k, joint in enumerate(mechanism.joints):
-            for turns, along in ((False, parts.force), (True, parts.moment)):
-                own = [i for i, owner in enumerate(parts.joints) if owner == k and along[0, i].any()]
-                if own:
-                    vectors = sum(columns[parts.names[i]][:, None] * along[:, i] for i in own)
-                    where = index[joint.child], joint.child_frame.p
-                    found += [Arrow("reactions", f"{joint.name}, reaction", *where, np.asarray(vectors), turns)]
+        for joint in mechanism.joints:
+            labels, W = components(joint), constraint_wrenches(motion.at.joint(joint))
+            where = f"{joint.name}, reaction", index[joint.child], joint.child_frame.p
+            for turns, unit in ((False, "N"), (True, "N m")):
+                own = [(columns[f"{joint.name}.{label}"], i) for i, (label, has) in enumerate(labels) if has == unit]
+                part = slice(3, 6) if turns else slice(3)
+                vectors = [size[:, None] * W[:, i, part] for size, i in own]
+                found += [Arrow("reactions", *where, np.sum(vectors, axis=0), turns)] if vectors else []
     return [one for one in found if np.isfinite(one.vectors).all() and one.vectors.any()]

@@ -145,7 +145,7 @@ def _assembly(scene: Scene, rows: Rows) -> Array:
     """Joint coordinates that follow from the scene, at which numbers without positions are judged. Shape (n, n_q)."""
     motion, mechanism = scene.motion.part(rows), scene.mechanism
     q = np.full((len(scene.t), len(mechanism.coordinates)), np.nan)
-    q[rows] = positions(layout(mechanism), motion.y, motion.t, (motion.yd, motion.ydd)).q
+    q[rows] = positions(layout(mechanism), motion.y, motion.t, (motion.yd, motion.ydd))
     return q
 
 

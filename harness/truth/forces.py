@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, arb_mat
 
-from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.reactions import by_role
+from screwgauge.reference.mechanism import Joint, by_role
 from screwgauge.truth.certify import NotCertified, floats, independent_rows
 from screwgauge.truth.exact import Vector, cross, difference, dot, normalized, solve, unit_vector
 from screwgauge.truth.kinematics import State, point, spin
@@ -79,8 +78,7 @@ def min_norm(B: arb_mat, Q: Sequence[arb]) -> arb_mat:
 
 def unknowns(linkage: Linkage, now: State) -> list[Unknown]:
     """The reaction components of all joints, in the order of the results."""
-    joints = linkage.mechanism.joints
-    return [unknown for i in by_role(joints) for unknown in _components(linkage, now, joints[i])]
+    return [unknown for joint in by_role(linkage.mechanism.joints) for unknown in _components(linkage, now, joint)]
 
 
 #: Kind of joint -> directions of its forces and of its moments, see `_directions`.

@@ -12,7 +12,7 @@ from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import in_lengths
-from screwgauge.reference.pose import constraint_matrix, pose
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 
 #: A coordinate that is preferred is taken as long as so much of it is its own.
@@ -41,7 +41,7 @@ def motions(mechanism: Mechanism) -> tuple[Array, Array]:
     """
     lay = layout(replace(mechanism, independent={}))
     lay, at = in_lengths(lay, pose(lay, mechanism.home[None]))
-    G = constraint_matrix(lay, at)[0]
+    G = at.constraint_matrix[0]
     K, s = linear.null_space(G), np.linalg.svd(G, compute_uv=False)
     s = s[: G.shape[1] - K.shape[1]]
     return K, s[s < HIDDEN * s[0]] if len(s) else s

@@ -9,8 +9,8 @@ from numpy.polynomial import polynomial
 
 from screwgauge.models.kinematics.tree import Motion, States, Tree, home, move
 from screwgauge.models.readings.reading import ClosureReading
+from screwgauge.reference.equations.screws import acceleration_at
 from screwgauge.reference.rotations import Array, cross, rotation_vector
-from screwgauge.reference.screws import acceleration_at
 
 
 def gaps(tree: Tree, motion: Motion) -> dict[str, Array]:

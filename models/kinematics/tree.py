@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from screwgauge.models.placement import quaternion_rotation
 from screwgauge.models.readings.reading import FREEDOMS, Reading, slices
+from screwgauge.reference.equations.screws import lie_bracket
 from screwgauge.reference.rotations import Array, cross, skew
-from screwgauge.reference.screws import lie_bracket
 
 #: Kind of a joint -> its coordinates. A hinge or slide counts as its file does. Those of ``ball`` and ``free`` are of
 #: the frame that the joint carries, in that frame at home: of a free joint first the position of its origin, then the

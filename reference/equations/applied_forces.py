@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from screwgauge.reference.applied import JointSpring, Load, Motor, PointSpring
+from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring, Spring
 from screwgauge.reference.equations.kinematics import zeros
 from screwgauge.reference.equations.screws import Array, couple, dot, force, scale, times, velocity_at
+from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from screwgauge.reference.equations.dynamics import Dynamics
@@ -27,7 +29,7 @@ class Exerted(NamedTuple):
 
 
 def exerted(at: Dynamics) -> Exerted:
-    """What loads, springs, dampers and motors exert."""
+    """What loads, springs, dampers and motors exert, and forces that are given, see `Dynamics.given_forces`."""
     W, along = zeros(at.q, len(at.mechanism.body_index), 6), zeros(at.q, at.q.shape[-1])
     coordinates = at.mechanism.coordinates
     for load in at.applied.loads:
@@ -35,17 +37,17 @@ def exerted(at: Dynamics) -> Exerted:
             W[..., body, :] = W[..., body, :] + load_wrench(at, load)
     for spring in at.applied.springs:
         if isinstance(spring, PointSpring):
-            (i, a), (j, b) = ((body, point(at, body, arm)) for body, arm in _ends(at, spring))
-            pull = scale(tension(at, spring), line(at, spring)[0])
+            (i, a), (j, b) = ends(at, spring)
+            pull = scale(tension(at, spring) / distance(at, spring), b - a)
             W[..., i, :] = W[..., i, :] + force(pull, a)
             W[..., j, :] = W[..., j, :] - force(pull, b)
         else:
             c = coordinates.index(spring.coordinate)
-            along[..., c] = along[..., c] - joint_spring(at, spring)
+            along[..., c] = along[..., c] - tension(at, spring)
     for motor in at.applied.motors:
         c = coordinates.index(motor.coordinate)
         along[..., c] = along[..., c] + motor_force(at, motor)
-    return Exerted(W, along)
+    return Exerted(W, along if at.given_forces is None else along + at.given_forces)
 
 
 def load_wrench(at: Dynamics, load: Load) -> Array:
@@ -60,30 +62,38 @@ def point(at: Dynamics, body: int, arm: Array) -> Array:
     return at.pose.p[..., body, :] + times(at.pose.R[..., body, :, :], arm)
 
 
-def joint_spring(at: Dynamics, spring: JointSpring) -> Any:
-    """Force of a spring and damper against its joint coordinate, ``k (q - q0) + c qd``."""
-    c = at.mechanism.coordinates.index(spring.coordinate)
-    cut = c in at.loops.owner
-    q, v = (at.joint_position, at.joint_velocity) if cut else (at.q, at.w)
-    return spring.stiffness * (q[..., c] - spring.rest) + spring.damping * v[..., c]
+def ends(at: Dynamics, spring: PointSpring) -> list[tuple[int, Array]]:
+    """Bodies that a spring joins, and the world positions of its points. Shape (..., 3)."""
+    index = at.mechanism.body_index
+    return [(index[body], point(at, index[body], arm)) for body, arm in spring.ends]
 
 
-def _ends(at: Dynamics, spring: PointSpring) -> list[tuple[int, Array]]:
-    return [(at.mechanism.body_index[body], arm) for body, arm in spring.ends]
+def distance(at: Dynamics, spring: PointSpring) -> Any:
+    """Length of a spring between two points [m]. Shape (...)."""
+    (_, a), (_, b) = ends(at, spring)
+    return at.ops.sqrt(dot(b - a, b - a))
 
 
-def line(at: Dynamics, spring: PointSpring) -> tuple[Array, Any, Any]:
-    """Unit vector from the first point of a spring to the second, their distance and its rate."""
-    (i, a), (j, b) = ((body, point(at, body, arm)) for body, arm in _ends(at, spring))
-    length = at.ops.sqrt(dot(b - a, b - a))
-    unit = scale(1.0 / length, b - a)
-    return unit, length, dot(unit, velocity_at(at.V[..., j, :], b) - velocity_at(at.V[..., i, :], a))
+def stretch(at: Dynamics, spring: Spring) -> Any:
+    """By how much a spring is longer than at rest, ``q - q0`` or ``l - l0`` [rad or m]. Shape (...)."""
+    if isinstance(spring, PointSpring):
+        return distance(at, spring) - spring.rest
+    return at.joint_coordinate(spring.coordinate) - spring.rest
 
 
-def tension(at: Dynamics, spring: PointSpring) -> Any:
-    """Pull of a spring and damper between two points, ``k (l - l0) + c ld``."""
-    _, length, rate = line(at, spring)
-    return spring.stiffness * (length - spring.rest) + spring.damping * rate
+def stretch_rate(at: Dynamics, spring: Spring) -> Any:
+    """Rate of its length, the one at which its damper moves. Shape (...)."""
+    if isinstance(spring, PointSpring):
+        (i, a), (j, b) = ends(at, spring)
+        apart = velocity_at(at.V[..., j, :], b) - velocity_at(at.V[..., i, :], a)
+        return dot(b - a, apart) / distance(at, spring)
+    return at.joint_rate(spring.coordinate)
+
+
+def tension(at: Dynamics, spring: Spring) -> Any:
+    """Pull of a spring and damper, ``k (l - l0) + c ld``; of one at a joint against its coordinate. Shape (...)."""
+    pull = spring.stiffness * stretch(at, spring)
+    return pull + spring.damping * stretch_rate(at, spring)
 
 
 def motor_force(at: Dynamics, motor: Motor) -> Any:
@@ -94,3 +104,17 @@ def motor_force(at: Dynamics, motor: Motor) -> Any:
     for omega, c, s in motor.harmonics.tolist():
         found = found + c * at.ops.cos(omega * at.t) + s * at.ops.sin(omega * at.t)
     return found
+
+
+def check_applied(mechanism: Mechanism, applied: Applied) -> None:
+    """Refuses springs at bodies or coordinates that the mechanism does not have.
+
+    Raises:
+        UnknownNameError: There is no such body or coordinate.
+    """
+    for spring in applied.springs:
+        if isinstance(spring, JointSpring) and spring.coordinate not in mechanism.coordinates:
+            raise UnknownNameError("coordinate", spring.coordinate, mechanism.coordinates, "spring")
+        for body, _ in spring.ends if isinstance(spring, PointSpring) else ():
+            if body not in mechanism.body_index:
+                raise UnknownNameError("body", body, mechanism.body_index, "spring")

@@ -15,16 +15,10 @@ import numpy as np
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.equations.applied_forces import Exerted, exerted
 from screwgauge.reference.equations.closure import Loops
-from screwgauge.reference.equations.joint_types import forbidden_twists
-from screwgauge.reference.equations.kinematics import (
-    Coordinates,
-    forces_along,
-    transmitted,
-    zeros,
-)
+from screwgauge.reference.equations.joint_types import forbidden_twists, reaction_names
+from screwgauge.reference.equations.kinematics import Coordinates, forces_along, transmitted, zeros
 from screwgauge.reference.equations.motion import Motion
 from screwgauge.reference.equations.ops import Ops, System, absent
-from screwgauge.reference.equations.reactions import by_role, reaction_names
 from screwgauge.reference.equations.screws import (
     Array,
     acceleration_at,
@@ -39,6 +33,8 @@ from screwgauge.reference.equations.screws import (
     times,
     transpose,
 )
+from screwgauge.reference.mechanism import by_role
+from screwgauge.reference.rotations import across_direction
 
 
 class Dynamics(Motion):
@@ -47,25 +43,38 @@ class Dynamics(Motion):
     Attributes:
         applied: Gravity, loads, springs, dampers and motors.
         t: Time [s], which motors go by. Shape (...).
+        given_forces: Further forces along all joint coordinates, if there are any. Shape (..., n_q).
         axial: Whether redundant actuators obey the rule of eq. (56), else that of the smallest norm.
     """
 
     t: Any = 0.0
+    given_forces: Array | None = None
     axial = False
 
     def __init__(
-        self, loops: Loops, at: Coordinates, yd: Array, ydd: Array, folds: Sequence[Any], ops: Ops, applied: Applied
+        self,
+        loops: Loops,
+        at: Coordinates,
+        yd: Array,
+        ydd: Array | None,
+        folds: Sequence[Any],
+        ops: Ops,
+        applied: Applied,
     ) -> None:
         super().__init__(loops, at, yd, ydd, folds, ops)
         self.applied = applied
 
-    # what bodies need, and what is exerted on them
+    def inertia(self, V: Array, A: Array, g: Array | None = None) -> Array:
+        """Wrenches that bodies need for a motion and against gravity, eqs. (51)-(55). Shape (..., b, 6).
 
-    def inertia(self, V: Array, A: Array) -> Array:
-        """Wrenches that bodies need for a motion and against gravity, eqs. (51)-(55). Shape (..., b, 6)."""
+        Args:
+            V, A: Twists and acceleration screws of the bodies. Shape (..., b, 6).
+            g: Gravity, if it is not what is applied [m/s^2]. Shape (3,).
+        """
+        g = self.applied.g if g is None else g
         R, V, A, mechanism = self.pose.R[..., 1:, :, :], V[..., 1:, :], A[..., 1:, :], self.mechanism
         J = np.array([body.inertia for body in mechanism.bodies])
-        F = mechanism.masses[:, None] * (acceleration_at(V, A, self.com) - self.applied.g)
+        F = mechanism.masses[:, None] * (acceleration_at(V, A, self.com) - g)
         w, beta = (times(transpose(R), X[..., :3]) for X in (V, A))  # in the axes of the body, eq. (52)
         T = times(R, times(J, beta) + cross(w, times(J, w)))
         found = zeros(F[..., 0], F.shape[-2] + 1, 6)
@@ -153,6 +162,13 @@ class Dynamics(Motion):
             return times(self.B, self.drive.solve(Q))
         return self.drive.solve(times(self.B, Q) if self.surplus else Q)
 
+    def along_joints(self, f: Array) -> Array:
+        """Forces of the actuators among those along all coordinates. Shape (..., n_act) -> (..., n_q)."""
+        lead, n = np.broadcast_shapes(self.q.shape[:-1], f.shape[:-1]), self.q.shape[-1]
+        along = np.zeros((*lead, n), dtype=self.q.dtype)
+        along[..., self.mechanism.actuated_columns] = along[..., self.mechanism.actuated_columns] + f
+        return along
+
     @cached_property
     def line(self) -> tuple[Array, Array] | None:
         """Eq. (56), if it is the rule: force of a joint across its line per actuator force, and what these undo."""
@@ -160,10 +176,8 @@ class Dynamics(Motion):
 
     def _across_line(self, name: str, direction: Array) -> tuple[Array, Array]:
         n, child = len(self.mechanism.actuators), self.mechanism.joint(name).child
-        R = self.pose.R[..., self.mechanism.body_index[child], :, :]
-        across = np.linalg.svd(direction[None])[2][1:] @ transpose(R)
-        names = [component for component, _ in reaction_names(self.mechanism)]
-        own = [names.index(f"{name}.f{axis}") for axis in "xyz"]
+        across = across_direction(self.pose.R[..., self.mechanism.body_index[child], :, :], direction)
+        own = [reaction_names(self.mechanism.joints, ())[0].index(f"{name}.f{axis}") for axis in "xyz"]
         without, *unit = (
             times(across, self.reactions(f, idle=f.any())[..., own]) for f in (np.zeros(n), *np.eye(n, dtype=float))
         )
@@ -178,20 +192,15 @@ class Dynamics(Motion):
 
     def reactions(self, f: Array, *, idle: bool = False) -> Array:
         """The same for given actuator forces. Shape (..., n_act) -> (..., r). `idle`: where nothing else acts."""
-        x, wrenches = self.constraint_forces(f, idle=idle)
-        return self.components(wrenches, x)
+        return self.components(*self.constraint_forces(f, idle=idle))
 
-    def _lead(self, f: Array) -> tuple[int, ...]:
-        return np.broadcast_shapes(self.q.shape[:-1], f.shape[:-1])
+    def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[dict[str, Array], Array]:
+        """Wrenches of all joints, see `transmitted`, and forces along the rows of M.
 
-    def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[Array, dict[str, Array]]:
-        """Forces along the rows of M, and the wrenches of all joints, see `transmitted`.
-
-        ``M^T x = tau`` gives those of cut joints, and what is then transmitted all others. Where constraints are
+        ``M^T x = tau`` gives the forces at cut joints, and what is then transmitted all others. Where constraints are
         redundant, of all answers that of smallest norm, moments over the length of the mechanism.
         """
-        along = np.array(np.broadcast_to(zeros(self.q, self.q.shape[-1]), (*self._lead(f), self.q.shape[-1])))
-        along[..., self.mechanism.actuated_columns] = along[..., self.mechanism.actuated_columns] + f
+        along = self.along_joints(f)
         tau, need = -self.along_tree(along), 0.0 * self.required
         if not idle:
             tau, need, along = tau + self.tau, self.required - self.exerted.wrenches, along + self.exerted.along
@@ -201,16 +210,13 @@ class Dynamics(Motion):
             own = times(N, self.components(self.transmitted(x, need, along), x) / self._arms)
             share = self.ops.square(N @ transpose(N)).solve(own)
             x = x - sum(scale(share[..., i], row) for i, (row, _) in enumerate(null))
-        return x, self.transmitted(x, need, along)
+        return self.transmitted(x, need, along), x
 
     @cached_property
     def imbalance(self) -> Array:
         """What reactions and actuator forces leave along the coordinates of the tree. Shape (..., n)."""
-        f = self.actuator_force
-        driven = self.exerted.along + 0.0
-        driven[..., self.mechanism.actuated_columns] = driven[..., self.mechanism.actuated_columns] + f
-        x, wrenches = self.constraint_forces(f)
-        left = driven + 0.0
+        wrenches, x = self.constraint_forces(self.actuator_force)
+        left = self.exerted.along + self.along_joints(self.actuator_force)
         for row, (i, of, slope) in enumerate(self.loops.derivatives(self.q, 1), self.loops.ends[-1]):
             left[..., i] = left[..., i] + x[..., row]
             if of is not None:
@@ -222,7 +228,8 @@ class Dynamics(Motion):
 
     @cached_property
     def _arms(self) -> Array:
-        return np.array([self.loops.length if unit == "N m" else 1.0 for _, unit in reaction_names(self.mechanism)])
+        units = reaction_names(self.mechanism.joints, self.mechanism.couplings)[1]
+        return np.array([self.loops.length if unit == "N m" else 1.0 for unit in units])
 
     @cached_property
     def _redundant(self) -> list[tuple[Array, Array]]:
@@ -256,7 +263,7 @@ class Dynamics(Motion):
             x[..., self._rows_of[joint.name]]
             if joint.name in self._rows_of
             else powers(wrenches[joint.name][..., None, :], forbidden_twists(self.pose.joint(joint)))[..., 0, :]
-            for joint in by_role(self.mechanism)
+            for joint in by_role(self.mechanism.joints)
         ]
         return join(*found, x[..., self.loops.ends[-1] : self.loops.given.start])
 
@@ -265,22 +272,15 @@ class Dynamics(Motion):
         ends = self.loops.ends
         return {joint.name: slice(ends[j], ends[j + 1]) for j, joint in enumerate(self.loops.cuts)}
 
-    @cached_property
-    def screws(self) -> Array:
-        """Unit screws of all joints. Shape (..., n_q, 6)."""
-        S = self.pose.S + 0.0
-        for cut in self.cuts:
-            for i, column in enumerate(self.loops.lay.columns[cut.at.joint.name]):
-                S[..., column, :] = cut.S[..., i, :]
-        return S
-
-    def open_tree_force(self, shares: Array) -> Array:
+    def open_tree_force(self, shares: Array, need: Array | None = None) -> Array:
         """Forces along all coordinates that inertia and gravity ask of an open tree. Shape (..., n_q).
 
         Args:
             shares: How much of each body is carried by each coordinate, with its sign. Shape (b - 1, n_q).
+            need: Other wrenches that the bodies need. Shape (..., b, 6).
         """
-        return np.asarray(power(transpose(shares) @ self.required[..., 1:, :], self.screws))
+        need = self.required if need is None else need
+        return np.asarray(power(transpose(shares) @ need[..., 1:, :], self.screws))
 
 
 QUANTITIES: Mapping[str, Any] = {

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.reference.applied import JointSpring
-from screwgauge.reference.equations.applied_forces import line, load_wrench, motor_force
+from screwgauge.reference.equations.applied_forces import load_wrench, motor_force, stretch, stretch_rate
 from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.kinematics import twists, zeros
 from screwgauge.reference.equations.ops import System
@@ -20,9 +19,9 @@ class Forward(Dynamics):
     """Motion that follows from the forces at a closed pose; `Dynamics` of the accelerations found."""
 
     @cached_property
-    def _partial(self) -> tuple[Array, Array]:
+    def partial_motion(self) -> tuple[Array, Array]:
         """Velocities of centres of mass, and angular ones in body axes, per rate of each y. (..., k, b - 1, 3)."""
-        each = [twists(self.pose, self.K[..., j, :])[..., 1:, :] for j in range(self.K.shape[-2])]
+        each = [V[..., 1:, :] for V in self.partial]
         turn = transpose(self.pose.R[..., 1:, :, :])
         return (
             np.stack([velocity_at(V, self.com) for V in each], axis=-3),
@@ -32,7 +31,7 @@ class Forward(Dynamics):
     @cached_property
     def inertia_matrix(self) -> Array:
         """M of the kinetic energy ``yd M yd / 2``: partial motions against each other. Shape (..., k, k)."""
-        (v, w), mechanism = self._partial, self.mechanism
+        (v, w), mechanism = self.partial_motion, self.mechanism
         mv = mechanism.masses[:, None] * v
         Jw = times(np.array([body.inertia for body in mechanism.bodies]), w)
         k = v.shape[-3]
@@ -45,11 +44,12 @@ class Forward(Dynamics):
 
     @property
     def ydd(self) -> Array:
-        """Second derivatives of the independent coordinates. Shape (..., k)."""
-        return self._response
+        """Second derivatives of the independent coordinates: given, or the answer to the forces. Shape (..., k)."""
+        return self.response if self._ydd is None else self._ydd
 
     @cached_property
-    def _response(self) -> Array:
+    def response(self) -> Array:
+        """Second derivatives of the independent coordinates under all forces, ``M^-1 (Q - h)``. Shape (..., k)."""
         still = self.accelerations(0.0 * self.yd, self.w, self.V, self.bias)
         tau = self.demand(self.inertia(self.V, self.bias + twists(self.pose, still)))
         return self._masses.solve(-self.virtual_power(tau) / self._sizes) / self._sizes
@@ -74,8 +74,30 @@ class Forward(Dynamics):
         return self._masses.response(np.ones(self.K.shape[-2])).sum(-1)
 
     @property
+    def kinetic_energy(self) -> Any:
+        """Half the momenta of the bodies times their velocities [J]. Shape (...)."""
+        V, mechanism = self.V[..., 1:, :], self.mechanism
+        v, w = velocity_at(V, self.com), times(transpose(self.pose.R[..., 1:, :, :]), V[..., :3])
+        momenta = mechanism.masses * dot(v, v) + dot(w, times(np.array([body.inertia for body in mechanism.bodies]), w))
+        return 0.5 * momenta.sum(-1)
+
+    @property
+    def potential_energy(self) -> Any:
+        """What is stored in gravity and springs [J]. Shape (...)."""
+        total = -(self.mechanism.masses * dot(self.com, self.applied.g)).sum(-1)
+        for spring in self.applied.springs:
+            length = stretch(self, spring)
+            total = total + 0.5 * spring.stiffness * length * length
+        return total
+
+    @property
+    def energy(self) -> Any:
+        """Kinetic energy and that stored in gravity and springs [J]. Shape (...)."""
+        return self.kinetic_energy + self.potential_energy
+
+    @property
     def input_power(self) -> Any:
-        """Power of motors, loads and dampers, which store no energy [W]. Shape (...)."""
+        """Power of motors, given forces, loads and dampers, which store no energy [W]. Shape (...)."""
         mechanism, total = self.mechanism, 0.0 * self.yd[..., 0]
         index = mechanism.body_index
         for load in self.applied.loads:
@@ -84,11 +106,6 @@ class Forward(Dynamics):
         for motor in self.applied.motors:
             total = total + motor_force(self, motor) * self.joint_rate(motor.coordinate)
         for spring in self.applied.springs:
-            rate = self.joint_rate(spring.coordinate) if isinstance(spring, JointSpring) else line(self, spring)[2]
+            rate = stretch_rate(self, spring)
             total = total - spring.damping * rate * rate
-        return total
-
-    def joint_rate(self, coordinate: str) -> Any:
-        """Rate of a joint coordinate. Shape (...)."""
-        c = self.mechanism.coordinates.index(coordinate)
-        return (self.joint_velocity if c in self.loops.owner else self.w)[..., c]
+        return total if self.given_forces is None else total + dot(self.given_forces, self.joint_velocity)

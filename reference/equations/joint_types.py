@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.reference.couplings import Coupling, component_name
 from screwgauge.reference.equations.screws import (
     Array,
     couple,
@@ -29,7 +30,7 @@ from screwgauge.reference.equations.screws import (
     times,
     transpose,
 )
-from screwgauge.reference.mechanism import KINDS, Frame, Joint
+from screwgauge.reference.mechanism import KINDS, Frame, Joint, by_role
 from screwgauge.reference.rotations import across, triad
 
 Value = tuple[Any, Any]
@@ -211,6 +212,14 @@ def components(joint: Joint) -> list[tuple[str, str]]:
     labels[_along] = [axis]
     forces = [(f"f{label}", "N") for label in labels[kind.forces]]
     return forces + [(f"m{label}", "N m") for label in labels[kind.moments]]
+
+
+def reaction_names(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and units of all reaction components: ``leg1.base.fx`` and N, by role; those of couplings after them."""
+    pairs = [(f"{joint.name}.{label}", unit) for joint in by_role(joints) for label, unit in components(joint)]
+    turns = {name: turn for joint in joints for name, turn in zip(joint.coordinates, KINDS[joint.kind], strict=True)}
+    pairs += [(component_name(one), "N m" if turns[one.coordinate] else "N") for one in couplings]
+    return tuple(name for name, _ in pairs), tuple(unit for _, unit in pairs)
 
 
 def constraint_wrenches(at: JointPose) -> Array:

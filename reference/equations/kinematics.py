@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -94,6 +95,12 @@ class TreePose:
     R: Array
     p: Array
     S: Array
+
+    @cached_property
+    def com(self) -> Array:
+        """Centres of mass of the moving bodies. Shape (..., b - 1, 3)."""
+        own = np.array([body.com for body in self.lay.mechanism.bodies])
+        return self.p[..., 1:, :] + times(self.R[..., 1:, :, :], own)
 
     def joint(self, joint: Joint) -> JointPose:
         """The frames of a joint on its two bodies."""

@@ -11,7 +11,7 @@ import numpy as np
 from screwgauge.reference.equations.closure import Closed, CutJoint, Loops
 from screwgauge.reference.equations.kinematics import Bracket, Coordinates, bias_screws, twists
 from screwgauge.reference.equations.ops import Ops
-from screwgauge.reference.equations.screws import Array, acceleration_at, times
+from screwgauge.reference.equations.screws import Array, acceleration_at
 from screwgauge.reference.mechanism import Mechanism
 
 
@@ -27,8 +27,10 @@ class Motion(Closed):
 
     bracket: Bracket | None = None
 
-    def __init__(self, loops: Loops, at: Coordinates, yd: Array, ydd: Array, folds: Sequence[Any], ops: Ops) -> None:
-        """`ydd`: second derivatives of the independent coordinates. Shape (..., k)."""
+    def __init__(
+        self, loops: Loops, at: Coordinates, yd: Array, ydd: Array | None, folds: Sequence[Any], ops: Ops
+    ) -> None:
+        """`ydd`: second derivatives of the independent coordinates, shape (..., k); None where forces decide."""
         super().__init__(loops, at, folds, ops)
         self.yd, self._ydd, self.near = yd, ydd, dict[int, Any]()
 
@@ -39,6 +41,8 @@ class Motion(Closed):
     @property
     def ydd(self) -> Array:
         """Second derivatives of the independent coordinates. Shape (..., k)."""
+        if self._ydd is None:
+            raise TypeError("no accelerations are given")
         return self._ydd
 
     @cached_property
@@ -52,13 +56,16 @@ class Motion(Closed):
         return twists(self.pose, self.w)
 
     @cached_property
+    def partial(self) -> list[Array]:
+        """Twists of the bodies per rate of each independent coordinate. Shape (..., b, 6) each."""
+        return [twists(self.pose, self.K[..., j, :]) for j in range(self.K.shape[-2])]
+
+    @cached_property
     def joint_map(self) -> Array:
         """Velocity map of all joints. Shape (..., n_q, k)."""
-        found = []
-        for j in range(self.K.shape[-2]):
-            V = twists(self.pose, self.K[..., j, :])
-            found.append(self._with_cuts(self.K[..., j, :], lambda cut, V=V: np.moveaxis(cut.rates(V), -1, 0)))
-        return np.stack(found, axis=-1)
+        rates = np.moveaxis(self.K, -2, 0)
+        columns = [self._with_cuts(w, lambda cut, V=V: cut.rates(V)) for w, V in zip(rates, self.partial, strict=True)]
+        return np.stack(columns, axis=-1)
 
     @cached_property
     def bias(self) -> Array:
@@ -75,11 +82,10 @@ class Motion(Closed):
         """Acceleration screws of the bodies, eq. (44). Shape (..., b, 6)."""
         return self.bias + twists(self.pose, self.beta)
 
-    @cached_property
+    @property
     def com(self) -> Array:
         """Centres of mass. Shape (..., b - 1, 3)."""
-        own = np.array([body.com for body in self.mechanism.bodies])
-        return self.pose.p[..., 1:, :] + times(self.pose.R[..., 1:, :, :], own)
+        return self.pose.com
 
     @cached_property
     def com_acceleration(self) -> Array:
@@ -91,35 +97,50 @@ class Motion(Closed):
         """Coordinates of all joints, see `near`. Shape (..., n_q)."""
         return self._with_cuts(self.q, self._cut_position)
 
-    def _cut_position(self, cut: CutJoint) -> list[Any]:
-        found, atan2 = list[Any](), self.ops.atan2
+    def _cut_position(self, cut: CutJoint) -> Array:
+        found = list[Any]()
         for column, (x, cosine) in zip(self.loops.lay.columns[cut.at.joint.name], cut.values, strict=True):
-            if cosine is None:
-                found.append(x)
-            elif column in self.near:
-                angle = self.near[column]
-                s, c = self.ops.sin(angle), self.ops.cos(angle)
-                found.append(angle + atan2(x * c - cosine * s, cosine * c + x * s))
-            else:
-                found.append(atan2(x, cosine))
-        return found
+            angle = self.near.get(column, 0.0)
+            s, c = self.ops.sin(angle), self.ops.cos(angle)
+            turns = cosine is not None
+            found.append(angle + self.ops.atan2(x * c - cosine * s, cosine * c + x * s) if turns else x)
+        return np.stack(np.broadcast_arrays(*found), axis=-1)
 
     @cached_property
     def joint_velocity(self) -> Array:
         """Rates of all joints. Shape (..., n_q)."""
-        return self._with_cuts(self.w, lambda cut: np.moveaxis(cut.rates(self.V), -1, 0))
+        return self._with_cuts(self.w, lambda cut: cut.rates(self.V))
 
     @cached_property
     def joint_acceleration(self) -> Array:
         """Second derivatives of the coordinates of all joints. Shape (..., n_q)."""
-        return self._with_cuts(
-            self.beta, lambda cut: np.moveaxis(cut.accelerations(self.V, self.A, self.bracket), -1, 0)
-        )
+        return self.accelerations_of_joints(self.beta, self.A)
+
+    def accelerations_of_joints(self, beta: Array, A: Array) -> Array:
+        """The same from those of the tree and the acceleration screws of the bodies. (..., n_q), (..., b, 6)."""
+        return self._with_cuts(beta, lambda cut: cut.accelerations(self.V, A, self.bracket))
+
+    @cached_property
+    def screws(self) -> Array:
+        """Unit screws of all joints. Shape (..., n_q, 6)."""
+        S = self.pose.S + 0.0
+        for cut in self.cuts:
+            S[..., self.loops.lay.columns[cut.at.joint.name], :] = cut.S
+        return S
+
+    def joint_coordinate(self, coordinate: str) -> Any:
+        """A joint coordinate by its name. Shape (...)."""
+        c = self.mechanism.coordinates.index(coordinate)
+        return (self.joint_position if c in self.loops.owner else self.q)[..., c]
+
+    def joint_rate(self, coordinate: str) -> Any:
+        """Its rate. Shape (...)."""
+        c = self.mechanism.coordinates.index(coordinate)
+        return (self.joint_velocity if c in self.loops.owner else self.w)[..., c]
 
     def _with_cuts(self, tree: Array, own: Any) -> Array:
         """Numbers of all coordinates from those of the tree, and of each cut joint from its own two bodies."""
         found = tree + 0.0
         for cut in self.cuts:
-            for column, x in zip(self.loops.lay.columns[cut.at.joint.name], own(cut), strict=True):
-                found[..., column] = x
+            found[..., self.loops.lay.columns[cut.at.joint.name]] = own(cut)
         return found

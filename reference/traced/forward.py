@@ -69,7 +69,7 @@ def forward_program(loops: Loops, applied: Applied, q: Array) -> Forward:
     x, way = loops.lay.mechanism.home.astype(object), K @ (y - y0)
     x[loops.y_columns], x[columns] = y, z0 + way
     at, moved = _closed(loops, x, y, folds) if columns else (coordinates(x, TRACE), 0.0)
-    found = Response(loops, at, yd, yd, folds, TRACE, applied)
+    found = Response(loops, at, yd, None, folds, TRACE, applied)
     found.t = t
     sizes = loops.sizes[columns]
     far, off = squares(way, sizes), squares(found.q[columns] - z0 - way, sizes)

@@ -26,6 +26,7 @@ from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.layout import layout
 from screwgauge.reference.mobility import mobility
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
@@ -99,7 +100,7 @@ def by_truth(scene: Scene, motion: GivenMotion) -> tuple[Rows, Answers]:
     answers = {name: (x.array[done], truth.radius[name][done].copy()) for name, x in truth.values.items()}
     if "reaction" in answers:
         lay, three = layout(scene.mechanism), motion.part(rows[done[[0, len(done) // 2, -1]]])
-        at = positions(lay, three.y, three.t, (three.yd, three.ydd))
+        at = pose(lay, positions(lay, three.y, three.t, (three.yd, three.ydd)))
         some = [mobility(lay, at.rows([i])).determined[: answers["reaction"][0].shape[1]] for i in range(3)]
         answers["reaction"][1][:, ~np.all(some, axis=0)] = np.inf
     return rows[done], answers

@@ -6,8 +6,10 @@ import numpy as np
 
 from screwgauge.engines.screw.scheme import chains, platform_screws
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.reference import dynamics
-from screwgauge.reference.kinematics import accelerations, positions, velocities
+from screwgauge.reference import linear
+from screwgauge.reference.closed_motion import motion_at
+from screwgauge.reference.equations.kinematics import forces_along
+from screwgauge.reference.kinematics import positions
 from screwgauge.reference.layout import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
@@ -25,10 +27,9 @@ class Case:
 
     Attributes:
         motion: The independent coordinates there.
-        rate: Joint velocities and twists of the closed mechanism.
+        at: The closed mechanism in this motion.
         beta: Joint accelerations. Shape (n, n_q).
-        A: Acceleration screws of the bodies. Shape (n, n_body + 1, 6).
-        bodies: Motion of the bodies.
+        A: Acceleration screws of the bodies. Shape (n, b, 6).
         twist: Twist and acceleration screw of the platform, from the S joint's angles alone. Shape (n, 6) each.
         B: Velocities of the actuators per velocity of y. Shape (n, 4, 2).
         side: The five chains side by side.
@@ -39,13 +40,13 @@ class Case:
         self.scene, self.t = load_scene(SCENE), t
         self.lay = lay = layout(load_mechanism(TABLE_2))
         self.motion = self.scene.moved(t)
-        self.rate = velocities(lay, positions(lay, self.motion.y, t), self.motion.yd)
-        self.beta, self.A = accelerations(lay, self.rate, self.motion.ydd)
-        self.bodies = dynamics.body_motion(lay, self.rate.pose, self.rate.V, self.A)
+        q = positions(lay, self.motion.y, t)
+        self.at = motion_at(lay, q, self.motion.yd, self.motion.ydd, self.scene.applied, t)
+        self.beta, self.A = self.at.joint_acceleration, self.at.A
         self.twist = platform_screws(lay, self.motion)
-        self.B = self.rate.K[:, lay.mechanism.actuated_columns]
+        self.B = self.at.B
         self.side = chains(lay)
-        self.theta, self.w = self.side.gather(self.rate.pose.q), self.side.gather(self.rate.w)
+        self.theta, self.w = self.side.gather(q), self.side.gather(self.at.joint_velocity)
         self.screws = self.side.walk(self.theta)[0]
 
     def leg_ends(self, R: Array, p: Array) -> Array:
@@ -58,21 +59,18 @@ class Case:
         w = self.side.solve(self.screws, V[:, None])[:, chain]
         return longest((self.screws[:, chain].swapaxes(1, 2) @ w[..., None])[..., 0] - V)
 
-    def wrench(
-        self, gravity: Array | None = None, *, loaded: bool = True, bodies: dynamics.BodyMotion | None = None
-    ) -> tuple[Array, Array]:
-        """Required force and moment of each body, by the case's gravity, loads and motion or others. (n, n_body, 3)."""
-        applied = self.scene.applied
-        gravity, loads = applied.g if gravity is None else gravity, applied.loads if loaded else ()
-        return dynamics.required_wrench(self.lay, self.rate.pose, bodies or self.bodies, gravity, loads)
+    def wrench(self, gravity: Array | None = None, *, loaded: bool = True, A: Array | None = None) -> Array:
+        """What each body needs, by the case's gravity, loads and accelerations or others. Shape (n, b, 6)."""
+        need = self.at.inertia(self.at.V, self.A if A is None else A, gravity)
+        return need - self.at.exerted.wrenches if loaded else need
 
-    def generalized(self, F: Array, T: Array) -> Array:
+    def generalized(self, need: Array) -> Array:
         """Generalised forces [N m]. Shape (n, 2)."""
-        return dynamics.generalized_force(self.lay, self.rate, self.bodies, F, T)
+        return self.at.virtual_power(forces_along(self.at.pose, need)[:, self.at.loops.columns])
 
-    def driving(self, F: Array, T: Array) -> Array:
+    def driving(self, need: Array) -> Array:
         """Actuator forces of smallest norm [N]. Shape (n, 4)."""
-        return dynamics.min_norm(self.B, self.generalized(F, T))[0]
+        return (self.generalized(need)[:, None] @ linear.inverted(self.B)[0])[:, 0]
 
 
 def every(step: float) -> Array:

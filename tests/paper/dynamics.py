@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Literal
 
 import numpy as np
@@ -9,9 +10,11 @@ from paper.case import HALF, Case, every, largest, longest, percent
 from paper.erratum import Erratum, Form
 from paper.kinematics import Bracket, chain_accelerations, lie_bracket
 
-from screwgauge.reference import dynamics, screws
+from screwgauge.reference.equations import screws
+from screwgauge.reference.equations.joint_types import constraint_wrenches
+from screwgauge.reference.equations.newton_euler import NewtonEuler, balances
 from screwgauge.reference.linear import SINGULAR
-from screwgauge.reference.reactions import joint_point
+from screwgauge.reference.mechanism import by_role
 from screwgauge.reference.rotations import Array
 
 NEAR_TURN = 6.283  # s: the sample of the paper's 1 ms grid that is nearest to t = 2 pi
@@ -28,8 +31,10 @@ class Forces:
     Attributes:
         c: Matrix of eq. (57). Shape (n, 54, 56).
         system: The same with the two rows of the rule. Shape (n, 56, 56).
+        rule: These two. Shape (n, 2, 56).
         condition: Condition number of the equations. Shape (n,).
-        F, T: Their right side. Shape (n, n_body, 3) each.
+        W: What the bodies need. Shape (n, b, 6).
+        b: The same as right side of the equations, and the moments in it. Shapes (n, 54), (n, n_body, 3).
         actuator: Actuator forces [N]. Shape (n, 4).
         joint_F, joint_T: Force and moment about its point that each joint, its actuator included, exerts on its
             child. Shape (n, n_joint, 3) each.
@@ -37,32 +42,34 @@ class Forces:
     """
 
     def __init__(self, case: Case, rule: str = "min_norm") -> None:
-        lay, at, mechanism = case.lay, case.rate.pose, case.lay.mechanism
-        self.F, self.T = case.wrench()
-        reactions = dynamics.joint_reactions(lay, at)
-        self.c, m = dynamics.force_matrix(lay, at, case.bodies.com, reactions), len(reactions.names)
-        rows = dynamics.rule_rows(lay, at, case.B, reactions, axial=rule != "min_norm")
-        self.system = np.concatenate([self.c, rows], axis=1)
-        units, length = reactions.units + mechanism.actuator_units, case.rate.system.length
-        unknown, self.condition = dynamics.solve_newton_euler(self.c, self.F, self.T, rows, units, length)
-        self.actuator = unknown[:, m:]
-        self.joint_F, self.joint_T = np.zeros((2, len(case.t), len(mechanism.joints), 3))
-        for k, owner in enumerate(reactions.joints):
-            self.joint_F[:, owner] += unknown[:, k, None] * reactions.force[:, k]
-            self.joint_T[:, owner] += unknown[:, k, None] * reactions.moment[:, k]
-        for k, (joint, column) in enumerate(zip(mechanism.actuators, mechanism.actuated_columns, strict=True)):
-            self.joint_F[:, mechanism.joints.index(joint)] += unknown[:, m + k, None] * at.S[:, column, 3:]
-        child = [mechanism.body_index[joint.child] for joint in mechanism.joints]
-        points = [joint_point(j, at.R[:, i], at.p[:, i]) for j, i in zip(mechanism.joints, child, strict=True)]
-        self.point = np.stack(points, axis=1)
+        at, joints = copy(case.at), case.lay.mechanism.joints
+        at.axial = rule != "min_norm"
+        equations, self.W = NewtonEuler(at), case.wrench()
+        self.b = balances(at.com, self.W)
+        self.T = self.b.reshape(len(case.t), -1, 6)[..., 3:]
+        self.c, self.rule = equations.c, equations.rule
+        self.system = np.concatenate([self.c, self.rule], axis=1)
+        unknown, self.condition = equations.solve(self.b[..., None])[..., 0], equations.condition
+        self.actuator = unknown[:, len(equations.names) :]
+        wrench, first = np.zeros((len(case.t), len(joints), 6)), 0
+        for joint in by_role(joints):
+            along = constraint_wrenches(at.pose.joint(joint))
+            own = unknown[:, first : first + along.shape[1]]
+            wrench[:, joints.index(joint)] = np.einsum("nm,nmx->nx", own, along)
+            first += along.shape[1]
+        self.point = np.stack([at.pose.joint(joint).p_child for joint in joints], axis=1)
+        self.joint_F, self.joint_T = wrench[..., :3], wrench[..., 3:] - np.cross(self.point, wrench[..., :3])
+        for k, joint in enumerate(case.lay.mechanism.actuators):
+            direction = at.screws[:, case.lay.columns[joint.name][0], 3:]
+            self.joint_F[:, joints.index(joint)] += self.actuator[:, k, None] * direction
 
 
 def gravity(case: Case, forces: Forces) -> list[Erratum]:
     """12: it is m (a - g); the sign as printed is right only for g along +z. Forces, each where the two differ most."""
-    wrong, right = case.wrench(-case.scene.applied.g), (forces.F, forces.T)
+    wrong, right = case.wrench(-case.scene.applied.g), forces.W
     measures = {
-        ("Q_a, where it differs most", "N m"): (case.generalized(*wrong)[:, 0], case.generalized(*right)[:, 0]),
-        ("driving force, differs most", "N"): (case.driving(*wrong), case.driving(*right)),
+        ("Q_a, where it differs most", "N m"): (case.generalized(wrong)[:, 0], case.generalized(right)[:, 0]),
+        ("driving force, differs most", "N"): (case.driving(wrong), case.driving(right)),
     }
     rows = []
     for (measure, unit), (one, other) in measures.items():
@@ -98,7 +105,7 @@ def imbalance(case: Case, forces: Forces, reading: Reading, kind: str) -> float:
                 side: Side = "child" if joint.child == body.name else "parent"
                 # the lever of F_S does not stand in eq. (55) at all: that is erratum 14
                 how: Reading = "right" if joint.name == "s" else reading
-                arms = forces.point[:, k] - case.bodies.com[:, i]
+                arms = forces.point[:, k] - case.at.com[:, i]
                 total += body_moment(arms, forces.joint_F[:, k], forces.joint_T[:, k], side, how)
         worst = max(worst, longest(total - forces.T[:, i]))
     return worst
@@ -143,7 +150,7 @@ def platform(case: Case, forces: Forces) -> list[Erratum]:
     upu, *ups = _joints(case, "wrist")
     s = case.lay.mechanism.joints.index(case.lay.mechanism.joint("s"))
     T_C, rest = forces.joint_T[:, upu], forces.joint_T[:, ups].sum(axis=1)
-    lever = np.cross(forces.point[:, s] - case.bodies.com[:, -1], forces.joint_F[:, s])
+    lever = np.cross(forces.point[:, s] - case.at.com[:, -1], forces.joint_F[:, s])
     leg = Form("zero for PU", 0.0), Form("zero for PS only", longest(T_C))
     arm = Form("left out", 0.0), Form("(O - P) x F_S", longest(lever))
     printed = Form("T_C of k = 2 ... 4, no (O - P) x F_S", longest(rest - T_C - lever))
@@ -167,7 +174,7 @@ class AxialRule:
         self.case = Case(np.union1d(every(0.01), [NEAR_TURN]))
         forces = Forces(self.case, "spherical_axial")
         self.size = np.where(forces.condition <= SINGULAR, np.abs(forces.actuator).max(axis=1), np.nan)
-        self.least = np.abs(self.case.driving(forces.F, forces.T)).max(axis=1)
+        self.least = np.abs(self.case.driving(forces.W)).max(axis=1)
 
 
 def one_dimension(rule: AxialRule) -> list[Erratum]:
@@ -186,7 +193,7 @@ def one_dimension(rule: AxialRule) -> list[Erratum]:
         i = int(np.argmin(np.abs(case.t - time)))
         return both(size[i], least[i])
 
-    equations = Form("one", 1), Form("two, across O P", dynamics.axial_directions(case.lay, case.rate.pose).shape[1])
+    equations = Form("one", 1), Form("two, across O P", Forces(turns, "spherical_axial").rule.shape[1])
     median = both(np.median(size[regular]), np.median(least[regular]))
     return [
         Erratum(15, "E", "(56)", "equations that it stands for", *equations, "count"),
@@ -202,7 +209,7 @@ def one_dimension(rule: AxialRule) -> list[Erratum]:
 def right_inverse(case: Case, forces: Forces) -> list[Erratum]:
     """16: a wide matrix has a right inverse, c^T (c c^T)^-1; (c c^T)^-1 b are not even as many numbers as unknowns."""
     c = forces.c
-    b = np.concatenate([forces.F, forces.T], axis=2).reshape(len(c), -1)
+    b = forces.b
     y = np.linalg.solve(c @ c.swapaxes(1, 2), b[..., None])
     Q = (c.swapaxes(1, 2) @ y)[..., 0]
     # fifty-four numbers for fifty-six unknowns: read as the first of them, the rest zero
@@ -227,9 +234,9 @@ class Reach:
     """
 
     def __init__(self, case: Case) -> None:
-        inertia = case.generalized(*case.wrench(np.zeros(3), loaded=False))[:, 0]
-        self.load = largest(case.generalized(*case.wrench(np.zeros(3)))[:, 0] - inertia)
-        self.gravity = largest(case.generalized(*case.wrench(loaded=False))[:, 0] - inertia)
+        inertia = case.generalized(case.wrench(np.zeros(3), loaded=False))[:, 0]
+        self.load = largest(case.generalized(case.wrench(np.zeros(3)))[:, 0] - inertia)
+        self.gravity = largest(case.generalized(case.wrench(loaded=False))[:, 0] - inertia)
         self.inertia = largest(inertia)
         (right, _), (wrong, beta) = (_by_bracket(case, form) for form in (screws.lie_bracket, lie_bracket))
         self.driving, self.bracket = largest(right), largest(wrong - right)
@@ -258,8 +265,7 @@ def _by_bracket(case: Case, bracket: Bracket) -> tuple[Array, Array]:
     for joint in lay.mechanism.joints:
         chain, last = np.argwhere(side.used & (side.columns == lay.columns[joint.name][-1]))[0]
         A[:, lay.mechanism.body_index[joint.child]] = along[:, chain, last]
-    moved = dynamics.body_motion(lay, case.rate.pose, case.rate.V, A)
-    return case.driving(*case.wrench(bodies=moved)), beta
+    return case.driving(case.wrench(A=A)), beta
 
 
 def errata(case: Case, forces: Forces) -> list[Erratum]:

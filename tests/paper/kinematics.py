@@ -9,9 +9,9 @@ from paper.case import HALF, S_CHAIN, UPU_CHAIN, Case, largest, longest, percent
 from paper.erratum import Erratum, Form
 
 from screwgauge.engines.screw.scheme import Chains, fixed_axes, subtracted
-from screwgauge.reference import screws
+from screwgauge.reference.equations import screws
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import centres_of_mass
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array, rotation
 
 _X, _Y, _Z = np.eye(3)
@@ -115,7 +115,7 @@ def subtraction(case: Case) -> list[Erratum]:
 
 def joint_places(case: Case) -> list[Erratum]:
     """5: in eq. (24) the product starts at joint 1, R_5 does not turn r_AC, and r_AC is as long as the leg."""
-    at, L = case.rate.pose, float(case.lay.mechanism.home[2])
+    at, L = case.at.pose, float(case.lay.mechanism.home[2])
     C = case.leg_ends(at.R[:, -1:], at.p[:, -1:])
 
     def off(length: float | None, turns: tuple[int, ...]) -> Array:
@@ -132,7 +132,7 @@ def joint_places(case: Case) -> list[Erratum]:
     }
     axis, printed = (wrist_axis(case.side, case.theta, turns) for turns in ((1, 2, 4), (2, 4)))
     tilt = Form("product from n = 2", 2.0 * np.arcsin(0.5 * longest(printed - axis)))
-    e5 = at.S[:, case.lay.columns["leg1.wrist"][1], :3]
+    e5 = case.at.screws[:, case.lay.columns["leg1.wrist"][1], :3]
     none = Form("product from n = 1", longest(axis[:, UPU_CHAIN] - e5))
     return [
         *(Erratum(5, "E", "(24)", f"C off, {where}", form, right, "m") for where, form in forms.items()),
@@ -159,7 +159,7 @@ def last_bracket(case: Case) -> list[Erratum]:
 
 def point_acceleration(case: Case) -> list[Erratum]:
     """11: a leg does not turn about O, so that v_O belongs to eq. (49). Against differences of positions."""
-    V, A, com = case.rate.V[:, 1:-1], case.A[:, 1:-1], case.bodies.com[:, :-1]
+    V, A, com = case.at.V[:, 1:-1], case.A[:, 1:-1], case.at.com[:, :-1]
     exact = _second_difference(case)
     printed = Form("v_C = w x r_C", percent(acceleration_at(V, A, com), exact))
     right = Form("v_C = v_O + w x r_C", percent(screws.acceleration_at(V, A, com), exact))
@@ -171,7 +171,7 @@ def _second_difference(case: Case) -> Array:
     h = 2e-3
 
     def com(t: Array) -> Array:
-        return centres_of_mass(case.lay, positions(case.lay, case.scene.moved(t).y, t))[:, :-1]
+        return pose(case.lay, positions(case.lay, case.scene.moved(t).y, t)).com[:, :-1]
 
     weights = {-2: -1, -1: 16, 0: -30, 1: 16, 2: -1}
     return sum(weight * com(case.t + k * h) for k, weight in weights.items()) / (12 * h * h)
@@ -180,7 +180,7 @@ def _second_difference(case: Case) -> Array:
 def given_motion(case: Case) -> list[Erratum]:
     """17: V_P lacks what the second axis turns with the first, A_P is not its derivative, and P turns about O."""
     D, V, A = trajectory(case.t)
-    w, beta, P = case.rate.V[:, -1, :3], case.A[:, -1, :3], case.bodies.com[:, -1]
+    w, beta, P = case.at.V[:, -1, :3], case.A[:, -1, :3], case.at.com[:, -1]
     (a, b), (ad, bd) = case.motion.y.T, case.motion.yd.T
     angular = np.stack([ad, bd * np.cos(a), bd * np.sin(a)], axis=1)
     # Rx(a) Ry(b) (0, 0, H)
@@ -204,7 +204,7 @@ def given_motion(case: Case) -> list[Erratum]:
 
 def leg_halves(case: Case) -> list[Erratum]:
     """18: legs as long as the path makes them cannot be made of two halves of 0.3 m."""
-    L = case.rate.pose.q[:, case.lay.mechanism.actuated_columns]
+    L = case.at.q[:, case.lay.mechanism.actuated_columns]
     measure = f"longest leg, {L.min():.3f} to {L.max():.3f} m"
     forms = Form("two halves of 0.3 m", 2.0 * HALF), Form("distance A to C on the path", L.max())
     return [Erratum(18, "E", "Tables 1-3", measure, *forms, "m")]

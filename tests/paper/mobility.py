@@ -8,9 +8,10 @@ import numpy as np
 from paper.case import Case, largest
 from paper.erratum import Erratum, Form
 
-from screwgauge.reference import screws
+from screwgauge.reference.equations import screws
 from screwgauge.reference.linear import null_space
 from screwgauge.reference.mobility import mobility, output_freedoms
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 
 #: The free twists of the platform as eq. (14) prints them: fixed axes whatever the pose. Shape (6, 2).
@@ -46,7 +47,7 @@ def upu_wrench_right(theta: float, R: float, L: float) -> Array:
 
 def overconstraint(case: Case) -> list[Erratum]:
     """1: what 56 unknowns have more than 54 equations is redundant actuation; no constraint is redundant."""
-    facts = mobility(case.lay, case.rate.pose.rows([len(case.t) // 3]))
+    facts = mobility(case.lay, pose(case.lay, case.at.q[[len(case.t) // 3]]))
     unknowns, equations = len(facts.names), 6 * facts.bodies
     printed = Form(f"{unknowns} unknowns less {equations} equations", unknowns - equations)
     right = Form("constraint components less their rank", facts.overconstraints)
@@ -57,7 +58,7 @@ def free_axes(case: Case) -> list[Erratum]:
     """2: the second free axis turns with the platform. Its angle to the twists that the chains allow."""
     a, fixed = case.motion.y[:, 0], FREE_TWISTS[:, 1]
     moved = np.stack([0 * a, np.cos(a), np.sin(a), 0 * a, 0 * a, 0 * a], axis=1)
-    free = [output_freedoms(case.lay, case.rate.pose.rows([i])) for i in range(len(a))]
+    free = [output_freedoms(case.lay, pose(case.lay, case.at.q[[i]])) for i in range(len(a))]
     printed = Form("the y-axis, whatever the pose", max(_angle(space, fixed) for space in free))
     right = Form("(0, cos a, sin a)", max(_angle(space, axis) for space, axis in zip(free, moved, strict=True)))
     return [Erratum(2, "E", "(14), abstract", "angle of the second free axis", printed, right, "rad")]
@@ -73,7 +74,7 @@ def reciprocal_screws(case: Case) -> list[Erratum]:
     R, L = float(case.side.start[0, 0, 3]), float(case.lay.mechanism.home[2])
 
     def work(wrench: Callable[[float, float, float], Array]) -> float:
-        powers = (screws.reciprocal_product(wrench(lean, R, L), upu_screws(lean, R, L).T) for lean in LEANING)
+        powers = (screws.power(wrench(lean, R, L), upu_screws(lean, R, L).T) for lean in LEANING)
         return max(map(largest, powers))
 
     def infinite(wrench: Callable[[float, float, float], Array]) -> int:

@@ -63,4 +63,4 @@ def test_the_papers_case_is_statics(case):
 
 
 def test_forces_are_those_of_the_solver(case, forces):
-    assert np.abs(forces.actuator - case.driving(forces.F, forces.T)).max() < BALANCED
+    assert np.abs(forces.actuator - case.driving(forces.W)).max() < BALANCED

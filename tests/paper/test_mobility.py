@@ -7,13 +7,13 @@ from paper import mobility
 from paper.erratum import about
 
 from screwgauge.reference.graph import serial_chains
-from screwgauge.reference.pose import chain_screws
+from screwgauge.reference.pose import pose
 from support.tolerances import ROUNDING
 
 
 def test_eq_6_is_the_upu_chain_at_home(case):
     chain = serial_chains(case.lay.mechanism)[0]
-    screws = chain_screws(case.lay, chain, case.rate.pose.rows([0]))[0]
+    screws = pose(case.lay, case.at.q[:1]).chain_screws(chain)[0]
     printed = mobility.upu_screws(np.pi / 6, R=0.8, L=0.6)
     assert np.abs(screws[:, :3] - printed[:, :3]).max() < ROUNDING
     # Table 2 turns the wrist, but not the plane that its two axes span

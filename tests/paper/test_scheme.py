@@ -13,9 +13,11 @@ from paper.erratum import about
 import screwgauge
 from screwgauge.engines.screw.scheme import PARTS, chains, integrate, platform_screws
 from screwgauge.models.catalog import load_mechanism
+from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.kinematics import accelerations, positions, velocities
+from screwgauge.reference.kinematics import positions
 from screwgauge.reference.layout import layout
+from screwgauge.reference.pose import pose
 from support.tolerances import ROUNDING
 
 SCENE = screwgauge.load_scene("3ups-upu-s")
@@ -61,8 +63,8 @@ def sampled(step, method, start=0.0):
 def closed(lay, t):
     """Joint coordinates, rates and accelerations of the closed mechanism."""
     motion = SCENE.moved(t)
-    rate = velocities(lay, positions(lay, motion.y, t), motion.yd)
-    return rate.pose.q, rate.w, accelerations(lay, rate, motion.ydd)[0]
+    at = motion_at(lay, positions(lay, motion.y, t), motion.yd, motion.ydd)
+    return at.q, at.joint_velocity, at.joint_acceleration
 
 
 def errors(lay, steps, twist="right", method="euler"):
@@ -103,7 +105,7 @@ def test_rates_and_accelerations_follow_the_positions(lay, start):
 
 def test_every_chain_puts_the_platform_where_the_closed_mechanism_has_it(lay):
     t = every(1.0)
-    at = positions(lay, SCENE.moved(t).y, t)
+    at = pose(lay, positions(lay, SCENE.moved(t).y, t))
     side = chains(lay)
     S, R, p = side.walk(side.gather(at.q))
     assert np.abs(side.scatter(side.gather(at.q), at.q.shape[1]) - at.q).max() == 0.0
@@ -115,10 +117,10 @@ def test_every_chain_puts_the_platform_where_the_closed_mechanism_has_it(lay):
 
 def test_the_right_twist_is_that_of_the_closed_mechanism(lay):
     motion = SCENE.moved(every(1.0))
-    rate = velocities(lay, positions(lay, motion.y, motion.t), motion.yd)
+    at = motion_at(lay, positions(lay, motion.y, motion.t), motion.yd, motion.ydd)
     V, A = platform_screws(lay, motion)
-    assert np.abs(V - rate.V[:, -1]).max() < 1e-15
-    assert np.abs(A - accelerations(lay, rate, motion.ydd)[1][:, -1]).max() < 1e-15
+    assert np.abs(V - at.V[:, -1]).max() < 1e-15
+    assert np.abs(A - at.A[:, -1]).max() < 1e-15
 
 
 def test_unknown_names_are_refused(lay):

@@ -3,4 +3,3 @@
 from __future__ import annotations
 
 from screwgauge.reference.applied import GRAVITY, Applied, JointSpring, Load, Motor, PointSpring, hold
-from screwgauge.reference.forward import Forces, energy, forces_at, power

@@ -8,11 +8,18 @@ import pytest
 
 from screwgauge.reference.equations import closure, dynamics, joint_types, kinematics, motion
 from screwgauge.reference.equations.dynamics import Dynamics
-from screwgauge.reference.equations.joint_types import JointPose, closure_residual, constraint_wrenches
+from screwgauge.reference.equations.joint_types import (
+    JointPose,
+    closure_residual,
+    components,
+    constraint_wrenches,
+    reaction_names,
+)
+from screwgauge.reference.equations.newton_euler import preload_space
 from screwgauge.reference.equations.ops import Ops
-from screwgauge.reference.equations.reactions import reaction_names
 from screwgauge.reference.equations.rounding import gain
 from screwgauge.reference.equations.screws import rotation
+from screwgauge.reference.rotations import across_direction
 
 
 def exchange(monkeypatch: pytest.MonkeyPatch, name: str, wrong: Callable[..., object]) -> None:

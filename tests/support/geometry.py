@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from screwgauge.models.placement import number_text, quaternion, quaternion_rotation, rpy
-from screwgauge.reference import linear, screws
+from screwgauge.reference import linear
+from screwgauge.reference.equations import screws
+from screwgauge.reference.equations.screws import couple, force, prismatic, revolute
 from screwgauge.reference.expressions import number, rotation_matrix
 from screwgauge.reference.linear import EPS, SINGULAR, condition
 from screwgauge.reference.rotations import (
@@ -16,4 +18,3 @@ from screwgauge.reference.rotations import (
     vee,
     within_half_turn,
 )
-from screwgauge.reference.screws import couple, force, prismatic, revolute

@@ -11,8 +11,8 @@ import numpy as np
 from screwgauge.diagnosis.mechanics.dynamics import deflection, downwards, rotor_acceleration
 from screwgauge.models.kinematics.tree import Motion, States, Tree
 from screwgauge.models.placement import TENSOR
+from screwgauge.reference.equations.screws import acceleration_at, velocity_at
 from screwgauge.reference.rotations import Array, cross, skew
-from screwgauge.reference.screws import acceleration_at, velocity_at
 
 PARAMETERS = 10
 

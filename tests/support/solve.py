@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,8 +14,10 @@ from screwgauge.engines.screw.inverse import Work, solve_motion
 from screwgauge.engines.screw.model import LONG, ScrewModel, Settings
 from screwgauge.engines.screw.programs import check_traceable
 from screwgauge.engines.screw.traced import TracedWork
+from screwgauge.engines.screw.whole_system import wide_force_matrix
 from screwgauge.problem import InitialValue, Integration
-from screwgauge.reference import dynamics, kinematics, reactions
+from screwgauge.reference import kinematics
+from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed import continuation
 from screwgauge.reference.closed.anchors import Anchors
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
@@ -27,23 +28,14 @@ from screwgauge.reference.closed.curves import Curve, bent, straight
 from screwgauge.reference.closed.cut_coordinates import read
 from screwgauge.reference.closed.hermite_prediction import knots, predicted
 from screwgauge.reference.closed.loops import LoopEquations, loop_equations
-from screwgauge.reference.dynamics import force_matrix, joint_reactions
-from screwgauge.reference.forward import Forces, forward, forward_dense, inertia_matrix
-from screwgauge.reference.kinematics import (
-    Velocities,
-    accelerations,
-    chain_acceleration,
-    closed_form,
-    closure_system,
-    lie_matrix,
-    positions,
-    velocities,
-)
+from screwgauge.reference.closed_motion import ClosedMotion, motion_at
+from screwgauge.reference.equations.kinematics import joint_bias
+from screwgauge.reference.equations.newton_euler import NewtonEuler, force_matrix
+from screwgauge.reference.kinematics import closed_form, positions
 from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Pose, chain_screws, length, loop_matrix, pose
-from screwgauge.reference.precision import in_precision, wide_force_matrix
-from screwgauge.reference.reactions import joint_point, reaction_components
+from screwgauge.reference.pose import Pose, length, pose
+from screwgauge.reference.precision import in_precision
 from screwgauge.reference.rotations import Array
 
 
@@ -55,17 +47,32 @@ def at_home(mechanism: Mechanism) -> tuple[Layout, Pose]:
 
 def posed(lay: Layout, *y: float) -> Pose:
     """The pose of given independent coordinates [rad, m]."""
-    return positions(lay, np.array([y]), np.zeros(1))
+    return pose(lay, positions(lay, np.array([y]), np.zeros(1)))
 
 
-def moved(lay: Layout, y: Array, yd: Array) -> Velocities:
-    """Poses and velocities of given independent coordinates and their rates, shape (n, k) each."""
-    return velocities(lay, positions(lay, y, np.zeros(len(y))), yd)
+def moved(lay: Layout, y: Array, yd: Array, ydd: Array | None = None, **forces: Any) -> ClosedMotion:
+    """The closed mechanism at given independent coordinates and their derivatives, shape (n, k) each.
+
+    Args:
+        forces: As of `motion_at`.
+    """
+    return motion_at(lay, positions(lay, y, np.zeros(len(y))), yd, ydd, **forces)
+
+
+def under(at: ClosedMotion, applied: Applied | None = None, **forces: Any) -> ClosedMotion:
+    """The same poses and rates under other forces, which decide on the accelerations."""
+    return motion_at(at.loops.lay, at.q, at.yd, None, applied, **forces)
+
+
+def chain_acceleration(S: Array, w: Array, beta: Array) -> Array:
+    """Acceleration screw of the end of a serial chain by eq. (44). Shapes (n, 6, m), (n, m), (n, m) -> (n, 6)."""
+    terms = [S[..., i] * w[:, i, None] for i in range(w.shape[1])]
+    return (S @ beta[..., None])[..., 0] + joint_bias(np.zeros(S.shape[:-1]), terms)
 
 
 def integrate(
     lay: Layout,
-    forces: Forces | Callable[[float], Forces],
+    applied: Applied,
     times: Array,
     start: Array | None = None,
     yd: Array | None = None,
@@ -76,4 +83,4 @@ def integrate(
     mechanism = lay.mechanism
     home = mechanism.home[mechanism.independent_columns]
     start, yd = home if start is None else start, np.zeros_like(home) if yd is None else yd
-    return integrate_task(lay, InitialValue(start, yd, float(times[0]), times, Integration(**integration)), forces)
+    return integrate_task(lay, InitialValue(start, yd, float(times[0]), times, Integration(**integration)), applied)

@@ -9,8 +9,8 @@ import numpy as np
 from screwgauge.models.kinematics.tree import Motion, States, Tree, move
 from screwgauge.models.placement import quaternion_rotation
 from screwgauge.models.readings.reading import FREEDOMS, Reading
+from screwgauge.reference.equations.screws import acceleration_at, velocity_at
 from screwgauge.reference.rotations import Array, cross, skew
-from screwgauge.reference.screws import acceleration_at, velocity_at
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,11 +1,10 @@
-"""Time integration on the independent coordinates: scipy's methods on accelerations of `reference.forward`.
+"""Time integration on the independent coordinates: scipy's methods on accelerations of `equations.forward`.
 
 Traced programs of the same equations answer most states; those that they leave are answered by arrays.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,14 +15,14 @@ from screwgauge.engines.methods import MOST, SIZES, check_method, keep_passed
 from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.engines.tree.cut_joints import SURE, follow
 from screwgauge.problem import InitialValue, Progress, quiet
+from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.branch import Branch
 from screwgauge.reference.closed.constant_coordinates import home_equations
 from screwgauge.reference.closed.cut_coordinates import read
+from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
-from screwgauge.reference.forward import Forces, energy, forward, power
-from screwgauge.reference.kinematics import Velocities, velocities
 from screwgauge.reference.layout import Layout
-from screwgauge.reference.pose import Pose, pose
+from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
 from screwgauge.solution import Cost, Stopwatch
@@ -47,7 +46,7 @@ class Trajectory:
     """
 
     t: Array
-    rates: Velocities
+    rates: ClosedMotion
     energy: Array
     work: Array
     cost: Cost
@@ -58,18 +57,16 @@ class Trajectory:
 class _Near(Exception):
     """A pose too close to a singular one."""
 
-    def __init__(self, lay: Layout, at: Pose, condition: float) -> None:
+    def __init__(self, lay: Layout, q: Array, condition: float) -> None:
         super().__init__(condition)
-        self.lay, self.at, self.condition = lay, at, condition
+        self.lay, self.q, self.condition = lay, q, condition
 
     def __str__(self) -> str:
         """Worked out only when it is to be read: most such poses are stepped over."""
         mechanism = self.lay.mechanism
-        pose = mechanism.described(self.at.q[0, mechanism.independent_columns])
-        return (
-            f"the pose {pose} is nearly singular (condition {self.condition:.1e}): "
-            f"{near_singularity(self.lay, self.at)}"
-        )
+        where = mechanism.described(self.q[mechanism.independent_columns])
+        why = near_singularity(self.lay, pose(self.lay, self.q[None]))
+        return f"the pose {where} is nearly singular (condition {self.condition:.1e}): {why}"
 
 
 class _Run:
@@ -84,29 +81,29 @@ class _Run:
     def __init__(
         self,
         lay: Layout,
-        forces: Callable[[float], Forces],
+        applied: Applied,
         times: Array,
         near: float,
         traced: TracedForward | None = None,
     ) -> None:
-        self.lay, self.forces, self.times, self.near, self.traced = lay, forces, times, near, traced
+        self.lay, self.applied, self.times, self.near, self.traced = lay, applied, times, near, traced
         self.branch = Branch(lay, lay.mechanism.home)
         self.evaluations = self.taken = self.stepped_over = 0
         self.passed: list[tuple[float, Array, Array]] = []
         self.wanted: list[int] = []
         self.work: list[float] = []
 
-    def rates(self, states: Array, q: Array | None) -> Velocities:
+    def rates(self, t: float, states: Array, q: Array | None) -> ClosedMotion:
         """Closed poses and rates of states, shape (n, 2 k + 1), by the branch where `q` of the tree is not known."""
         k = states.shape[1] // 2
         if q is not None:
             system = home_equations(self.lay)
-            at = system.fill((q / system.size)[None, system.unknown], q[None])
+            closed = system.coordinates((q / system.size)[None, system.unknown], q[None])
         else:
             if self.traced is not None:
                 self.traced.lend(self.branch)
-            at = self.branch.poses(states[:, :k])
-        return velocities(self.lay, at, states[:, k:-1])
+            closed = self.branch.poses(states[:, :k]).q
+        return motion_at(self.lay, closed, states[:, k:-1], applied=self.applied, t=t)
 
     def slope(self, t: float, states: Array) -> Array:
         """Derivatives of states, one a column as scipy's methods give them. Shape (2 k + 1, n)."""
@@ -118,14 +115,13 @@ class _Run:
         """The same by the array solver, on the same branch."""
         k, alone = len(states) // 2, states.shape[1] == 1
         q = self.traced.closed(states[:k, 0]) if self.traced is not None and alone else None
-        forces, rate = self.forces(t), self.rates(states.T, q)
-        found = forward(self.lay, rate, forces)
-        worst = int(np.argmax(found.condition))
-        if found.condition[worst] > self.near:
-            raise _Near(self.lay, rate.pose.rows([worst]), float(found.condition[worst]))
+        at = self.rates(t, states.T, q)
+        ydd, worst = at.ydd, int(np.argmax(at.condition))
+        if at.condition[worst] > self.near:
+            raise _Near(self.lay, at.q[worst], float(at.condition[worst]))
         if self.traced is not None:
-            self.traced.learn(rate.pose.q[0], rate.K[0], float(found.condition[0]) if q is not None else np.inf)
-        return np.concatenate([states[k:-1], found.ydd.T, power(self.lay, rate, forces)[None]])
+            self.traced.learn(at.q[0], at.joint_map[0], float(at.condition[0]) if q is not None else np.inf)
+        return np.concatenate([states[k:-1], ydd.T, at.input_power[None]])
 
     def jacobian(self, t: float, state: Array) -> Array:
         """Derivative of `slope` at one state by differences; nothing depends on the work. Shape (2 k + 1, 2 k + 1)."""
@@ -193,7 +189,7 @@ class _Run:
 def integrate(
     lay: Layout,
     task: InitialValue,
-    forces: Forces | Callable[[float], Forces],
+    applied: Applied,
     progress: Progress = quiet,
     traced: TracedForward | None = None,
 ) -> Trajectory:
@@ -201,7 +197,7 @@ def integrate(
 
     Args:
         lay: The mechanism.
-        forces: What acts on it, constant or a function of time.
+        applied: What acts on it.
         traced: Programs for the same forces; without them all states are answered by arrays.
 
     Raises:
@@ -209,8 +205,7 @@ def integrate(
     """
     method, settings = check_method(task.integration.name), task.integration
     times, state = _checked(lay, task)
-    at_any_time = forces if callable(forces) else lambda _: forces
-    clock, run = Stopwatch(), _Run(lay, at_any_time, times, settings.near, traced)
+    clock, run = Stopwatch(), _Run(lay, applied, times, settings.near, traced)
     run.branch.move(task.start)
     begin = run.branch.q.copy()
     run.keep(float(times[0]), state)
@@ -223,7 +218,7 @@ def integrate(
     return Trajectory(
         t=times[: len(run.work)],
         rates=whole,
-        energy=energy(lay, whole, at_any_time(float(times[0]))),
+        energy=whole.energy,
         work=np.array(run.work),
         cost=cost,
         stepped_over=run.stepped_over,
@@ -231,7 +226,7 @@ def integrate(
     )
 
 
-def _whole(lay: Layout, run: _Run, begin: Array) -> Velocities:
+def _whole(lay: Layout, run: _Run, begin: Array) -> ClosedMotion:
     """Closed poses and rates at the wanted times.
 
     Args:
@@ -240,13 +235,13 @@ def _whole(lay: Layout, run: _Run, begin: Array) -> Velocities:
     t, q, yd = (np.array(column) for column in zip(*run.passed, strict=True))
     if run.traced is not None and lay.tree.cuts:
         q = read(lay, q)
-        rate = velocities(lay, pose(lay, q), yd)
+        rate = motion_at(lay, q, yd)
         for c, joint in enumerate(lay.tree.cuts):
             columns = [i for i in lay.columns[joint.name] if lay.turns[i]]
-            sure = rate.orientation[:, c] < SURE
-            q[:, columns] = follow(begin[columns], q[:, columns], sure, t, rate.w[:, columns])
+            sure = rate.charts[:, c] < SURE
+            q[:, columns] = follow(begin[columns], q[:, columns], sure, t, rate.joint_velocity[:, columns])
     rows = np.array(run.wanted)
-    return velocities(lay, pose(lay, q[rows]), yd[rows])
+    return motion_at(lay, q[rows], yd[rows], applied=run.applied, t=t[rows])
 
 
 def _checked(lay: Layout, task: InitialValue) -> tuple[Array, Array]:

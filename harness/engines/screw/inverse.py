@@ -1,7 +1,4 @@
-"""The engine `screw`: the solver in `screwgauge.reference`, on whole parts of the trajectory at once.
-
-Or actuator forces read from the Newton-Euler system of all bodies, in place of virtual power.
-"""
+"""The engine `screw`: the solver in `screwgauge.reference`, on whole parts of the trajectory at once."""
 
 from __future__ import annotations
 
@@ -16,25 +13,21 @@ from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import GIVEN, QUANTITIES
-from screwgauge.reference import dynamics, linear
+from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import AssemblyMode, Guess
+from screwgauge.reference.closed_motion import ClosedMotion
 from screwgauge.reference.equations import dynamics as equations
 from screwgauge.reference.equations.closure import Loops
 from screwgauge.reference.equations.dynamics import Dynamics
-from screwgauge.reference.equations.kinematics import coordinates
-from screwgauge.reference.equations.ops import NUMPY
-from screwgauge.reference.equations.reactions import reaction_names
-from screwgauge.reference.equations.rounding import chart_condition, gain
+from screwgauge.reference.equations.joint_types import reaction_names
+from screwgauge.reference.equations.rounding import gain
 from screwgauge.reference.equations.screws import force, power
 from screwgauge.reference.extent import extent
-from screwgauge.reference.kinematics import accelerations, positions, velocities
 from screwgauge.reference.layout import Layout
-from screwgauge.reference.precision import wide_force_matrix
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Clock, Solution, Stopwatch, Values
+from screwgauge.solution import Clock, Solution
 
 _STAGES = {"q": "positions", "v": "velocities", "a": "accelerations", "f": "forces"}
-_JOINTS = frozenset({"joint_position", "joint_velocity", "joint_acceleration"})
 _TREE = frozenset({"tree_force", "tree_force_soft"})
 
 
@@ -112,11 +105,8 @@ class Work:
         """All that is wanted at closed poses: values, what they rest on, and the closing system."""
         loops, problem = self.loops, self.problem
         with self.clock.stage("velocities"):
-            pose = coordinates(q, NUMPY)
-            at = Dynamics(loops, pose, motion.yd, motion.ydd, loops.folds(q), NUMPY, problem.applied)
-            at.t, at.axial = motion.t, problem.rule == "spherical_axial"
-            at.near = {c: q[:, c] for c in self.lay.cut_columns if self.lay.turns[c]}
-            charts = np.stack([chart_condition(cut) + np.zeros(len(q)) for cut in at.cuts] or [np.ones(len(q))], axis=1)
+            at = ClosedMotion(loops, q, motion.yd, motion.ydd, problem.applied, motion.t)
+            at.axial = problem.rule == "spherical_axial"
         out, conditions = dict[str, Array](), dict[str, Array]()
         moving = loops.columns[: loops.moving]
         speed: Array | float = 0.0
@@ -130,26 +120,21 @@ class Work:
                     rush = np.maximum(speed**2, np.abs(at.beta / loops.sizes)[:, moving].max(axis=1))
             for name in (one for one in GIVEN if one in problem.wanted):
                 with self.clock.stage(_stage(name)):
-                    out[name] = self._value(at, name, charts)
+                    out[name] = self._value(at, name)
             if self.depth == "f" or problem.wanted & _TREE:
                 load = self._load(at)
             self._force_conditions(at, conditions)
         with self.clock.stage("condition"):
-            worst, stretch = charts.max(axis=1), extent(self.lay).stretch
+            worst, stretch = at.charts.max(axis=1, initial=1.0), extent(self.lay).stretch
             amplified = np.sqrt(gain(at))
             amplified = np.where(np.isfinite(at.system.condition), amplified, at.system.condition)
             trust = Trust(at.system.condition, amplified, worst, conditions, speed, rush, load, stretch=stretch)
         return out, trust, at.system.A[..., : loops.moving]
 
-    def _value(self, at: Dynamics, name: str, charts: Array) -> Array:
+    def _value(self, at: Dynamics, name: str) -> Array:
         if name in _TREE:
             return np.ascontiguousarray(at.open_tree_force(self.path)[:, self.tree])
-        found = np.array(equations.QUANTITIES[name](at))
-        if name in _JOINTS:  # in gimbal lock the joint's angles are what they were followed as, its rates no numbers
-            for cut, locked in zip(at.cuts, ~(charts.T <= linear.SINGULAR), strict=False):
-                some = np.ix_(locked, self.lay.columns[cut.at.joint.name])
-                found[some] = at.q[some] if name == "joint_position" else np.nan
-        return found
+        return np.array(equations.QUANTITIES[name](at))
 
     def _load(self, at: Dynamics) -> Array:
         """Largest force along a coordinate, as if weights, inertia and bodies did not cancel [N]. Shape (n,)."""
@@ -176,43 +161,5 @@ class Work:
     def names(self) -> Names:
         mechanism = self.lay.mechanism
         bodies, tree = [body.name for body in mechanism.bodies], [mechanism.coordinates[i] for i in self.tree]
-        names, units = zip(*reaction_names(mechanism), strict=True) if reaction_names(mechanism) else ((), ())
-        return component_names(
-            mechanism.joints, bodies, mechanism.independent, tree, mechanism.actuator_names, (names, units)
-        )
-
-
-_FORCE = "actuator_force"
-
-
-def solve_whole_system(lay: Layout, problem: Problem, task: GivenMotion, *, refined: bool) -> Solution:
-    """Actuator forces of smallest norm from eqs. (57)-(58), all reactions being unknowns beside them.
-
-    Args:
-        refined: One step of iterative refinement, its residual from a wider matrix; see `wide_force_matrix`.
-
-    Returns:
-        ``actuator_force`` alone, and as estimate of its error the rounding times the condition of the system.
-    """
-    clock, applied, mechanism = Stopwatch(), problem.applied, lay.mechanism
-    at = positions(lay, task.y, task.t, (task.yd, task.ydd))
-    rate = velocities(lay, at, task.yd)
-    motion = dynamics.body_motion(lay, at, rate.V, accelerations(lay, rate, task.ydd)[1])
-    F, T = dynamics.required_wrench(lay, at, motion, applied.g, applied.loads)
-    reactions = dynamics.joint_reactions(lay, at)
-    c = dynamics.force_matrix(lay, at, motion.com, reactions)
-    rule = dynamics.preload_rows(rate.K[:, mechanism.actuated_columns], c.shape[2])
-    wide = wide_force_matrix(lay, task.y) if refined else None
-    units = reactions.units + mechanism.actuator_units
-    unknown, condition = dynamics.solve_newton_euler(c, F, T, rule, units, rate.system.length, wide=wide)
-    f = np.asarray(unknown[:, len(reactions.names) :], dtype=float)
-    return Solution(
-        "screw",
-        __version__,
-        {_FORCE: Values(mechanism.actuator_names, mechanism.actuator_units, f)},
-        condition,
-        estimate={_FORCE: linear.EPS * condition},
-        conditions={_FORCE: condition},
-        setting="whole Newton-Euler system" + (", refined" if refined else ""),
-        cost=clock.cost(),
-    )
+        reactions, actuators = reaction_names(mechanism.joints, mechanism.couplings), mechanism.actuator_names
+        return component_names(mechanism.joints, bodies, mechanism.independent, tree, actuators, reactions)

@@ -10,19 +10,17 @@ import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.parts import Reading, Simulated, check_fits, joint_units
-from screwgauge.engines.screw.inverse import solve_motion, solve_whole_system
+from screwgauge.engines.screw.inverse import solve_motion
 from screwgauge.engines.screw.traced import solve_traced
 from screwgauge.engines.screw.variants import Variant, load_variant
+from screwgauge.engines.screw.whole_system import solve_whole_system
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference import linear
-from screwgauge.reference.applied import Applied
-from screwgauge.reference.dynamics import joint_reactions
+from screwgauge.reference.closed_motion import motion_at
+from screwgauge.reference.equations.newton_euler import NewtonEuler
 from screwgauge.reference.errors import ModelFileError, check_choice
-from screwgauge.reference.forward import Forces, forces_at, forward, forward_dense
-from screwgauge.reference.kinematics import accelerations, velocities
 from screwgauge.reference.layout import Layout, layout
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.solution import Solution, Stopwatch, Values
@@ -99,10 +97,10 @@ class ScrewModel:
     def _simulate(self, problem: Problem, task: InitialValue, progress: Progress) -> Solution:
         from screwgauge.engines.screw.integrate import integrate
 
-        mechanism, method = self.lay.mechanism, task.integration
+        method = task.integration
         traced, notes = self._traced(problem, task)
-        path = integrate(self.lay, task, lambda t: forces_at(mechanism, problem.applied, t), progress, traced)
-        reactions = self._reactions(problem, path) if "reaction" in problem.wanted else None
+        path = integrate(self.lay, task, problem.applied, progress, traced)
+        reactions = self._reactions(path) if "reaction" in problem.wanted else None
         over = f", {path.stepped_over} steps resized near singular poses" if path.stepped_over else ""
         notes = (
             f"independent coordinates integrated, poses followed on one branch{over}",
@@ -110,7 +108,7 @@ class ScrewModel:
             *(traced.notes() if traced else ()),
         )
         simulated = Simulated(
-            Reading(path.rates.pose.q, path.rates.w, *self._joint_accelerations(problem, path)),
+            Reading(path.rates.q, path.rates.joint_velocity, *self._joint_accelerations(problem, path)),
             path.work,
             path.cost,
             path.stopped,
@@ -118,7 +116,7 @@ class ScrewModel:
             reactions,
         )
         setting = f"{method.name}, rtol {method.rtol:g}, atol {method.atol:g}"
-        return simulated.solution(("screw", __version__, setting), mechanism.joints, task)
+        return simulated.solution(("screw", __version__, setting), self.lay.mechanism.joints, task)
 
     def _traced(self, problem: Problem, task: InitialValue) -> tuple[TracedForward | None, tuple[str, ...]]:
         """Programs of the accelerations, or why there are none."""
@@ -133,39 +131,32 @@ class ScrewModel:
 
     def _joint_accelerations(self, problem: Problem, path: Trajectory) -> tuple[Array, Array]:
         """Accelerations of all joint coordinates, shape (n, n_q), and the condition of the closed loops, shape (n,)."""
-        condition = linear.condition(path.rates.A)
-        ydd = np.full((len(path.t), path.rates.K.shape[2]), np.nan)
-        rows = np.flatnonzero(condition < linear.SINGULAR)
-        if rows.size:
-            forces = self._forces(problem.applied, path.t[rows])
-            ydd[rows] = forward(self.lay, path.rates.rows(rows), forces).ydd
-        return accelerations(self.lay, path.rates, ydd)[0], condition
+        at, found = path.rates, np.full(path.rates.q.shape, np.nan)
+        if (regular := at.condition < linear.SINGULAR).any():
+            applied, t = problem.applied, path.t[regular]
+            found[regular] = motion_at(self.lay, at.q[regular], at.yd[regular], None, applied, t).joint_acceleration
+        return found, at.condition
 
-    def _forces(self, applied: Applied, t: Array) -> Forces:
-        """All that acts at some times, shape (n,)."""
-        joints = [np.asarray(forces_at(self.lay.mechanism, applied, float(x)).joints) for x in t]
-        return replace(forces_at(self.lay.mechanism, applied, 0.0), joints=np.stack(joints))
-
-    def _reactions(self, problem: Problem, path: Trajectory) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
+    def _reactions(self, path: Trajectory) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
         """Names, units and values of all constraint forces, from the whole Newton-Euler system."""
-        whole = forward_dense(self.lay, path.rates, self._forces(problem.applied, path.t))
-        return whole.names, joint_reactions(self.lay, path.rates.pose).units, whole.reactions
+        whole = NewtonEuler(path.rates)
+        return whole.names, whole.units, whole.response()[1]
 
     def _accelerate(self, problem: Problem, task: States) -> Solution:
         """Accelerations of closed states for given forces, from the whole Newton-Euler system."""
-        mechanism, applied = self.lay.mechanism, problem.applied
+        mechanism = self.lay.mechanism
         if task.tau is None or task.coordinates != mechanism.coordinates:
             raise ModelFileError(
                 "takes states of all joint coordinates with the forces along them", self.where, "give q, v and tau"
             )
-        clock = Stopwatch()
-        rate = velocities(self.lay, pose(self.lay, task.q), task.v[:, mechanism.independent_columns])
-        forces = Forces(joints=task.tau, gravity=applied.g, loads=applied.loads, springs=applied.springs)
+        clock, applied = Stopwatch(), replace(problem.applied, motors=())
+        yd = task.v[:, mechanism.independent_columns]
+        at = motion_at(self.lay, task.q, yd, applied=applied, joints=task.tau)
         if self.settings.projected:
-            qdd, setting = accelerations(self.lay, rate, forward(self.lay, rate, forces).ydd)[0], "projected"
+            qdd, setting = at.joint_acceleration, "projected"
         else:
-            qdd, setting = forward_dense(self.lay, rate, forces).qdd, "whole Newton-Euler system"
+            qdd, setting = NewtonEuler(at).response()[0], "whole Newton-Euler system"
         cost = clock.cost()
         units = tuple(f"{unit}/s^2" for unit in joint_units(mechanism.joints).values())
         values = {"joint_acceleration": Values(mechanism.coordinates, units, qdd)}
-        return Solution("screw", __version__, values, linear.condition(rate.A), setting=setting, cost=cost)
+        return Solution("screw", __version__, values, at.condition, setting=setting, cost=cost)

@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.problem import GivenMotion
-from screwgauge.reference import screws
+from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.joint_types import placed, unplaced
+from screwgauge.reference.equations.screws import lie_bracket
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.graph import Edge, output_body, serial_chains
-from screwgauge.reference.kinematics import accelerations, chain_acceleration, closed_form, positions, velocities
+from screwgauge.reference.kinematics import closed_form, positions
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array, cross, skew
@@ -203,7 +204,7 @@ def integrate(
     V, A = platform_screws(lay, motion, twist)
     side = chains(lay)
     step = float(motion.t[-1] - motion.t[0]) / steps
-    theta = march(side, side.gather(positions(lay, motion.y[:1], motion.t[:1]).q[0]), V, step, method)
+    theta = march(side, side.gather(positions(lay, motion.y[:1], motion.t[:1])[0]), V, step, method)
     S = side.walk(theta)[0]
     w = side.solve(S, V[::parts, None])
     beta = side.solve(S, A[::parts, None] - _bias(S * w[..., None]))
@@ -213,7 +214,7 @@ def integrate(
 
 def _bias(terms: Array) -> Array:
     """``w^T S_L w`` of eq. (44), the sum of [V before j, S_j w_j] over terms S_j w_j. Shape (..., m, 6) -> (..., 6)."""
-    return np.asarray(screws.lie_bracket(np.cumsum(terms, axis=-2) - terms, terms).sum(axis=-2))
+    return np.asarray(lie_bracket(np.cumsum(terms, axis=-2) - terms, terms).sum(axis=-2))
 
 
 def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> tuple[Array, Array]:
@@ -234,9 +235,9 @@ def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> t
     alone = _driver_alone(lay, motion)
     if alone is not None:
         return alone
-    rate = velocities(lay, positions(lay, motion.y, motion.t), motion.yd)
+    at = motion_at(lay, positions(lay, motion.y, motion.t), motion.yd, motion.ydd)
     platform = lay.mechanism.body_index[output_body(lay.mechanism)]
-    return rate.V[:, platform], accelerations(lay, rate, motion.ydd)[1][:, platform]
+    return at.V[:, platform], at.A[:, platform]
 
 
 def _driver_alone(lay: Layout, motion: GivenMotion) -> tuple[Array, Array] | None:
@@ -246,11 +247,11 @@ def _driver_alone(lay: Layout, motion: GivenMotion) -> tuple[Array, Array] | Non
         return None
     chosen = lay.mechanism.independent_columns
     columns = next(columns for columns in lay.columns.values() if set(chosen) <= set(columns))
-    S = pose(lay, q).S[:, columns].swapaxes(1, 2)
+    S = pose(lay, q).S[:, columns]
     w, beta = np.zeros((2, len(q), len(columns)))
     at = [columns.index(column) for column in chosen]
     w[:, at], beta[:, at] = motion.yd, motion.ydd
-    return (S @ w[..., None])[..., 0], chain_acceleration(S, w, beta)
+    return (S * w[..., None]).sum(1), (S * beta[..., None]).sum(1) + _bias(S * w[..., None])
 
 
 def fixed_axes(motion: GivenMotion) -> tuple[Array, Array]:

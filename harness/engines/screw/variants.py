@@ -16,11 +16,14 @@ from screwgauge import __version__
 from screwgauge.engines.parts import component_names
 from screwgauge.engines.screw.scheme import integrate
 from screwgauge.problem import GivenMotion, Problem, Progress, quiet
-from screwgauge.reference import dynamics, linear
+from screwgauge.reference import linear
+from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.newton import Evaluation, velocity_map
 from screwgauge.reference.closed.newton import newton as newtons_method
+from screwgauge.reference.closed_motion import motion_at
+from screwgauge.reference.equations.dynamics import QUANTITIES
 from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
-from screwgauge.reference.kinematics import accelerations, closed_form, closure_system, positions, velocities
+from screwgauge.reference.kinematics import closed_form, positions
 from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.pose import pose
 from screwgauge.reference.precision import in_precision, rounded
@@ -113,7 +116,7 @@ def newton(lay: Layout, problem: Problem, motion: GivenMotion, *, steps: int) ->
 
 def differences(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
     """Derivatives of positions by `numpy.gradient`; the times have to be evenly spread."""
-    q, out = positions(lay, motion.y, motion.t).q, {}
+    q, out = positions(lay, motion.y, motion.t), {}
     step = float(motion.t[-1] - motion.t[0]) / (len(motion) - 1)
     for name in sorted(problem.wanted, key=lambda name: ORDER[name]):
         derivative = q
@@ -125,7 +128,7 @@ def differences(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
 
 def without_drift(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
     """Accelerations from ``A a = [0; ydd]``, the velocity terms of the loops forgotten."""
-    A = closure_system(lay, positions(lay, motion.y, motion.t))
+    A = pose(lay, positions(lay, motion.y, motion.t)).closing_matrix
     right = np.concatenate([np.zeros((len(motion), A.shape[1] - motion.y.shape[1])), motion.ydd], axis=1)
     return {"joint_acceleration": linear.solve(A, right[..., None])[..., 0]}
 
@@ -157,7 +160,7 @@ def _closing(lay: Layout) -> Evaluation:
     def evaluate(q: Array, goal: Array) -> tuple[Array, Array]:
         at = pose(lay, q)
         errors = [at.residual.reshape(len(q), -1), couplings.residuals(q), q[:, columns] - goal]
-        return np.concatenate(errors, axis=1), closure_system(lay, at)
+        return np.concatenate(errors, axis=1), at.closing_matrix
 
     return evaluate
 
@@ -168,19 +171,10 @@ def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arr
     Raises:
         TypeError: It was left on the way.
     """
-    out, wanted, applied = {"joint_position": q}, problem.wanted, problem.applied
-    if wanted - set(out):
-        at = pose(lay, q)
-        velocity = velocities(lay, at, motion.yd)
-        out["joint_velocity"] = velocity.w
-    if wanted - set(out):
-        out["joint_acceleration"], screws = accelerations(lay, velocity, motion.ydd)
-    if wanted - set(out):
-        moving = dynamics.body_motion(lay, at, velocity.V, screws)
-        loads = [rounded(load, q.dtype) for load in applied.loads]
-        F, T = dynamics.required_wrench(lay, at, moving, applied.g.astype(q.dtype), loads)
-        Q = dynamics.generalized_force(lay, velocity, moving, F, T)
-        out["actuator_force"] = dynamics.min_norm(velocity.K[:, lay.mechanism.actuated_columns], Q)[0]
+    given, wanted = problem.applied, problem.wanted
+    applied = Applied(given.g.astype(q.dtype), tuple(rounded(load, q.dtype) for load in given.loads))
+    at = motion_at(lay, q, motion.yd, motion.ydd, applied)
+    out = {name: q if name == "joint_position" else np.array(QUANTITIES[name](at)) for name in wanted}
     if any(array.dtype != lay.path.dtype for array in out.values()):
         raise TypeError(f"not all of it was computed in {lay.path.dtype}")
-    return {name: array for name, array in out.items() if name in wanted}
+    return out

@@ -9,18 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.engines.parts import joint_units
 from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
 from screwgauge.engines.tree.closure import Loops
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import Problem
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.dynamics import across_direction, min_norm
+from screwgauge.reference.equations.joint_types import JointPose, placed, reaction_names
+from screwgauge.reference.equations.screws import times
 from screwgauge.reference.errors import ModelFileError
-from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.reactions import Reactions, joint_point, reaction_components
-from screwgauge.reference.rotations import Array, cross
+from screwgauge.reference.mechanism import Joint, by_role
+from screwgauge.reference.rotations import Array, across_direction, cross
 from screwgauge.reference.wrenches import State, applied_wrenches
 
 
@@ -82,8 +81,8 @@ def closed_forces(
     m = inverse.shape[2] - K.shape[2]
     multipliers = ((rest * sizes.q)[:, None] @ inverse[..., :m])[:, 0] / sizes.rows[:m]
     transmitted = closed.tree.transmitted(at, *motion[:3], wrench + closed.loops.wrenches(at, multipliers))
-    reactions, values["reaction"] = joint_reactions(closed, at, transmitted, multipliers)
-    return ClosedForces(values, conditions, largest, (reactions.names, reactions.units))
+    values["reaction"] = joint_reactions(closed, at, transmitted, multipliers)
+    return ClosedForces(values, conditions, largest, reaction_names(closed.file.joints, closed.file.couplings))
 
 
 def axial_forces(closed: ClosedTree, at: BodyPoses, G: Array, need: Array, alone: Array) -> tuple[Array, Array]:
@@ -144,9 +143,7 @@ def _applied(closed: ClosedTree, applied: Applied, at: BodyPoses, state: State |
     return wrench
 
 
-def joint_reactions(
-    closed: ClosedTree, at: BodyPoses, transmitted: Array, multipliers: Array
-) -> tuple[Reactions, Array]:
+def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multipliers: Array) -> Array:
     """Reaction components of every joint of the description, tree and cut ones alike, and of its couplings.
 
     Args:
@@ -155,28 +152,41 @@ def joint_reactions(
             Shape (n, 3 n_anchor + n_coupling).
 
     Returns:
-        The components, and their values [N or N m], shape (n, m).
+        In the order of `reaction_names` [N or N m]. Shape (n, m).
     """
-    file, loops, n = closed.file, closed.loops, len(at.p)
-    force, moment = np.zeros((n, len(file.joints), 3)), np.zeros((n, len(file.joints), 3))
-    sides = [joint_sides(joint, loops) for joint in file.joints]
-    for j, (joint, (_, child)) in enumerate(zip(file.joints, sides, strict=True)):
+    loops, found = closed.loops, list[Array]()
+    for joint in by_role(closed.file.joints):
+        parent, child = joint_sides(joint, loops)
         if joint in loops.cut:
             wrench, body = _closing(joint, loops, at, multipliers), child
         else:
             body = _outer(joint, closed)
             wrench = transmitted[:, body] * (1.0 if body == child else -1.0)
-        point = joint_point(joint, at.R[:, child], at.p[:, child])
-        force[:, j] = wrench[:, :3]
-        moment[:, j] = wrench[:, 3:] - cross(point - at.p[:, body], wrench[:, :3])
-    reactions = reaction_components(
-        file.joints,
-        [at.R[:, parent] for parent, _ in sides],
-        [at.R[:, child] for _, child in sides],
-        [at.p[:, child] for _, child in sides],
-    )
-    values = np.concatenate([reactions.read(force, moment), multipliers[:, 3 * len(loops.anchors) :]], axis=1)
-    return reactions.with_couplings(file.couplings, joint_units(file.joints)), values
+        before = placed(at.R[:, parent], at.p[:, parent], joint.parent_frame)
+        beyond = placed(at.R[:, child], at.p[:, child], joint.child_frame)
+        found.append(components(JointPose(joint, *before, *beyond), wrench, at.p[:, body]))
+    return np.concatenate([*found, multipliers[:, 3 * len(loops.anchors) :]], axis=1)
+
+
+def components(at: JointPose, wrench: Array, about: Array) -> Array:
+    """Components of a wrench on the child of a joint along what the joint constrains. (n, 6), (n, 3) -> (n, m)."""
+    force = wrench[:, :3]
+    moment = wrench[:, 3:] - cross(at.p_child - about, force)
+    return np.concatenate([times(at.type.forces(at), force), times(at.type.moments(at), moment)], axis=1)
+
+
+def min_norm(B: Array, Q: Array) -> tuple[Array, Array]:
+    """The actuator forces of smallest norm with ``B^T f = Q``.
+
+    Args:
+        B: Actuator rates per rate of y, d L / d y. Shape (n, n_actuator, k).
+        Q: Generalised forces. Shape (n, k).
+
+    Returns:
+        Shape (n, n_actuator), and the condition number of B, (n,).
+    """
+    back, condition = linear.inverted(B)
+    return (Q[:, None] @ back)[:, 0], condition
 
 
 def joint_sides(joint: Joint, loops: Loops) -> tuple[int, int]:

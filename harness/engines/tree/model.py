@@ -9,6 +9,7 @@ import numpy as np
 
 from screwgauge.engines.parts import joint_units
 from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
+from screwgauge.engines.tree.closed_forces import min_norm
 from screwgauge.engines.tree.inverse import solve_motion
 from screwgauge.engines.tree.protocol import Dynamics
 from screwgauge.models.loops import LoopsFile, read_loops
@@ -17,7 +18,6 @@ from screwgauge.quantities import FORCE
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied, JointSpring
 from screwgauge.reference.closed.newton import velocity_map
-from screwgauge.reference.dynamics import min_norm
 from screwgauge.reference.errors import DescriptionError, ModelFileError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array

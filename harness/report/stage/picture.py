@@ -12,7 +12,7 @@ from screwgauge.models.placement import quaternion
 from screwgauge.models.shapes import COLOURS, DRIVEN, Shape, differing, shapes, viewed_from
 from screwgauge.problem import spread
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import centres_of_mass, length
+from screwgauge.reference.pose import length
 from screwgauge.reference.reciprocal import Element, Held, held
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Block, Items, Paragraph, Picture
@@ -56,7 +56,7 @@ def told(picture: Picture) -> list[Block]:
 def data(motion: Motion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
     """What ``stage.js`` draws, and what is said beside it. Lengths in lengths of the mechanism, from its middle."""
     mechanism, at, unit = motion.lay.mechanism, motion.at, length(motion.lay)
-    middle, columns = centres_of_mass(motion.lay, at)[0].mean(axis=0), mechanism.independent_columns
+    middle, columns = at.com[0].mean(axis=0), mechanism.independent_columns
     keys, shown, solids = spread(len(motion.t), HELD), arrows(motion), shapes(mechanism)
     found = held(motion.lay, at.rows(keys))
     longest, scales = dict[tuple[str, bool], float](), dict[str, str]()

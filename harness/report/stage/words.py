@@ -8,7 +8,6 @@ import numpy as np
 
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.pose import Pose
-from screwgauge.reference.reactions import joint_point
 from screwgauge.reference.reciprocal import Element, Held, idle_forces
 from screwgauge.reference.rotations import Array
 from screwgauge.report import formatting
@@ -31,9 +30,9 @@ def sentences(lay: Layout, at: Pose, found: Sequence[Held], t: Array) -> list[st
         found: At each of the samples of `at`; told is the first.
         t: Their times [s].
     """
-    first, mechanism, index = found[0], lay.mechanism, lay.mechanism.body_index
-    points = [(joint, index[joint.child]) for joint in mechanism.joints if joint.constrains and joint.angles]
-    places = {joint.name: joint_point(joint, at.R[0, i], at.p[0, i]) for joint, i in points}
+    first, mechanism = found[0], lay.mechanism
+    joints = [joint for joint in mechanism.joints if joint.constrains and joint.angles]
+    places = {joint.name: at.joint(joint).p_child[0] for joint in joints}
     sides = [side for joint in mechanism.joints for side in (joint.parent, joint.child)]
     tips = sum(sides.count(body.name) == 1 for body in mechanism.bodies)
     said = [f"An open tree with {tips} ends; {first.body} is the farthest."] if tips > 1 and not lay.tree.cuts else []

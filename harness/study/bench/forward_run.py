@@ -15,7 +15,6 @@ from screwgauge.judging.answer import answer_at
 from screwgauge.judging.energy import energy_balance
 from screwgauge.problem import Integration, Problem, spread
 from screwgauge.reference.errors import DescriptionError, check_choice
-from screwgauge.reference.forward import forces_at
 from screwgauge.reference.layout import Layout, layout
 from screwgauge.scene.observables import known_values, observe
 from screwgauge.scene.scene import Scene
@@ -104,7 +103,7 @@ def contest(
 def _stiff(scene: Scene, lay: Layout) -> bool:
     """Whether an explicit method would have to take very many steps."""
     start = scene.start
-    fast = stiffness(lay, forces_at(scene.mechanism, scene.applied, start.since), start)
+    fast = stiffness(lay, scene.applied, start)
     explicit = replace(start, integration=replace(start.integration, name=EXPLICIT[0]))
     return bool(stiff_warning(fast, explicit))
 

@@ -13,8 +13,8 @@ from screwgauge.models.generate import write_models
 from screwgauge.models.loops import loops_of
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN
-from screwgauge.reference import linear
-from screwgauge.reference.kinematics import Velocities, positions, velocities
+from screwgauge.reference.closed_motion import ClosedMotion, motion_at
+from screwgauge.reference.kinematics import positions
 from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array, cross
@@ -122,12 +122,12 @@ def closure_residuals(mechanism: Mechanism, motions: Motions) -> tuple[Array, Ar
     return sides[1][0] - sides[0][0], sides[1][1] - sides[0][1]
 
 
-def true_velocities(posed: Posed) -> Velocities:
+def true_velocities(posed: Posed) -> ClosedMotion:
     """Closed poses and velocities by `screw`."""
     lay, motion = layout(posed.scene.mechanism), posed.scene.motion
-    return velocities(lay, positions(lay, motion.y, motion.t), motion.yd)
+    return motion_at(lay, positions(lay, motion.y, motion.t), motion.yd)
 
 
-def loop_condition(rate: Velocities) -> float:
+def loop_condition(at: ClosedMotion) -> float:
     """Condition number of the closed loops, at its worst."""
-    return float(linear.condition(rate.A).max())
+    return float(at.condition.max())

@@ -96,7 +96,7 @@ class PaperScheme(Method):
         side, parts = chains(lay), PARTS[method]
         ends = np.rint(timed(problem).t / SCHEME_STEP).astype(int)
         first = np.zeros(1)
-        theta = side.gather(positions(lay, self.scene.moved(first).y, first).q)
+        theta = side.gather(positions(lay, self.scene.moved(first).y, first))
         kept = []
         for begin in range(0, int(ends[-1]), PART):
             n = min(PART, int(ends[-1]) - begin)

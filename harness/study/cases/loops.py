@@ -11,6 +11,7 @@ from screwgauge.models.fourbars import four_bars
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.layout import layout
 from screwgauge.reference.mobility import mobility
+from screwgauge.reference.pose import pose
 from screwgauge.scene.read import load_scene
 from screwgauge.study.cases.asking import ACCELERATION, ENGINES, SCREW, loaded, push
 from screwgauge.study.cases.question import Question, put
@@ -76,7 +77,7 @@ def _forces(posed: Posed) -> Question:
     """Forces from the motion, only the unique ones of the reactions."""
     mechanism, motion = posed.scene.mechanism, posed.scene.motion
     lay = layout(mechanism)
-    counts = mobility(lay, positions(lay, motion.y[:1], motion.t[:1]))
+    counts = mobility(lay, pose(lay, positions(lay, motion.y[:1], motion.t[:1])))
     reactions = counts.names[: counts.constraints]
     unique = tuple(name for name, flag in zip(reactions, counts.unique, strict=False) if flag)
     kinds = [sorted({name.split(".")[1] for name in group}) for group in (unique, {*reactions} - {*unique})]

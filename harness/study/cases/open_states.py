@@ -94,7 +94,7 @@ def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
     """
     mechanism, motion = scene.mechanism, scene.motion
     lay = layout(mechanism, spanning_tree(mechanism))  # that of the models
-    system, q = loop_equations(lay), positions(layout(mechanism), motion.y, motion.t).q
+    system, q = loop_equations(lay), positions(layout(mechanism), motion.y, motion.t)
     m, tree, size = 3 * len(lay.tree.cuts), system.unknown, system.size
     y, yd = (array / size[mechanism.independent_columns] for array in (motion.y, motion.yd))
     apart, parting = (gap / system.length * _direction((len(q), m), phase) for phase in (0.3, 1.1))

@@ -75,7 +75,7 @@ def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
         a = np.linspace(0.0, FAR, 1 + round(FAR / step))[-1 if step == FAR else 0 :]
         scene = still(load_scene(SCENE), np.stack([a, np.full_like(a, distance)], axis=1))
         write_models(scene.mechanism, folder, gravity=scene.applied.g)
-        known = positions(layout(scene.mechanism), scene.motion.y, scene.motion.t).q
+        known = positions(layout(scene.mechanism), scene.motion.y, scene.motion.t)
         names, units = scene.mechanism.coordinates, scene.mechanism.units
         right = {"joint_position": Values(names, units, known).pick(_ANGLES)}
         methods = tuple(Method(name, label=f"{name} {step:g} rad") for name in ENGINES)

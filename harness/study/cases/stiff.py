@@ -12,11 +12,10 @@ from screwgauge.models.generate import write_models
 from screwgauge.problem import InitialValue, Integration, Problem, States
 from screwgauge.reference import linear
 from screwgauge.reference.applied import GRAVITY, Applied, JointSpring
-from screwgauge.reference.forward import energy, forces_at, forward, inertia_matrix
-from screwgauge.reference.kinematics import Velocities, positions, velocities
+from screwgauge.reference.closed_motion import ClosedMotion, motion_at
+from screwgauge.reference.kinematics import positions
 from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.simulation import REACH, eigenvalues
@@ -69,9 +68,8 @@ def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ..
         stiffness: [N/m].
     """
     lay, home = layout(mechanism), mechanism.home[None]
-    rate = velocities(lay, pose(lay, home), np.zeros((1, len(mechanism.independent))))
-    B = rate.K[0][mechanism.actuated_columns]
-    fastest = np.linalg.eigvals(np.linalg.solve(inertia_matrix(lay, rate)[0], B.T @ B)).real.max()
+    at = motion_at(lay, home, np.zeros((1, len(mechanism.independent))))
+    fastest = np.linalg.eigvals(np.linalg.solve(at.inertia_matrix[0], at.B[0].T @ at.B[0])).real.max()
     damping = 2.0 * DAMPING * float(np.sqrt(stiffness / fastest))
     return tuple(
         JointSpring(mechanism.coordinates[i], stiffness, float(home[0, i]), damping) for i in mechanism.actuated_columns
@@ -81,20 +79,20 @@ def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ..
 def accelerations(stiffness: float, folder: Path) -> Iterator[Question]:
     """The loaded default scene, the actuators taking over what the springs exert; each length is known only to eps."""
     posed = loaded(folder)
-    springs, rate = leg_springs(posed.scene.mechanism, stiffness), true_velocities(posed)
-    admitted = {ACCELERATION: _spring_rounding(posed, springs, rate)}
+    springs, at = leg_springs(posed.scene.mechanism, stiffness), true_velocities(posed)
+    admitted = {ACCELERATION: _spring_rounding(posed, springs, at)}
     for method in (SCREW, *_PUSHED):
         question = push(posed, method)
         yield replace(
             question,
-            problem=_sprung(posed, question.problem, springs, method.engine, rate),
+            problem=_sprung(posed, question.problem, springs, method.engine, at),
             admitted=admitted,
             by="the rounding of spring forces, eps times stiffness times length,",
-            condition=loop_condition(rate),
+            condition=loop_condition(at),
         )
 
 
-def _sprung(posed: Posed, problem: Problem, springs: tuple[JointSpring, ...], engine: str, rate: Velocities) -> Problem:
+def _sprung(posed: Posed, problem: Problem, springs: tuple[JointSpring, ...], engine: str, at: ClosedMotion) -> Problem:
     """The problem with springs, and with actuator forces that take over what these exert on the true motion."""
     states = problem.task
     if not isinstance(states, States) or states.tau is None:
@@ -106,20 +104,21 @@ def _sprung(posed: Posed, problem: Problem, springs: tuple[JointSpring, ...], en
         # Pinocchio has no springs: their forces are given with the loads, before those of the actuators
         tau[:, k] = (tau[:, k] - f[:, i] + pull) - pull + f[:, i] if engine == "pinocchio" else tau[:, k] + pull
     if engine == SCREW.engine:  # at the poses that it finds itself
-        states = replace(states, q=rate.pose.q, v=rate.w)
+        states = replace(states, q=at.q, v=at.joint_velocity)
     carried = () if engine == "pinocchio" else springs
     return replace(problem, applied=replace(problem.applied, springs=carried), task=replace(states, tau=tau))
 
 
-def _spring_rounding(posed: Posed, springs: tuple[JointSpring, ...], rate: Velocities) -> float:
+def _spring_rounding(posed: Posed, springs: tuple[JointSpring, ...], at: ClosedMotion) -> float:
     """Scaled error of joint accelerations that the rounding of the springs' lengths and velocities may cause."""
     lay = layout(posed.scene.mechanism)
     states, spring = posed.moving(tuple(spring.coordinate for spring in springs)), springs[0]
     largest = spring.stiffness * np.abs(states.q) + spring.damping * np.abs(states.v)
     force = SAFETY * linear.EPS * float(largest.max())
     columns = lay.mechanism.columns(states.coordinates)
-    moved = np.linalg.solve(inertia_matrix(lay, rate), rate.K[:, columns].swapaxes(1, 2))
-    joints = force * np.abs(rate.K @ moved).sum(axis=2).max(axis=0)
+    K = at.joint_map
+    moved = np.linalg.solve(at.inertia_matrix, K[:, columns].swapaxes(1, 2))
+    joints = force * np.abs(K @ moved).sum(axis=2).max(axis=0)
     scales, like = posed.reference.scales[ACCELERATION], posed.reference.values[ACCELERATION]
     return float((joints / np.array([scales[unit] for unit in like.units])).max())
 
@@ -133,8 +132,7 @@ def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, fl
     mechanism, lay = scene.mechanism, layout(scene.mechanism)
     applied, start, rest = Applied(gravity=np.array(GRAVITY), springs=springs), np.array(START), np.zeros(2)
     write_models(mechanism, folder, gravity=applied.g)
-    forces = forces_at(mechanism, applied, 0.0)
-    fastest = float(np.abs(eigenvalues(lay, forces, start, rest)).max())
+    fastest = float(np.abs(eigenvalues(lay, applied, start, rest)).max())
     first = min(0.1 / fastest, DURATION / 10)
     decades = int(np.ceil(np.log10(DURATION / first)))
     # four steps a decade, every fourth of them looked at
@@ -142,12 +140,12 @@ def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, fl
     looked_at = [0, *range(1, len(grid), 4)]
 
     def slope(states: Array) -> Array:
-        return np.concatenate([states[:, 2:], forward(lay, _velocities(lay, states), forces).ydd], axis=1)
+        return np.concatenate([states[:, 2:], _moving(lay, states, applied).ydd], axis=1)
 
-    rate = _velocities(lay, collocate(slope, np.concatenate([start, rest]), grid)[looked_at])
-    change, E = np.abs(rate.pose.q - rate.pose.q[0]).max(axis=0), energy(lay, rate, forces)
+    at = _moving(lay, collocate(slope, np.concatenate([start, rest]), grid)[looked_at], applied)
+    change, E = np.abs(at.q - at.q[0]).max(axis=0), at.energy
     values = {
-        "motion": Values(mechanism.coordinates, mechanism.units, rate.pose.q),
+        "motion": Values(mechanism.coordinates, mechanism.units, at.q),
         "energy": Values(("energy",), ("J",), np.zeros((len(looked_at), 1))),
     }
     scales = {
@@ -157,12 +155,12 @@ def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, fl
     task, wanted = InitialValue(start, rest, 0.0, grid[looked_at]), frozenset(("joint_position", "joint_velocity"))
     right = Reference("collocation", values, "", scales)
     question = put(scene, folder, Problem(applied, task, wanted), _RADAU, QUANTITIES, right)
-    condition = float(np.linalg.cond(rate.A).max())
+    condition = float(np.linalg.cond(at.system.A[..., : at.loops.moving]).max())
     return replace(question, methods=(), read=read, condition=condition), fastest
 
 
-def _velocities(lay: Layout, states: Array) -> Velocities:
-    return velocities(lay, positions(lay, states[:, :2], np.zeros(len(states))), states[:, 2:])
+def _moving(lay: Layout, states: Array, applied: Applied) -> ClosedMotion:
+    return motion_at(lay, positions(lay, states[:, :2], np.zeros(len(states))), states[:, 2:], applied=applied)
 
 
 def tolerant(question: Question, integration: Integration, *methods: Method) -> Question:
@@ -193,8 +191,8 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
     """Joint positions, and what is missing in kinetic energy, springs, gravity and the work of dampers."""
     lay, columns = layout(question.mechanism), question.mechanism.independent_columns
     q, v = (solution.values[name].array[:, columns] for name in ("joint_position", "joint_velocity"))
-    forces = forces_at(question.mechanism, question.problem.applied, 0.0)
-    missing = energy(lay, _velocities(lay, np.concatenate([q, v], axis=1)), forces) - np.asarray(solution.work)
+    moving = _moving(lay, np.concatenate([q, v], axis=1), question.problem.applied)
+    missing = moving.energy - np.asarray(solution.work)
     return {
         "motion": solution.values["joint_position"],
         "energy": Values(("energy",), ("J",), (missing - missing[0])[:, None]),

@@ -1,0 +1,177 @@
+"""The equations of motion over arrays: a closed mechanism at n samples, asked for what one wants to know."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference import linear
+from screwgauge.reference.applied import Applied, PointSpring
+from screwgauge.reference.closed.constant_coordinates import home_equations
+from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.equations.applied_forces import check_applied, distance
+from screwgauge.reference.equations.closure import Loops
+from screwgauge.reference.equations.forward import Forward
+from screwgauge.reference.equations.kinematics import coordinates
+from screwgauge.reference.equations.ops import NUMPY
+from screwgauge.reference.equations.rounding import chart_condition
+from screwgauge.reference.equations.screws import Array
+from screwgauge.reference.errors import DescriptionError, SingularPoseError
+from screwgauge.reference.layout import Layout
+
+
+class ClosedMotion(Forward):
+    """A closed mechanism at n samples of a motion, all in floats; each quantity is worked out when it is asked for.
+
+    Of a joint that closes a loop, the angles are those given; in gimbal lock its rates are not numbers.
+    """
+
+    def __init__(
+        self, loops: Loops, q: Array, yd: Array, ydd: Array | None = None, applied: Applied | None = None, t: Any = 0.0
+    ) -> None:
+        """See `motion_at`."""
+        super().__init__(loops, coordinates(q, NUMPY), yd, ydd, loops.folds(q), NUMPY, applied or Applied())
+        self.t, self.near = t, {c: q[:, c] for c in loops.lay.cut_columns if loops.lay.turns[c]}
+
+    @property
+    def condition(self) -> Array:
+        """Condition number of the closed loops over the independent coordinates. Shape (n,)."""
+        return np.asarray(self.system.condition)
+
+    @cached_property
+    def charts(self) -> Array:
+        """Condition number of the angles of each cut joint, infinite in gimbal lock. Shape (n, n_cut)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = [chart_condition(cut) + np.zeros(len(self.q)) for cut in self.cuts]
+        return np.stack(found, axis=1) if found else np.zeros((len(self.q), 0))
+
+    def _locked(self, cut: int) -> tuple[Array, ...]:
+        """Entries of the coordinates of a cut joint, by its number, where it is in gimbal lock."""
+        columns = np.array(self.loops.lay.columns[self.loops.cuts[cut].name])
+        return np.ix_(~(self.charts[:, cut] <= linear.SINGULAR), columns)
+
+    @cached_property
+    def joint_position(self) -> Array:
+        """Coordinates of all joints, those of a joint in gimbal lock as given. Shape (n, n_q)."""
+        found = super().joint_position
+        for j in range(len(self.cuts)):
+            found[self._locked(j)] = self.q[self._locked(j)]
+        return found
+
+    @cached_property
+    def screws(self) -> Array:
+        """Unit screws of all joints, not numbers of a cut joint in gimbal lock. Shape (n, n_q, 6)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return super().screws
+
+    def _with_cuts(self, tree: Array, own: Any) -> Array:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = super()._with_cuts(tree, own)
+        for j in range(len(self.cuts)):
+            found[self._locked(j)] = np.nan
+        return found
+
+    @cached_property
+    def response(self) -> Array:
+        """Second derivatives of the independent coordinates under all forces. Shape (n, k).
+
+        Only motion is projected, never reactions: what redundant constraints leave open does not matter.
+
+        Raises:
+            SingularPoseError: See `check`.
+        """
+        self.check()
+        return super().response
+
+    def check(self) -> None:
+        """Refuses poses at which forces do not determine the accelerations.
+
+        Raises:
+            SingularPoseError: The independent coordinates do not determine the motion there, some move no mass, or a
+                spring has no direction.
+        """
+        self._check_poses()
+        self._check_inertia()
+        self.check_springs()
+
+    def _check_poses(self) -> None:
+        bad, mechanism = np.flatnonzero(~(self.condition < linear.SINGULAR)), self.mechanism
+        if bad.size:
+            raise SingularPoseError(
+                "the independent coordinates do not determine the motion there "
+                f"(condition number {self.condition[bad[0]]:.2g})",
+                f"{mechanism.name} at {mechanism.described(self.q[bad[0], mechanism.independent_columns], 9)}",
+                "choose other coordinates or step over the pose",
+            )
+
+    def _check_inertia(self) -> None:
+        """Coordinates may be in rad and m, so that the matrix is judged with ones on its diagonal."""
+        mechanism, d = self.mechanism, self._sizes
+        for j, label in enumerate(mechanism.independent):
+            if not (d[:, j] > 0.0).all():
+                what = f"the coordinate '{label}' moves no mass"
+                raise SingularPoseError(what, mechanism.name, "give its bodies inertia")
+        if not (self._masses.condition < linear.SINGULAR).all():
+            what = "some combination of the independent coordinates moves no mass"
+            raise SingularPoseError(what, mechanism.name, "give the bodies inertia")
+
+    def check_springs(self) -> None:
+        """Refuses poses where the two points of a spring meet."""
+        for spring in self.applied.springs:
+            if isinstance(spring, PointSpring) and not np.all(distance(self, spring) > 0.0):
+                raise spring.no_direction()
+
+
+def motion_at(
+    lay: Layout,
+    q: Array,
+    yd: Array,
+    ydd: Array | None = None,
+    applied: Applied | None = None,
+    t: Any = 0.0,
+    *,
+    actuators: Array | None = None,
+    joints: Array | None = None,
+) -> ClosedMotion:
+    """The mechanism at closed poses, as it moves and as forces act on it.
+
+    Args:
+        q: All joint coordinates of closed poses, as from `kinematics.positions` [rad or m]. Shape (n, n_q).
+        yd, ydd: First and second derivatives of the independent coordinates, shape (n, k); where no second ones are
+            given, these are the answer to the forces.
+        applied: What acts besides; by default gravity alone.
+        t: Times, by which motors go [s]. Shape (n,), or one for all.
+        actuators, joints: Given forces of the actuators, and along all joint coordinates, added to what acts there
+            [N or N m]. Shapes (n_actuator,) or (n, n_actuator), (n_q,) or (n, n_q).
+
+    Raises:
+        DescriptionError: Forces are of another shape.
+        UnknownNameError: A spring is at a body or coordinate that does not exist.
+    """
+    system = home_equations(lay)
+    fixed = list(system.fixed)
+    if not (q[:, fixed] == lay.mechanism.home[fixed]).all():
+        system = loop_equations(lay)  # what never moves on the branch of home is fixed only on that branch
+    check_applied(lay.mechanism, applied or Applied())
+    at = ClosedMotion(system.loops, q, yd, ydd, applied, t)
+    given = (
+        ("actuator forces", actuators, lay.mechanism.actuated_columns),
+        ("joint forces", joints, list(range(q.shape[1]))),
+    )
+    for what, values, columns in given:
+        if values is not None:
+            at.given_forces = np.zeros(q.shape) if at.given_forces is None else at.given_forces
+            at.given_forces[:, columns] += _checked(what, values, len(q), len(columns), lay.mechanism.name)
+    return at
+
+
+def _checked(what: str, values: Array, n: int, m: int, where: str) -> Array:
+    if np.shape(values) in ((m,), (n, m)):
+        return values
+    raise DescriptionError(
+        f"{what} of shape {np.shape(values)} for {m} of them at {n} poses",
+        where,
+        f"give an array of shape ({m},) or ({n}, {m})",
+    )
