@@ -230,7 +230,7 @@ class Mechanism:
     @cached_property
     def masses(self) -> Array:
         """Mass of each body [kg]. Shape (n_body,)."""
-        return np.array([body.mass for body in self.bodies])
+        return np.array([body.mass for body in self.bodies], dtype=self.home.dtype)
 
     @property
     def mass(self) -> float:

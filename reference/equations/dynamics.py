@@ -222,7 +222,8 @@ class Dynamics(Motion):
 
     @cached_property
     def _arms(self) -> Array:
-        return np.array([self.loops.length if unit == "N m" else 1.0 for _, unit in reaction_names(self.mechanism)])
+        arms = [self.loops.length if unit == "N m" else 1.0 for _, unit in reaction_names(self.mechanism)]
+        return np.array(arms, dtype=self.loops.sizes.dtype)
 
     @cached_property
     def _redundant(self) -> list[tuple[Array, Array]]:

@@ -70,7 +70,8 @@ class Ops:
     def square(self, A: Array) -> System:
         """A small square system without units. Shape (..., n, n)."""
         n = A.shape[-1]
-        made: System = self.system([(slice(0, n), range(n), A)], np.ones(n), np.ones(n), n, A.shape[:-2])
+        one = np.ones(n, dtype=float if A.dtype == object else A.dtype)
+        made: System = self.system([(slice(0, n), range(n), A)], one, one, n, A.shape[:-2])
         return made
 
 
