@@ -18,7 +18,7 @@ from support.mechanism import load_mechanism
 from support.models import write_models
 from support.planar import Bar, four_bar
 from support.scene import GIVEN, SIMULATED
-from support.solve import accelerations, forward, forward_dense, in_precision, layout, moved, pose, posed, velocities
+from support.solve import forward, forward_dense, layout, moved, pose, posed
 from support.tolerances import LINEAR, ROUND_TRIP
 
 pytestmark = pytest.mark.slow
@@ -109,13 +109,6 @@ def test_the_two_forward_dynamics_of_the_solver_agree_and_couplings_have_no_powe
     ydd = forward(lay, rate, forces).ydd
     assert dense.qdd[:, mechanism.independent_columns] == pytest.approx(ydd, rel=ROUND_TRIP, abs=0)
     assert (mechanism.coupling_rows.matrix(rate.pose.q) @ rate.w[..., None]) == pytest.approx(0.0, abs=1e-13)
-
-
-def test_single_precision_stays_single(write):
-    mechanism = in_precision(load_mechanism(write("every-kind.toml", every_kind())), np.float32)
-    lay = layout(mechanism)
-    rate = velocities(lay, pose(lay, mechanism.home[None]), np.ones((1, 2), np.float32))
-    assert accelerations(lay, rate, np.ones((1, 2), np.float32))[0].dtype == rate.A.dtype == np.float32
 
 
 def test_the_judge_sees_a_wrong_pull_and_a_broken_coupling(write):

@@ -54,9 +54,7 @@ def traced(lay, applied, start, backend, near=1e5):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", backends())
-@pytest.mark.parametrize(
-    "name", ["3ups-upu-s", "a02-fourbar-2", "a03-andrews", "a04-bricard-box", "arm7", "3-rrr", "rccc"]
-)
+@pytest.mark.parametrize("name", ["3ups-upu-s", "a03-andrews"])
 def test_slopes_are_those_of_the_arrays(name, backend):
     lay = layout(load_mechanism(name))
     columns, applied = lay.mechanism.independent_columns, everything(lay)
@@ -190,15 +188,3 @@ def test_what_has_no_program_is_said():
     task = replace(scene.start, t=np.linspace(0.0, 0.02, 3))
     found = ScrewModel(lay).solve(Problem(applied, task, MOTION))
     assert any(note.startswith("accelerations by the array solver: a spring acts on an angle") for note in found.notes)
-
-
-def test_a_motor_on_a_joint_that_closes_a_loop_acts_there():
-    scene = screwgauge.load_scene("a02-fourbar-2")
-    lay = layout(scene.mechanism)
-    motor = Motor(lay.tree.cuts[0].name, np.array([2.0]), np.zeros((0, 3)))
-    applied, y = replace(scene.applied, motors=(motor,)), np.array([0.4])
-    found = traced(lay, applied, y, "numpy").one(0.0, np.array([0.4, 1.5, 0.0]))
-    rate = moved(lay, y[None], np.array([[1.5]]))
-    forces = forces_at(lay.mechanism, applied, 0.0)
-    assert abs(found[1] - forward(lay, rate, forces).ydd[0, 0]) < LINEAR
-    assert abs(found[2] - power(lay, rate, forces)[0]) < LINEAR
