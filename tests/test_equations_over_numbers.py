@@ -18,22 +18,23 @@ import pytest
 
 import screwgauge
 from screwgauge import load_scene
-from support.acting import Applied, JointSpring, Load, Motor, PointSpring
+from support.acting import Applied
 from support.coupled import EVERY_KIND, every_kind, moving
-from support.mechanism import Mechanism, load_mechanism, mechanism_names
+from support.mechanism import load_mechanism, mechanism_names
 from support.numbers import (
     FORWARD,
     POWER,
+    ROUNDINGS,
     Forward,
     State,
+    acting,
     around,
     conditions,
     contained,
-    difference,
+    errors_of,
     in_balls,
     in_floats,
     inputs,
-    middles,
     parts,
     run,
     run_in,
@@ -46,29 +47,11 @@ from support.numbers import (
 pytest.importorskip("flint", reason="python-flint is not installed")
 needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason="llvmlite is not installed")
 
-#: Roundings that the few hundred operations between a coordinate and a quantity add up to, over the condition number
-#: of what is solved; forces are sums of which parts cancel. Up to 40 are seen.
-ROUNDINGS = 100.0
 EPS = {kind: float(np.finfo(kind).eps) for kind in (np.float32, np.float64, np.longdouble)}
 #: Radius of balls that stand for doubles, in units of their last place.
 ULPS = 4.0
 #: Digits that balls of 200 bits, 60 digits, keep where conditions are up to a thousand.
 PROVED = 1e-40
-
-
-def acting(mechanism: Mechanism) -> Applied:
-    """A load, and springs, dampers and motors on joints of a mechanism, cut ones too."""
-    first, last, body = mechanism.coordinates[0], mechanism.coordinates[-1], mechanism.bodies[-1].name
-    return Applied(
-        gravity=np.array([1.0, -2.0, -9.0]),
-        loads=(Load(body, np.array([0.1, 0.2, 0.3]), np.array([3.0, -4.0, 5.0]), np.array([0.3, 0.2, -0.1])),),
-        springs=(
-            JointSpring(first, 3.0, 0.2, 0.7),
-            JointSpring(last, 5.0, -0.3, 0.4),
-            PointSpring("ground", np.array([2.0, 1.0, 3.0]), body, np.array([0.1, 0.0, 0.2]), 50.0, 1.0, 4.0),
-        ),
-        motors=tuple(Motor(q, np.array([1.0, -2.0]), np.array([[3.0, 0.4, -0.7]])) for q in (first, last)),
-    )
 
 
 def sprung(name: str, cut: str = "") -> State:
@@ -124,21 +107,9 @@ true = cache(lambda name: in_balls(posed(name)))
 rounding = cache(lambda name: max(conditions(posed(name))))
 
 
-def off(at: State, found, right) -> dict[str, float]:
-    """Quantity -> largest error over the largest number of the unit."""
-    errors = {}
-    for name, balls in right.items():
-        units = at.units(name)
-        for unit in dict.fromkeys(units):
-            columns = [i for i, each in enumerate(units) if each == unit]
-            error = np.abs(difference(found[name][:, columns], balls[:, columns])).max(initial=0.0)
-            errors[f"{name} [{unit}]"] = error / (np.abs(middles(balls[:, columns])).max(initial=0.0) or 1.0)
-    return errors
-
-
 def check(name: str, found, number, right=None) -> None:
     """That quantities of a case are what balls say, but for rounding of a type of number."""
-    errors, bound = off(posed(name), found, right or true(name)), ROUNDINGS * EPS[number] * rounding(name)
+    errors, bound = errors_of(posed(name), found, right or true(name)), ROUNDINGS * EPS[number] * rounding(name)
     assert errors
     assert {each: error for each, error in errors.items() if not error <= bound} == {}
 
@@ -201,5 +172,5 @@ def test_programs_of_accelerations_are_off_by_rounding(name):
 def test_programs_of_every_built_in_mechanism_are_off_by_rounding(mechanism):
     at = swinging(load_mechanism(mechanism), acting(load_mechanism(mechanism)))
     made, places = traced(at)
-    errors = off(at, parts(run(made, "numpy", inputs(at)), places), in_balls(at))
+    errors = errors_of(at, parts(run(made, "numpy", inputs(at)), places), in_balls(at))
     assert max(errors.values()) < ROUNDINGS * EPS[np.float64] * max(conditions(at))

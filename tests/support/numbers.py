@@ -13,7 +13,7 @@ import numpy as np
 from screwgauge import Scene
 from screwgauge.engines.screw.model import ScrewModel
 from screwgauge.problem import GivenMotion, Problem
-from screwgauge.reference.applied import Applied
+from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring
 from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.dynamics import QUANTITIES, Dynamics
@@ -34,6 +34,9 @@ from screwgauge.reference.traced.trace import OPERATIONS, Trace
 FORWARD, POWER = "forward_acceleration", "input_power"
 #: Time that motors go by [s].
 T = 0.3
+#: Roundings that the few hundred operations between a coordinate and a quantity add up to, over the condition number
+#: of what is solved; forces are sums of which parts cancel. Up to 40 are seen.
+ROUNDINGS = 100.0
 #: Bits of the balls that are the measure of all others.
 BITS = 200
 #: Steps of Newton's method, each of which squares the rounding of a double, by which poses are open.
@@ -120,6 +123,21 @@ class State:
         """The same written over another tree, of joints of these names."""
         lay = layout(self.lay.mechanism, spanning_tree(self.lay.mechanism, tree))
         return replace(self, lay=lay, loops=Loops(lay, [c for c in self.fixed if c in lay.tree_columns]))
+
+
+def acting(mechanism: Mechanism) -> Applied:
+    """A load, and springs, dampers and motors on joints of a mechanism, cut ones too."""
+    first, last, body = mechanism.coordinates[0], mechanism.coordinates[-1], mechanism.bodies[-1].name
+    return Applied(
+        gravity=np.array([1.0, -2.0, -9.0]),
+        loads=(Load(body, np.array([0.1, 0.2, 0.3]), np.array([3.0, -4.0, 5.0]), np.array([0.3, 0.2, -0.1])),),
+        springs=(
+            JointSpring(first, 3.0, 0.2, 0.7),
+            JointSpring(last, 5.0, -0.3, 0.4),
+            PointSpring("ground", np.array([2.0, 1.0, 3.0]), body, np.array([0.1, 0.0, 0.2]), 50.0, 1.0, 4.0),
+        ),
+        motors=tuple(Motor(q, np.array([1.0, -2.0]), np.array([[3.0, 0.4, -0.7]])) for q in (first, last)),
+    )
 
 
 def state(scene: Scene, n: int = 3) -> State:
@@ -305,7 +323,9 @@ def middles(x: Array) -> Array:
 
 
 def difference(a: Array, b: Array) -> Array:
-    """a - b where b are balls, exactly, as doubles: digits beyond those of a double count."""
+    """a - b where b are doubles or balls, these exactly: digits beyond those of a double count."""
+    if b.dtype != object:
+        return a - b
     from flint import arb
 
     def of(x: Any, y: Any) -> float:
@@ -327,6 +347,21 @@ def contained(values: Array, enclosures: Array) -> Array:
     return np.frompyfunc(lambda x, ball: ball.contains(float(x)) if hasattr(ball, "contains") else x == ball, 2, 1)(
         values, enclosures
     ).astype(bool)
+
+
+def errors_of(at: State, found: Mapping[str, Array], right: Mapping[str, Array]) -> dict[str, float]:
+    """Largest error of each quantity in each unit, over its largest number there.
+
+    Where that is no more than rounding, as moments in a plane are, over a millionth of the largest in any unit.
+    """
+    errors = {}
+    for name, values in right.items():
+        units, size, wrong = at.units(name), np.abs(middles(values)), np.abs(difference(found[name], values))
+        for unit in dict.fromkeys(units):
+            columns = [i for i, each in enumerate(units) if each == unit]
+            scale = max(size[:, columns].max(initial=0.0), 1e-6 * size.max(initial=0.0))
+            errors[f"{name} [{unit}]"] = wrong[:, columns].max(initial=0.0) / (scale or 1.0)
+    return errors
 
 
 def widest(found: Mapping[str, Array]) -> float:
