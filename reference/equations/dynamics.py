@@ -185,7 +185,7 @@ class Dynamics(Motion):
         return np.broadcast_shapes(self.q.shape[:-1], f.shape[:-1])
 
     def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[Array, dict[str, Array]]:
-        """Forces along the rows of M, and the wrenches of all joints, see `transmitted`.
+        """Forces along the rows of M, and the wrenches of all joints, see `transmitted`: the unknowns of eq. (57).
 
         ``M^T x = tau`` gives those of cut joints, and what is then transmitted all others. Where constraints are
         redundant, of all answers that of smallest norm, moments over the length of the mechanism.
