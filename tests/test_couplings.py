@@ -17,7 +17,7 @@ from support.mechanism import load_mechanism
 from support.models import write_models
 from support.planar import Bar, four_bar
 from support.scene import GIVEN, SIMULATED
-from support.solve import NewtonEuler, in_precision, layout, motion_at, moved, pose, posed
+from support.solve import NewtonEuler, layout, moved, pose, posed
 from support.tolerances import LINEAR, ROUND_TRIP
 
 pytestmark = pytest.mark.slow
@@ -106,13 +106,6 @@ def test_the_two_forward_dynamics_of_the_solver_agree_and_couplings_have_no_powe
     qdd, _ = NewtonEuler(at).response()
     assert qdd[:, mechanism.independent_columns] == pytest.approx(at.ydd, rel=ROUND_TRIP, abs=0)
     assert (mechanism.coupling_rows.matrix(at.q) @ at.joint_velocity[..., None]) == pytest.approx(0.0, abs=1e-13)
-
-
-def test_single_precision_stays_single(write):
-    mechanism = in_precision(load_mechanism(write("every-kind.toml", every_kind())), np.float32)
-    lay = layout(mechanism)
-    at = motion_at(lay, mechanism.home[None], *np.ones((2, 1, 2), np.float32))
-    assert at.joint_acceleration.dtype == at.system.A.dtype == np.float32
 
 
 def test_the_judge_sees_a_wrong_pull_and_a_broken_coupling(write):

@@ -14,7 +14,6 @@ from support.engines import Problem
 from support.mechanism import load_mechanism
 from support.scene import InitialValue, Integration
 from support.solve import ScrewModel, Settings, TracedForward, layout, moved
-from support.tolerances import LINEAR
 from support.traced import NotTraceableError
 
 MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
@@ -60,9 +59,7 @@ def traced(lay, applied, start, backend, near=1e5):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", backends())
-@pytest.mark.parametrize(
-    "name", ["3ups-upu-s", "a02-fourbar-2", "a03-andrews", "a04-bricard-box", "arm7", "3-rrr", "rccc"]
-)
+@pytest.mark.parametrize("name", ["3ups-upu-s", "a03-andrews"])
 def test_slopes_are_those_of_the_arrays(name, backend):
     lay = layout(load_mechanism(name))
     columns, applied = lay.mechanism.independent_columns, everything(lay)
@@ -152,14 +149,3 @@ def test_what_has_no_program_is_said():
     task = replace(scene.start, t=np.linspace(0.0, 0.02, 3))
     found = ScrewModel(lay).solve(Problem(applied, task, MOTION))
     assert any(note.startswith("accelerations by the array solver: a spring acts on an angle") for note in found.notes)
-
-
-def test_a_motor_on_a_joint_that_closes_a_loop_acts_there():
-    scene = screwgauge.load_scene("a02-fourbar-2")
-    lay = layout(scene.mechanism)
-    motor = Motor(lay.tree.cuts[0].name, np.array([2.0]), np.zeros((0, 3)))
-    applied, y = replace(scene.applied, motors=(motor,)), np.array([0.4])
-    found = slope(traced(lay, applied, y, "numpy"), 0.0, 0.4, 1.5, 0.0)
-    at = moved(lay, y[None], np.array([[1.5]]), applied=applied)
-    assert abs(found[1] - at.ydd[0, 0]) < LINEAR
-    assert abs(found[2] - at.input_power[0]) < LINEAR

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from screwgauge.reference.closed import walk
 from screwgauge.reference.closed.continuation import Continuation
 from screwgauge.reference.closed.cut_coordinates import read
 from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
@@ -126,18 +127,13 @@ class LoopEquations:
 
     def continuation(self, *, strict: bool = False) -> Continuation:
         """Closed poses reached from home; see `Continuation`."""
-        home, columns = self.lay.mechanism.home / self.size, self.lay.mechanism.independent_columns
-        angles = self.lay.turns
-        return Continuation(
-            self.evaluate,
-            home[self.unknown],
-            home[columns],
-            angles=angles[self.unknown],
-            turning=angles[columns],
-            size=self.size[columns],
-            resting=bool(self.fixed),
-            strict=strict,
+        mechanism, angles = self.lay.mechanism, self.lay.turns
+        home, columns = mechanism.home / self.size, mechanism.independent_columns
+        z, turning = home[self.unknown], angles[columns]
+        closing = walk.Loops(
+            self.evaluate, z, home[columns], angles[self.unknown], turning, self.size[columns], bool(self.fixed)
         )
+        return Continuation(closing, strict=strict)
 
 
 def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:

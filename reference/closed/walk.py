@@ -7,6 +7,7 @@ however small.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,6 +40,27 @@ class Blocked(Exception):
         self.singular = singular
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Loops:
+    """Loop equations without dimension, and a pose that closes them nearly, such as home.
+
+    Attributes:
+        evaluate: Residuals and their Jacobian, whose last k rows are those of y.
+        z, y: Unknowns and independent coordinates. Shapes (n_z,), (k,).
+        angles, turning: Which of them are angles.
+        size: What y is divided by, for messages. Shape (k,).
+        resting: Whether `evaluate` gives, after the Jacobian, that with the columns of coordinates at rest.
+    """
+
+    evaluate: Evaluation
+    z: Array
+    y: Array
+    angles: Flags
+    turning: Flags
+    size: Array | float = 1.0
+    resting: bool = False
+
+
 class Walk:
     """The anchors of one assembly mode, and where it has got to among them.
 
@@ -48,38 +70,24 @@ class Walk:
         loops: Coordinate that leads back home after a whole turn -> unknowns along that turn. Shape (v, n_z).
     """
 
-    def __init__(
-        self,
-        evaluate: Evaluation,
-        z: Array,
-        y: Array,
-        *,
-        angles: Flags,
-        turning: Flags,
-        size: Array | float = 1.0,
-        resting: bool = False,
-        strict: bool = False,
-    ) -> None:
-        """Starts at a pose that closes nearly, such as home.
+    def __init__(self, problem: Loops, *, strict: bool = False) -> None:
+        """Starts at the pose that is given.
 
         Args:
-            z, y: Unknowns and independent coordinates there. Shapes (n_z,), (k,).
-            angles, turning: Which of them are angles.
-            size: What y is divided by, for messages. Shape (k,).
-            resting: Whether `evaluate` gives, after the Jacobian, that with the columns of coordinates at rest.
             strict: Whether samples that are no motion are joined by straight ways only.
 
         Raises:
             ClosureError: The loops do not close there.
         """
-        self.evaluate, self.size, self.resting, self.turns, self.strict = evaluate, size, resting, turning, strict
-        found, J, error, *more = newton(evaluate, z[None], y[None])
+        self.evaluate, self.size, self.resting = problem.evaluate, problem.size, problem.resting
+        self.turns, self.strict, y = problem.turning, strict, problem.y
+        z, J, error, *more = newton(self.evaluate, problem.z[None], y[None])
         if not error[0] < OPEN:
             remedy = "correct the placements or the home coordinates"
             raise ClosureError("the loops do not close there", "home pose", remedy)
-        self.anchors, self.floor, self.steps = Anchors(len(y), len(z), angles), np.inf, 0
-        self.at = self.anchors.add(measure(found[0], y, J[0], self._full(J, more)[0], self._jacobian), 0)
-        self.visits, self.path, self.last = [self.at], found, list[Array]()
+        self.anchors, self.floor, self.steps = Anchors(len(y), z.shape[1], problem.angles), np.inf, 0
+        self.at = self.anchors.add(measure(z[0], y, J[0], self._full(J, more)[0], self._jacobian), 0)
+        self.visits, self.path, self.last = [self.at], z, list[Array]()
         self.parent = {self.at: self.at}
         self.piece: Curve | None = None
         self.tried, self.loops, self.begun = set[int](), dict[int, Array](), False

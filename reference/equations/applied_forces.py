@@ -51,7 +51,7 @@ def exerted(at: Dynamics) -> Exerted:
 
 
 def load_wrench(at: Dynamics, load: Load) -> Array:
-    """Wrench of a load, whose force and torque keep their directions in the world. Shape (..., 6)."""
+    """Wrench of a load, as in eq. (55); force and torque keep their directions in the world. Shape (..., 6)."""
     arm = at.mechanism.body(load.body).com if load.point is None else load.point
     acting = force(np.asarray(load.force), point(at, at.mechanism.body_index[load.body], arm))
     return acting + couple(np.asarray(load.torque))

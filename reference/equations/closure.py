@@ -166,7 +166,7 @@ class Closed:
 
     @cached_property
     def blocks(self) -> list[Block]:
-        """The matrix M: reciprocal products of eq. (8), slopes of couplings, selection of y."""
+        """The matrix M: eq. (15) of each loop by reciprocal products, eq. (8), slopes of couplings, selection of y."""
         loops, one = self.loops, np.ones((1, 1), dtype=self.loops.lay.path.dtype)
         found: list[Block] = [
             (slice(loops.ends[j], loops.ends[j + 1]), *self.rates_around(j, cut.W)) for j, cut in enumerate(self.cuts)
@@ -181,7 +181,7 @@ class Closed:
 
     @cached_property
     def system(self) -> Any:
-        """M, ready to be solved, see `ops.System`."""
+        """M, ready to be solved in place of eq. (25), see `ops.System`."""
         loops = self.loops
         return self.ops.system(self.blocks, loops.unit, loops.size, loops.moving, self.q.shape[:-1])
 
@@ -204,7 +204,7 @@ class Closed:
         return self.ops.atan2(value * cosine_y - cosine * sine_y, cosine * cosine_y + value * sine_y)
 
     def newton_step(self, y: Array) -> Array:
-        """Change of all coordinates by a step of Newton's method. Shape (..., n_q)."""
+        """Change of all coordinates by a step of Newton's method, in place of eq. (27). Shape (..., n_q)."""
         return self.spread(self.system.solve(-self.residual(y)))
 
     def spread(self, x: Array) -> Array:

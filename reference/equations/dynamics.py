@@ -197,8 +197,9 @@ class Dynamics(Motion):
     def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[dict[str, Array], Array]:
         """Wrenches of all joints, see `transmitted`, and forces along the rows of M.
 
-        ``M^T x = tau`` gives the forces at cut joints, and what is then transmitted all others. Where constraints are
-        redundant, of all answers that of smallest norm, moments over the length of the mechanism.
+        These are the unknowns of eq. (57): ``M^T x = tau`` gives the forces at cut joints, and what is then transmitted
+        all others. Where constraints are redundant, of all answers that of smallest norm, moments over the length of
+        the mechanism.
         """
         along = self.along_joints(f)
         tau, need = -self.along_tree(along), 0.0 * self.required
@@ -229,7 +230,8 @@ class Dynamics(Motion):
     @cached_property
     def _arms(self) -> Array:
         units = reaction_names(self.mechanism.joints, self.mechanism.couplings)[1]
-        return np.array([self.loops.length if unit == "N m" else 1.0 for unit in units])
+        arms = [self.loops.length if unit == "N m" else 1.0 for unit in units]
+        return np.array(arms, dtype=self.loops.sizes.dtype)
 
     @cached_property
     def _redundant(self) -> list[tuple[Array, Array]]:

@@ -88,7 +88,8 @@ class TreePose:
 
     Attributes:
         R, p: Orientation and origin of each body. Shapes (..., b, 3, 3), (..., b, 3).
-        S: Unit screws of the tree's coordinates, child relative to parent; zero for those of cut joints. (..., n_q, 6).
+        S: Unit screws of the tree's coordinates, eq. (5), child relative to parent; zero for those of cut joints.
+            Shape (..., n_q, 6).
     """
 
     lay: Layout
@@ -148,7 +149,7 @@ def joint_axes(
 
 
 def joint_screws(joint: Joint, R: Array, p: Array, values: Sequence[Value]) -> tuple[Array, Array, Array]:
-    """Unit screws of a joint's freedoms, shape (..., f, 6), and its frame beyond them, see `joint_axes`."""
+    """Unit screws of a joint's freedoms, eqs. (18)-(20), shape (..., f, 6), and its frame beyond, see `joint_axes`."""
     directions, points, R_end, p_end = joint_axes(joint.freedoms, R, p, values)
     turns = np.array([turns for turns, _ in joint.freedoms])
     lines = (np.stack(np.broadcast_arrays(*vectors), axis=-2) for vectors in (directions, points))
@@ -186,12 +187,15 @@ def twists(at: TreePose, w: Array) -> Array:
 
 
 def bias_screws(at: TreePose, w: Array, V: Array, bracket: Bracket | None = None) -> Array:
-    """Acceleration screws of the bodies without joint accelerations, ``w^T S_L w`` of eqs. (44), (48). (..., b, 6).
+    """Acceleration screws of the bodies without joint accelerations, ``w^T S_L w`` of eqs. (42)-(44), (48).
 
     The sum over i < j of [S_i w_i, S_j w_j] is the sum over j of [V before j, S_j w_j].
 
     Args:
         bracket: In place of the Lie bracket, to see what a part of it does.
+
+    Returns:
+        Shape (..., b, 6).
     """
     A = zeros(w, V.shape[-2], 6)
     for edge, near, far, columns, sign, _ in walk(at.lay):
@@ -202,7 +206,12 @@ def bias_screws(at: TreePose, w: Array, V: Array, bracket: Bracket | None = None
 
 
 def joint_bias(V: Array, terms: Sequence[Array], bracket: Bracket | None = None) -> Any:
-    """The part of one joint in that sum. `V`: twist of the body before it; `terms`: ``S_j w_j`` of its freedoms."""
+    """The part of one joint in that sum, by eq. (37) for each freedom.
+
+    Args:
+        V: Twist of the body before it. Shape (..., 6).
+        terms: ``S_j w_j`` of its freedoms.
+    """
     found: Any = 0.0
     for term in terms:
         found = found + (bracket or lie_bracket)(V, term)
@@ -211,7 +220,7 @@ def joint_bias(V: Array, terms: Sequence[Array], bracket: Bracket | None = None)
 
 
 def transmitted(lay: Layout, wrenches: Array) -> dict[str, Array]:
-    """Wrench of parent on child that each joint of the tree transmits so that bodies get theirs.
+    """Wrench of parent on child that each joint of the tree transmits: the left sides of eqs. (53)-(55).
 
     Args:
         wrenches: What each body needs. Shape (..., b, 6).

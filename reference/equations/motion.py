@@ -89,7 +89,7 @@ class Motion(Closed):
 
     @cached_property
     def com_acceleration(self) -> Array:
-        """Their accelerations, eqs. (49)-(50). Shape (..., b - 1, 3)."""
+        """Their accelerations, eq. (50). Shape (..., b - 1, 3)."""
         return acceleration_at(self.V[..., 1:, :], self.A[..., 1:, :], self.com)
 
     @cached_property

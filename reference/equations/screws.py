@@ -122,10 +122,10 @@ def lie_bracket(X: Array, Y: Array) -> Array:
 
 
 def velocity_at(V: Array, r: Array) -> Array:
-    """Velocity [m/s] of the point of a body at `r`."""
+    """Velocity [m/s] of the point of a body at `r`, eq. (28)."""
     return np.asarray(V[..., 3:] + cross(V[..., :3], r))
 
 
 def acceleration_at(V: Array, A: Array, r: Array) -> Array:
-    """Acceleration [m/s^2] of the point of a body at `r`, eqs. (49)-(50) with ``v_C = v_O + w x r_C``."""
+    """Acceleration [m/s^2] of the point of a body at `r`, eqs. (29), (49) with ``v_C = v_O + w x r_C``."""
     return velocity_at(A, r) + cross(V[..., :3], velocity_at(V, r))

@@ -28,6 +28,7 @@ from screwgauge.reference.closed.curves import Curve, bent, straight
 from screwgauge.reference.closed.cut_coordinates import read
 from screwgauge.reference.closed.hermite_prediction import knots, predicted
 from screwgauge.reference.closed.loops import LoopEquations, loop_equations
+from screwgauge.reference.closed.walk import Loops as LoopProblem
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.equations.kinematics import joint_bias
 from screwgauge.reference.equations.newton_euler import NewtonEuler, force_matrix

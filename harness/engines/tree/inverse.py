@@ -19,6 +19,7 @@ from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
 from screwgauge.reference.closed.continuation import Continuation
+from screwgauge.reference.closed.walk import Loops
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.reference.wrenches import State
 from screwgauge.solution import Clock, Solution
@@ -61,8 +62,8 @@ class _Work:
         self.depth = stages(problem.wanted)
         sizes = closed.sizes
         self.moves = closed.tree.poses(closed.home[None]).moves
-        home, y_home, angles = closed.home / sizes.q, closed.y_home / sizes.y, closed.angles
-        self.path = Continuation(self._scaled, home, y_home, angles=angles[0], turning=angles[1], size=sizes.y)
+        home, y_home = closed.home / sizes.q, closed.y_home / sizes.y
+        self.path = Continuation(Loops(self._scaled, home, y_home, *closed.angles, size=sizes.y))
         # angles of cut joints at the last sample
         self.cut = {joint.name: closed.loops.begin(joint, motion.y[0]) for joint in closed.loops.cut}
         self.residual = 0.0

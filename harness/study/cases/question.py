@@ -49,6 +49,7 @@ class Question:
         by: What admits an error, in words.
         condition: Condition number of the closed loops, where that of what a method solves is not meant.
         refused: Why it is put to no method.
+        unanswerable: Why no number is right: a method has to refuse it.
     """
 
     mechanism: Mechanism
@@ -64,6 +65,7 @@ class Question:
     by: str = "its error estimate"
     condition: float | None = None
     refused: str = ""
+    unanswerable: str = ""
 
     @property
     def known(self) -> bool:
@@ -112,6 +114,10 @@ def _of(question: Question, method: Method) -> Iterator[Finding]:
             yield replace(blank, quantity=quantity, reason=shorten(refused, LONGEST, placeholder=" ..."))
         return
     blank = replace(blank, time_s=_time(solution))
+    if question.unanswerable:
+        for quantity in question.quantities:
+            yield replace(blank, quantity=quantity, error=math.inf, reason=question.unanswerable)
+        return
     if not question.known:
         yield _judged(question, solution, blank)
         return
