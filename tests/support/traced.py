@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from screwgauge.reference.traced import native
+from screwgauge.reference.traced.blocks import Pool
 from screwgauge.reference.traced.elimination import Factors
 from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.native import Native, machine_code

@@ -25,7 +25,7 @@ from screwgauge.reference.closed.resting import home_equations
 from screwgauge.reference.equations.closure import Loops
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
-from screwgauge.reference.traced.lanes import columns
+from screwgauge.reference.traced.blocks import columns
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.tracing import CHARTED, CHECKS, Wanted, traced
 from screwgauge.reference.traced.vectors import Scalar
