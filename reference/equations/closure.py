@@ -31,7 +31,7 @@ from screwgauge.reference.equations.kinematics import (
     tree_pose,
 )
 from screwgauge.reference.equations.ops import Block, Ops
-from screwgauge.reference.equations.screws import Array, join, lie_bracket, power, powers, scale, times
+from screwgauge.reference.equations.screws import Array, join, lie_bracket, power, powers, scale, times, unit_screws
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.pose import length
 
@@ -57,8 +57,12 @@ class CutJoint:
 
     @cached_property
     def S(self) -> Array:
-        """Its unit screws. Shape (..., f, 6)."""
-        return joint_screws(self.at.joint, self.at.R_parent, self.at.p_parent, self.values)[0]
+        """Its unit screws; the first axis and the last are carried by its bodies. Shape (..., f, 6)."""
+        at, turns = self.at, np.array(self.at.type.freedoms)
+        if len(turns) > 2:
+            return joint_screws(at.joint, at.R_parent, at.p_parent, self.values)[0]
+        axes = np.stack(np.broadcast_arrays(at.first, at.last)[: len(turns)], axis=-2)
+        return unit_screws(turns, axes, np.broadcast_to(at.p_parent[..., None, :], axes.shape))
 
     @cached_property
     def D(self) -> Array:
@@ -77,12 +81,14 @@ class CutJoint:
             own: Whether to take brackets of its screws with each other into account.
             bracket: In place of the Lie bracket, to see what a part of it does.
         """
-        before, relative = V[..., self.parent, :], A[..., self.child, :] - A[..., self.parent, :]
+        before, after = V[..., self.parent, :], V[..., self.child, :]
+        relative = A[..., self.child, :] - A[..., self.parent, :]
         if not own:
-            return relative - lie_bracket(before, V[..., self.child, :] - before)
+            return relative - lie_bracket(before, after)
         w = self.rates(V)
-        terms = [scale(w[..., i], self.S[..., i, :]) for i in range(w.shape[-1])]
-        return np.asarray(relative - joint_bias(before, terms, bracket))
+        first, *rest = [scale(w[..., i], self.S[..., i, :]) for i in range(w.shape[-1])]
+        between = (bracket or lie_bracket)(before, after - before)
+        return np.asarray(relative - between - joint_bias(first, rest, bracket))
 
     def accelerations(self, V: Array, A: Array, bracket: Bracket | None = None) -> Array:
         """Second derivatives of its coordinates. Shape (..., f)."""
