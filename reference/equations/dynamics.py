@@ -285,7 +285,7 @@ class Dynamics(Motion):
 
 
 def _gyration(J: Array) -> Array:
-    """What products w2 w3, w3 w1, w1 w2 and squares make of ``w x J w``, Euler's equations. (..., 3, 3) -> (..., 3, 6)."""
+    """``w x J w`` of Euler's equations by products w2 w3, w3 w1, w1 w2, and squares. (..., 3, 3) -> (..., 3, 6)."""
     G = np.zeros((*J.shape[:-1], 6), dtype=J.dtype)
     for i, j, k in zip(range(3), _NEXT, _AFTER, strict=True):
         G[..., i, i], G[..., i, j], G[..., i, k] = J[..., k, k] - J[..., j, j], -J[..., i, j], J[..., k, i]

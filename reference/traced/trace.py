@@ -89,9 +89,14 @@ def _negated(x: Scalar) -> bool:
 
 
 class Trace:
-    """The graph of all that was computed from its inputs."""
+    """The graph of all that was computed from its inputs.
+
+    Attributes:
+        kept: Samples at which the pivots chosen so far are large, if others may be left to further traces. Shape (n,).
+    """
 
     def __init__(self) -> None:
+        self.kept: Array | None = None
         self.nodes: list[Node] = []
         self.inputs: list[Array] = []
         self._values: list[Array] = []
@@ -101,6 +106,11 @@ class Trace:
         """A new input. `value`: at the samples that the trace is made at, shape (n,)."""
         self.inputs.append(np.asarray(value, dtype=float))
         return self._make("input", len(self.inputs) - 1)
+
+    @property
+    def count(self) -> int:
+        """Samples that the trace is made at."""
+        return len(self.inputs[0])
 
     def value(self, index: int) -> Array:
         """Value of a node; all before it are worked out, too."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from screwgauge.engines.screw.programs import Arcs
 from screwgauge.reference.traced import native
 from screwgauge.reference.traced.blocks import Pool
 from screwgauge.reference.traced.elimination import Factors

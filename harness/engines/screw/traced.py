@@ -17,7 +17,7 @@ from screwgauge.engines.screw.array_work import filled, under
 from screwgauge.engines.screw.bounds import Bounds, Numbers, roots
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.prediction import Predictor, closer, single
-from screwgauge.engines.screw.programs import Bound, check_traceable, flat, runner
+from screwgauge.engines.screw.programs import Bound, check_traceable, flat, runner_of
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
@@ -77,7 +77,7 @@ class TracedWork:
             samples = (some.y, some.yd, some.ydd, q)
             self.traced = traced(Loops(lay, system.fixed), problem.applied, wanted, samples, self._further)
         with self.clock.stage("compiling"):
-            self.runner, self.said = runner(self.traced.program, backend)
+            self.runner, self.said = runner_of(self.traced, backend)
         self.single = single(self.runner, self.traced)
         self.predictor = self._predictor()
         self.by_array: Counter[str] = Counter()
