@@ -41,23 +41,15 @@ def extent(lay: Layout) -> Extent:
     return found
 
 
-def whole(lay: Layout) -> Extent:
-    """The same as if all loops were one, as long as the mechanism."""
-    L, n = length(lay), len(lay.turns)
-    return Extent(np.full(len(lay.tree.cuts), L), np.where(lay.turns, 1.0, L), np.zeros(n, dtype=np.intp), 1.0)
-
-
 def _extent(lay: Layout) -> Extent:
     mechanism, L, around = lay.mechanism, length(lay), lay.loop != 0.0
     if not len(around):
-        return whole(lay)
-    at = pose(lay, mechanism.home[None])
-    R, p = at.R, at.p
-    index, loops = mechanism.body_index, []
+        return Extent(np.zeros(0), np.where(lay.turns, 1.0, L), np.zeros(len(lay.turns), dtype=np.intp), 1.0)
+    at, index, loops = pose(lay, mechanism.home[None]), mechanism.body_index, []
     for loop in around:
         joints = [joint for joint in mechanism.joints if loop[lay.columns[joint.name]].any()]
         ends = [(index[body], frame.p) for joint in joints for body, frame in joint.sides]
-        loops.append(widest([p[0, body] + R[0, body] @ point for body, point in ends]) or L)
+        loops.append(widest([at.p[0, body] + at.R[0, body] @ point for body, point in ends]) or L)
     shortest = np.where(around, np.array(loops)[:, None], np.inf).min(axis=0)
     size = np.where(lay.turns, 1.0, np.where(np.isfinite(shortest), shortest, L))
     return Extent(np.array(loops), size, np.argmax(around, axis=0), L / min(loops))
