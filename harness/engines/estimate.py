@@ -21,7 +21,7 @@ from screwgauge.quantities import FLOOR, QUANTITIES, arm, scales_of
 from screwgauge.reference import linear
 from screwgauge.reference.linear import DIGIT, ROUNDED
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.vectors import Scalar, apply
+from screwgauge.reference.traced.trace import Scalar, apply
 from screwgauge.solution import Clock, Values
 
 #: Norms of the inverse above which a sample is solved again instead of extrapolated; force systems, being larger,

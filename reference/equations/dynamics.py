@@ -30,6 +30,7 @@ from screwgauge.reference.equations.screws import (
     acceleration_at,
     couple,
     force,
+    gyroscopic,
     join,
     power,
     powers,
@@ -38,8 +39,6 @@ from screwgauge.reference.equations.screws import (
     times,
     transpose,
 )
-
-_NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
 
 
 class Dynamics(Motion):
@@ -68,7 +67,7 @@ class Dynamics(Motion):
         J = np.array([body.inertia for body in mechanism.bodies])
         F = mechanism.masses[:, None] * (acceleration_at(V, A, self.com) - self.applied.g)
         w, beta = (times(transpose(R), X[..., :3]) for X in (V, A))  # in the axes of the body, eq. (52)
-        T = times(R, times(J, beta) + times(_gyration(J), join(w[..., _NEXT] * w[..., _AFTER], w * w)))
+        T = times(R, times(J, beta) + gyroscopic(J, w))
         found = zeros(F[..., 0], F.shape[-2] + 1, 6)
         found[..., 1:, :] = force(F, self.com) + couple(T)
         return found
@@ -282,15 +281,6 @@ class Dynamics(Motion):
             shares: How much of each body is carried by each coordinate, with its sign. Shape (b - 1, n_q).
         """
         return np.asarray(power(transpose(shares) @ self.required[..., 1:, :], self.screws))
-
-
-def _gyration(J: Array) -> Array:
-    """``w x J w`` of Euler's equations by products w2 w3, w3 w1, w1 w2, and squares. (..., 3, 3) -> (..., 3, 6)."""
-    G = np.zeros((*J.shape[:-1], 6), dtype=J.dtype)
-    for i, j, k in zip(range(3), _NEXT, _AFTER, strict=True):
-        G[..., i, i], G[..., i, j], G[..., i, k] = J[..., k, k] - J[..., j, j], -J[..., i, j], J[..., k, i]
-        G[..., i, 3 + j], G[..., i, 3 + k] = J[..., j, k], -J[..., j, k]
-    return G
 
 
 QUANTITIES: Mapping[str, Any] = {

@@ -13,8 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.trace import Node, NotTraceableError
-from screwgauge.reference.traced.vectors import Scalar
+from screwgauge.reference.traced.trace import Node, NotTraceableError, Scalar
 
 #: Share of the largest entry of its column that a pivot must have, at every sample; sparsity chooses among these.
 LARGE = 0.05

@@ -13,8 +13,18 @@ import numpy as np
 
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.vectors import FUNCTIONS, Scalar
 
+Scalar = Any
+"""A float, an array over samples, or a `Node`."""
+
+#: Function -> what computes it on arrays.
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "sqrt": np.sqrt,
+    "sin": np.sin,
+    "cos": np.cos,
+    "atan2": np.arctan2,
+    "max": np.maximum,
+}
 #: Operation -> what computes it on arrays.
 OPERATIONS: dict[str, Callable[..., Any]] = {
     "add": np.add,
@@ -77,6 +87,15 @@ class Node:
 
     def __neg__(self) -> Scalar:
         return self.trace.neg(self)
+
+
+def apply(name: str, *x: Scalar) -> Scalar:
+    """A function by its name, see `FUNCTIONS`."""
+    for value in x:
+        if isinstance(value, Node):
+            return value.trace.function(name, *x)
+    found = FUNCTIONS[name](*x)
+    return found if np.ndim(found) else float(found)
 
 
 def _ordered(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:

@@ -15,8 +15,8 @@ from screwgauge.reference import linear
 from screwgauge.reference.extent import extent
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.trace import Scalar, apply
 from screwgauge.reference.traced.tracing import CHECKS
-from screwgauge.reference.traced.vectors import Scalar, apply
 
 #: Gains are estimated; the norm of the equations themselves, without dimension, is of this size.
 SAFETY, CONDITION = 2.0, 4.0

@@ -26,9 +26,8 @@ from screwgauge.reference.equations.closure import Loops
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
 from screwgauge.reference.traced.blocks import columns
-from screwgauge.reference.traced.trace import NotTraceableError
+from screwgauge.reference.traced.trace import NotTraceableError, Scalar
 from screwgauge.reference.traced.tracing import CHARTED, CHECKS, Wanted, traced
-from screwgauge.reference.traced.vectors import Scalar
 from screwgauge.solution import Clock, Solution
 
 #: Samples of the motion at which pivots are chosen, and the cheap bounds compared with what the array solver says.
