@@ -112,11 +112,6 @@ class Part:
     moved: Mapping[str, Array]
 
 
-def gain(A: Array, condition: Array) -> Array:
-    """Norm of the inverse of a matrix of known condition number (Frobenius). Shape (n, m, k), (n,) -> (n,)."""
-    return np.asarray(condition / linear.norms(A))
-
-
 def shakes(A: Array, k: int) -> list[Array]:
     """How far rounding may have moved the unknowns: in the direction that suffers most, and in a general one.
 

@@ -14,9 +14,8 @@ from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.dynamics import QUANTITIES, Dynamics
 from screwgauge.reference.equations.kinematics import Coordinates, coordinates
 from screwgauge.reference.equations.ops import NUMPY, TRACE
-from screwgauge.reference.equations.rounding import chart_gain, drive_gain, gain, squares
+from screwgauge.reference.equations.rounding import chart_gain, drive_gain, extent, gain, squares
 from screwgauge.reference.equations.screws import Array
-from screwgauge.reference.extent import extent
 from screwgauge.reference.traced.program import Program, program
 from screwgauge.reference.traced.trace import Node, NotTraceableError, Trace
 

@@ -12,7 +12,7 @@ from screwgauge.engines.estimate import CLEAR, CLEAR_FORCES, Part, Trust, absolu
 from screwgauge.problem import Problem, Rows
 from screwgauge.quantities import arm
 from screwgauge.reference import linear
-from screwgauge.reference.extent import extent
+from screwgauge.reference.equations.rounding import extent
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import Scalar, apply

@@ -23,9 +23,8 @@ from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.kinematics import coordinates
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.equations.reactions import reaction_names
-from screwgauge.reference.equations.rounding import chart_condition, gain
+from screwgauge.reference.equations.rounding import chart_condition, extent, gain
 from screwgauge.reference.equations.screws import force, power
-from screwgauge.reference.extent import extent
 from screwgauge.reference.kinematics import accelerations, positions, velocities
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.precision import wide_force_matrix
