@@ -39,7 +39,7 @@ class Block:
         self.array, self.known = columns(n, m), dict[Any, Any]()
         room = self.array.base
         assert room is not None
-        self._room, self._first = memoryview(room), (self.array.ctypes.data - room.ctypes.data) // self.array.itemsize
+        self._room, self._first = room.data, (self.array.ctypes.data - room.ctypes.data) // self.array.itemsize
 
     def lend(self, back: Callable[[Block], None]) -> Array:
         """The same numbers for someone else. Shape (n, m).

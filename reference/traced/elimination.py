@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import Node, NotTraceableError, Scalar
@@ -86,14 +87,16 @@ class Factors:
             NotTraceableError: There is none, or the trace has to be of use at all samples.
         """
         trace, best, found = self.trace, 0, None
-        for column in dict.fromkeys(column for _, column in active) if trace and trace.kept is not None else ():
-            rows = [row for row, c in active if c == column]
-            for row, _, large in zip(rows, *self._shares(rows, column), strict=True):
-                if (count := np.count_nonzero(large & trace.kept)) > best:
-                    best, found, kept = count, (row, column), large & trace.kept
+        if trace is not None and trace.kept is not None:
+            samples = trace.kept
+            for column in dict.fromkeys(column for _, column in active):
+                rows = [row for row, c in active if c == column]
+                for row, large in zip(rows, samples & self._shares(rows, column)[1], strict=True):
+                    if np.count_nonzero(large) > best:
+                        best, found, trace.kept = int(np.count_nonzero(large)), (row, column), large
         if found is None:
             raise NotTraceableError("no pivot keeps its size over the motion", "closed loops", "use backend array")
-        trace.kept, self.shares = kept, {}
+        self.shares = {}
         return found
 
     def _large(self, rows: Sequence[int], column: int) -> dict[int, float]:
@@ -103,7 +106,7 @@ class Factors:
             shares, large = shares[:, self.trace.kept], large[:, self.trace.kept]
         return {row: float(x.min()) for row, x, fits in zip(rows, shares, large, strict=True) if fits.all()}
 
-    def _shares(self, rows: Sequence[int], column: int) -> tuple[Array, Array]:
+    def _shares(self, rows: Sequence[int], column: int) -> tuple[Array, NDArray[np.bool_]]:
         """Shares of some entries in the largest of their column, and whether they are large. Shape (len(rows), n)."""
         values = [np.asarray(getattr(self.left[row, column], "value", self.left[row, column])) for row in rows]
         lead = np.ones(self.trace.count if self.trace else 1)

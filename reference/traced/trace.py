@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
@@ -115,7 +116,7 @@ class Trace:
     """
 
     def __init__(self) -> None:
-        self.kept: Array | None = None
+        self.kept: NDArray[np.bool_] | None = None
         self.nodes: list[Node] = []
         self.inputs: list[Array] = []
         self._values: list[Array] = []

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference.applied import Applied, JointSpring, Load
 from screwgauge.reference.equations.closed_form import closed_form
@@ -124,7 +125,7 @@ def _traced(
     samples: tuple[Array, Array, Array, Array],
     further: Further,
     folds: Sequence[float],
-) -> tuple[Traced, Array]:
+) -> tuple[Traced, NDArray[np.bool_]]:
     """The same with one choice of pivots, and at which samples these are large. Shape (n,)."""
     trace = Trace()
     trace.kept = np.ones(len(samples[0]), dtype=bool)
@@ -155,7 +156,7 @@ def _traced(
     return Traced((arc,), places, tuple(guess), tuple(near), timed), kept
 
 
-def _well_solved(loops: Loops, q: Array, by_pivots: Any, kept: Array) -> tuple[Array, float]:
+def _well_solved(loops: Loops, q: Array, by_pivots: Any, kept: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], float]:
     """Samples at which pivots make little more of rounding than the best of all orders, and their largest gain.
 
     Args:

@@ -132,7 +132,8 @@ def _retried(runner: Runner, rows: Rows, given: Sequence[Array], found: Sequence
     better = ~(found[-checks][rows] <= out[-checks])
     for row, new in zip(found, out, strict=True):
         row[rows[better]] = new[better]
-    return out[-checks]
+    gain: Array = out[-checks]
+    return gain
 
 
 def runner_of(traced: Traced, backend: str) -> tuple[Runner, str]:
