@@ -88,7 +88,8 @@ class Trust:
             for one in fields(self)
             if one.name != "forces"
         }
-        forces = {name: merged(x, other.forces.get(name, 1.0)) for name, x in self.forces.items()}
+        names = dict.fromkeys([*self.forces, *other.forces])
+        forces = {name: merged(self.forces.get(name, 1.0), other.forces.get(name, 1.0)) for name in names}
         return Trust(**numbers, forces=forces)
 
     def of(self, quantity: str) -> Array:
