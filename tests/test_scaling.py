@@ -10,7 +10,7 @@ from campaigns import compiled
 
 import screwgauge
 from screwgauge.engines.screw.compiled import Solver
-from screwgauge.reference.extent import extent
+from screwgauge.reference.equations.rounding import extent
 from support.equations import gain
 from support.mechanism import four_bars, load_mechanism
 from support.scene import GIVEN

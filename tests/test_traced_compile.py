@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import re
 import sys
-from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -156,12 +155,14 @@ def test_what_cannot_be_traced_is_answered_by_arrays_and_said():
     assert sum(answer.by_array.values()) == len(scene.t)
 
 
-def test_motors_that_change_over_time_are_refused(scene):
-    """Samples have no times: those of the motion would be forgotten without a word."""
-    waves = Motor("leg1.q3", np.zeros(1), np.array([[5.0, 1.0, 2.0]]))
-    for motor, refused in ((waves, True), (hold({"leg1.q3": 2.0})[0], False)):
-        with pytest.raises(screwgauge.ScrewgaugeError, match="a motor changes over time") if refused else nullcontext():
-            screwgauge.compile(scene.under(motors=(motor,)), FORCES, backend="numpy")
+def test_motors_that_change_over_time_ask_for_the_times(scene):
+    """Samples in any order have none."""
+    waving = scene.under(motors=(Motor("leg1.q3", np.zeros(1), np.array([[5.0, 1.0, 2.0]])),))
+    solver = screwgauge.compile(waving, FORCES, backend="numpy")
+    with pytest.raises(screwgauge.ScrewgaugeError, match=r"a motor changes over time.*give t"):
+        solver(*motion(scene))
+    assert far(solver(*motion(scene), t=scene.t.copy())["actuator_force"], expected(waving)) <= SAME
+    screwgauge.compile(scene.under(motors=hold({"leg1.q3": 2.0})), FORCES, backend="numpy")(*motion(scene))
 
 
 def test_without_llvmlite_numpy_runs_the_program_and_that_is_said(scene, monkeypatch):

@@ -11,8 +11,8 @@ a general one, and what comes out is compared. Well-conditioned samples cost not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from screwgauge.quantities import FLOOR, QUANTITIES, arm, scales_of
 from screwgauge.reference import linear
 from screwgauge.reference.linear import DIGIT, ROUNDED
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.vectors import Scalar, apply
+from screwgauge.reference.traced.trace import Scalar, apply
 from screwgauge.solution import Clock, Values
 
 #: Norms of the inverse above which a sample is solved again instead of extrapolated; force systems, being larger,
@@ -36,7 +36,6 @@ Units = Mapping[str, Sequence[str]]
 """Quantity -> unit of each component."""
 
 _POWER = {"joint_position": 1, "joint_velocity": 2, "body_angular_velocity": 2}  # of g; others 3
-_NUMBERS = ("condition", "gain", "charts", "speed", "rush", "load", "open", "stretch")
 _JOINTS = ("joint_position", "joint_velocity", "joint_acceleration")
 
 
@@ -73,31 +72,30 @@ class Trust:
         """That of n samples of which nothing is known yet."""
         return cls(*np.full((3, n), np.nan))
 
-    def doubtful(self) -> Rows:
-        """Samples for which powers of the gain would say too much."""
+    def doubtful(self, slack: float = 1.0) -> Rows:
+        """Samples for which powers of the gain would say too much. `slack`: by how much these numbers may be larger."""
         worst = np.maximum(self.gain, self.charts) / CLEAR
         for condition in self.forces.values():
             worst = np.maximum(worst, condition / CLEAR_FORCES)
-        rows: Rows = np.flatnonzero(~(worst <= 1.0))
+        rows: Rows = np.flatnonzero(~(worst <= slack))
         return rows
-
-    def _each(self) -> dict[str, Array]:
-        n = len(self.condition)
-        return {name: getattr(self, name) + np.zeros(n) for name in _NUMBERS}
-
-    def rows(self, rows: Rows) -> Trust:
-        """The same of some samples."""
-        arrays = {name: array[rows] for name, array in self._each().items()}
-        return Trust(**arrays, forces={name: array[rows] for name, array in self.forces.items()})
 
     def with_rows(self, rows: Rows, other: Trust) -> Trust:
         """The same, with that of another solution at some samples."""
-        arrays, forces = self._each(), {name: array.copy() for name, array in self.forces.items()}
-        for name, array in other._each().items():
-            arrays[name][rows] = array
-        for name in forces.keys() | other.forces.keys():
-            forces.setdefault(name, np.ones(len(self.condition)))[rows] = other.forces.get(name, 1.0)
-        return Trust(**arrays, forces=forces)
+
+        def merged(mine: Array | float, others: Array | float) -> Array:
+            found = mine + np.zeros(len(self.condition))
+            found[rows] = others
+            return found
+
+        numbers = {
+            one.name: merged(getattr(self, one.name), getattr(other, one.name))
+            for one in fields(self)
+            if one.name != "forces"
+        }
+        names = dict.fromkeys([*self.forces, *other.forces])
+        forces = {name: merged(self.forces.get(name, 1.0), other.forces.get(name, 1.0)) for name in names}
+        return Trust(**numbers, forces=forces)
 
     def of(self, quantity: str) -> Array:
         """Condition number of all that a quantity was solved from."""
@@ -118,11 +116,6 @@ class Part:
     trust: Trust
     doubtful: Rows
     moved: Mapping[str, Array]
-
-
-def gain(A: Array, condition: Array) -> Array:
-    """Norm of the inverse of a matrix of known condition number (Frobenius). Shape (n, m, k), (n,) -> (n,)."""
-    return np.asarray(condition / linear.norms(A))
 
 
 def shakes(A: Array, k: int) -> list[Array]:
@@ -198,14 +191,24 @@ def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: f
         powers = ROUNDED * linear.EPS * amplified(name, trust) + np.zeros(len(array))
         if not array.size or not (powers > SHARE * QUANTITIES[name].tolerance).any():
             continue
-        size, arms = np.abs(array), np.array([arm(unit, length) for unit in units[name]])
-        whole = (size / arms).max(axis=1)
-        for unit in dict.fromkeys(units[name]):
-            columns = [i for i, has in enumerate(units[name]) if has == unit]
-            most = (whole + summand(unit, trust)) * arm(unit, length)
-            if (size[:, columns].max(axis=1) <= FLOOR * most).all() and most.max() > 0.0:
+        for _, _, size, _, most in _by_unit(array, units[name], trust, length):
+            if (size <= FLOOR * most).all() and most.max() > 0.0:
                 found.add(int(np.argmax(powers * most)))
     return np.array(sorted(found), dtype=np.intp)
+
+
+def _by_unit(
+    array: Array, units: Sequence[str], trust: Trust, length: float
+) -> Iterator[tuple[str, list[int], Array, Array, Array]]:
+    """Of each unit of a quantity: it, its columns, and at each sample the size of its numbers.
+
+    First alone, then with their summands, then with those that are numbers of another unit, of which they are made.
+    """
+    whole = np.abs(array / [arm(unit, length) for unit in units]).max(axis=1, initial=0.0)
+    for unit in dict.fromkeys(units):
+        columns = [i for i, has in enumerate(units) if has == unit]
+        size, beside = np.abs(array[:, columns]).max(axis=1, initial=0.0), summand(unit, trust)
+        yield unit, columns, size, size + beside * arm(unit, length), (whole + beside) * arm(unit, length)
 
 
 def errors(name: str, parts: Sequence[Part], has: Values, length: float, mass: float) -> tuple[Array, dict[str, float]]:
@@ -224,25 +227,18 @@ def errors(name: str, parts: Sequence[Part], has: Values, length: float, mass: f
         it is, at most the tolerance of the largest summand.
     """
     lost, found, rounding = np.isnan(has.array).any(axis=1), np.zeros(len(has.array)), dict[str, float]()
-    arms, natural = np.array([arm(unit, length) for unit in has.units]), scales_of(length, mass)
-    whole = np.nanmax(np.abs(has.array / arms), axis=1, initial=0.0)  # of a quantity's units each is made of the others
-    starts = np.cumsum([len(part.trust.condition) for part in parts])[:-1]
-    for unit in dict.fromkeys(has.units):
-        columns = [i for i, u in enumerate(has.units) if u == unit]
-        size = np.nanmax(np.abs(has.array[:, columns]), axis=1, initial=0.0)
-        beside = np.concatenate([summand(unit, part.trust) + np.zeros(len(part.trust.condition)) for part in parts])
-        # of the unit's own numbers, and of those of the other unit, which are summands, too
-        local = [size + beside * arm(unit, length), (whole + beside) * arm(unit, length)]
-        most_of_all = float(local[1][~lost].max(initial=0.0))
+    natural, numbers = scales_of(length, mass), [np.nan_to_num(x.values[name], posinf=np.inf) for x in parts]
+    by_part = [[*_by_unit(x, has.units, part.trust, length)] for x, part in zip(numbers, parts, strict=True)]
+    for each in zip(*by_part, strict=True):
+        unit, columns = each[0][:2]
+        size, whole = (np.concatenate([one[k] for one in each]) for k in (2, 4))
+        most_of_all = float(whole[~lost].max(initial=0.0))
         zero = float(size.max(initial=0.0)) <= FLOOR * most_of_all
         error, most = (
             np.concatenate(
-                [
-                    absolute(name, part, x, columns, zero=zero)
-                    for part, x in zip(parts, np.split(each, starts), strict=True)
-                ]
+                [absolute(name, part, one[k], columns, zero=zero) for part, one in zip(parts, each, strict=True)]
             )
-            for each in local
+            for k in (3, 4)
         )
         largest, bound = float(most[~lost].max(initial=0.0)), QUANTITIES[name].tolerance * most_of_all
         rounding[unit] = min(bound, largest)
@@ -268,7 +264,7 @@ def absolute(name: str, part: Part, local: Array, columns: Sequence[int], *, zer
     """
     trust, again = part.trust, part.doubtful
     with np.errstate(over="ignore", invalid="ignore"):
-        powers = (ROUNDED * linear.EPS + trust.open) * amplified(name, trust) * local
+        powers = by_powers(name, trust) * local
         error = np.array(powers)
         error[again] = ROUNDED * linear.EPS * trust.of(name)[again] * local[again]
         error[again] += SAFETY * part.moved[name][:, columns].max(axis=1)
@@ -278,6 +274,11 @@ def absolute(name: str, part: Part, local: Array, columns: Sequence[int], *, zer
         if name != "joint_position":  # what stands on partial rates without a digit has none either
             error[~(ROUNDED * linear.EPS * trust.stretch * trust.gain**2 < DIGIT)] = np.inf
     return np.asarray(error)
+
+
+def by_powers(name: str, trust: Trust) -> Scalar:
+    """Error of a well-conditioned sample over the size of what is summed up."""
+    return (ROUNDED * linear.EPS + trust.open) * amplified(name, trust)
 
 
 def amplified(name: str, trust: Trust) -> Scalar:

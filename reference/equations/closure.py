@@ -31,7 +31,7 @@ from screwgauge.reference.equations.kinematics import (
     tree_pose,
 )
 from screwgauge.reference.equations.ops import Block, Ops
-from screwgauge.reference.equations.screws import Array, join, lie_bracket, power, powers, scale, times
+from screwgauge.reference.equations.screws import Array, join, lie_bracket, power, powers, scale, times, unit_screws
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.pose import length
 
@@ -57,8 +57,12 @@ class CutJoint:
 
     @cached_property
     def S(self) -> Array:
-        """Its unit screws. Shape (..., f, 6)."""
-        return joint_screws(self.at.joint, self.at.R_parent, self.at.p_parent, self.values)[0]
+        """Its unit screws; the first axis and the last are carried by its bodies. Shape (..., f, 6)."""
+        at, turns = self.at, np.array([turns for turns, _ in self.at.joint.freedoms])
+        if len(turns) > 2:
+            return joint_screws(at.joint, at.R_parent, at.p_parent, self.values)[0]
+        axes = np.stack(np.broadcast_arrays(at.first, at.last)[: len(turns)], axis=-2)
+        return unit_screws(turns, axes, np.broadcast_to(at.p_parent[..., None, :], axes.shape))
 
     @cached_property
     def D(self) -> Array:
@@ -69,24 +73,34 @@ class CutJoint:
         """Its rates, from the twists of the bodies. Shape (..., b, 6) -> (..., f)."""
         return np.asarray(power(self.D, (V[..., self.child, :] - V[..., self.parent, :])[..., None, :]))
 
-    def acceleration(self, V: Array, A: Array, *, own: bool, bracket: Bracket | None = None) -> Array:
-        """Acceleration screw of child less parent that is not due to its second derivatives, eq. (44). Shape (..., 6).
+    def _relative(self, V: Array, A: Array, bracket: Bracket | None = None) -> Array:
+        """Acceleration screw of child less parent but for brackets of its own screws, eq. (44). Shape (..., 6)."""
+        before, after = V[..., self.parent, :], V[..., self.child, :]
+        between = bracket(before, after - before) if bracket else lie_bracket(before, after)  # that of equals is zero
+        return np.asarray(A[..., self.child, :] - A[..., self.parent, :] - between)
+
+    def bias(self, V: Array, A: Array) -> Array:
+        """Acceleration along each constraint wrench that is not due to second derivatives. Shape (..., m).
 
         Args:
             V, A: Of all bodies. Shape (..., b, 6).
-            own: Whether to take brackets of its screws with each other into account.
-            bracket: In place of the Lie bracket, to see what a part of it does.
         """
-        before, relative = V[..., self.parent, :], A[..., self.child, :] - A[..., self.parent, :]
-        if not own:
-            return relative - lie_bracket(before, V[..., self.child, :] - before)
-        w = self.rates(V)
-        terms = [scale(w[..., i], self.S[..., i, :]) for i in range(w.shape[-1])]
-        return np.asarray(relative - joint_bias(before, terms, bracket))
+        found = np.asarray(power(self.W, self._relative(V, A)[..., None, :]))
+        if self.at.type.own is not None:
+            found[..., -1] = found[..., -1] - self.at.type.own(self.at, self.rates(V))
+        return found
 
     def accelerations(self, V: Array, A: Array, bracket: Bracket | None = None) -> Array:
-        """Second derivatives of its coordinates. Shape (..., f)."""
-        return np.asarray(power(self.D, self.acceleration(V, A, own=True, bracket=bracket)[..., None, :]))
+        """Second derivatives of its coordinates. Shape (..., f).
+
+        Args:
+            V, A: Of all bodies. Shape (..., b, 6).
+            bracket: In place of the Lie bracket, to see what a part of it does.
+        """
+        w = self.rates(V)
+        first, *rest = [scale(w[..., i], self.S[..., i, :]) for i in range(w.shape[-1])]
+        relative = self._relative(V, A, bracket) - joint_bias(first, rest, bracket)
+        return np.asarray(power(self.D, relative[..., None, :]))
 
 
 class Loops:
@@ -237,8 +251,7 @@ class Closed:
         """
         above, given = list[Array](), ydd + 0.0
         for cut in self.cuts:
-            bias = cut.acceleration(V, A, own=not cut.at.type.idle)
-            above.append(-np.asarray(power(cut.W, bias[..., None, :])))
+            above.append(-cut.bias(V, A))
         for _, j, curvature in self.loops.derivatives(self.q, 2):
             above.append(np.asarray(0.0 * w[..., 0] if j is None else curvature * w[..., j] * w[..., j])[..., None])
         for k, column in enumerate(self.loops.y_columns):

@@ -23,8 +23,8 @@ from screwgauge.reference.equations.screws import (
     Array,
     acceleration_at,
     couple,
-    cross,
     force,
+    gyroscopic,
     join,
     power,
     powers,
@@ -76,7 +76,7 @@ class Dynamics(Motion):
         J = np.array([body.inertia for body in mechanism.bodies])
         F = mechanism.masses[:, None] * (acceleration_at(V, A, self.com) - g)
         w, beta = (times(transpose(R), X[..., :3]) for X in (V, A))  # in the axes of the body, eq. (52)
-        T = times(R, times(J, beta) + cross(w, times(J, w)))
+        T = times(R, times(J, beta) + gyroscopic(J, w))
         found = zeros(F[..., 0], F.shape[-2] + 1, 6)
         found[..., 1:, :] = force(F, self.com) + couple(T)
         return found

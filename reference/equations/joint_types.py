@@ -175,6 +175,12 @@ def _three_angles(M: Array, fold: Any, sqrt: Callable[[Any], Any]) -> list[Value
     return [(-k * M[..., 1, 2], k * M[..., 2, 2]), (M[..., 0, 2], c), (-k * M[..., 0, 1], k * M[..., 0, 0])]
 
 
+def _crossed(at: JointPose, w: Array) -> Any:
+    """Power on the normal of ``[S1 w1, S2 w2] = S w1 w2``, S being the rotation about that normal through both axes."""
+    normal = cross(at.first, at.last)
+    return dot(normal, normal) * (w[..., 0] * w[..., 1])
+
+
 @dataclass(frozen=True)
 class JointType:
     """What a kind of joint is.
@@ -183,21 +189,21 @@ class JointType:
         forces, moments: Directions of its constraint forces and moments.
         open: Small rotation by which it is open along the moments when it is cut.
         angles: Its angles when it is cut.
-        idle: Whether brackets of its own screws have no power with its constraint wrenches, so that its own rates do
-            not matter to eq. (48).
+        own: Power of brackets of its own screws on its last constraint wrench, from its rates, for eq. (48); they have
+            none on the others, and by default none at all.
     """
 
     forces: Callable[[JointPose], Array]
     moments: Callable[[JointPose], Array]
     open: Callable[[JointPose], Array] | None
     angles: Angles
-    idle: bool = True
+    own: Callable[[JointPose, Array], Any] | None = None
 
 
 TYPES = {
     "R": JointType(_world, _across, _tilt, _one_angle),
     "P": JointType(_across, _child, _turn, _no_angle),
-    "U": JointType(_world, _normal, _skew, _two_angles, idle=False),
+    "U": JointType(_world, _normal, _skew, _two_angles, _crossed),
     "S": JointType(_world, _none, None, _three_angles),
     "C": JointType(_across, _across, _tilt, _one_angle),
     "E": JointType(_along, _across, _tilt, _one_angle),

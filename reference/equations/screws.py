@@ -105,6 +105,15 @@ def couple(m: Array) -> Array:
     return join(0.0 * m, m)
 
 
+def gyroscopic(J: Array, w: Array) -> Array:
+    """Moment ``w x J w`` of Euler's equations. Shapes (..., 3, 3), floats, and (..., 3), in the axes of the body."""
+    G = np.zeros((*J.shape[:-1], 6), dtype=J.dtype)  # by the products w2 w3, w3 w1, w1 w2, and the squares
+    for i, j, k in zip(range(3), _NEXT, _AFTER, strict=True):
+        G[..., i, i], G[..., i, j], G[..., i, k] = J[..., k, k] - J[..., j, j], -J[..., i, j], J[..., k, i]
+        G[..., i, 3 + j], G[..., i, 3 + k] = J[..., j, k], -J[..., j, k]
+    return times(G, join(w[..., _NEXT] * w[..., _AFTER], w * w))
+
+
 def power(W: Array, V: Array) -> Any:
     """Power of a wrench on a twist, their reciprocal product, eq. (8)."""
     return dot(W, V[..., _SWAPPED])

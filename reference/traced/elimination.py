@@ -1,19 +1,20 @@
 """Sparse elimination of small systems of scalars, in an order found once for all samples.
 
 Pivots have to keep their size at every sample that the order is chosen at, home among them: one that is merely not
-zero somewhere may be zero at another pose.
+zero somewhere may be zero at another pose. Where none does, a trace may be one of several, each for the samples at
+which its pivots are large, see `Trace.kept`.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from functools import reduce
 
 import numpy as np
+from numpy.typing import NDArray
 
-from screwgauge.reference.traced.trace import NotTraceableError
-from screwgauge.reference.traced.vectors import Scalar
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.trace import Node, NotTraceableError, Scalar
 
 #: Share of the largest entry of its column that a pivot must have, at every sample; sparsity chooses among these.
 LARGE = 0.05
@@ -46,6 +47,7 @@ class Factors:
         Raises:
             NotTraceableError: No pivot keeps its size.
         """
+        self.trace = next((x.trace for x in A.values() if isinstance(x, Node)), None)
         self.left = {key: value for key, value in A.items() if not (isinstance(value, float) and value == 0.0)}
         self.lower: dict[int, list[tuple[int, Scalar]]] = {}
         self.upper: dict[int, list[tuple[int, Scalar]]] = {}
@@ -76,20 +78,43 @@ class Factors:
                 rank = ((in_row[row] - 1) * (in_column[column] - 1), -share)
                 if rank < best:
                     best, found = rank, (row, column)
+        return found or self._where_most(active)
+
+    def _where_most(self, active: Sequence[tuple[int, int]]) -> tuple[int, int]:
+        """The entry that is large in its column at most of the samples; the trace is of no use at the others.
+
+        Raises:
+            NotTraceableError: There is none, or the trace has to be of use at all samples.
+        """
+        trace, best, found = self.trace, 0, None
+        if trace is not None and trace.kept is not None:
+            samples = trace.kept
+            for column in dict.fromkeys(column for _, column in active):
+                rows = [row for row, c in active if c == column]
+                for row, large in zip(rows, samples & self._shares(rows, column)[1], strict=True):
+                    if np.count_nonzero(large) > best:
+                        best, found, trace.kept = int(np.count_nonzero(large)), (row, column), large
         if found is None:
             raise NotTraceableError("no pivot keeps its size over the motion", "closed loops", "use backend array")
+        self.shares = {}
         return found
 
     def _large(self, rows: Sequence[int], column: int) -> dict[int, float]:
         """Row -> least share of the largest entry of a column, of those that are large at every sample."""
-        entries = (self.left[row, column] for row in rows)
-        values = (np.abs(np.atleast_1d(np.asarray(getattr(x, "value", x), dtype=float))) for x in entries)
-        sizes = [x * (self.size[column] / self.unit[row]) for row, x in zip(rows, values, strict=True)]
-        largest = reduce(np.maximum, sizes)
+        shares, large = self._shares(rows, column)
+        if self.trace is not None and self.trace.kept is not None:
+            shares, large = shares[:, self.trace.kept], large[:, self.trace.kept]
+        return {row: float(x.min()) for row, x, fits in zip(rows, shares, large, strict=True) if fits.all()}
+
+    def _shares(self, rows: Sequence[int], column: int) -> tuple[Array, NDArray[np.bool_]]:
+        """Shares of some entries in the largest of their column, and whether they are large. Shape (len(rows), n)."""
+        values = [np.asarray(getattr(self.left[row, column], "value", self.left[row, column])) for row in rows]
+        lead = np.ones(self.trace.count if self.trace else 1)
+        scales = [self.size[column] / self.unit[row] for row in rows]
+        sizes = np.stack([np.abs(x * lead * scale) for x, scale in zip(values, scales, strict=True)])
         with np.errstate(all="ignore"):
-            shares = [float((size / largest).min()) for size in sizes]
-        found = zip(rows, shares, sizes, strict=True)
-        return {row: share for row, share, size in found if share >= LARGE and size.min() > self.smallest}
+            shares = sizes / sizes.max(axis=0)
+            return shares, (shares >= LARGE) & (sizes > self.smallest)
 
     def _eliminate(self, row: int, column: int) -> None:
         pivot = self.left.pop((row, column))

@@ -9,24 +9,12 @@ from typing import Any
 import numpy as np
 
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.blocks import columns
 from screwgauge.reference.traced.program import Operand, Program
 from screwgauge.reference.traced.trace import OPERATIONS
 
 #: Samples worked on at a time: a call of NumPy costs as much as some thousand operations in the cache.
 CHUNK = 6144
-#: Numbers in a line of the cache.
-LINE = 8
-
-
-def columns(n: int, m: int) -> Array:
-    """An array of shape (n, m) in which the numbers of one column lie side by side.
-
-    Columns begin with a line of the cache, and not a whole number of pages apart: these would share the same few lines.
-    """
-    wide = n + LINE - n % LINE
-    room = np.empty(m * wide + LINE)
-    first = -(room.ctypes.data // room.itemsize) % LINE
-    return room[first : first + m * wide].reshape(m, wide)[:, :n].T
 
 
 def _maximum(a: Array, b: Array, out: Array) -> None:

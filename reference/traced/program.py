@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from screwgauge.reference.traced.trace import Node
-from screwgauge.reference.traced.vectors import Scalar
+from screwgauge.reference.traced.trace import Node, Scalar
 
 Operand = int | float
 """Number of a value, inputs first and then one an instruction, or a constant."""

@@ -10,11 +10,22 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.vectors import FUNCTIONS, Scalar
 
+Scalar = Any
+"""A float, an array over samples, or a `Node`."""
+
+#: Function -> what computes it on arrays.
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "sqrt": np.sqrt,
+    "sin": np.sin,
+    "cos": np.cos,
+    "atan2": np.arctan2,
+    "max": np.maximum,
+}
 #: Operation -> what computes it on arrays.
 OPERATIONS: dict[str, Callable[..., Any]] = {
     "add": np.add,
@@ -79,6 +90,15 @@ class Node:
         return self.trace.neg(self)
 
 
+def apply(name: str, *x: Scalar) -> Scalar:
+    """A function by its name, see `FUNCTIONS`."""
+    for value in x:
+        if isinstance(value, Node):
+            return value.trace.function(name, *x)
+    found = FUNCTIONS[name](*x)
+    return found if np.ndim(found) else float(found)
+
+
 def _ordered(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
     """A number first, nodes as they were made; one at least is a node."""
     return (b, a) if not isinstance(b, Node) or (isinstance(a, Node) and b.index < a.index) else (a, b)
@@ -89,9 +109,14 @@ def _negated(x: Scalar) -> bool:
 
 
 class Trace:
-    """The graph of all that was computed from its inputs."""
+    """The graph of all that was computed from its inputs.
+
+    Attributes:
+        kept: Samples at which the pivots chosen so far are large, if others may be left to further traces. Shape (n,).
+    """
 
     def __init__(self) -> None:
+        self.kept: NDArray[np.bool_] | None = None
         self.nodes: list[Node] = []
         self.inputs: list[Array] = []
         self._values: list[Array] = []
@@ -101,6 +126,11 @@ class Trace:
         """A new input. `value`: at the samples that the trace is made at, shape (n,)."""
         self.inputs.append(np.asarray(value, dtype=float))
         return self._make("input", len(self.inputs) - 1)
+
+    @property
+    def count(self) -> int:
+        """Samples that the trace is made at."""
+        return len(self.inputs[0])
 
     def value(self, index: int) -> Array:
         """Value of a node; all before it are worked out, too."""

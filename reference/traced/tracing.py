@@ -4,31 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference.applied import Applied, JointSpring, Load
 from screwgauge.reference.equations.closed_form import closed_form
 from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.dynamics import QUANTITIES, Dynamics
 from screwgauge.reference.equations.kinematics import Coordinates, coordinates
-from screwgauge.reference.equations.ops import TRACE
-from screwgauge.reference.equations.rounding import chart_gain, drive_gain, gain, squares
+from screwgauge.reference.equations.ops import NUMPY, TRACE
+from screwgauge.reference.equations.rounding import chart_gain, drive_gain, extent, gain, squares
 from screwgauge.reference.equations.screws import Array
-from screwgauge.reference.extent import extent
 from screwgauge.reference.traced.program import Program, program
-from screwgauge.reference.traced.trace import Trace
+from screwgauge.reference.traced.trace import Node, NotTraceableError, Trace
 
 #: Emitted with every sample, as squares: gain of the closing system, without and with coordinates at rest, and of the
 #: actuators; how far Newton's method went; residual of the loops, and of the balance of all bodies; charts of cut
 #: joints; rates; accelerations.
 CHECKS = ("gain", "whole_gain", "drive", "moved", "closing", "balance", "charts", "speed", "rush")
 NEWTON = 2
+#: Programs of one motion, each with its pivots.
+MOST_ARCS = 6
+#: Square of the gain by pivots over the exact one, up to which an order is good for a sample.
+GROWTH = 9.0
 #: Quantities that know the charts of joints that close loops.
 CHARTED = {"joint_position", "joint_velocity", "joint_acceleration", "tree_force", "tree_force_soft"}
 Further = Callable[[Mapping[str, Sequence[Any]]], Mapping[str, list[Any]]]
 """Quantities and checks of a trace -> other outputs."""
+
+
+class Arc(NamedTuple):
+    """A program whose pivots are large on a part of the motion.
+
+    Attributes:
+        gain: Largest value there of the check of that name.
+    """
+
+    program: Program
+    gain: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +51,7 @@ class Traced:
     """A program and what its numbers mean.
 
     Attributes:
+        arcs: One program, or several that differ in their pivots only, where none are large over the whole motion.
         places: Quantity, or one of `CHECKS`, -> its outputs; and those of ``reached``: what became of the prediction,
             and its rates.
         predicted: Tree coordinates that it starts from, inputs after y, yd and ydd; none in closed form.
@@ -43,11 +59,16 @@ class Traced:
         timed: Whether time is the next one.
     """
 
-    program: Program
+    arcs: tuple[Arc, ...]
     places: Mapping[str, slice]
     predicted: tuple[int, ...]
     near: tuple[int, ...]
     timed: bool
+
+    @property
+    def program(self) -> Program:
+        """The first program."""
+        return self.arcs[0].program
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +97,7 @@ def traced(
     samples: tuple[Array, Array, Array, Array],
     further: Further = lambda outputs: {},
 ) -> Traced:
-    """Traces inverse dynamics.
+    """Traces inverse dynamics, once more for samples at which no pivot chosen so far is large.
 
     Args:
         samples: y, yd, ydd, shape (n, k) each, and all joint coordinates, shape (n, n_q), where pivots are chosen.
@@ -86,9 +107,29 @@ def traced(
     Raises:
         NotTraceableError: The mechanism or the question is beyond this.
     """
+    folds, left, found = [float(x.flat[0]) for x in loops.folds(samples[3])], samples, list[Traced]()
+    while len(left[0]):
+        if len(found) == MOST_ARCS:
+            raise NotTraceableError("pivots keep their size on short arcs only", "closed loops", "use backend array")
+        one, kept = _traced(loops, applied, wanted, left, further, folds)
+        y, yd, ydd, q = (x[~kept] for x in left)
+        left = y, yd, ydd, q
+        found.append(one)
+    return replace(found[0], arcs=tuple(arc for one in found for arc in one.arcs))
+
+
+def _traced(
+    loops: Loops,
+    applied: Applied,
+    wanted: Wanted,
+    samples: tuple[Array, Array, Array, Array],
+    further: Further,
+    folds: Sequence[float],
+) -> tuple[Traced, NDArray[np.bool_]]:
+    """The same with one choice of pivots, and at which samples these are large. Shape (n,)."""
     trace = Trace()
+    trace.kept = np.ones(len(samples[0]), dtype=bool)
     y, yd, ydd = (np.array([trace.input(x) for x in array.T], dtype=object) for array in samples[:3])
-    folds = [float(x.flat[0]) for x in loops.folds(samples[3])]
     at, guess = closed_form(loops.lay, y, TRACE, loops.fixed), dict[int, Any]()
     if at is None:
         guess = {c: trace.input(samples[3][:, c]) for c in dependent(loops)}
@@ -110,7 +151,25 @@ def traced(
     for name, numbers in (outputs | more | checks).items():
         places[name] = slice(len(flat), len(flat) + len(numbers))
         flat += numbers
-    return Traced(program(len(trace.inputs), flat, len(CHECKS), first), places, tuple(guess), tuple(near), timed)
+    kept, largest = _well_solved(loops, samples[3], checks["gain"][0], trace.kept)
+    arc = Arc(program(len(trace.inputs), flat, len(CHECKS), first), largest)
+    return Traced((arc,), places, tuple(guess), tuple(near), timed), kept
+
+
+def _well_solved(loops: Loops, q: Array, by_pivots: Any, kept: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], float]:
+    """Samples at which pivots make little more of rounding than the best of all orders, and their largest gain.
+
+    Args:
+        q: All joint coordinates. Shape (n, n_q).
+        by_pivots: Square of the gain.
+        kept: Where the pivots are large. Shape (n,).
+    """
+    if not isinstance(by_pivots, Node):
+        return kept, float(by_pivots)
+    exact = gain(Closed(loops, coordinates(q, NUMPY), loops.folds(q), NUMPY))
+    good = kept & (by_pivots.value <= GROWTH * exact)
+    kept = good if good.any() else kept
+    return kept, float(by_pivots.value[kept].max())
 
 
 def sprung_cuts(loops: Loops, applied: Applied) -> list[int]:

@@ -8,17 +8,15 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.engines import estimate
-from screwgauge.engines.estimate import CLEAR, CLEAR_FORCES, Part, Trust
+from screwgauge.engines.estimate import CLEAR, CLEAR_FORCES, Part, Trust, absolute, by_powers, summand
 from screwgauge.problem import Problem, Rows
 from screwgauge.quantities import arm
 from screwgauge.reference import linear
-from screwgauge.reference.extent import extent
+from screwgauge.reference.equations.rounding import extent
 from screwgauge.reference.layout import Layout
-from screwgauge.reference.linear import ROUNDED
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.trace import Scalar, apply
 from screwgauge.reference.traced.tracing import CHECKS
-from screwgauge.reference.traced.vectors import Scalar, apply
 
 #: Gains are estimated; the norm of the equations themselves, without dimension, is of this size.
 SAFETY, CONDITION = 2.0, 4.0
@@ -80,18 +78,11 @@ class Bounds:
         """
         trust, sums, errors = self.trust(out), list[Scalar](), list[Scalar]()
         for name, each in units.items():
-            if not each:  # of a mechanism without such components
-                continue
             whole: Scalar = 0.0
             for x, unit in zip(values[name], each, strict=True):
                 whole = whole + arm(unit, self.length) ** -2.0 * (x * x)
                 sums += [x, whole]
-            whole = (
-                (ROUNDED * linear.EPS + trust.open)
-                * estimate.amplified(name, trust)
-                * (apply("sqrt", whole) + estimate.summand(each[0], trust))
-            )
-            errors += [arm(unit, self.length) * whole for unit in dict.fromkeys(each)]
+            errors += [by_powers(name, trust) * local for _, local in _sizes(whole, each, trust, self.length)]
         return sums, errors
 
     def _weights(self) -> Array:
@@ -114,29 +105,28 @@ class Bounds:
     def left(self, out: Numbers, trust: Trust, counts: Counter[str]) -> Rows:
         """Samples for the array solver; `counts` says how many for which reason."""
         doubts = {
-            "badly conditioned": ~(np.maximum(trust.gain, trust.charts) <= SAFETY * CLEAR),
-            "not closed": ~(out["closing"] <= self.arrived) | ~self.near(out),
-            "not balanced": ~(out["balance"] <= BALANCED * np.maximum(trust.load, 1e-300)),
+            "badly conditioned": trust.doubtful(SAFETY),
+            "not closed": np.flatnonzero(~((out["closing"] <= self.arrived) & self.near(out))),
+            "not balanced": np.flatnonzero(~(out["balance"] <= BALANCED * np.maximum(trust.load, 1e-300))),
         }
-        for condition in trust.forces.values():
-            doubts["badly conditioned"] |= ~(condition <= SAFETY * CLEAR_FORCES)
-        left = np.zeros(len(trust.condition), dtype=bool)
-        for reason, doubt in doubts.items():
-            counts[reason] += int(np.count_nonzero(doubt & ~left))
-            left |= doubt
-        rows: Rows = np.flatnonzero(left)
-        return rows
+        left: Rows = np.zeros(0, dtype=np.intp)
+        for reason, rows in doubts.items():
+            counts[reason] += len(np.setdiff1d(rows, left))
+            left = np.union1d(left, rows)
+        return left
 
 
 def examined(part: Part, units: Mapping[str, Sequence[str]], length: float) -> Array:
     """The errors of `Bounds.estimated` at samples that need not be clear. Shape (n, n_unit)."""
     errors = []
     for name, each in units.items():
-        if not each:
-            continue
-        arms = np.array([arm(unit, length) for unit in each])
-        whole = np.linalg.norm(part.values[name] / arms, axis=1) + estimate.summand(each[0], part.trust)
-        for unit in dict.fromkeys(each):
-            columns = [i for i, u in enumerate(each) if u == unit]
-            errors.append(estimate.absolute(name, part, whole * arm(unit, length), columns))
+        whole = (part.values[name] ** 2 / np.array([arm(unit, length) for unit in each]) ** 2).sum(axis=1)
+        for unit, local in _sizes(whole, each, part.trust, length):
+            errors.append(absolute(name, part, local, [i for i, has in enumerate(each) if has == unit]))
     return np.stack(errors, axis=1)
+
+
+def _sizes(whole: Scalar, units: Sequence[str], trust: Trust, length: float) -> list[tuple[str, Scalar]]:
+    """Each unit of a quantity, and the size of what its numbers are made of. `whole`: sum of the squares of all."""
+    local = apply("sqrt", whole) + summand(units[0], trust) if units else 0.0
+    return [(unit, arm(unit, length) * local) for unit in dict.fromkeys(units)]

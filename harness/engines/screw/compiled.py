@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import accumulate
 from operator import is_
 
 import numpy as np
@@ -17,7 +18,8 @@ from screwgauge.quantities import GIVEN, check_quantities
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.layout import layout
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.lanes import CHUNK, columns
+from screwgauge.reference.traced.blocks import Pool, columns
+from screwgauge.reference.traced.lanes import CHUNK
 from screwgauge.scene.preflight import delivered
 from screwgauge.scene.scene import Scene, check_scene_type
 
@@ -67,6 +69,7 @@ class Solver:
         self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
         self.works: dict[Mode, list[TracedWork]] = {}
         self.last: dict[Mode, tuple[Bound, Answer]] = {}
+        self.pool = Pool()
         work = self.first = self._works(mode)[0]
         self.components = {name: work.names()[name][0] for name in self.quantities}
         self.notes = tuple(filter(None, [work.said]))
@@ -85,7 +88,8 @@ class Solver:
 
     def buffers(self, n: int) -> dict[str, Array]:
         """Arrays for `out`, shape (n, n_component); numbers of one component lie side by side."""
-        return {name: columns(n, len(self.components[name])) for name in self.quantities}
+        counts = {name: len(self.components[name]) for name in self.quantities}
+        return _divided(columns(n, sum(counts.values())), counts)
 
     def __call__(
         self,
@@ -114,40 +118,68 @@ class Solver:
         """
         given = (y, yd, ydd) if load is None else (y, yd, ydd, load)
         mode = load is not None, estimates
-        if t is None and out is not None and mode in self.last and len(out) == len(self.quantities):
+        if out is None:
+            return self._lent(given, mode, t)
+        if t is None and mode in self.last and len(out) == len(self.quantities):
             bound, answer = self.last[mode]  # the buffers of the last call: nothing to prepare
             if all(map(is_, out.values(), bound.values)) and bound.fill(given):
                 return answer
-        n = len(y)
-        for name, array in (("y", y), ("yd", yd), ("ydd", ydd)):
+        n, counts, arrays = len(y), self._error_counts(mode), self._checked(out, len(y))
+        found = columns(n, sum(counts.values()))
+        by_array, last = self._solve(given, mode, arrays | ({"error": found} if estimates else {}), t)
+        answer = Answer(arrays, by_array, _divided(found, counts))
+        if last is not None:
+            self.last[mode] = last, replace(answer, by_array={})
+        return answer
+
+    def _lent(self, given: Sequence[Array], mode: Mode, t: Array | None) -> Answer:
+        """An answer in memory that is the solver's again once nothing refers to it, see `Pool`."""
+        counts = {name: len(self.components[name]) for name in self.quantities}, self._error_counts(mode)
+        m, all_m = sum(counts[0].values()), sum(map(sum, (each.values() for each in counts)))
+        block, by_array = self.pool.take(len(given[0]), all_m), Counter[str]()
+        if not (t is None and mode in block.known and block.known[mode].fill(given)):
+            arrays = _divided(block.array, counts[0]) | ({"error": block.array[:, m:]} if mode[1] else {})
+            by_array, last = self._solve(given, mode, arrays, t)
+            if last is not None:
+                block.known[mode] = last
+        lent = self.pool.lend(block)
+        return Answer(_divided(lent, counts[0]), by_array, _divided(lent[:, m:], counts[1]))
+
+    def _error_counts(self, mode: Mode) -> dict[str, int]:
+        """Quantity -> how many errors are estimated of it at each sample."""
+        return {name: len({*units}) for name, units in self._works(mode)[0].units.items()} if mode[1] else {}
+
+    def _solve(
+        self, given: Sequence[Array], mode: Mode, arrays: Mapping[str, Array], t: Array | None
+    ) -> tuple[Counter[str], Bound | None]:
+        """Fills arrays.
+
+        Returns:
+            What the array solver answered, and the program bound to these arrays.
+        """
+        n = len(given[0])
+        for name, array in zip(("y", "yd", "ydd"), given, strict=False):
             _check_array(array, (n, len(self.scene.mechanism.independent)), name)
             if not np.isfinite(array).all():
                 row = int(np.isfinite(array).all(axis=1).argmin())
                 raise DescriptionError(f"row {row} is not finite", name, "complete the samples")
         if t is not None:
             _check_array(t, (n,), "t")
-        inputs = [y, yd, ydd, *([] if load is None else [self._loads(load, n)])]
-        values = self.buffers(n) if out is None else self._checked(out, n)
+        elif not all(motor.constant for motor in self.scene.applied.motors):
+            raise DescriptionError("a motor changes over time, which samples do not say", "compile", "give t")
+        inputs = [*given[:3], *(self._loads(load, n) for load in given[3:])]
         works = self._works(mode)
         for work in works:
             work.by_array.clear()
-        found = dict[str, Array]()
-        arrays = dict(values)
-        if estimates:
-            counts = [len({*each}) for each in works[0].units.values()]
-            arrays["error"] = columns(n, sum(counts))
-            each = np.split(arrays["error"], np.cumsum(counts)[:-1], axis=1)
-            found = dict(zip(works[0].units, each, strict=True))
-        if t is not None or self.threads == 1:
+        if t is not None or self.threads == 1:  # a motion goes on from sample to sample
             self._fill(works[0], slice(0, n), inputs, arrays, t)
         else:
             shares = [slice(n * i // self.threads, n * (i + 1) // self.threads) for i in range(len(works))]
             with ThreadPoolExecutor(self.threads) as pool:
                 [*pool.map(lambda work, share: self._fill(work, share, inputs, arrays, t), works, shares)]
-        answer = Answer(values, sum((work.by_array for work in works), start=Counter[str]()), found)
-        if works[0].bound is not None and works[0].bound.fits(inputs, values):
-            self.last[mode] = works[0].bound, replace(answer, by_array={})
-        return answer
+        bound = works[0].bound
+        fits = bound is not None and t is None and bound.fits(inputs, arrays)
+        return sum((work.by_array for work in works), start=Counter[str]()), bound if fits else None
 
     def stream(self, chunks: Iterable[Sequence[Array]], *, estimates: bool = False) -> Iterator[Answer]:
         """Answers chunks of samples, one after the other, in buffers that are filled again: memory stays constant.
@@ -172,10 +204,10 @@ class Solver:
             given, into = inputs, arrays
             if some != slice(0, len(inputs[0])):
                 given, into = [x[some] for x in inputs], {name: x[some] for name, x in arrays.items()}
-            bound = work.bind(given, into)
+            bound = work.bind(given, into) if t is None else None
             if bound is None or not bound.fill(given):
                 motion, loads = _motion(given, np.arange(some.start, some.stop, dtype=float) if t is None else t[some])
-                guess = work.predict(motion) if t is not None else work.reach(motion)
+                guess = work.reach(motion) if t is None else work.predict(motion)
                 work.part(motion, guess, loads, into)
 
     def _loads(self, load: Array, n: int) -> Array:
@@ -187,7 +219,7 @@ class Solver:
         _check_array(wide, (n, m), "load")
         return wide
 
-    def _checked(self, out: Mapping[str, Array], n: int) -> Mapping[str, Array]:
+    def _checked(self, out: Mapping[str, Array], n: int) -> dict[str, Array]:
         if out.keys() != {*self.quantities}:
             raise DescriptionError(f"buffers for {sorted(out)}", "out", f"give them for {', '.join(self.quantities)}")
         for name, array in out.items():
@@ -195,6 +227,12 @@ class Solver:
             if not array.flags.writeable:
                 raise DescriptionError("the buffer is read-only", f"out, {name}", "give one that can be written to")
         return {name: out[name] for name in self.quantities}
+
+
+def _divided(array: Array, counts: Mapping[str, int]) -> dict[str, Array]:
+    """Columns of an array under their names, so many of each."""
+    ends = accumulate(counts.values())
+    return {name: array[:, end - count : end] for (name, count), end in zip(counts.items(), ends, strict=True)}
 
 
 def _motion(inputs: Sequence[Array], t: Array) -> tuple[GivenMotion, Array | None]:
@@ -228,8 +266,6 @@ def compile(
     check_choice("backend", [backend], ("numpy", "llvm"), "compile")
     if not (isinstance(threads, int) and threads > 0):
         raise DescriptionError(f"{threads!r} threads", "compile", "give a positive whole number")
-    if not all(motor.constant for motor in scene.applied.motors):
-        raise DescriptionError("a motor changes over time, which samples do not say", "compile", "use run or stream")
     wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", GIVEN)
     wanted, left = delivered(scene, wanted) if quantities is None else (wanted, ())
     solver = Solver(scene, wanted, backend, threads)

@@ -20,9 +20,8 @@ from screwgauge.reference.equations import dynamics as equations
 from screwgauge.reference.equations.closure import Loops
 from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.joint_types import reaction_names
-from screwgauge.reference.equations.rounding import gain
+from screwgauge.reference.equations.rounding import extent, gain
 from screwgauge.reference.equations.screws import force, power
-from screwgauge.reference.extent import extent
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution

@@ -12,15 +12,18 @@ import numpy as np
 from numpy import ndarray
 
 from screwgauge import __version__
-from screwgauge.problem import Problem
+from screwgauge.problem import Problem, Rows
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.program import Program
 from screwgauge.reference.traced.trace import NotTraceableError
+from screwgauge.reference.traced.tracing import Traced
 from screwgauge.truth import cache
 
 FLOAT = np.dtype(float)
+#: Squares of gains between samples at which pivots were chosen, over the largest of those.
+WITHIN = 2.0
 
 
 class Runner(Protocol):
@@ -87,6 +90,57 @@ def runner(program: Program, backend: str, plain: Callable[[Program], Runner] = 
     code = native.machine_code(program)
     failed = cache.write(key, version, {"code": np.frombuffer(code, dtype=np.uint8)})
     return native.Native(program, code), "; ".join(filter(None, (said, failed)))
+
+
+class Arcs:
+    """Programs that differ in their pivots, each sample by the one whose pivots are largest there.
+
+    What a program says of a sample's gain stands on its pivots. Where that is more than it was at all samples for which
+    they were chosen, the next program is tried.
+    """
+
+    def __init__(self, runners: Sequence[Runner], limits: Sequence[float]) -> None:
+        """`limits`: of the check of the gain, of each program."""
+        self.runners, self.limits, self.program = runners, limits, runners[0].program
+
+    def bind(
+        self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
+    ) -> Callable[[], bool]:
+        """As `Runner.bind`."""
+        first, checks = self.runners[0].bind(inputs, outputs, weights), self.program.checks
+        given, found = ([row for block in blocks for row in block] for blocks in (inputs, outputs))
+
+        def run() -> bool:
+            clear, rows = first(), np.flatnonzero(~(found[-checks] <= self.limits[0]))
+            for runner, limit in zip(self.runners[1:], self.limits[1:], strict=True):
+                if rows.size:
+                    rows = rows[~(_retried(runner, rows, given, found) <= limit)]
+                    clear = weights is None or not any(~(weights @ np.array(found[-checks:]) <= 1.0))
+            return clear
+
+        return run
+
+    def again(self) -> Arcs:
+        """One that may run at the same time."""
+        return Arcs([runner.again() for runner in self.runners], self.limits)
+
+
+def _retried(runner: Runner, rows: Rows, given: Sequence[Array], found: Sequence[Array]) -> Array:
+    """Puts another program's numbers in the place of those of some samples where its gain, returned, is smaller."""
+    out, checks = np.empty((len(found), len(rows))), runner.program.checks
+    runner.bind([np.array([row[rows] for row in given])], [out])()
+    better = ~(found[-checks][rows] <= out[-checks])
+    for row, new in zip(found, out, strict=True):
+        row[rows[better]] = new[better]
+    gain: Array = out[-checks]
+    return gain
+
+
+def runner_of(traced: Traced, backend: str) -> tuple[Runner, str]:
+    """The programs of a trace ready to run, see `runner`."""
+    made, said = zip(*(runner(arc.program, backend) for arc in traced.arcs), strict=True)
+    limits = [WITHIN * arc.gain for arc in traced.arcs]
+    return made[0] if len(made) == 1 else Arcs(made, limits), "; ".join(filter(None, dict.fromkeys(said)))
 
 
 def check_traceable(lay: Layout, problem: Problem) -> None:

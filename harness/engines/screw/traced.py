@@ -15,7 +15,7 @@ from screwgauge.engines.estimate import Part, Trust, vanishing
 from screwgauge.engines.parts import assemble
 from screwgauge.engines.screw.bounds import Bounds, Numbers, examined, roots
 from screwgauge.engines.screw.inverse import Work
-from screwgauge.engines.screw.programs import Bound, check_traceable, flat, runner
+from screwgauge.engines.screw.programs import Bound, check_traceable, flat, runner_of
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
@@ -23,10 +23,9 @@ from screwgauge.reference.closed.assembly_mode import Guess
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.layout import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
-from screwgauge.reference.traced.lanes import columns
-from screwgauge.reference.traced.trace import NotTraceableError
+from screwgauge.reference.traced.blocks import columns
+from screwgauge.reference.traced.trace import NotTraceableError, Scalar
 from screwgauge.reference.traced.tracing import CHARTED, CHECKS, Traced, Wanted, traced
-from screwgauge.reference.traced.vectors import Scalar
 from screwgauge.solution import Solution
 
 #: Samples of the motion at which pivots are chosen.
@@ -87,7 +86,9 @@ class TracedWork:
             samples = (some.y, some.yd, some.ydd, q)
             self.traced = traced(self.work.loops, self.problem.applied, wanted, samples, self._further)
         with self.clock.stage("compiling"):
-            self.runner, self.said = runner(self.traced.program, backend)
+            self.runner, self.said = runner_of(self.traced, backend)
+        #: Signs of the cosines of middle angles of cut joints, in the program.
+        self.folds = [float(fold.flat[0]) for fold in self.work.loops.folds(q)]
         #: Whether angles of cut joints have to be told from others that mean the same.
         self.charted = bool((self.traced.predicted and CHARTED & {*self.wanted}) or self.traced.near)
 
@@ -174,7 +175,7 @@ class TracedWork:
         Returns:
             Nothing, if the program needs predictions, or numbers of a component lie apart: then `part` is to be asked.
         """
-        if self.traced is None or self.traced.predicted or self.traced.near or not flat(values):
+        if self.guessed or self.traced is None or self.traced.timed or not flat(values):
             return None
         if self.bound is None or not self.bound.fits(inputs, values):
             n = len(inputs[0])
@@ -186,10 +187,14 @@ class TracedWork:
             self.bound = Bound(tuple(values.values()), tuple(np.split(given, ends, axis=1)), run)
         return self.bound
 
+    @property
+    def guessed(self) -> bool:
+        """Whether poses are guessed first, as they are not in closed form."""
+        return self.traced is None or bool(self.traced.predicted or self.traced.near)
+
     def predict(self, motion: GivenMotion) -> Guess | None:
         """Guesses for samples that follow those before; None where poses are in closed form."""
-        closed = self.traced is not None and not (self.traced.predicted or self.traced.near)
-        return None if closed else self.work.predict(motion)
+        return self.work.predict(motion) if self.guessed else None
 
     def reach(self, motion: GivenMotion) -> Guess | None:
         """The same for samples in any order; times are their numbers.
@@ -197,7 +202,7 @@ class TracedWork:
         Raises:
             ClosureError: Some are not reached, or not determined by y.
         """
-        if self.traced is not None and not (self.traced.predicted or self.traced.near):
+        if not self.guessed:
             return None
         guess, lost, twice = self.work.mode.reach(motion.y)
         for rows, what, remedy in ((lost, LOST, "shorten the way from home"), (twice, TWICE, "give t")):
@@ -278,10 +283,10 @@ class TracedWork:
 
     def _nearest(self, values: dict[str, Array], near: Array) -> None:
         """Angles of cut joints as near as can be to those predicted, among all that mean the same."""
-        for joint in self.lay.tree.cuts:
+        for joint, fold in zip(self.lay.tree.cuts, self.folds, strict=True):
             columns = self.lay.columns[joint.name]
             turning = [c for c in columns if self.lay.turns[c]]
-            swapped = np.cos(near[:, columns[1]]) < 0.0 if joint.angles == 3 else np.zeros(1, dtype=bool)
+            swapped = fold * np.cos(near[:, columns[1]]) < 0.0 if joint.angles == 3 else np.zeros(1, dtype=bool)
             if "joint_position" in values:
                 q = values["joint_position"]
                 found, other = nearest_angles(q[:, turning], near[:, turning])

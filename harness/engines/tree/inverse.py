@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.engines.estimate import Part, Trust, examined, gain
+from screwgauge.engines.estimate import Part, Trust, examined
 from screwgauge.engines.parts import Names, assemble, component_names, stages
 from screwgauge.engines.tree.closed import Charts, ClosedTree
 from screwgauge.engines.tree.closed_forces import closed_forces
@@ -178,7 +178,7 @@ class _Pass:
             charts = [chart.condition for chart in self.poses.charts.values()]
             worst = np.broadcast_to(np.max(charts, axis=0, initial=1.0), len(A))
             sizes = self.speed, self.rush, self.load
-            trust = Trust(self.condition, gain(A, self.condition), worst, self.conditions, *sizes)
+            trust = Trust(self.condition, self.condition / linear.norms(A), worst, self.conditions, *sizes)
         return {name: array for name, array in self.values.items() if name in self.wanted}, trust
 
     def _velocities(self) -> None:
