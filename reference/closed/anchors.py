@@ -8,7 +8,7 @@ points alone are no proof, as a kinked branch keeps the sign of det J: so the ba
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,13 +18,11 @@ from screwgauge.reference.rotations import TURN, Array
 
 Flags = NDArray[np.bool_]
 Indices = NDArray[np.intp]
-Jacobian = Callable[[Array, Array], Array]
-"""Unknowns (n, n_z) and independent coordinates (n, k), both without dimension -> Jacobian (n, m, n)."""
 
 #: Largest change of the Jacobian between an anchor and a sample in its ball, and the share of it that is aimed at.
 CHANGE, MARGIN = 0.5, 0.8
-#: Longest way in y [rad or lengths of the mechanism] and of any unknown from an anchor: a whole turn is another pose.
-STEP = 0.5
+#: Longest way in y [rad or lengths of the mechanism] and of the unknowns from an anchor: half a turn could mean either.
+STEP, FARTHEST = 1.0, 2.0
 #: Share of the distance at which another solution could lie by which Newton's method may correct a prediction.
 NEAR = 0.2
 #: ``|J^-1|`` above which rounding of the residual turns J by an eighth: branches that meet cannot be told apart.
@@ -75,15 +73,27 @@ class Anchor:
         return np.asarray(self.s[:, None] ** -self.power * turned * self.s ** (self.power - 1.0))
 
 
-def measure(z: Array, y: Array, J: Array, full: Array, jacobian: Jacobian, faint: float = 0.0) -> Anchor:
-    """Makes an anchor of a closed pose: its velocity map, and how fast the Jacobian changes along it.
+def aside(K: Array) -> tuple[Array, Array]:
+    """Steps along the columns of a velocity map, forth and back, and what differences over them are divided by.
+
+    Returns:
+        Shapes (2 k, n_z), (k,).
+    """
+    far = np.maximum(np.linalg.norm(K, axis=0), TINY)
+    step = DIFFERENCE * (K / far).T
+    return np.concatenate([step, -step]), 2.0 * DIFFERENCE / far
+
+
+def measure(z: Array, y: Array, residual: Array, J: Array, full: Array, slope: Array, faint: float = 0.0) -> Anchor:
+    """Makes an anchor of a nearly closed pose: its velocity map, and how fast the Jacobian changes along it.
 
     Args:
         z, y: Shapes (n_z,), (k,).
+        residual: There; it is corrected for. Shape (m,).
         J, full: Jacobian over the unknowns, its last k rows being those of y, and over coordinates at rest, too, which
             come last: a pose where these may begin to move is singular, however regular the others are. Shapes
             (m, n_z), (m, n).
-        jacobian: Gives the full one.
+        slope: Derivative of the full one by y. Shape (k, m, n).
         faint: Of the anchor that it was reached from.
     """
     k, n_z = len(y), len(z)
@@ -91,20 +101,28 @@ def measure(z: Array, y: Array, J: Array, full: Array, jacobian: Jacobian, faint
     s = np.maximum(s, TINY)
     u, c, v = (U, s, Vt) if full.shape == J.shape else np.linalg.svd(J, full_matrices=False)
     c = np.maximum(c, TINY)
-    K = (v.T / c) @ u[-k:].T
-    far = np.maximum(np.linalg.norm(K, axis=0), TINY)
-    aside = DIFFERENCE * (K / far).T
-    around = jacobian(np.concatenate([z + aside, z - aside]), np.tile(y, (2 * k, 1)))
-    slope = (around[:k] - around[k:]) * (far / (2.0 * DIFFERENCE))[:, None, None]  # dJ/dy, (k, m, n)
+    back = (v.T / c) @ u.T
+    K = back[:, -k:]
     turned = U.T @ slope @ Vt.T
     metrics = [(_gram(s[:, None] ** -p * turned * s ** (p - 1.0)), p) for p in NORMS]
     change, power = min(metrics, key=lambda pair: float(np.trace(pair[0])))
     weight = s[:, None] ** (1.0 - power) * Vt[:, :n_z]
     weight = weight * _steepness(change, weight @ K)
-    second = np.einsum("ij,ajl,lb->iab", weight @ (v.T / c) @ u.T, slope[..., :n_z], K)
-    W = change / (MARGIN * CHANGE) ** 2 + _curvature(second) / (2.0 * NEAR * MARGIN) + K.T @ K + np.eye(k) / STEP**2
+    second = np.einsum("ij,ajl,lb->iab", weight @ back, slope[..., :n_z], K)
+    W = (
+        change / (MARGIN * CHANGE) ** 2
+        + _curvature(second) / (2.0 * NEAR * MARGIN)
+        + K.T @ K / FARTHEST**2
+        + np.eye(k) / STEP**2
+    )
     beta = float(1.0 / c[-1])
-    return Anchor(z, y, K, W, beta, max(faint, beta) if beta > FLOOR else 0.0, U, s, Vt, power, weight)
+    moved = z - back @ residual
+    return Anchor(moved, y, K, W, beta, max(faint, beta) if beta > FLOOR else 0.0, U, s, Vt, power, weight)
+
+
+def _gram(D: Array) -> Array:
+    """Metric M with ``|sum_i D_i dy_i| <= sqrt(dy^T M dy)`` in the Frobenius norm. Shape (k, n, n) -> (k, k)."""
+    return np.einsum("aij,bij->ab", D, D)
 
 
 def _steepness(change: Array, L: Array) -> float:
@@ -119,11 +137,6 @@ def _steepness(change: Array, L: Array) -> float:
     G = (L / size).T @ (L / size) + 1e-12 * np.eye(len(size))
     found = np.linalg.eigvals(np.linalg.solve(G, change / np.outer(size, size))).real.max(initial=0.0)
     return float(np.sqrt(max(found, 0.0)))
-
-
-def _gram(D: Array) -> Array:
-    """Metric M with ``|sum_i D_i dy_i| <= sqrt(dy^T M dy)`` in the Frobenius norm. Shape (k, n, n) -> (k, k)."""
-    return np.einsum("aij,bij->ab", D, D)
 
 
 def _curvature(second: Array) -> Array:

@@ -71,11 +71,12 @@ def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
     home = system.lay.mechanism.home / system.size
     columns = system.lay.mechanism.independent_columns
     k = np.arange(len(columns))
-    closed = []
+    closed, path = [], system.continuation()
     for i in range(TRIALS):
         y = home[columns] + AWAY * np.cos(1.0 + 2.3 * i + 1.7 * (1 + i) * k)
         try:
-            found = system.continuation().follow(y[None], np.zeros(1))
+            path.restart()
+            found = path.follow(y[None], np.zeros(1))
         except ClosureError:
             continue
         if linear.condition(found.matrix)[0] < CLEAR:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.reference.closed.anchors import NEAR, Flags, Indices
+from screwgauge.reference.closed.anchors import FARTHEST, NEAR, Flags, Indices
 from screwgauge.reference.closed.curves import HALF, Curve, Drive, State, bent, consistent, hermite, straight
 from screwgauge.reference.closed.hermite_prediction import knots, predicted
 from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
@@ -335,7 +335,7 @@ class Continuation(Walk):
             z += TURN * turned @ self.windings
         if y.shape[1] > 1:
             lag = np.abs(table["z"] - home.z - (table["y"] - home.y) @ self.windings)[:, anchors.angles]
-            if lag.max(initial=0.0) > np.pi - 1.0:  # within a ball no unknown moves by more than 1
+            if lag.max(initial=0.0) > np.pi - FARTHEST:  # no unknown moves farther within a ball
                 expected = home.z + (y - home.y) @ self.windings
                 z = np.where(anchors.angles, expected + within_half_turn(z - expected), z)
         visit = np.zeros(len(y), dtype=np.intp)

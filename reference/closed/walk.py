@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.reference.closed.anchors import CHANGE, NEAR, Anchors, Flags, measure
+from screwgauge.reference import linear
+from screwgauge.reference.closed.anchors import CHANGE, NEAR, Anchor, Anchors, Flags, aside, measure
 from screwgauge.reference.closed.curves import Curve
 from screwgauge.reference.closed.newton import OPEN, Evaluation, newton
 from screwgauge.reference.errors import ClosureError
@@ -21,6 +22,8 @@ from screwgauge.reference.rotations import TURN, Array, within_half_turn
 SHORTEST = 1e-13
 #: Steps along one piece of a motion, and halvings of a curve.
 MOST, DEEPEST = 400, 48
+#: Steps of Newton's method to an anchor, and residual from which the last one closes it beyond `OPEN`.
+NEWTON, CLOSE = 8, 1e-6
 #: Share of a ball by which a motion may differ from the curve through its samples.
 MISS = 0.1
 #: Share of a way by which a singular pose is passed that is to be left behind, and the share of the largest singular
@@ -81,23 +84,20 @@ class Walk:
         """
         self.evaluate, self.size, self.resting = problem.evaluate, problem.size, problem.resting
         self.turns, self.strict, y = problem.turning, strict, problem.y
-        z, J, error, *more = newton(self.evaluate, problem.z[None], y[None])
-        if not error[0] < OPEN:
+        self.anchors, self.floor, self.steps = Anchors(len(y), len(problem.z), problem.angles), np.inf, 0
+        residual, J, *_ = self.evaluate(problem.z[None], y[None])
+        home = self._measured(problem.z, y, residual[0], J[0]) if np.isfinite(J).all() else None
+        if home is None:
             remedy = "correct the placements or the home coordinates"
             raise ClosureError("the loops do not close there", "home pose", remedy)
-        self.anchors, self.floor, self.steps = Anchors(len(y), z.shape[1], problem.angles), np.inf, 0
-        self.at = self.anchors.add(measure(z[0], y, J[0], self._full(J, more)[0], self._jacobian), 0)
-        self.visits, self.path, self.last = [self.at], z, list[Array]()
+        self.at = self.anchors.add(home, 0)
+        self.visits, self.path, self.last = [self.at], home.z[None], list[Array]()
         self.parent = {self.at: self.at}
         self.piece: Curve | None = None
         self.tried, self.loops, self.begun = set[int](), dict[int, Array](), False
 
     def _full(self, J: Array, more: Sequence[Array]) -> Array:
         return more[0] if self.resting else J
-
-    def _jacobian(self, z: Array, y: Array) -> Array:
-        _, J, *more = self.evaluate(z, y)
-        return self._full(J, more)
 
     def restart(self) -> None:
         """Begins the next motion at home."""
@@ -146,14 +146,11 @@ class Walk:
             return False
         if not np.linalg.norm(half - 0.5 * ahead, 2) <= 0.5 * CHANGE:
             return False
-        z, J, error, *more = newton(self.evaluate, start[None], goal[None], most=8, begun=[x[:1] for x in begun])
-        full = self._full(J, more)[0]
-        far = self.anchors.corrections(z - start, np.array([self.at]))[0]
-        if not (error[0] < OPEN and np.isfinite(full).all() and far <= NEAR):
+        anchor = self._measured(start, goal, begun[0][0], begun[1][0], here.faint)
+        if anchor is None or not self.anchors.corrections((anchor.z - start)[None], np.array([self.at]))[0] <= NEAR:
             return False
-        if not np.linalg.norm(here.change(full), 2) <= CHANGE:
+        if not np.linalg.norm(here.change((anchor.U * anchor.s) @ anchor.Vt), 2) <= CHANGE:
             return False
-        anchor = measure(z[0], goal, J[0], full, self._jacobian, here.faint)
         # so near to a singular pose none that leads away from it can be told from one on the branch that crosses there
         if anchor.beta > self.floor or 2.0 * anchor.beta < here.faint:
             raise Blocked(singular=True)
@@ -163,6 +160,27 @@ class Walk:
         self._sort(found, sheet)
         self._visit(found)
         return True
+
+    def _measured(self, z: Array, y: Array, residual: Array, J: Array, faint: float = 0.0) -> Anchor | None:
+        """An anchor by Newton's method from a pose nearby; None if it does not converge.
+
+        The Jacobian is evaluated around the pose of the last step but one, too; the last step is made with it.
+        """
+        k = len(y)
+        for _ in range(NEWTON):
+            right = np.concatenate([-residual[:, None], np.eye(len(residual))[:, -k:]], axis=1)
+            step, K = np.split(linear.solve(J[None], right[None])[0], [1], axis=1)
+            z = z + step[:, 0]
+            ways, divisor = aside(K)
+            residuals, matrices, *more = self.evaluate(np.concatenate([z[None], z + ways]), np.tile(y, (2 * k + 1, 1)))
+            residual, J = residuals[0], matrices[0]
+            full = self._full(matrices, more)
+            if not (np.isfinite(full).all() and np.abs(residual).max(initial=0.0) < 1.0):
+                return None
+            if np.abs(residual).max(initial=0.0) <= CLOSE:
+                slope = (full[1 : k + 1] - full[k + 1 :]) / divisor[:, None, None]
+                return measure(z, y, residual, J, full[0], slope, faint)
+        return None
 
     def _sort(self, new: int, sheet: int) -> None:
         """Puts a new anchor on another sheet where one of its own lies over the same y in another pose."""
@@ -206,24 +224,23 @@ class Walk:
         self._along(left, depth + 1)
         self._along(right, depth + 1)
 
-    def _beyond(self, y: Array) -> tuple[Array, Array, Array] | None:
-        """A pose a little beyond a singular one, predicted by what is regular there: z, J and the full Jacobian."""
+    def _beyond(self, y: Array) -> Anchor | None:
+        """An anchor a little beyond a singular pose, predicted by what is regular there, if the loops close."""
         here, k = self.anchors[self.at], len(y)
         _, J, *_ = self.evaluate(here.z[None], here.y[None])
         start = here.z + np.linalg.pinv(J[0], rcond=BLUR)[:, -k:] @ (y - here.y)
-        z, J, error, *more = newton(self.evaluate, start[None], y[None])
+        z, J, error, *_ = newton(self.evaluate, start[None], y[None])
         closes = error[0] < OPEN and np.abs(z[0] - start).max() < 1.0
-        return (z[0], J[0], self._full(J, more)[0]) if closes else None
+        return self._measured(z[0], y, np.zeros(len(J[0])), J[0]) if closes else None
 
     def _leap(self, way: Array, target: Array) -> bool:
         """Lands a little beyond a singular pose; whether the loops close there."""
         here = self.anchors[self.at]
         last = np.linalg.norm(target - here.y) <= LEAP * np.linalg.norm(way)
         y = target if last else here.y + LEAP * way
-        if (pose := self._beyond(y)) is None:
+        if (beyond := self._beyond(y)) is None:
             return False
-        z, J, full = pose
-        landed = self.anchors.add(measure(z, y, J, full, self._jacobian), self.anchors.sheets)
+        landed = self.anchors.add(beyond, self.anchors.sheets)
         self.parent[landed] = self.at
         self._visit(landed)
         return True
