@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -79,26 +80,18 @@ def test_parts_go_on_from_each_other_and_leaps_are_walked(followed):
         some = motion.part(rows)
         values = work.part(some, work.predict(some)).values["joint_position"]
         assert np.abs(values - expected[rows]).max() < 1e-12
-        assert not work.by_array
+        assert not work.by_array.total()
 
 
-def test_what_the_program_does_not_close_is_followed_by_array(followed, monkeypatch):
+def test_poses_far_from_their_predictions_are_predicted_from_nearer(followed):
     scene, work = followed
     work = work.again()
-    monkeypatch.setattr(work.predictor, "close", lambda *args: None)
-    values = work.part(scene.motion).values["joint_position"]
-    assert not work.predictor.by_program
+    guess = work.predict(scene.motion)
+    before = len(work.work.mode.continuation.anchors)
+    far = replace(guess.prediction, z=guess.prediction.z + 0.05 * np.eye(*guess.prediction.z.shape))
+    values = work.part(scene.motion, replace(guess, prediction=far)).values["joint_position"]
     assert not work.by_array.total()
-    assert np.abs(values - compiled.by_array(scene, scene.motion)["joint_position"][0]).max() < 1e-12
-
-
-def test_samples_far_from_what_the_program_predicted_are_predicted_by_array(followed, monkeypatch):
-    scene, work = followed
-    work = work.again()
-    near = work.predictor.predict(scene.motion)
-    monkeypatch.setattr(work.predictor, "predict", lambda motion: near + 0.05 * np.eye(*near.shape))
-    values = work.part(scene.motion).values["joint_position"]
-    assert not work.by_array.total()
+    assert len(work.work.mode.continuation.anchors) > before
     assert np.abs(values - compiled.by_array(scene, scene.motion)["joint_position"][0]).max() < 1e-12
 
 

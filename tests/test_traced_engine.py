@@ -11,14 +11,13 @@ import pytest
 from hypothesis import given
 
 import screwgauge
-from support import tolerances
 from support.acting import JointSpring, Motor
 from support.engines import ModelFiles, get_engine
 from support.errors import UnknownNameError
 from support.geometry import rotation
 from support.mechanism import load_mechanism
 from support.scene import GIVEN, GivenMotion
-from support.solve import LONG, ScrewModel, Settings, TracedWork, check_traceable, layout
+from support.solve import LONG, ScrewModel, Settings, check_traceable, layout
 from support.strategies import FEW, scenes
 from support.traced import NotTraceableError
 
@@ -179,19 +178,6 @@ def test_badly_conditioned_samples_are_left_to_the_array_solver_and_counted():
     assert mine.notes[0].startswith("2 of 4 samples by a program of")
     assert mine.notes[0].endswith("2 by the array solver (2 badly conditioned)")
     assert np.array_equal(mine.values["reaction"].array[2:], other.values["reaction"].array[2:])
-
-
-@pytest.mark.slow
-def test_a_prediction_from_afar_is_left_to_the_array_solver():
-    scene = screwgauge.load_scene("stewart-legs").at(np.linspace(0.0, 1.0, 41))
-    lay = layout(scene.mechanism)
-    work = TracedWork(lay, scene.problem(["joint_position"]), scene.motion, "numpy")
-    guess = work.predict(scene.motion)
-    far = replace(guess.prediction, z=guess.prediction.z + 0.05 * np.eye(*guess.prediction.z.shape))
-    part = work.part(scene.motion, replace(guess, prediction=far))
-    assert work.by_array["not closed"] > 0
-    expected = solved(scene, "array").values["joint_position"].array
-    assert np.abs(part.values["joint_position"] - expected).max() <= tolerances.READ
 
 
 def under(**applied):

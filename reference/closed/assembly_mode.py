@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -145,6 +145,12 @@ class AssemblyMode:
     def _followed(self, z: Array, near: Array) -> Array:
         q = self.system.tree(z, np.tile(near, (len(z), 1)))
         return follow_cut_joints(self.lay, q, near)
+
+    def refine(self, guess: Guess) -> Guess:
+        """Better guesses in the place of bad ones, see `Continuation.refine`."""
+        assert guess.prediction is not None
+        prediction = self._continuation().refine(guess.y / self.unit, guess.prediction)
+        return replace(guess, prediction=prediction)
 
     def follow(self, guess: Guess) -> Followed:
         """The closed poses next to guesses, without dimension.

@@ -6,7 +6,7 @@ around home. Where neither leads on, that is said.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from screwgauge.reference.rotations import TURN, Array, within_half_turn
 
 #: Anchors of a region at most, and ways that are tried to each of its samples.
 LARGEST, PATIENCE = 2000, 3
+#: Samples that are made anchors where predictions are bad.
+SOME = 8
 #: Nearer to singular poses than this many times home's beta no region is explored.
 STEEP = 1e3
 #: What is farther away [rad or lengths of the mechanism] is not reached by following a path.
@@ -265,15 +267,36 @@ class Continuation(Walk):
         z, _, error = found[:3]
         far = self.anchors.corrections(z - prediction.z, prediction.anchor)
         for i in np.flatnonzero(~((error < OPEN) & (far <= NEAR))).tolist():
-            try:
-                exact = self._exactly(y[i], int(prediction.anchor[i]), prediction.z[i])
-            except Blocked as blocked:
-                way = Curve(straight(self.anchors[self.at].y, y[i]))
-                raise self._end(way, float(prediction.t[i]), singular=blocked.singular) from None
+            exact = self._exact_pose(i, y, prediction)
             for array, value in zip(found, newton(self.evaluate, exact[None], y[i : i + 1]), strict=True):
                 array[i] = value[0]
         z, J, error, *more = found
         return Followed(z, J, error, tuple(more))
+
+    def refine(self, y: Array, prediction: Predicted) -> Predicted:
+        """Better predictions of samples that were predicted: some of them are made anchors.
+
+        Raises:
+            PathEnd: Such a sample cannot be reached.
+        """
+        anchor, z = prediction.anchor.copy(), prediction.z.copy()
+        for i in np.unique(np.linspace(0, len(y) - 1, SOME).astype(int)).tolist():
+            self._exact_pose(i, y, prediction)
+        for sheet in np.unique(self.anchors.table["sheet"][anchor]).tolist():
+            rows = np.flatnonzero(self.anchors.table["sheet"][anchor] == sheet)
+            found, inside = self.anchors.cover(y[rows], sheet)
+            anchor[rows] = np.where(inside, found, anchor[rows])
+        z = self.anchors.predict(y, anchor)
+        z += TURN * np.where(self.anchors.angles, np.rint((prediction.z - z) / TURN), 0.0)
+        return replace(prediction, z=z, anchor=anchor)
+
+    def _exact_pose(self, i: int, y: Array, prediction: Predicted) -> Array:
+        """Unknowns of a sample that is made an anchor. Shape (n_z,)."""
+        try:
+            return self._exactly(y[i], int(prediction.anchor[i]), prediction.z[i])
+        except Blocked as blocked:
+            way = Curve(straight(self.anchors[self.at].y, y[i]))
+            raise self._end(way, float(prediction.t[i]), singular=blocked.singular) from None
 
     def reach(self, y: Array) -> tuple[Predicted, Flags, Flags]:
         """Predicts samples in any order, from anchors on the sheet of home that spread until all are in a ball.

@@ -257,7 +257,8 @@ class Walk:
         """Unknowns of a sample in the ball of an anchor, by steps to the sample itself. Shape (n_z,)."""
         at, visits, self.at, self.steps = self.at, self.visits[:], a, 0
         try:
-            while self.anchors.away(y, self.anchors[self.at].y).any():
+            short = SHORTEST * max(1.0, float(np.abs(y).max()))
+            while np.abs(self.anchors.away(y, self.anchors[self.at].y)).max() > short:
                 self._step(y)
             z = self.anchors[self.at].z
         finally:

@@ -151,23 +151,33 @@ class TracedWork:
             near = guess.q.T[[*traced.near]] if traced.near else np.empty((0, n))
             inputs += [guess.columns(traced.predicted), np.ascontiguousarray(near)]
         inputs += [motion.t[None] if traced.timed else np.empty((0, n)), loads]
-        reached, checks = np.empty((2 * d, n)), np.empty((len(CHECKS), n))
-        outputs = [reached, *(values[name].T for name in self.outputs), checks]
-        clear = self.runner.bind(inputs, outputs, self.bounds.weights)()
-        with np.errstate(all="ignore"):
-            found = roots(checks)
-            rows = np.flatnonzero(self.bounds.near(found) & ~(found["closing"] <= self.bounds.arrived))
-        if d and rows.size:  # once more from where Newton's method came to
-            inputs[3] = reached[:d]
+        reached, checks, clear = self._pass(inputs, np.empty((2 * d, n)), values)
+        for first in (True, False) if d and not clear else ():
+            assert guess is not None
+            with np.errstate(all="ignore"):
+                out = roots(checks)
+                near = self.bounds.near(out)
+                rows = np.flatnonzero(~(near & (out["closing"] <= self.bounds.arrived / 8.0)))
+            stray = np.flatnonzero(~near)
+            inputs[3][:, rows] = reached[:d, rows]  # once more from where Newton's method came to
+            if stray.size and first:  # or from nearer
+                inputs[3][:, stray] = self.work.mode.refine(guess.rows(stray)).columns(traced.predicted)
+            elif stray.size:
+                rows = np.setdiff1d(rows, stray)
+            if not rows.size:
+                break
             some, arrays = [np.ascontiguousarray(x[:, rows]) for x in inputs], self.arrays(len(rows))
-            again = np.empty((len(CHECKS), len(rows)))
-            self.runner.bind(some, [reached[:, rows], *(array.T for array in arrays.values()), again])()
-            checks[:, rows] = again
+            reached[:, rows], checks[:, rows], _ = self._pass(some, np.empty((2 * d, len(rows))), arrays)
             for name, array in arrays.items():
                 values[name][rows] = array
-            with np.errstate(all="ignore"):
-                found, clear = roots(checks), False
-        return found, clear
+        with np.errstate(all="ignore"):
+            return roots(checks), clear
+
+    def _pass(self, inputs: Sequence[Array], reached: Array, values: Mapping[str, Array]) -> tuple[Array, Array, bool]:
+        """Runs the program once: where Newton's method came to, the checks, and whether no sample is in doubt."""
+        checks = np.empty((len(CHECKS), inputs[0].shape[1]))
+        outputs = [reached, *(values[name].T for name in self.outputs), checks]
+        return reached, checks, self.runner.bind(inputs, outputs, self.bounds.weights)()
 
     def bind(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> Bound | None:
         """Binds the program to arrays, see `arrays`, and to inputs like these.
