@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.rotations import Array
@@ -42,10 +44,10 @@ class Coupling:
         self.polynomial.setflags(write=False)
 
     def derivative(self, order: int) -> Array:
-        """Coefficients of a derivative of the polynomial, lowest first."""
+        """Coefficients of a derivative of the polynomial, lowest first; none where it is zero."""
         found = self.polynomial.astype(float)
         for _ in range(order):  # numpy's polyder takes five times as long, in every evaluation of a motion
-            found = found[1:] * np.arange(1, len(found)) if len(found) > 1 else np.zeros(1)
+            found = found[1:] * np.arange(1, len(found))
         return found
 
     def scaled(self, unit: float, of_unit: float) -> Coupling:
@@ -73,35 +75,43 @@ class CouplingRows:
         """Columns of the coupled coordinates, one a row."""
         return [column for column, _ in self.pairs]
 
-    def _polynomials(self, q: Array, order: int) -> Array:
-        """A derivative of every polynomial at its own coordinate. Shape (n, n_q) -> (n, m)."""
-        out = np.zeros((len(q), len(self)), dtype=q.dtype)
-        for row, (coupling, (_, of)) in enumerate(zip(self.couplings, self.pairs, strict=True)):
-            x = np.zeros(len(q), dtype=q.dtype) if of is None else q[:, of]
-            for coefficient in coupling.derivative(order)[::-1]:  # Horner
-                out[:, row] = out[:, row] * x + coefficient
-        return out
+    def derivatives(self, q: NDArray[Any], order: int) -> list[tuple[int, int | None, Any]]:
+        """Of each coupling ``q_i = p(q_j)``: columns i and j, and a derivative of p at q_j.
+
+        Args:
+            q: Coordinates, any numbers. Shape (..., n_q).
+        """
+        found = []
+        for coupling, (i, j) in zip(self.couplings, self.pairs, strict=True):
+            value: Any = 0.0
+            for coefficient in coupling.derivative(order)[::-1].tolist():  # Horner
+                value = coefficient if j is None else value * q[..., j] + coefficient
+            found.append((i, j, value))
+        return found
 
     def residuals(self, q: Array) -> Array:
         """``q_i - p(q_j)`` [rad or m]. Shape (n, n_q) -> (n, m)."""
-        return np.asarray(q[:, self.columns] - self._polynomials(q, 0))
+        out = q[:, self.columns]
+        for row, (_, _, value) in enumerate(self.derivatives(q, 0)):
+            out[:, row] -= value
+        return out
 
     def matrix(self, q: Array) -> Array:
         """Derivative of the residuals, 1 at i and -p' at j. Shape (n, n_q) -> (n, m, n_q)."""
-        out, slope = np.zeros((len(q), len(self), q.shape[1]), dtype=q.dtype), self._polynomials(q, 1)
-        for row, (column, of) in enumerate(self.pairs):
-            out[:, row, column] = 1.0
-            if of is not None:
-                out[:, row, of] = -slope[:, row]
+        out = np.zeros((len(q), len(self), q.shape[1]), dtype=q.dtype)
+        for row, (i, j, slope) in enumerate(self.derivatives(q, 1)):
+            out[:, row, i] = 1.0
+            if j is not None:
+                out[:, row, j] = -slope
         return out
 
     def bias(self, q: Array, v: Array) -> Array:
         """Second derivative of the residuals where coordinates have none, ``-p'' v_j^2``. (n, n_q) twice -> (n, m)."""
-        curvature = self._polynomials(q, 2)
-        for row, (_, of) in enumerate(self.pairs):
-            if of is not None:
-                curvature[:, row] *= v[:, of] ** 2
-        return np.asarray(-curvature)
+        out = np.zeros((len(q), len(self)), dtype=q.dtype)
+        for row, (_, j, curvature) in enumerate(self.derivatives(q, 2)):
+            if j is not None:
+                out[:, row] = -curvature * v[:, j] ** 2
+        return out
 
 
 def bind(couplings: Sequence[Coupling], coordinates: Sequence[str]) -> CouplingRows:

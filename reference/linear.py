@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +35,8 @@ def solve(A: Array, b: Array) -> Array:
         Shape (..., n, k). NaN stays NaN.
     """
     if A.shape[-1] == A.shape[-2]:
-        try:
+        with suppress(np.linalg.LinAlgError):  # one matrix of the stack is exactly singular
             return np.asarray(np.linalg.solve(A, b))
-        except np.linalg.LinAlgError:
-            pass  # one matrix of the stack is exactly singular
     if A.shape[-2] > A.shape[-1] > 0:
         Q, R = np.linalg.qr(A)
         pivots = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
@@ -74,12 +73,10 @@ def inverted(A: Array) -> tuple[Array, Array]:
         if (found < 1e7).all():
             return back @ Q.swapaxes(-1, -2), found
     if A.shape[-1] == A.shape[-2]:
-        try:
+        with suppress(np.linalg.LinAlgError):
             found = np.asarray(np.linalg.inv(A))
             return found, norms(A) * norms(found)
-        except np.linalg.LinAlgError:
-            pass  # one matrix of the stack is exactly singular
-    return solve(A, np.broadcast_to(np.eye(A.shape[-2]), (*A.shape[:-1], A.shape[-2]))), condition(A)
+    return solve(A, np.eye(A.shape[-2])), condition(A)
 
 
 def inverted_along(A: Array) -> tuple[Array, Array]:

@@ -137,16 +137,6 @@ class Loops:
         self.around = [(tree[signs != 0.0], signs[signs != 0.0]) for signs in -lay.loop[:, tree]]
         self.owner = {c: (j, i) for j, joint in enumerate(self.cuts) for i, c in enumerate(lay.columns[joint.name])}
 
-    def derivatives(self, q: Array, order: int) -> list[tuple[int, int | None, Any]]:
-        """Of each coupling ``q_i = p(q_j)``: columns i and j, and a derivative of p at q_j."""
-        found = []
-        for coupling, (i, j) in zip(self.couplings.couplings, self.couplings.pairs, strict=True):
-            value: Any = 0.0
-            for coefficient in coupling.derivative(order)[::-1].tolist():
-                value = coefficient if j is None else value * q[..., j] + coefficient
-            found.append((i, j, value))
-        return found
-
     def folds(self, q: Array) -> list[Array]:
         """Which of its two triples of angles each cut joint has, see `cut_coordinates`. Shape (..., n_q) -> (...)."""
         middle = [self.lay.columns[joint.name][1] if joint.angles == 3 else None for joint in self.cuts]
@@ -185,7 +175,7 @@ class Closed:
         found: list[Block] = [
             (slice(loops.ends[j], loops.ends[j + 1]), *self.rates_around(j, cut.W)) for j, cut in enumerate(self.cuts)
         ]
-        for row, (i, of, slope) in enumerate(loops.derivatives(self.q, 1), loops.ends[-1]):
+        for row, (i, of, slope) in enumerate(loops.couplings.derivatives(self.q, 1), loops.ends[-1]):
             found.append((slice(row, row + 1), [loops.place[i]], one))
             if of is not None:
                 found.append((slice(row, row + 1), [loops.place[of]], -np.asarray(slope)[..., None, None]))
@@ -202,7 +192,7 @@ class Closed:
     def residual(self, y: Array) -> Array:
         """By how much cut joints, couplings and given coordinates are off. Shape (..., m) [m or rad]."""
         found = [closure_residual(cut.at) for cut in self.cuts]
-        found += [np.asarray(self.q[..., i] - p)[..., None] for i, _, p in self.loops.derivatives(self.q, 0)]
+        found += [np.asarray(self.q[..., i] - p)[..., None] for i, _, p in self.loops.couplings.derivatives(self.q, 0)]
         found += [np.asarray(self._off(column, y[..., k]))[..., None] for k, column in enumerate(self.loops.y_columns)]
         return join(*found)
 
@@ -252,7 +242,7 @@ class Closed:
         above, given = list[Array](), ydd + 0.0
         for cut in self.cuts:
             above.append(-cut.bias(V, A))
-        for _, j, curvature in self.loops.derivatives(self.q, 2):
+        for _, j, curvature in self.loops.couplings.derivatives(self.q, 2):
             above.append(np.asarray(0.0 * w[..., 0] if j is None else curvature * w[..., j] * w[..., j])[..., None])
         for k, column in enumerate(self.loops.y_columns):
             if column in self.loops.owner:

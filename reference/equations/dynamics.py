@@ -218,7 +218,7 @@ class Dynamics(Motion):
         """What reactions and actuator forces leave along the coordinates of the tree. Shape (..., n)."""
         wrenches, x = self.constraint_forces(self.actuator_force)
         left = self.exerted.along + self.along_joints(self.actuator_force)
-        for row, (i, of, slope) in enumerate(self.loops.derivatives(self.q, 1), self.loops.ends[-1]):
+        for row, (i, of, slope) in enumerate(self.loops.couplings.derivatives(self.q, 1), self.loops.ends[-1]):
             left[..., i] = left[..., i] + x[..., row]
             if of is not None:
                 left[..., of] = left[..., of] - slope * x[..., row]
