@@ -130,38 +130,33 @@ def _generator(axis: bytes, dtype: str) -> tuple[Array, Array, Array]:
     return K, K @ K, np.eye(3, dtype=K.dtype)
 
 
-def triad_angles(R: Array, axes: Array, few: NDArray[np.bool_] | bool = False) -> Array:
+def triad_angles(R: Array, axes: Array, *, few: bool = False) -> Array:
     """Angles of ``R = Rot(axes[0], q1) Rot(axes[1], q2) Rot(axes[2], q3)``, for orthogonal axes.
 
     Args:
         R: Rotation matrix. Shape (..., 3, 3).
-        axes: Three mutually orthogonal unit axes (right- or left-handed), or one such triad each. (..., 3, 3).
-        few: Where a joint has no third axis: two angles have no gimbal lock. Shape (...).
+        axes: Three mutually orthogonal unit axes, right- or left-handed. Shape (3, 3).
+        few: Whether the joint has no third axis: two angles have no gimbal lock.
 
     Returns:
         Angles [rad], the middle one of three within +-pi/2. Shape (..., 3).
     """
     # In the basis of the axes the product is the usual x-y-z sequence; a left-handed triad mirrors the angles.
-    sign = _handed(axes.tobytes(), axes.dtype.str, axes.shape).astype(R.dtype, copy=False)
-    return sign * sequence_angles(axes @ R @ axes.swapaxes(-1, -2), few)
+    hand = np.sign(np.linalg.det(axes.astype(float))).astype(R.dtype)
+    return np.asarray(hand * sequence_angles(axes @ R @ axes.T, few=few))
 
 
-def sequence_angles(M: Array, few: NDArray[np.bool_] | bool = False) -> Array:
+def sequence_angles(M: Array, *, few: bool = False) -> Array:
     """Angles of ``M = Rot(x, q1) Rot(y, q2) Rot(z, q3)``; see `triad_angles`."""
-    q1 = np.arctan2(np.where(few, M[..., 2, 1], -M[..., 1, 2]), np.where(few, M[..., 1, 1], M[..., 2, 2]))
-    q2 = np.arctan2(M[..., 0, 2], np.where(few, M[..., 0, 0], np.hypot(M[..., 1, 2], M[..., 2, 2])))
+    if few:
+        q1, q2 = np.arctan2(M[..., 2, 1], M[..., 1, 1]), np.arctan2(M[..., 0, 2], M[..., 0, 0])
+        return np.stack([q1, q2, np.zeros_like(q1)], axis=-1)
+    q1 = np.arctan2(-M[..., 1, 2], M[..., 2, 2])
+    q2 = np.arctan2(M[..., 0, 2], np.hypot(M[..., 1, 2], M[..., 2, 2]))
     # beside q1, so that the two together are right where q2 is a right angle and either of them is anything
     c, s = np.cos(q1)[..., None], np.sin(q1)[..., None]
     row = c * M[..., 1, :2] + s * M[..., 2, :2]
-    q3 = np.where(few, 0.0, np.arctan2(row[..., 0], row[..., 1])).astype(M.dtype)
-    return np.stack([q1, q2, q3], axis=-1)
-
-
-@lru_cache(maxsize=1024)
-def _handed(axes: bytes, dtype: str, shape: tuple[int, ...]) -> Array:
-    """1 for right-handed triads of axes, -1 for others: axes are those of joints, always the same. Shape (..., 1)."""
-    first, second, third = np.moveaxis(np.frombuffer(axes, dtype=dtype).reshape(shape), -2, 0)
-    return np.where(np.sum(cross(first, second) * third, axis=-1, keepdims=True) > 0, 1.0, -1.0)
+    return np.stack([q1, q2, np.arctan2(row[..., 0], row[..., 1])], axis=-1)
 
 
 def triad(axes: Array) -> Array:

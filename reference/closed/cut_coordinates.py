@@ -37,7 +37,7 @@ def _values(at: JointPose, guess: Array, *, near: bool) -> Array:
     found, turns = guess.copy(), np.array(KINDS[at.joint.kind])
     if turns.any():
         few = at.joint.angles < 3
-        angles = triad_angles(transpose(at.R_parent) @ at.R_child, triad(at.joint.axes), few)[..., : turns.sum()]
+        angles = triad_angles(transpose(at.R_parent) @ at.R_child, triad(at.joint.axes), few=few)[..., : turns.sum()]
         found[:, turns] = nearest_angles(angles, guess[:, turns])[0] if near else angles
     if not turns.all():
         found[:, ~turns] = np.stack([dot(e, at.p_child - at.p_parent) for e in at.slides], axis=1)
