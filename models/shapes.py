@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from screwgauge.reference.layout import layout
+from screwgauge.reference.lint import suspicious
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
 from screwgauge.reference.pose import Pose, length, pose
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.suspicious import suspicious
 
 #: Of bodies; dark enough for their names.
 COLOURS = ("#0072B2", "#00795B", "#B04A87", "#8C6D31", "#5E5AA8", "#3A7D9C")

@@ -37,7 +37,7 @@ def models(options: argparse.Namespace) -> int:
     from screwgauge.models.generate import keep_models
     from screwgauge.models.mjcf import left_out
     from screwgauge.models.readings.loops import loops_beside
-    from screwgauge.reference.plausible import implausible
+    from screwgauge.reference.lint import implausible
     from screwgauge.scene.default import gravity_of
     from screwgauge.scene.preflight import check_home
 

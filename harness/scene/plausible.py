@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from screwgauge.reference.plausible import TURNED, WRITTEN, hinges, implausible, in_degrees
+from screwgauge.reference.lint import TURNED, WRITTEN, hinges, implausible, in_degrees
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
 

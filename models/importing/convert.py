@@ -20,8 +20,8 @@ from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.files import check_count
+from screwgauge.reference.lint import implausible
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
-from screwgauge.reference.plausible import implausible
 from screwgauge.reference.rotations import Array
 
 #: Of mass and squared length of the model: what merging links leaves of moments of inertia that are zero.

@@ -1,4 +1,4 @@
-"""What a reading of a model file says and no machine has; see `screwgauge.reference.plausible`."""
+"""What a reading of a model file says and no machine has; see `screwgauge.reference.lint`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from screwgauge.models.readings.reading import Reading
-from screwgauge.reference.plausible import Hinge, Solid, all_too_wide, size_of, too_far
+from screwgauge.reference.lint import Hinge, Solid, all_too_wide, size_of, too_far
 from screwgauge.reference.rotations import Array, widest
 
 

@@ -10,9 +10,8 @@ from screwgauge.models.fourbars import four_bars
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.description import read_mechanism, read_tables
 from screwgauge.reference.graph import serial_chains, spanning_tree
+from screwgauge.reference.lint import Solid, all_too_wide, implausible, suspicious, too_wide
 from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism, actuator_names, same_content
-from screwgauge.reference.plausible import Solid, all_too_wide, implausible, too_wide
-from screwgauge.reference.suspicious import suspicious
 
 #: Descriptions and scenes of toy mechanisms.
 DATA = Path(__file__).parents[1] / "data"
