@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
 from screwgauge.reference.layout import layout
-from screwgauge.reference.mechanism import Body, Joint, Mechanism
+from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
 from screwgauge.reference.pose import length, pose
 from screwgauge.reference.rotations import Array, cross, widest
 from screwgauge.reference.wording import first_few
@@ -34,6 +35,9 @@ DEGREES = 720.0
 SHOWN = 3
 #: How to write an angle in degrees.
 WRITTEN = "degrees are written as '30*deg'"
+#: What is exactly zero but for rounding; below the other ones, an angle [rad] or a distance [lengths of the mechanism]
+#: is hardly meant. A right angle written as 1.5708 is 4e-6 off.
+ROUNDING, ANGLE, DISTANCE = 1e-8, 0.01, 1e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,6 +64,53 @@ class Hinge:
     limits: tuple[float, float]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Suspicion:
+    """Something to look at.
+
+    Attributes:
+        point: Where, in the frame of the body [m]. Shape (3,).
+    """
+
+    body: str
+    point: Array
+    sentence: str
+
+
+class _End(NamedTuple):
+    """A joint on a body: its frame there, and whether the body is its parent (0) or its child (1)."""
+
+    joint: Joint
+    frame: Frame
+    side: int
+
+    @property
+    def axis(self) -> Array:
+        """The outer one of its axes, which is fixed in the body. Shape (3,)."""
+        return np.asarray(self.frame.R @ self.joint.axes[-self.side])
+
+    @property
+    def turns(self) -> bool:
+        """Whether the body turns about it; the normal of a planar joint is a line in the child alone."""
+        return self.joint.angles > 0 and (self.side == 1 or self.joint.slides < 2)
+
+
+def _ends(mechanism: Mechanism) -> dict[str, list[_End]]:
+    """The joints of each body; F joints hold none."""
+    found: dict[str, list[_End]] = {body.name: [] for body in mechanism.bodies}
+    for joint in mechanism.joints:
+        for side, (body, frame) in enumerate(joint.sides):
+            if body in found and joint.constrains:
+                found[body].append(_End(joint, frame, side))
+    return found
+
+
+def _spread(mechanism: Mechanism, places: Iterable[tuple[str, Array]]) -> float:
+    """The largest distance of points in bodies at home [m]."""
+    at, index = pose(layout(mechanism), mechanism.home[None]), mechanism.body_index
+    return widest([at.p[0, index[body]] + at.R[0, index[body]] @ point for body, point in places])
+
+
 def implausible(mechanism: Mechanism) -> tuple[str, ...]:
     """Sentences on bodies and joints."""
     return (*all_too_wide(solids(mechanism)), *too_far(hinges(mechanism)))
@@ -76,18 +127,12 @@ def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 def solids(mechanism: Mechanism) -> Iterator[Solid]:
     """Its bodies that have mass."""
-    at = pose(layout(mechanism), mechanism.home[None])
-    R, p = at.R, at.p
-    index, places = mechanism.body_index, {body.name: list[Array]() for body in mechanism.bodies}
-    for joint in mechanism.joints:
-        for name, frame in joint.sides:
-            if name in places and joint.constrains:
-                places[name].append(frame.p)
-    heavy = [body for body in mechanism.bodies if body.mass]
-    cloud = [p[0, i] + R[0, i] @ point for name, i in index.items() for point in places.get(name, ())]
-    extent = widest([*cloud, *(p[0, index[body.name]] + R[0, index[body.name]] @ body.com for body in heavy)])
+    ends, heavy = _ends(mechanism), [body for body in mechanism.bodies if body.mass]
+    places = [(name, end.frame.p) for name, its in ends.items() for end in its]
+    extent = _spread(mechanism, [*places, *((body.name, body.com) for body in heavy)])
     for body in heavy:
-        yield Solid(body.name, body.mass, body.inertia, size_of([*places[body.name], body.com], extent))
+        points = [*(end.frame.p for end in ends[body.name]), body.com]
+        yield Solid(body.name, body.mass, body.inertia, size_of(points, extent))
 
 
 def size_of(points: list[Array], extent: float) -> float:
@@ -140,87 +185,38 @@ def in_degrees(what: str, angle: float) -> str:
     return f"{what} of {angle:.4g} rad is {turns:.3g} turns; likely degrees were meant, {less:.3g} rad"
 
 
-#: What is exactly zero but for rounding; below the other ones, an angle [rad] or a distance [lengths of the mechanism]
-#: is hardly meant. A right angle written as 1.5708 is 4e-6 off.
-ROUNDING, ANGLE, DISTANCE = 1e-8, 0.01, 1e-3
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Suspicion:
-    """Something to look at.
-
-    Attributes:
-        point: Where, in the frame of the body [m]. Shape (3,).
-    """
-
-    body: str
-    point: Array
-    sentence: str
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Axis:
-    joint: str
-    turns: bool
-    e: Array
-    p: Array
-
-
 def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
     """All that is found, body by body."""
-    lay = layout(mechanism)
-    unit, at, index = length(lay), pose(lay, mechanism.home[None]), mechanism.body_index
+    unit, found = length(layout(mechanism)), list[Suspicion]()
     joints = [joint for joint in mechanism.joints if joint.constrains]
-    cloud = [at.p[0, index[j.parent]] + at.R[0, index[j.parent]] @ j.parent_frame.p for j in joints]
-    extent = widest(cloud)
-    found = list[Suspicion]()
-    wide = {solid.name: text for solid in solids(mechanism) if (text := too_wide(solid))}
+    extent = _spread(mechanism, [(joint.parent, joint.parent_frame.p) for joint in joints])
+    wide, ends = {solid.name: too_wide(solid) for solid in solids(mechanism)}, _ends(mechanism)
     for body in mechanism.bodies:
-        if body.name in wide:
-            found.append(Suspicion(body.name, body.com, wide[body.name]))
-        its = [(joint, frame.p) for joint in joints for name, frame in joint.sides if name == body.name]
-        found += _masses(body, its, unit, extent)
-        axes = _axes(mechanism, body.name)
-        for a, b in combinations(axes, 2):
+        its = ends[body.name]
+        said = [wide.get(body.name, ""), *_masses(body, its, unit, extent)]
+        found += [Suspicion(body.name, body.com, text) for text in said if text]
+        for a, b in combinations([end for end in its if end.joint.angles < 3], 2):
             if text := _between(a, b, unit, few=len(its) == 2):
-                found.append(Suspicion(body.name, a.p, text))
+                found.append(Suspicion(body.name, a.frame.p, text))
     return tuple(found)
 
 
-def _axes(mechanism: Mechanism, body: str) -> list[_Axis]:
-    """Axes that are fixed in a body: the outer ones of its joints."""
-    found = []
-    for joint in mechanism.joints:
-        if joint.angles == 3:
-            continue
-        for side, (name, frame) in enumerate(joint.sides):
-            if name == body:
-                # the parent of a planar joint has a normal to it, the child also the point in which it turns
-                line = joint.angles > 0 and (side == 1 or joint.slides < 2)
-                found.append(_Axis(joint.name, line, frame.R @ joint.axes[-side], frame.p))
-    return found
-
-
-def _masses(body: Body, its: list[tuple[Joint, Array]], unit: float, extent: float) -> Iterator[Suspicion]:
-    """What is odd about a body with these joints at these points; `extent`: of all joints [m]."""
-    name, points = body.name, [point for _, point in its]
+def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator[str]:
+    """What is odd about a body with these joints; `extent`: of all joints [m]."""
+    name, points = body.name, [end.frame.p for end in its]
     if body.mass == 0.0:
-        yield Suspicion(name, body.com, f"{name} has no mass of its own")
+        yield f"{name} has no mass of its own"
         return
     spread = widest(points)
     away = min((_distance(body.com, a, b) for a in points for b in points), default=0.0)
-    measure = (spread, "its joints are") if spread > DISTANCE * unit else (extent, "all joints are")
-    if len(points) > 1 and away > max(2.0 * measure[0], 0.05 * unit) and measure[0] > 0.0:
-        text = (
-            f"the centre of mass of {name} is {away:.3g} m away from its joints; {measure[1]} {measure[0]:.3g} m apart"
-        )
-        yield Suspicion(name, body.com, text)
-    if len(points) > 1 and max(spread, away) < ROUNDING * unit and not any(joint.slides for joint, _ in its):
-        yield Suspicion(name, body.com, f"{name} has no length: joints and centre of mass are at one point")
+    size, whose = (spread, "its joints are") if spread > DISTANCE * unit else (extent, "all joints are")
+    if len(points) > 1 and away > max(2.0 * size, 0.05 * unit) and size > 0.0:
+        yield f"the centre of mass of {name} is {away:.3g} m away from its joints; {whose} {size:.3g} m apart"
+    if len(points) > 1 and max(spread, away) < ROUNDING * unit and not any(end.joint.slides for end in its):
+        yield f"{name} has no length: joints and centre of mass are at one point"
     moments = np.linalg.eigvalsh(body.inertia)
     if moments[0] > 0.0 and np.ptp(moments) < 1e-9 * moments[-1]:
-        text = f"{name} has {moments[0]:.3g} kg m^2 about every axis, as a ball or a placeholder has it"
-        yield Suspicion(name, body.com, text)
+        yield f"{name} has {moments[0]:.3g} kg m^2 about every axis, as a ball or a placeholder has it"
 
 
 def _distance(p: Array, a: Array, b: Array) -> float:
@@ -230,18 +226,17 @@ def _distance(p: Array, a: Array, b: Array) -> float:
     return float(np.linalg.norm(p - a - share * along))
 
 
-def _between(a: _Axis, b: _Axis, unit: float, *, few: bool) -> str:
-    """What is odd about two axes of a body, `few` if they are all of its axes; empty if nothing is."""
-    normal = cross(a.e, b.e)
-    sine, cosine = float(np.linalg.norm(normal)), abs(float(a.e @ b.e))
-    pair = f"the axes of {a.joint} and {b.joint}"
+def _between(a: _End, b: _End, unit: float, *, few: bool) -> str:
+    """What is odd about the axes of two joints of a body, `few` if it has no others; empty if nothing is."""
+    normal, way, names = cross(a.axis, b.axis), b.frame.p - a.frame.p, f"{a.joint.name} and {b.joint.name}"
+    sine, cosine = float(np.linalg.norm(normal)), abs(float(a.axis @ b.axis))
     for off, what in ((sine, "parallel"), (cosine, "at right angles")):
         if ROUNDING < off < ANGLE:
-            return f"{pair} are {what} but for {off:.2g} rad"
+            return f"the axes of {names} are {what} but for {off:.2g} rad"
     if not (a.turns and b.turns):
         return ""
     if sine <= ROUNDING:
-        apart = float(np.linalg.norm(cross(b.p - a.p, a.e))) / unit
-        return f"{a.joint} and {b.joint} turn about the same axis" if few and apart < ROUNDING else ""
-    apart = abs(float((b.p - a.p) @ normal)) / sine
-    return f"{pair} miss each other by {apart:.2g} m" if ROUNDING < apart / unit < DISTANCE else ""
+        apart = float(np.linalg.norm(cross(way, a.axis))) / unit
+        return f"{names} turn about the same axis" if few and apart < ROUNDING else ""
+    apart = abs(float(way @ normal)) / sine
+    return f"the axes of {names} miss each other by {apart:.2g} m" if ROUNDING < apart / unit < DISTANCE else ""
