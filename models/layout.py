@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.graph import POINTS, Edge, spanning_tree
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import POINTS, Edge, Layout, spanning_tree
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
@@ -175,9 +174,7 @@ def length_scale(mechanism: Mechanism) -> float:
 
 def _copied(joint: Joint) -> Edge:
     """The way to a copy of the far body of a cut joint; ground cannot be copied, so there it is the near one."""
-    reverse = joint.child == GROUND
-    near, far = (joint.child, joint.parent) if reverse else (joint.parent, joint.child)
-    return Edge(joint, near, far, reverse)
+    return Edge(joint, GROUND if joint.child == GROUND else joint.parent)
 
 
 def _link(edge: Edge, mechanism: Mechanism, shares: Counter[str], copied: bool) -> Link:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from screwgauge.reference.layout import layout
+from screwgauge.reference.graph import layout
 from screwgauge.reference.lint import suspicious
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
 from screwgauge.reference.pose import Pose, length, pose
@@ -69,7 +69,7 @@ class End(NamedTuple):
 
 def cut_joints(mechanism: Mechanism) -> frozenset[str]:
     """Names of the joints that are opened, as in the engines' models."""
-    return frozenset(joint.name for joint in layout(mechanism).tree.cuts)
+    return frozenset(joint.name for joint in layout(mechanism).cuts)
 
 
 def ends(mechanism: Mechanism) -> dict[str, list[End]]:

@@ -19,7 +19,7 @@ from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.equations.rounding import chart_condition
 from screwgauge.reference.equations.screws import Array
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 
 
 class ClosedMotion(Forward):

@@ -1,12 +1,18 @@
-"""The graph of a mechanism: spanning tree, loops, and the serial chains between ground and the output body."""
+"""The graph of a mechanism: spanning tree, paths, loops, and the serial chains between ground and the output body."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
+from screwgauge.reference.rotations import Array
 
 #: Kinds of joint whose loop is closed by points of the two bodies that coincide, and how many.
 POINTS = {"R": 2, "S": 1}
@@ -14,29 +20,85 @@ POINTS = {"R": 2, "S": 1}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edge:
-    """A tree joint as walked from ground: `near` is the body on the ground side.
-
-    `reverse` marks a joint that the description declares the other way round.
-    """
+    """A joint as walked from the body `near`."""
 
     joint: Joint
     near: str
-    far: str
-    reverse: bool
+
+    @property
+    def reverse(self) -> bool:
+        """Whether it is entered from its child."""
+        return self.near != self.joint.parent
+
+    @property
+    def far(self) -> str:
+        """The body beyond it."""
+        return self.joint.parent if self.reverse else self.joint.child
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SpanningTree:
-    """Tree edges in an order in which every `near` body is known before its edge, and the joints left out.
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """A mechanism with a spanning tree, and the paths and loops that follow from it.
 
-    Each joint left out closes one loop.
+    Attributes:
+        edges: Joints of the tree, in an order in which every `near` body is known before its edge.
+        cuts: Joints left out; each closes one loop.
+        kept: What was made of it once, as by `loops.loop_equations`.
     """
 
+    mechanism: Mechanism
     edges: tuple[Edge, ...]
     cuts: tuple[Joint, ...]
+    kept: dict[tuple[int, ...] | str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def columns(self) -> dict[str, list[int]]:
+        """Joint -> its coordinates."""
+        return {joint.name: self.mechanism.columns(joint.coordinates) for joint in self.mechanism.joints}
+
+    @cached_property
+    def path(self) -> Array:
+        """+1 or -1 where a coordinate lies on the tree path from ground to a body. Shape (n_body + 1, n_q)."""
+        index, home = self.mechanism.body_index, self.mechanism.home
+        path = np.zeros((len(index), len(home)), dtype=home.dtype)
+        for edge in self.edges:
+            path[index[edge.far]] = path[index[edge.near]]
+            path[index[edge.far], self.columns[edge.joint.name]] = -1.0 if edge.reverse else 1.0
+        return path
+
+    @cached_property
+    def loop(self) -> Array:
+        """The same for the loop of each cut joint: parent's path + joint - child's path. Shape (n_cut, n_q)."""
+        index = self.mechanism.body_index
+        loop = np.zeros((len(self.cuts), self.path.shape[1]), dtype=self.path.dtype)
+        for row, joint in zip(loop, self.cuts, strict=True):
+            row += self.path[index[joint.parent]] - self.path[index[joint.child]]
+            row[self.columns[joint.name]] = 1.0
+        return loop
+
+    @cached_property
+    def turns(self) -> NDArray[np.bool_]:
+        """Which coordinates are angles. Shape (n_q,)."""
+        return np.array([turn for joint in self.mechanism.joints for turn, _ in joint.freedoms])
+
+    @cached_property
+    def cut_columns(self) -> list[int]:
+        """Coordinates of the cut joints, joint by joint."""
+        return [column for joint in self.cuts for column in self.columns[joint.name]]
+
+    @cached_property
+    def tree_columns(self) -> list[int]:
+        """The other coordinates."""
+        return [column for column in range(self.path.shape[1]) if column not in self.cut_columns]
 
 
-def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> SpanningTree:
+def layout(mechanism: Mechanism) -> Layout:
+    """The spanning tree that keeps the joints of the independent coordinates: these are unknowns of the tree itself."""
+    chosen = {*mechanism.independent.values()}
+    return spanning_tree(mechanism, [joint.name for joint in mechanism.joints if chosen & {*joint.coordinates}])
+
+
+def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
     """The tree that leaves out, where the graph allows it, S and else R joints without actuator: points close these.
 
     Kruskal's algorithm: F joints, which close no loop, those with coupled coordinates, which have to be unknowns, those
@@ -54,17 +116,9 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> SpanningT
             name = group[name]
         return name
 
-    def rank(joint: Joint) -> tuple[bool, bool, bool, bool, bool, int, str]:
-        free, wanted, few = not joint.constrains, joint.name in keep, len(joint.coordinates)
-        return (
-            not free,
-            joint.name not in coupled,
-            not wanted,
-            not joint.actuated,
-            joint.kind in POINTS,
-            few,
-            joint.name,
-        )
+    def rank(joint: Joint) -> tuple[bool | int | str, ...]:
+        first = not joint.constrains, joint.name in coupled, joint.name in keep, joint.actuated
+        return *(not each for each in first), joint.kind in POINTS, len(joint.coordinates), joint.name
 
     kept = []
     for joint in sorted(mechanism.joints, key=rank):
@@ -73,7 +127,7 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> SpanningT
             group[a] = b
             kept.append(joint)
     cuts = tuple(joint for joint in mechanism.joints if joint not in kept)
-    return SpanningTree(_walk(kept, mechanism), cuts)
+    return Layout(mechanism, _outward([joint for joint in mechanism.joints if joint in kept]), cuts)
 
 
 def coupled_joints(mechanism: Mechanism) -> frozenset[str]:
@@ -82,19 +136,14 @@ def coupled_joints(mechanism: Mechanism) -> frozenset[str]:
     return frozenset(joint.name for joint in mechanism.joints if named & {*joint.coordinates})
 
 
-def _walk(kept: list[Joint], mechanism: Mechanism) -> tuple[Edge, ...]:
-    known, edges = {GROUND}, []
-    left = [joint for joint in mechanism.joints if joint in kept]
-    while joint := next((j for j in left if known & {j.parent, j.child}), None):
-        edges.append(_edge(joint, joint.child if joint.parent not in known else joint.parent))
+def _outward(joints: list[Joint]) -> tuple[Edge, ...]:
+    """The joints of a tree as walked from ground."""
+    known, edges = {GROUND}, list[Edge]()
+    while joint := next((joint for joint in joints if known & {*joint.bodies}), None):
+        edges.append(Edge(joint, joint.parent if joint.parent in known else joint.child))
         known.add(edges[-1].far)
-        left.remove(joint)
+        joints.remove(joint)
     return tuple(edges)
-
-
-def _edge(joint: Joint, near: str) -> Edge:
-    reverse = joint.parent != near
-    return Edge(joint, near, joint.parent if reverse else joint.child, reverse)
 
 
 def check_connected(mechanism: Mechanism, where: str) -> None:
@@ -115,8 +164,20 @@ def check_connected(mechanism: Mechanism, where: str) -> None:
 
 def output_body(mechanism: Mechanism) -> str:
     """The body with the most joints, the moving platform of a parallel mechanism."""
-    sides = [side for joint in mechanism.joints for side in (joint.parent, joint.child)]
+    sides = [body for joint in mechanism.joints for body in joint.bodies]
     return max((body.name for body in mechanism.bodies), key=sides.count)
+
+
+def chain(first: Edge, target: str, joints: Sequence[Joint]) -> tuple[Edge, ...]:
+    """Edges from the first on while a single joint leads on, up to the target body or ground."""
+    walked, left = [first], [joint for joint in joints if joint is not first.joint]
+    while (near := walked[-1].far) not in (target, GROUND):
+        onward = [joint for joint in left if near in joint.bodies]
+        if len(onward) != 1:
+            break
+        walked.append(Edge(onward[0], near))
+        left.remove(onward[0])
+    return tuple(walked)
 
 
 def serial_chains(mechanism: Mechanism) -> tuple[tuple[Edge, ...], ...]:
@@ -125,18 +186,6 @@ def serial_chains(mechanism: Mechanism) -> tuple[tuple[Edge, ...], ...]:
     Branches that are no simple chain between the two are left out.
     """
     target = output_body(mechanism)
-    chains = []
-    for first in mechanism.joints:
-        if GROUND not in (first.parent, first.child):
-            continue
-        chain, joint, near = [], first, GROUND
-        while True:
-            chain.append(_edge(joint, near))
-            far = chain[-1].far
-            onward = [j for j in mechanism.joints if j is not joint and far in (j.parent, j.child)]
-            if far == target or len(onward) != 1:
-                break
-            joint, near = onward[0], far
-        if chain[-1].far == target:
-            chains.append(tuple(chain))
-    return tuple(chains)
+    starts = [Edge(joint, GROUND) for joint in mechanism.joints if GROUND in joint.bodies]
+    chains = [chain(start, target, mechanism.joints) for start in starts]
+    return tuple(found for found in chains if found[-1].far == target)

@@ -8,7 +8,7 @@ from screwgauge.reference.closed.assembly_mode import AssemblyMode, Rates
 from screwgauge.reference.closed.cut_coordinates import read
 from screwgauge.reference.equations import closed_form as forms
 from screwgauge.reference.equations.ops import NUMPY
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array
 
 

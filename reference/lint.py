@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from screwgauge.reference.layout import layout
+from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
 from screwgauge.reference.pose import length, pose
 from screwgauge.reference.rotations import Array, cross, widest

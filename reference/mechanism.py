@@ -134,6 +134,11 @@ class Joint:
         return len(KINDS[self.kind]) < 6
 
     @property
+    def bodies(self) -> tuple[str, str]:
+        """Names of its parent and child."""
+        return self.parent, self.child
+
+    @property
     def sides(self) -> tuple[tuple[str, Frame], tuple[str, Frame]]:
         """Parent and child, each with the frame of the joint on it."""
         return (self.parent, self.parent_frame), (self.child, self.child_frame)

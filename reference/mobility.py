@@ -10,8 +10,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.equations.newton_euler import force_matrix
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.graph import serial_chains
-from screwgauge.reference.layout import Layout, layout
+from screwgauge.reference.graph import Layout, layout, serial_chains
 from screwgauge.reference.mechanism import KINDS
 from screwgauge.reference.pose import Pose, length, pose
 from screwgauge.reference.rotations import Array

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from screwgauge.reference.equations.kinematics import TreePose, coordinates, joint_screws, joint_values, tree_pose
 from screwgauge.reference.equations.ops import NUMPY
-from screwgauge.reference.graph import Edge
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Edge, Layout
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, vee, widest
 
@@ -68,8 +67,8 @@ class Pose(TreePose):
 def pose(lay: Layout, q: Array) -> Pose:
     """Poses and screws for joint coordinates `q`, shape (n, n_q); the loops need not be closed."""
     at = tree_pose(lay, coordinates(q, NUMPY))
-    residual = np.empty((len(q), len(lay.tree.cuts), 6), dtype=q.dtype)
-    for i, joint in enumerate(lay.tree.cuts):
+    residual = np.empty((len(q), len(lay.cuts), 6), dtype=q.dtype)
+    for i, joint in enumerate(lay.cuts):
         residual[:, i], at.S[:, lay.columns[joint.name]] = _across(at, joint, q[:, lay.columns[joint.name]])
     return Pose(lay, at.R, at.p, at.S, q, residual)
 

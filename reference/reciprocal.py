@@ -10,8 +10,7 @@ import numpy as np
 
 from screwgauge.reference import linear
 from screwgauge.reference.closed_motion import motion_at
-from screwgauge.reference.graph import coupled_joints, spanning_tree
-from screwgauge.reference.layout import Layout, layout
+from screwgauge.reference.graph import Layout, coupled_joints, layout
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.mobility import in_lengths, reciprocal_screws
 from screwgauge.reference.pose import Pose, length, pose
@@ -147,7 +146,7 @@ def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Arr
     moved = {name for joint in joints for name in joint.coordinates}
     couplings = tuple(one for one in mechanism.couplings if {one.coordinate, one.of or one.coordinate} <= moved)
     few = replace(mechanism, bodies=bodies, joints=tuple(joints), couplings=couplings, independent={}, axial=None)
-    lay = layout(few, spanning_tree(few))
+    lay = layout(few)
     at = pose(lay, q[:, mechanism.columns(few.coordinates)])
     path = lay.path[few.body_index[body], :, None]
     moves = map(linear.null_space, at.constraint_matrix)

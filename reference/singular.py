@@ -9,8 +9,7 @@ import numpy as np
 from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.couplings import component_name
 from screwgauge.reference.equations.screws import velocity_at
-from screwgauge.reference.graph import output_body
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout, output_body
 from screwgauge.reference.pose import Pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.wording import first_few
@@ -48,7 +47,7 @@ def near_singularity(lay: Layout, at: Pose) -> str:
 
 def gimbal_lock(lay: Layout, cut: int) -> str:
     """What happens in gimbal lock of cut joint number `cut`."""
-    joint = lay.tree.cuts[cut]
+    joint = lay.cuts[cut]
     first, last = joint.coordinates[0], joint.coordinates[-1]
     return f"{joint.name} is in gimbal lock ({first} and {last} turn about one line)"
 

@@ -47,7 +47,7 @@ def test_a_motion_within_the_limits_is_accepted(changed_scene):
 
 def test_limits_of_cut_joints_count() -> None:
     scene = load_scene("five-bar")
-    (cut,) = layout(scene.mechanism).tree.cuts
+    (cut,) = layout(scene.mechanism).cuts
     limited = replace(cut, limits=np.column_stack([cut.home - 0.01, cut.home + 0.01]))
     joints = tuple(limited if joint is cut else joint for joint in scene.mechanism.joints)
     with pytest.raises(JointLimitError, match=f"t = 0.05 s: joint coordinate '{cut.coordinates[0]}' = 1.05802 rad"):

@@ -236,7 +236,7 @@ def test_a_locked_chart_is_named_where_rates_are_refused():
 def at_lock(scene) -> np.ndarray:
     """The second pose moved to where the wrist's chart locks, to rounding."""
     lay = layout(scene.mechanism)
-    cut = [joint.name for joint in lay.tree.cuts].index("leg2.wrist")
+    cut = [joint.name for joint in lay.cuts].index("leg2.wrist")
     step, a = 1e-6, WRIST
 
     def condition(a: float) -> float:

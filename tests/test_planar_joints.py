@@ -133,7 +133,7 @@ def test_every_spanning_tree_has_the_same_motion_and_forces(name, seed, tmp_path
     assert any("E" not in cut for cut in kinds)
     for tree in found.values():
         for backend in ("array", "numpy", "llvm"):
-            other = ScrewModel(layout(scene.mechanism, tree), settings=Settings(backend=backend)).solve(problem)
+            other = ScrewModel(tree, settings=Settings(backend=backend)).solve(problem)
             assert worst(other, usual)[1] < AGREED
             assert backend == "array" or by_program(other) == len(scene.t)
 

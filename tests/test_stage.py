@@ -66,7 +66,7 @@ def test_every_joint_and_body_has_its_shapes_and_those_that_are_driven_or_cut_ha
     assert named["links"] == named["masses"] == {body.name for body in mechanism.bodies}
     assert named["joints"] == {joint.name for joint in mechanism.joints}
     cages = {s["n"] for s in data["shapes"] if s["k"] == "cage"}
-    assert cages == {cut.name for cut in layout(mechanism).tree.cuts}
+    assert cages == {cut.name for cut in layout(mechanism).cuts}
     arrows = {s["n"] for s in data["shapes"] if s["k"] == "arrow" and s["g"] == "joints"}
     assert arrows == {joint.name for joint in mechanism.actuators}
 

@@ -229,7 +229,7 @@ def test_a_ball_whose_middle_angle_is_beyond_a_right_angle_is_read_so(backend):
     """Of two triples of angles that mean the same, programs know the one whose middle angle is within a right angle."""
     scene = screwgauge.load_scene("3-rps")
     mechanism, home = scene.mechanism, np.array([0.2, 2.0, -0.3])
-    balls = {joint.name: joint for joint in layout(mechanism).tree.cuts}
+    balls = {joint.name: joint for joint in layout(mechanism).cuts}
     assert {joint.kind for joint in balls.values()} == {"S"}
     for name, ball in balls.items():
         assert not ball.home.any()

@@ -136,14 +136,14 @@ def test_angles_of_joints_that_close_loops_are_followed_over_whole_turns():
     found = ScrewModel(lay).solve(Problem(scene.applied, task, MOTION))
     q = dict(zip(lay.mechanism.coordinates, found.values["joint_position"].array[-1], strict=True))
     assert q["a0"] == pytest.approx(20.0, abs=1e-6)
-    for cut in lay.tree.cuts:
+    for cut in lay.cuts:
         assert abs(q[cut.name]) == pytest.approx(20.0, abs=1e-5)
 
 
 def test_what_has_no_program_is_said():
     scene = screwgauge.load_scene("a02-fourbar-2")
     lay = layout(scene.mechanism)
-    applied = replace(scene.applied, springs=(JointSpring(lay.tree.cuts[0].name, 1.0),))
+    applied = replace(scene.applied, springs=(JointSpring(lay.cuts[0].name, 1.0),))
     with pytest.raises(NotTraceableError, match="a spring acts on an angle of a joint that closes a loop"):
         traced(lay, applied, np.zeros(1), "numpy")
     task = replace(scene.start, t=np.linspace(0.0, 0.02, 3))

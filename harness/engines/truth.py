@@ -24,9 +24,8 @@ from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, Rows, quiet, spread
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.graph import layout, spanning_tree
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution, Timing, Values, empty

@@ -17,7 +17,7 @@ from screwgauge.families.sketch import Sketch, Tables, described, shuffled, unus
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError, check_seed
-from screwgauge.reference.layout import layout
+from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import KINDS, Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.exciting import stays_regular

@@ -12,7 +12,7 @@ from screwgauge.judging.kinetics import Motions, walk
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Rows, States
 from screwgauge.quantities import FLOOR, SOLVED, arm, natural_scales
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.graph import SpanningTree, spanning_tree
+from screwgauge.reference.graph import Layout, spanning_tree
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values
@@ -47,7 +47,7 @@ class Answer:
     mechanism: Mechanism
     applied: Applied
     rule: str
-    tree: SpanningTree
+    tree: Layout
     t: Array
     values: Mapping[str, Values]
     work: Array | None

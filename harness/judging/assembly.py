@@ -12,7 +12,7 @@ import numpy as np
 
 from screwgauge.problem import GivenMotion, Problem
 from screwgauge.reference.closed.loops import loop_equations
-from screwgauge.reference.layout import layout
+from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array, rotation, within_half_turn

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from screwgauge.reference import linear
 from screwgauge.reference.closed.loops import loop_equations
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity

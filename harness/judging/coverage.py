@@ -19,7 +19,7 @@ from screwgauge.problem import GivenMotion, Problem
 from screwgauge.quantities import FLOOR, natural_scales
 from screwgauge.reference.closed_motion import ClosedMotion
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.reference.layout import layout
+from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array

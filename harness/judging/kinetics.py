@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.reference.graph import SpanningTree
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, lanes, product, rotation, times, vee
 
@@ -138,16 +138,15 @@ class Motions:
         return np.stack([angular, linear], axis=2)[:, 1:]
 
 
-def walk(mechanism: Mechanism, tree: SpanningTree, q: Array, qd: Array, qdd: Array) -> Motions:
+def walk(mechanism: Mechanism, tree: Layout, q: Array, qd: Array, qdd: Array) -> Motions:
     """Motion of everything from joint coordinates and their derivatives. Shape (n, n_q) each."""
-    columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
     motion, zero, index = np.stack([q.T, qd.T, qdd.T]), lanes(len(q), 3), mechanism.body_index
     zero[:], upright = 0.0, lanes(len(q), 3, 3)
     upright[:] = np.eye(3)
     bodies = [Moving(upright, zero, zero, zero, zero, zero)] * len(index)
 
     def over(joint: Joint, near: str, *, reverse: bool = False) -> Moving:
-        return across(joint, bodies[index[near]], motion[:, columns[joint.name]].swapaxes(1, 2), reverse=reverse)
+        return across(joint, bodies[index[near]], motion[:, tree.columns[joint.name]].swapaxes(1, 2), reverse=reverse)
 
     for edge in tree.edges:
         bodies[index[edge.far]] = over(edge.joint, edge.near, reverse=edge.reverse)
@@ -159,7 +158,7 @@ def walk(mechanism: Mechanism, tree: SpanningTree, q: Array, qd: Array, qdd: Arr
     return Motions(every, com, (by_tree, by_joint))
 
 
-def unit_motions(mechanism: Mechanism, tree: SpanningTree, q: Array, columns: Iterable[int]) -> Iterator[Motions]:
+def unit_motions(mechanism: Mechanism, tree: Layout, q: Array, columns: Iterable[int]) -> Iterator[Motions]:
     """Motions at joint coordinates, shape (n, n_q), while each of some columns in turn has the velocity 1."""
     n, moved = len(q), [*columns]
     most = max(1, AT_ONCE // max(1, n))

@@ -10,7 +10,7 @@ from screwgauge.judging.allowed import Allowed
 from screwgauge.judging.answer import Answer, Row, largest
 from screwgauge.judging.balance import required_wrenches
 from screwgauge.judging.kinetics import across, unit_motions
-from screwgauge.reference.graph import SpanningTree, spanning_tree
+from screwgauge.reference.graph import Layout, spanning_tree
 from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.rotations import Array
 
@@ -46,7 +46,7 @@ def tree_forces(answer: Answer, allowed: Allowed) -> Iterator[Row]:
             yield answer.residual(quantity, unit, some, left, largest(right), (quantity,))
 
 
-def _required(answer: Answer, allowed: Allowed, tree: SpanningTree, joints: Sequence[Joint]) -> Array:
+def _required(answer: Answer, allowed: Allowed, tree: Layout, joints: Sequence[Joint]) -> Array:
     """Force along each joint coordinate of the open tree of some joints. Shape (n, n_q)."""
     mechanism, index, q = answer.mechanism, answer.mechanism.body_index, answer.q
     # ground has no copies: a joint that ends there leads from it to a copy of the other body

@@ -11,8 +11,8 @@ from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.graph import layout
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array

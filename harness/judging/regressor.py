@@ -14,7 +14,7 @@ from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.equations.kinematics import Bracket
 from screwgauge.reference.equations.newton_euler import exerted_wrenches
 from screwgauge.reference.equations.screws import Array, cross, prismatic, revolute, times, transpose
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 
 _AXES = "xyz"
 _Wrench = tuple[Array | float, Array | float]

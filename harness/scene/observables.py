@@ -13,7 +13,7 @@ from screwgauge.problem import Rows
 from screwgauge.reference.description import check_keys, read_text
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import beside
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array

@@ -14,7 +14,7 @@ from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.continuation import PathEnd
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
-from screwgauge.reference.layout import Layout, layout
+from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility, check_independent, mobility
 from screwgauge.reference.pose import Pose, length, pose
@@ -55,7 +55,7 @@ def check_closed(mechanism: Mechanism) -> None:
 def _check_closed(lay: Layout, at: Pose) -> None:
     """Args: at: The home pose."""
     mechanism, size = lay.mechanism, np.array([1.0, length(lay)])[:, None]
-    for joint, gap in zip(lay.tree.cuts, np.abs(at.residual[0]).reshape(-1, 2, 3), strict=True):
+    for joint, gap in zip(lay.cuts, np.abs(at.residual[0]).reshape(-1, 2, 3), strict=True):
         if not (gap / size <= 1e-9).all():  # home is given in closed form or to ten digits
             wide = zip(gap.max(axis=1), (gap / size).max(axis=1), ("rad", "m"), strict=True)
             open_by = " and ".join(f"{most:.3g} {unit}" for most, scaled, unit in wide if not scaled <= 1e-9)

@@ -11,8 +11,8 @@ from screwgauge.problem import GivenMotion, Rows, spread
 from screwgauge.reference.applied import Load
 from screwgauge.reference.equations.joint_types import components, constraint_wrenches
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Pose, pose
 from screwgauge.reference.rotations import Array

@@ -26,7 +26,7 @@ from screwgauge.judging.refusals import Refusal, refusals
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import is_file
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.mobility import Mobility, mobility
 from screwgauge.reference.pose import pose
 from screwgauge.scene.motion import Sampled

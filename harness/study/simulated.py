@@ -11,7 +11,7 @@ import pandas as pd
 from screwgauge.judging.conditioning import passed
 from screwgauge.judging.integration import LOOSER
 from screwgauge.quantities import SIMULATED
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.scene.observables import Known, known_values, observe
 from screwgauge.scene.preflight import beyond_limits
 from screwgauge.scene.scene import Scene

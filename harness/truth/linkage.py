@@ -107,8 +107,8 @@ class Linkage:
         self.axial = None if axial is None else (str(axial["joint"]), list(axial["direction"]))
         self.ties = read_ties(mechanism, tables)
         self.masses = [_mass(tables["bodies"][body.name]) for body in mechanism.bodies]
-        columns = {joint.name: mechanism.columns(joint.coordinates) for joint in mechanism.joints}
         tree, index = spanning_tree(mechanism), mechanism.body_index
+        columns = tree.columns
         self.edges = [
             (index[edge.near], index[edge.far], self._steps(edge.joint, columns[edge.joint.name], edge.reverse))
             for edge in tree.edges

@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.reference import linear
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.layout import layout
+from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import in_lengths
 from screwgauge.reference.pose import pose

@@ -18,7 +18,7 @@ from screwgauge.reference.closed.newton import OPEN, newton
 from screwgauge.reference.equations.closed_form import closed_form
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import TURN, Array
 
 Rates = tuple[Array, Array]
@@ -129,7 +129,7 @@ class AssemblyMode:
 
     def in_closed_form(self, y: Array) -> Guess | None:
         """Joint coordinates that need not be followed: of an open tree, and of legs in closed form on this mode."""
-        if len(self.system.unknown) == len(self.columns) and not self.lay.tree.cuts:
+        if len(self.system.unknown) == len(self.columns) and not self.lay.cuts:
             q = np.tile(self.lay.mechanism.home, (len(y), 1))
             q[:, self.columns] = y
             return Guess(self.system, y, None, lambda: q)

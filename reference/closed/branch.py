@@ -9,7 +9,7 @@ from screwgauge.reference.closed.continuation import REMEDY, no_further
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed.newton import OPEN
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.pose import Pose, pose
 from screwgauge.reference.rotations import Array
 
@@ -35,7 +35,7 @@ class Branch:
         if np.abs(q - lay.mechanism.home)[list(self.system.fixed)].max(initial=0.0) > OPEN:
             self.system = loop_equations(lay)  # another branch than that of the home pose
         self.size = self.system.size
-        self.is_tree = not lay.tree.cuts and len(self.columns) == len(q)
+        self.is_tree = not lay.cuts and len(self.columns) == len(q)
         self.q, self.y = q.copy(), q[self.columns]
         self.K = np.zeros((len(q), len(self.columns)))  # without dimension
         if not self.is_tree and not self._try(q, self.y):

@@ -10,7 +10,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.closed.newton import newton, velocity_map
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
@@ -40,7 +40,7 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
     """
     free = loop_equations(lay)
     # in single precision no trial would come to rest
-    trials = _trials(free) if lay.path.dtype == np.float64 and lay.tree.cuts and _may_rest(free) else None
+    trials = _trials(free) if lay.path.dtype == np.float64 and lay.cuts and _may_rest(free) else None
     if trials is None:
         return ()
     z, y, matrix = trials

@@ -8,7 +8,7 @@ from screwgauge.reference.equations.joint_types import JointPose
 from screwgauge.reference.equations.kinematics import coordinates, tree_pose
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.equations.screws import dot, transpose
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import KINDS
 from screwgauge.reference.rotations import Array, nearest_angles, triad, triad_angles
 
@@ -24,9 +24,9 @@ def read(lay: Layout, guess: Array, *, near: bool = True) -> Array:
         near: Whether those of the cut joints are to be near the guess, else within half a turn.
     """
     q = guess.copy()
-    if lay.tree.cuts:
+    if lay.cuts:
         at = tree_pose(lay, coordinates(guess, NUMPY))
-        for joint in lay.tree.cuts:
+        for joint in lay.cuts:
             columns = lay.columns[joint.name]
             q[:, columns] = _values(at.joint(joint), guess[:, columns], near=near)
     return q
@@ -51,10 +51,10 @@ def follow_cut_joints(lay: Layout, q: Array, near: Array) -> Array:
         q: Joint coordinates, of which those of the tree are looked at. Shape (v, n_q).
         near: Those of the pose before the first. Shape (n_q,).
     """
-    if not lay.tree.cuts:
+    if not lay.cuts:
         return q
     q = read(lay, q, near=False)
-    for joint in lay.tree.cuts:
+    for joint in lay.cuts:
         turning = [c for c in lay.columns[joint.name] if lay.turns[c]]
         before = near[turning]
         for row in q:

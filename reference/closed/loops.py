@@ -16,7 +16,7 @@ from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.kinematics import coordinates
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.equations.rounding import chart_condition
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.pose import Pose, pose
 from screwgauge.reference.rotations import Array
 

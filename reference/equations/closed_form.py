@@ -11,8 +11,7 @@ from screwgauge.reference.equations.joint_types import Value, placed, unplaced
 from screwgauge.reference.equations.kinematics import Coordinates, coordinates, joint_screws, joint_values, zeros
 from screwgauge.reference.equations.ops import NUMPY, Ops
 from screwgauge.reference.equations.screws import Array, dot, times, transpose
-from screwgauge.reference.graph import Edge, serial_chains
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Edge, Layout, serial_chains
 from screwgauge.reference.mechanism import Joint
 
 #: Home is given to ten digits; another branch is farther away.
@@ -57,7 +56,7 @@ def _legs(lay: Layout) -> tuple[Joint, list[list[Joint]]] | None:
     if sum(map(len, chains)) != len(mechanism.joints) or not all(map(_has_closed_form, legs)):
         return None
     chosen, wrists = {*mechanism.independent.values()}, {chain[-1].joint.name for chain in legs}
-    if not chosen <= {*drivers[0].coordinates} or wrists != {joint.name for joint in lay.tree.cuts}:
+    if not chosen <= {*drivers[0].coordinates} or wrists != {joint.name for joint in lay.cuts}:
         return None
     return drivers[0], [[edge.joint for edge in chain] for chain in legs]
 

@@ -32,7 +32,7 @@ from screwgauge.reference.equations.kinematics import (
 )
 from screwgauge.reference.equations.ops import Block, Ops
 from screwgauge.reference.equations.screws import Array, join, lie_bracket, power, powers, scale, times, unit_screws
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.pose import length
 
 
@@ -123,7 +123,7 @@ class Loops:
         self.place = {c: i for i, c in enumerate(self.columns)}
         self.sizes = np.where(lay.turns, 1.0, self.length).astype(lay.path.dtype)
         self.size = self.sizes[self.columns]
-        self.cuts, self.couplings = lay.tree.cuts, mechanism.coupling_rows
+        self.cuts, self.couplings = lay.cuts, mechanism.coupling_rows
         self.y_columns = mechanism.independent_columns
         counts = [len(components(joint)) for joint in self.cuts]
         self.names = [pair for joint in self.cuts for pair in components(joint)]

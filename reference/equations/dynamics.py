@@ -222,7 +222,7 @@ class Dynamics(Motion):
             left[..., i] = left[..., i] + x[..., row]
             if of is not None:
                 left[..., of] = left[..., of] - slope * x[..., row]
-        for edge in self.loops.lay.tree.edges:
+        for edge in self.loops.lay.edges:
             for c in self.loops.lay.columns[edge.joint.name]:
                 left[..., c] = left[..., c] - power(wrenches[edge.joint.name], self.pose.S[..., c, :])
         return left[..., self.loops.columns]

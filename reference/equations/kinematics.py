@@ -20,8 +20,7 @@ from screwgauge.reference.equations.screws import (
     times,
     unit_screws,
 )
-from screwgauge.reference.graph import Edge
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Edge, Layout
 from screwgauge.reference.mechanism import Joint
 
 Bracket = Callable[[Array, Array], Array]
@@ -76,7 +75,7 @@ def walk(lay: Layout) -> list[Step]:
                 -1.0 if e.reverse else 1.0,
                 e.joint.freedoms,
             )
-            for e in lay.tree.edges
+            for e in lay.edges
         ]
     steps: list[Step] = lay.kept["walk"]
     return steps

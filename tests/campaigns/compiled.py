@@ -23,8 +23,8 @@ from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism
 from screwgauge.problem import GivenMotion, ModelFiles, Rows
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.graph import layout
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array

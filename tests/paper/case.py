@@ -9,8 +9,8 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference import linear
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.kinematics import forces_along
+from screwgauge.reference.graph import layout
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 

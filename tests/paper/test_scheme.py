@@ -15,8 +15,8 @@ from screwgauge.engines.screw.scheme import PARTS, chains, integrate, platform_s
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.graph import layout
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
 from screwgauge.reference.pose import pose
 from support.tolerances import ROUNDING
 

@@ -21,8 +21,7 @@ from screwgauge.reference.equations.forward import Forward
 from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.equations.kinematics import coordinates
 from screwgauge.reference.equations.ops import NUMPY, TRACE, Ops, Sparse, each
-from screwgauge.reference.graph import coupled_joints, spanning_tree
-from screwgauge.reference.layout import Layout, layout
+from screwgauge.reference.graph import Layout, coupled_joints, layout, spanning_tree
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.precision import in_precision, rounded
 from screwgauge.reference.rotations import Array
@@ -121,7 +120,7 @@ class State:
 
     def over(self, tree: Sequence[str]) -> State:
         """The same written over another tree, of joints of these names."""
-        lay = layout(self.lay.mechanism, spanning_tree(self.lay.mechanism, tree))
+        lay = spanning_tree(self.lay.mechanism, tree)
         return replace(self, lay=lay, loops=Loops(lay, [c for c in self.fixed if c in lay.tree_columns]))
 
 
@@ -224,7 +223,7 @@ def in_floats(at: State, dtype: Any, of: type[Dynamics] = Dynamics, steps: int |
         return _one_by_one(at, LONG, of, dtype, steps)
     if dtype is not np.float64:  # of the numbers of the mechanism, too
         lay = layout(in_precision(at.lay.mechanism, dtype))
-        names = [edge.joint.name for edge in at.lay.tree.edges]
+        names = [edge.joint.name for edge in at.lay.edges]
         at = replace(at, lay=lay, loops=Loops(lay, at.fixed), applied=_in_precision(at.applied, dtype)).over(names)
     q, y, yd, ydd = (x.astype(dtype) for x in (at.q, at.y, at.yd, at.ydd))
     return quantities(at, of, NUMPY, closer(at, NUMPY, q, y, steps), yd, ydd, dtype(T))

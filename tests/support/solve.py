@@ -32,8 +32,8 @@ from screwgauge.reference.closed.walk import Loops as LoopProblem
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.equations.kinematics import joint_bias
 from screwgauge.reference.equations.newton_euler import NewtonEuler, force_matrix
+from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.kinematics import closed_form, positions
-from screwgauge.reference.layout import Layout, layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import Pose, length, pose
 from screwgauge.reference.precision import in_precision

@@ -13,7 +13,7 @@ from screwgauge.problem import Problem, Rows
 from screwgauge.quantities import arm
 from screwgauge.reference import linear
 from screwgauge.reference.equations.rounding import extent
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import Scalar, apply
 from screwgauge.reference.traced.tracing import CHECKS
@@ -48,9 +48,9 @@ class Bounds:
         loads = (float(np.linalg.norm(x.force) + np.linalg.norm(x.torque) / length) for x in problem.applied.loads)
         self.weight = self.mass * float(np.linalg.norm(problem.applied.g)) + sum(loads)  # all weights and loads [N]
         # each of several spherical joints adds one at least
-        self.spare_charts = max(sum(joint.angles == 3 for joint in lay.tree.cuts) - 1, 0)
+        self.spare_charts = max(sum(joint.angles == 3 for joint in lay.cuts) - 1, 0)
         # largest closure residual that rounding makes of all rows
-        self.arrived = float(ARRIVED * max(6 * len(lay.tree.cuts), 1) ** 0.5)
+        self.arrived = float(ARRIVED * max(6 * len(lay.cuts), 1) ** 0.5)
         self.weights = self._weights()
 
     def trust(self, out: Numbers) -> Trust:

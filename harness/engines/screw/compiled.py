@@ -16,7 +16,7 @@ from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, check_quantities
 from screwgauge.reference.errors import DescriptionError, check_choice
-from screwgauge.reference.layout import layout
+from screwgauge.reference.graph import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.blocks import Pool, columns
 from screwgauge.reference.traced.lanes import CHUNK

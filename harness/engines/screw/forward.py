@@ -12,7 +12,7 @@ from screwgauge.problem import InitialValue, Problem
 from screwgauge.reference.closed.branch import Branch
 from screwgauge.reference.closed.constant_coordinates import home_equations
 from screwgauge.reference.closed.newton import OPEN
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.linear import SINGULAR
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.forward import CHECKS, forward_program

@@ -21,7 +21,7 @@ from screwgauge.reference.closed.constant_coordinates import home_equations
 from screwgauge.reference.closed.cut_coordinates import read
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.singular import near_singularity
@@ -233,10 +233,10 @@ def _whole(lay: Layout, run: _Run, begin: Array) -> ClosedMotion:
         begin: Joint coordinates at the start, from which angles of cut joints are followed. Shape (n_q,).
     """
     t, q, yd = (np.array(column) for column in zip(*run.passed, strict=True))
-    if run.traced is not None and lay.tree.cuts:
+    if run.traced is not None and lay.cuts:
         q = read(lay, q)
         rate = motion_at(lay, q, yd)
-        for c, joint in enumerate(lay.tree.cuts):
+        for c, joint in enumerate(lay.cuts):
             columns = [i for i in lay.columns[joint.name] if lay.turns[i]]
             sure = rate.charts[:, c] < SURE
             q[:, columns] = follow(begin[columns], q[:, columns], sure, t, rate.joint_velocity[:, columns])

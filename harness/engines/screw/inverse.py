@@ -22,7 +22,7 @@ from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.equations.rounding import extent, gain
 from screwgauge.reference.equations.screws import force, power
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution
 

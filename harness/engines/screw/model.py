@@ -20,7 +20,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.newton_euler import NewtonEuler
 from screwgauge.reference.errors import ModelFileError, check_choice
-from screwgauge.reference.layout import Layout, layout
+from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.solution import Solution, Stopwatch, Values

@@ -13,7 +13,7 @@ from numpy import ndarray
 
 from screwgauge import __version__
 from screwgauge.problem import Problem, Rows
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.program import Program

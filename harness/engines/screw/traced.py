@@ -21,7 +21,7 @@ from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed.assembly_mode import Guess
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
 from screwgauge.reference.traced.blocks import columns
 from screwgauge.reference.traced.trace import NotTraceableError, Scalar
@@ -293,7 +293,7 @@ class TracedWork:
 
     def _nearest(self, values: dict[str, Array], near: Array) -> None:
         """Angles of cut joints as near as can be to those predicted, among all that mean the same."""
-        for joint, fold in zip(self.lay.tree.cuts, self.folds, strict=True):
+        for joint, fold in zip(self.lay.cuts, self.folds, strict=True):
             columns = self.lay.columns[joint.name]
             turning = [c for c in columns if self.lay.turns[c]]
             swapped = fold * np.cos(near[:, columns[1]]) < 0.0 if joint.angles == 3 else np.zeros(1, dtype=bool)
@@ -311,7 +311,7 @@ class TracedWork:
     def _middle(self) -> Mapping[int, Mapping[str, list[int]]]:
         """Column of the middle angle of a cut S joint -> where its rates and forces stand."""
         found, tree = {}, open_tree(self.lay)[1]
-        for joint in self.lay.tree.cuts:
+        for joint in self.lay.cuts:
             column = self.lay.columns[joint.name][1:2]
             if joint.angles == 3:
                 place = [tree.index(column[0])] if column[0] in tree else []

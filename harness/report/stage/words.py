@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from screwgauge.reference.layout import Layout
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.pose import Pose
 from screwgauge.reference.reciprocal import Element, Held, idle_forces
 from screwgauge.reference.rotations import Array
@@ -35,7 +35,7 @@ def sentences(lay: Layout, at: Pose, found: Sequence[Held], t: Array) -> list[st
     places = {joint.name: at.joint(joint).p_child[0] for joint in joints}
     sides = [side for joint in mechanism.joints for side in (joint.parent, joint.child)]
     tips = sum(sides.count(body.name) == 1 for body in mechanism.bodies)
-    said = [f"An open tree with {tips} ends; {first.body} is the farthest."] if tips > 1 and not lay.tree.cuts else []
+    said = [f"An open tree with {tips} ends; {first.body} is the farthest."] if tips > 1 and not lay.cuts else []
     said += [_legs(first, places), f"That leaves {first.body} {listed(first.twists, TWISTS, places)}."]
     if n := first.overconstraints:
         said.append(f"{_many(n, 'of these', '').capitalize()} constraints repeat{'s' * (n == 1)} others.")

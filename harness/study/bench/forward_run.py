@@ -15,7 +15,7 @@ from screwgauge.judging.answer import answer_at
 from screwgauge.judging.energy import energy_balance
 from screwgauge.problem import Integration, Problem, spread
 from screwgauge.reference.errors import DescriptionError, check_choice
-from screwgauge.reference.layout import Layout, layout
+from screwgauge.reference.graph import Layout, layout
 from screwgauge.scene.observables import known_values, observe
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import EXPLICIT, check_start, stiff_warning, stiffness

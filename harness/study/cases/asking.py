@@ -14,8 +14,8 @@ from screwgauge.models.loops import loops_of
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
+from screwgauge.reference.graph import layout
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.scene.read import load_scene

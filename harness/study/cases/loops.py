@@ -8,8 +8,8 @@ from pathlib import Path
 
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.fourbars import four_bars
+from screwgauge.reference.graph import layout
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import pose
 from screwgauge.scene.read import load_scene

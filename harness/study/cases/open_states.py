@@ -15,9 +15,8 @@ from screwgauge.models.generate import write_models
 from screwgauge.problem import States
 from screwgauge.reference import linear
 from screwgauge.reference.closed.loops import loop_equations
-from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.graph import layout, spanning_tree
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.layout import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
@@ -93,9 +92,9 @@ def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
         names: Coordinates of the tree.
     """
     mechanism, motion = scene.mechanism, scene.motion
-    lay = layout(mechanism, spanning_tree(mechanism))  # that of the models
+    lay = spanning_tree(mechanism)  # that of the models
     system, q = loop_equations(lay), positions(layout(mechanism), motion.y, motion.t)
-    m, tree, size = 3 * len(lay.tree.cuts), system.unknown, system.size
+    m, tree, size = 3 * len(lay.cuts), system.unknown, system.size
     y, yd = (array / size[mechanism.independent_columns] for array in (motion.y, motion.yd))
     apart, parting = (gap / system.length * _direction((len(q), m), phase) for phase in (0.3, 1.1))
     z, goal = (q / size)[:, tree], np.concatenate([apart, np.zeros_like(y)], axis=1)
@@ -106,7 +105,7 @@ def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
     v, w, at_rest = np.zeros_like(q), np.zeros_like(z), np.zeros_like(q)
     for _ in range(3):  # the matrix is that of closed loops
         v[:, tree] = w * size[tree]
-        rate = closure_residuals(mechanism, walk(mechanism, lay.tree, q, v, at_rest))[1].reshape(len(q), m)
+        rate = closure_residuals(mechanism, walk(mechanism, lay, q, v, at_rest))[1].reshape(len(q), m)
         right = np.concatenate([parting - rate / system.length, yd - (A[:, m:] @ w[..., None])[..., 0]], axis=1)
         w = w + linear.solve(A, right[..., None])[..., 0]
     v[:, tree] = w * size[tree]
