@@ -1,4 +1,4 @@
-"""Freedoms and constraints by reciprocal screws (section 2.2), and which forces are unique."""
+"""Counts of freedoms and constraints (section 2.2), and which forces are unique."""
 
 from __future__ import annotations
 
@@ -10,42 +10,10 @@ from screwgauge.reference import linear
 from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.equations.newton_euler import force_matrix
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.graph import Layout, layout, serial_chains
+from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.mechanism import KINDS
 from screwgauge.reference.pose import Pose, length, pose
 from screwgauge.reference.rotations import Array
-
-
-def exchange(screw: Array) -> Array:
-    """The operator of eq. (8): swaps the two halves of a screw along its first axis. Shape (6, ...)."""
-    return np.concatenate([screw[3:], screw[:3]])
-
-
-def reciprocal_screws(S: Array) -> Array:
-    """Wrenches ``[force; moment about O]`` that do no work on any column of S, eq. (8).
-
-    Args:
-        S: Screws. Shape (6, m).
-
-    Returns:
-        Orthonormal basis. Shape (6, 6 - rank S).
-    """
-    return linear.null_space(exchange(S).T)
-
-
-def chain_constraints(lay: Layout, at: Pose) -> list[Array]:
-    """Wrenches by which each serial chain constrains the output body, eqs. (9)-(11). Shape (6, r) each."""
-    return [reciprocal_screws(at.chain_screws(chain)[0]) for chain in serial_chains(lay.mechanism)]
-
-
-def output_constraints(lay: Layout, at: Pose) -> Array:
-    """All chain constraints side by side, eq. (12). Shape (6, r)."""
-    return np.concatenate(chain_constraints(lay, at), axis=1)
-
-
-def output_freedoms(lay: Layout, at: Pose) -> Array:
-    """Twists that all chains allow the output body, eqs. (13)-(14), orthonormal. Shape (6, freedoms)."""
-    return reciprocal_screws(output_constraints(lay, at))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,14 +10,26 @@ import numpy as np
 
 from screwgauge.reference import linear
 from screwgauge.reference.closed_motion import motion_at
-from screwgauge.reference.graph import Layout, coupled_joints, layout
+from screwgauge.reference.graph import Edge, Layout, chain, coupled_joints, layout
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
-from screwgauge.reference.mobility import in_lengths, reciprocal_screws
+from screwgauge.reference.mobility import in_lengths
 from screwgauge.reference.pose import Pose, length, pose
 from screwgauge.reference.rotations import Array, cross, skew
 
 #: Pitches and distances below it, in lengths of the mechanism, are none; shares of a unit screw likewise.
 NONE = 1e-6
+
+
+def reciprocal_screws(S: Array) -> Array:
+    """Wrenches ``[force; moment about O]`` that do no work on any column of S, eq. (8); of wrenches, such twists.
+
+    Args:
+        S: Screws. Shape (6, m).
+
+    Returns:
+        Orthonormal basis. Shape (6, 6 - rank S).
+    """
+    return linear.null_space(np.roll(S, 3, axis=0).T)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,16 +83,12 @@ def end_body(mechanism: Mechanism) -> tuple[str, tuple[Leg, ...]]:
     away, rim = {GROUND: 0}, [GROUND]
     for body in rim:
         for joint in mechanism.joints:
-            if body in (joint.parent, joint.child) and (far := _far(joint, body)) not in away:
+            if body in joint.bodies and (far := Edge(joint, body).far) not in away:
                 away[far] = away[body] + 1
                 rim.append(far)
     found = {body.name: legs(mechanism, body.name) for body in mechanism.bodies}
     best = max(found, key=lambda name: (len(found[name]), away[name]))
     return best, found[best]
-
-
-def _far(joint: Joint, near: str) -> str:
-    return joint.child if near == joint.parent else joint.parent
 
 
 def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
@@ -96,11 +104,11 @@ def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
     ties: list[tuple[Joint, ...]] = [(joint,) for joint in mechanism.joints]
     ties += [(owner[one.coordinate], owner[one.of]) for one in mechanism.couplings if one.of]
     for tie in ties:
-        for a, b in pairwise(side for joint in tie for side in (joint.parent, joint.child) if side not in ends):
+        for a, b in pairwise(side for joint in tie for side in joint.bodies if side not in ends):
             same[root(a)] = root(b)
     parts: dict[str, list[Joint]] = {}
     for joint in mechanism.joints:
-        inner = [side for side in (joint.parent, joint.child) if side not in ends]
+        inner = [side for side in joint.bodies if side not in ends]
         parts.setdefault(root(inner[0]) if inner else joint.name, []).append(joint)
     ways = [part for part in parts.values() if ends <= {*_sides(part)}]
     kept = coupled_joints(mechanism)
@@ -108,31 +116,27 @@ def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
 
 
 def _sides(joints: Sequence[Joint]) -> list[str]:
-    return [side for joint in joints for side in (joint.parent, joint.child)]
+    return [side for joint in joints for side in joint.bodies]
 
 
 def _leg(joints: list[Joint], body: str, kept: frozenset[str]) -> Leg:
     """A leg without what dangles from it, coupled joints (`kept`) excepted."""
 
     def dangles(joint: Joint) -> bool:
-        tips = {side for side in (joint.parent, joint.child) if _sides(joints).count(side) == 1}
+        tips = {side for side in joint.bodies if _sides(joints).count(side) == 1}
         return bool(tips - {GROUND, body}) and joint.name not in kept
 
     while any(map(dangles, joints)):
         joints = [joint for joint in joints if not dangles(joint)]
-    near, walked, left = GROUND, list[Joint](), list(joints)
-    while near != body:
-        onward = [joint for joint in left if near in (joint.parent, joint.child)]
-        if len(onward) != 1:
-            break
-        walked, near = [*walked, onward[0]], _far(onward[0], near)
-        left.remove(onward[0])
-    simple = near == body and not left
-    groups, ends = {joint.name.rpartition(".")[0] for joint in joints}, walked if simple else joints
+    starts = [Edge(joint, GROUND) for joint in joints if GROUND in joint.bodies]
+    walked = chain(starts[0], body, joints) if len(starts) == 1 else ()
+    simple = len(walked) == len(joints) and walked[-1].far == body
+    ends = [edge.joint for edge in walked] if simple else joints
+    groups = {joint.name.rpartition(".")[0] for joint in joints}
     name = groups.pop() if len(groups) == 1 and len(joints) > 1 else ""
     name = name or (ends[0].name if len(joints) == 1 else f"{ends[0].name} to {ends[-1].name}")
     coupled = ", coupled" * any(joint.name in kept for joint in joints)
-    return Leg(name, "".join(joint.kind for joint in walked) + coupled if simple else "", tuple(joints))
+    return Leg(name, "".join(joint.kind for joint in ends) + coupled if simple else "", tuple(joints))
 
 
 def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Array) -> list[Array]:
@@ -159,7 +163,10 @@ def _span(A: Array) -> Array:
 
 
 def held(lay: Layout, at: Pose, body: str = "") -> tuple[Held, ...]:
-    """How a body is held at each of n closed poses; by default that with the most legs."""
+    """How a body is held at each of n closed poses; by default that with the most legs.
+
+    By the wrenches of its legs, eqs. (9)-(12); the twists left to it have no power with them, eqs. (13)-(14).
+    """
     unit, (scaled, at) = length(lay), in_lengths(lay, at)
     mechanism = scaled.mechanism
     body, ways = (body, legs(mechanism, body)) if body else end_body(mechanism)
@@ -171,9 +178,9 @@ def held(lay: Layout, at: Pose, body: str = "") -> tuple[Held, ...]:
     for k, middle in enumerate(middles):
         systems = [reciprocal_screws(twists[k]) for twists in left]
         both = np.concatenate([np.zeros((6, 0)), *systems], axis=1)
-        wrenches = tuple(_in_metres(elements(system, middle), unit) for system in systems)
+        wrenches = tuple(elements(system, middle, unit) for system in systems)
         redundant = both.shape[1] - linear.rank(both)
-        found.append(Held(body, ways, wrenches, _in_metres(elements(free[k], middle), unit), redundant))
+        found.append(Held(body, ways, wrenches, elements(free[k], middle, unit), redundant))
     return tuple(found)
 
 
@@ -188,11 +195,7 @@ def idle_forces(lay: Layout, at: Pose) -> Array:
     return linear.null_space(work) if work.size and np.isfinite(work).all() else np.zeros((work.shape[1], 0))
 
 
-def _in_metres(found: Sequence[Element], unit: float) -> tuple[Element, ...]:
-    return tuple(Element(one.direction, one.point * unit, one.pitch * unit) for one in found)
-
-
-def elements(system: Array, near: Array) -> tuple[Element, ...]:
+def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[Element, ...]:
     """A system of screws as lines and directions, which span it: axes, then directions.
 
     Principal screws of the system (Ball, A Treatise on the Theory of Screws, 1900), which meet in one point; lines
@@ -201,6 +204,7 @@ def elements(system: Array, near: Array) -> tuple[Element, ...]:
     Args:
         system: Independent screws ``[direction; moment about O]``, without dimension. Shape (6, k).
         near: Axes are told by their points next to it. Shape (3,).
+        unit: Length of the system, in which points and pitches are told [m].
     """
     if not system.shape[1]:
         return ()
@@ -214,10 +218,10 @@ def elements(system: Array, near: Array) -> tuple[Element, ...]:
     E, h = _principal(D @ fixed, M @ fixed)
     rest = _upright(D @ linear.null_space(fixed.T) if 0 < fixed.shape[1] < f else D[:, fixed.shape[1] :])
     E, h = np.concatenate([E, rest], axis=1), np.concatenate([h, np.zeros(rest.shape[1])])
-    E, points, h = _without_pitch(E, _points(E, M @ D.T @ E, h, off), h)
+    E, points, h = _without_pitch(E, np.tile(_meeting(E, M @ D.T @ E, h, off), (len(h), 1)), h)
     E, couples = _signed(E), _signed(couples)
-    lines = [Element(e, near + r, float(p)) for e, r, p in zip(E.T, points, h, strict=True)]
-    return (*lines, *(Element(e, near, np.inf) for e in couples.T))
+    lines = [Element(e, (near + r) * unit, float(p) * unit) for e, r, p in zip(E.T, points, h, strict=True)]
+    return (*lines, *(Element(e, near * unit, np.inf) for e in couples.T))
 
 
 def _without_pitch(E: Array, points: Array, h: Array) -> tuple[Array, Array, Array]:
@@ -240,8 +244,6 @@ def _without_pitch(E: Array, points: Array, h: Array) -> tuple[Array, Array, Arr
 
 def _principal(E: Array, M: Array) -> tuple[Array, Array]:
     """Directions in which moments of a system lie along the forces, and pitches. Shapes (3, k) -> (3, k), (k,)."""
-    if not E.shape[1]:
-        return E, np.zeros(0)
     h, V = np.linalg.eigh((E.T @ M + M.T @ E) / 2.0)
     h = np.where(np.abs(h) < NONE, 0.0, h)
     E = E @ V
@@ -252,14 +254,11 @@ def _principal(E: Array, M: Array) -> tuple[Array, Array]:
     return E[:, order], h[order]
 
 
-def _points(E: Array, M: Array, h: Array, off: Array) -> Array:
-    """The point, from O, at which the axes of a system in principal directions meet, but for couples. Shape (k, 3)."""
-    k = E.shape[1]
-    if not k:
-        return np.zeros((0, 3))
+def _meeting(E: Array, M: Array, h: Array, off: Array) -> Array:
+    """The point, from O, at which the axes of a system in principal directions meet, but for couples. Shape (3,)."""
     wanted = off @ (M - E * h)
-    A = np.concatenate([-off @ skew(e) for e in E.T])  # r x e = -e x r
-    return np.tile(np.linalg.lstsq(A, wanted.T.ravel(), rcond=NONE)[0], (k, 1))
+    A = (-off @ skew(E.T)).reshape(-1, 3)  # r x e = -e x r
+    return np.asarray(np.linalg.lstsq(A, wanted.T.ravel(), rcond=NONE)[0])
 
 
 def _upright(E: Array) -> Array:
@@ -277,7 +276,5 @@ def _upright(E: Array) -> Array:
 
 def _signed(E: Array) -> Array:
     """Directions with their largest component positive. Shape (3, k)."""
-    if not E.shape[1]:
-        return E
     largest = np.argmax(np.round(np.abs(E), 6), axis=0)
-    return np.asarray(E * np.sign(E[largest, range(E.shape[1])]))
+    return np.asarray(E * np.sign(np.take_along_axis(E, largest[None], axis=0)))

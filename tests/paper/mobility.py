@@ -10,9 +10,10 @@ from paper.erratum import Erratum, Form
 
 from screwgauge.reference.equations import screws
 from screwgauge.reference.linear import null_space
-from screwgauge.reference.mobility import mobility, output_freedoms
+from screwgauge.reference.mobility import mobility
 from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
+from support.freedoms import output_freedoms
 
 #: The free twists of the platform as eq. (14) prints them: fixed axes whatever the pose. Shape (6, 2).
 FREE_TWISTS = np.eye(6)[:, :2]

@@ -2,21 +2,37 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from screwgauge.reference.graph import Layout, serial_chains
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.mobility import (
-    Mobility,
-    chain_constraints,
-    check_independent,
-    exchange,
-    in_lengths,
-    mobility,
-    output_constraints,
-    output_freedoms,
-    reciprocal_screws,
-)
+from screwgauge.reference.mobility import Mobility, check_independent, in_lengths, mobility
+from screwgauge.reference.pose import Pose
+from screwgauge.reference.reciprocal import reciprocal_screws
+from screwgauge.reference.rotations import Array
 from support.solve import at_home
 
 
 def mobility_at_home(mechanism: Mechanism) -> Mobility:
     """Its freedoms and constraints, counted at home."""
     return mobility(*at_home(mechanism))
+
+
+def exchange(screw: Array) -> Array:
+    """The operator of eq. (8): swaps the two halves of a screw along its first axis. Shape (6, ...)."""
+    return np.concatenate([screw[3:], screw[:3]])
+
+
+def chain_constraints(lay: Layout, at: Pose) -> list[Array]:
+    """Wrenches by which each serial chain constrains the output body, eqs. (9)-(11). Shape (6, r) each."""
+    return [reciprocal_screws(at.chain_screws(chain)[0]) for chain in serial_chains(lay.mechanism)]
+
+
+def output_constraints(lay: Layout, at: Pose) -> Array:
+    """All chain constraints side by side, eq. (12). Shape (6, r)."""
+    return np.concatenate(chain_constraints(lay, at), axis=1)
+
+
+def output_freedoms(lay: Layout, at: Pose) -> Array:
+    """Twists that all chains allow the output body, eqs. (13)-(14), orthonormal. Shape (6, freedoms)."""
+    return reciprocal_screws(output_constraints(lay, at))
