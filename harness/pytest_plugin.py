@@ -63,14 +63,14 @@ class SceneItem(pytest.Item):
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: object = None) -> str:
         """What differs, and why; no traceback of ours."""
-        from screwgauge.reference.wording import printable
+        from screwgauge.reference.errors import printable
 
         if excinfo.errisinstance(AssertionError):
             return printable(str(excinfo.value), lines=True)
         return str(super().repr_failure(excinfo))
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        from screwgauge.reference.wording import printable
+        from screwgauge.reference.errors import printable
 
         return self.path, 0, printable(f"scene {self.path.stem}")
 

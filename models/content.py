@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from screwgauge.reference.wording import first_few
+from screwgauge.reference.errors import first_few
 
 #: What becomes of a kind; `content.toml` says what each means.
 FATES = ("held", "compared", "withheld", "aside", "irrelevant")

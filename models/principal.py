@@ -12,9 +12,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from screwgauge.models.placement import number_text, quaternion, tensor_text, vector_text
+from screwgauge.reference.errors import first_few
 from screwgauge.reference.mechanism import SLACK, Body, Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.wording import first_few
 
 #: The least mass and moment of a moving body that MuJoCo takes [kg, kg m^2]; it stands for none at all.
 LEAST = 1e-15

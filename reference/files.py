@@ -1,4 +1,9 @@
-"""Every file is opened here, those that an earlier command wrote included, and what files hold is limited here."""
+"""Every file is opened here, those that an earlier command wrote included; what files hold is limited here.
+
+Nothing is written over that a command reads, or that this program did not write as it is now. A text that is written
+for users to keep ends with a comment that bears the digest of all lines above it: so a file that somebody has worked on
+since is told from one that can be made again.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +12,7 @@ import json
 import os
 import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
@@ -47,6 +52,7 @@ LIMITS = {
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 #: Digits of a whole number beyond which no double is near it, and Python would take long.
 _DIGITS = 300
+_SAID = "As screwgauge wrote it, lines above: sha256 "
 
 
 def check_count(count: float, what: str, where: str, remedy: str = "take fewer") -> None:
@@ -219,3 +225,56 @@ def replace_file(path: Path, content: str | bytes) -> None:
             beside.unlink(missing_ok=True)
     except (OSError, ValueError) as error:
         raise OutputError(f"cannot be written ({why(error)})", str(path), "name another file") from error
+
+
+def stamped(text: str) -> str:
+    """A text of XML, HTML, TOML or YAML with the comment that says how it was written."""
+    text = text if text.endswith("\n") else f"{text}\n"
+    return f"{text}{_last(text)}"
+
+
+def _last(text: str) -> str:
+    said = f"{_SAID}{hashlib.sha256(text.encode(errors='surrogateescape')).hexdigest()}"
+    return f"<!-- {said} -->\n" if text.lstrip("\ufeff \n").startswith("<") else f"# {said}\n"
+
+
+def is_as_written(path: Path) -> bool:
+    """Whether a file is a text as this program wrote it."""
+    try:
+        text = read_file(path)
+    except DescriptionError:
+        return False
+    above, _, last = text.removesuffix("\n").rpartition("\n")
+    return text.endswith("\n") and f"{last}\n" == _last(f"{above}\n")
+
+
+def check_free(path: Path, inputs: Iterable[str | Path] = (), *, force: bool = False) -> None:
+    """Refuses a file in the way, before any work.
+
+    Args:
+        inputs: What the command reads.
+        force: Whatever is there may be replaced.
+
+    Raises:
+        OutputError: It is an input, or this program did not write it as it is now.
+    """
+    try:
+        there = os.path.lexists(path)
+        if path.is_dir():
+            raise OutputError("is a folder", str(path), "name a file")
+    except (OSError, ValueError) as error:  # a path that is too long, or has a null byte
+        raise OutputError(f"cannot be written ({why(error)})", str(path), "name another file") from None
+    if not there or force:
+        return
+    if any(_same(path, Path(name)) for name in inputs):
+        raise OutputError("is what the command reads", str(path), "name another file, or overwrite it by --force")
+    if not is_as_written(path):
+        what = "is there, and not as screwgauge wrote it: from elsewhere, or changed since"
+        raise OutputError(what, str(path), "name another file, or overwrite it by --force")
+
+
+def _same(path: Path, other: Path) -> bool:
+    try:
+        return path.samefile(other)
+    except (OSError, ValueError):  # a name of something built-in is no file
+        return False

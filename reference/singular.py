@@ -9,10 +9,10 @@ import numpy as np
 from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.couplings import component_name
 from screwgauge.reference.equations.screws import velocity_at
+from screwgauge.reference.errors import first_few
 from screwgauge.reference.graph import Layout, output_body
 from screwgauge.reference.pose import Pose
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.wording import first_few
 
 #: Parts of a null vector below this share of its largest are left out of the sentence.
 SHARE = 0.05

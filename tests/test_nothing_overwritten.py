@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.reference.outputs import is_as_written, stamped
+from screwgauge.reference.files import is_as_written, stamped
 from screwgauge.report.lock import locked
 from support.command import main
 from support.errors import OutputError

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from screwgauge.commands.carrying import carry_out
 from screwgauge.models.importing import is_model
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.outputs import check_free
+from screwgauge.reference.files import check_free
 from screwgauge.report.console import complain, say
 
 if TYPE_CHECKING:

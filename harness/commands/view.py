@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 
 from screwgauge.commands import imported
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, UnknownNameError
-from screwgauge.reference.files import why
-from screwgauge.reference.outputs import check_free, stamped
+from screwgauge.reference.files import check_free, stamped, why
 from screwgauge.report.console import complain, say, stopped
 
 if TYPE_CHECKING:

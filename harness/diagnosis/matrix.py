@@ -17,8 +17,7 @@ from screwgauge.diagnosis.pairing.mapping import Pairing, paired
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import Reading
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.reference.wording import first_few
+from screwgauge.reference.errors import ScrewgaugeError, first_few
 
 _NAMED = 4
 

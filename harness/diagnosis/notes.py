@@ -18,8 +18,8 @@ from screwgauge.diagnosis.pairing.common import STANDARD, Common
 from screwgauge.diagnosis.witness import Witness
 from screwgauge.models.kinematics.tree import draw, plant
 from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import first_few
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.wording import first_few
 
 #: Things that a note names, others being counted.
 NAMED = 3

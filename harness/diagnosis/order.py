@@ -19,7 +19,7 @@ from screwgauge.models.kinematics.tree import draw, plant
 from screwgauge.models.readings.order import by_name, in_file
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import prepare
-from screwgauge.reference.wording import first_few
+from screwgauge.reference.errors import first_few
 
 _NAMED = 3
 

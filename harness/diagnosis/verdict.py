@@ -17,7 +17,7 @@ from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.diagnosis.together import Together
 from screwgauge.diagnosis.witness import Witness
 from screwgauge.models.content import kinds
-from screwgauge.reference.wording import first_few
+from screwgauge.reference.errors import first_few
 
 #: Scaled torques that differ by no more are the same, whatever the readers' rounding.
 SAME = 1e-11

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from screwgauge.reference.wording import printable
+from screwgauge.reference.errors import printable
 from screwgauge.report.formatting import FORMS, missing, number, words
 
 Status = Literal["agree", "differ", "failed", "note"]

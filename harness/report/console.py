@@ -14,9 +14,8 @@ from contextlib import contextmanager, suppress
 from io import TextIOWrapper
 from types import FrameType
 
-from screwgauge.reference.errors import OutputError, ScrewgaugeError
+from screwgauge.reference.errors import OutputError, ScrewgaugeError, printable
 from screwgauge.reference.files import why
-from screwgauge.reference.wording import printable
 
 #: What a stream says that does not know a sign: as long as the sign, so that columns stay where they are.
 SIGNS = {"✓": "+", "✗": "x", "·": ".", "²": "2", "³": "3", "µ": "u", "†": "*", "→": ">"}

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.environment import json_text
-from screwgauge.reference.wording import first_few, printable
+from screwgauge.reference.errors import first_few, printable
 from screwgauge.report.blocks import Banner, Heading
 from screwgauge.report.formatting import beyond, digits_text, number, size, unit_text
 from screwgauge.report.layout import Report

@@ -8,7 +8,7 @@ from time import monotonic
 from types import TracebackType
 from typing import TextIO
 
-from screwgauge.reference.wording import printable
+from screwgauge.reference.errors import printable
 
 QUIET = 10.0  # s without a word where the output is no terminal, and from one line to the next
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from screwgauge.judging.integration import WITHIN
 from screwgauge.quantities import digits
-from screwgauge.reference.wording import first_few
+from screwgauge.reference.errors import first_few
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
 from screwgauge.study.comparison import Comparison

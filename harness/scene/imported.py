@@ -12,7 +12,7 @@ from screwgauge.models.importing.convert import Imported
 from screwgauge.models.importing.model import notes
 from screwgauge.models.importing.write import description
 from screwgauge.reference.errors import OutputError
-from screwgauge.reference.outputs import check_free, stamped
+from screwgauge.reference.files import check_free, stamped
 from screwgauge.scene.default import SUFFIX, acting_on, default_scene
 
 

@@ -15,8 +15,8 @@ from screwgauge.models.elements import FORMATS, extras, unread_rows
 from screwgauge.models.expected import expected_reading
 from screwgauge.models.loops import loops_of
 from screwgauge.problem import ModelFiles
+from screwgauge.reference.errors import first_few
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.wording import first_few
 from screwgauge.scene.scene import Scene
 
 #: What an engine of this package makes of something beyond the description, by its kind.

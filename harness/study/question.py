@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 from screwgauge.engines.registry import Engine, Model
 from screwgauge.problem import ModelFiles, Problem, Progress, States
-from screwgauge.reference.errors import DescriptionError, ModelFileError, ScrewgaugeError, UnknownNameError
-from screwgauge.reference.wording import first_few
+from screwgauge.reference.errors import DescriptionError, ModelFileError, ScrewgaugeError, UnknownNameError, first_few
 from screwgauge.solution import Failure, Solution
 from screwgauge.study.sound import LONG, shortened, sound
 

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.models.importing.closing import Loops
-from screwgauge.reference.errors import ClosureError
+from screwgauge.reference.errors import ClosureError, first_few
 from screwgauge.reference.linear import EPS, ROUNDED
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.wording import first_few
 
 #: Where Newton's method begins beside home, and how far from it at most [rad or lengths of the model]; after every
 #: second of these once anywhere within the limits.

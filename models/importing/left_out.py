@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.applied import JointSpring
+from screwgauge.reference.errors import first_few
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.wording import first_few
 
 #: How many names a phrase lists.
 SHOWN = 6

@@ -27,9 +27,8 @@ from screwgauge.models.readings.meshes import without_meshes
 from screwgauge.models.readings.naming import joints_in, name_all
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.models.readings.weights import weigh
-from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.errors import ModelFileError, first_few
 from screwgauge.reference.files import check_count
-from screwgauge.reference.wording import first_few
 
 #: Root element -> format.
 FORMATS = {"robot": "urdf", "mujoco": "mjcf"}

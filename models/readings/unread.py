@@ -11,7 +11,7 @@ from screwgauge.models.content import Content, Values, kind_of
 from screwgauge.models.elements import Extra, beyond_reading
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import Source
-from screwgauge.reference.wording import first_few
+from screwgauge.reference.errors import first_few
 
 #: Links and joints that are named; the others are counted.
 _NAMED = 3

@@ -14,8 +14,7 @@ from campaigns.two_readers import SAME, compared
 from screwgauge.diagnosis.asked import ASKED
 from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import Reading
-from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.reference.wording import first_few
+from screwgauge.reference.errors import ScrewgaugeError, first_few
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, missing, number, rows, size
 from screwgauge.report.study import counted, study

@@ -12,5 +12,5 @@ from screwgauge.reference.errors import (
     ReportError,
     SingularPoseError,
     UnknownNameError,
+    printable,
 )
-from screwgauge.reference.wording import printable

@@ -20,8 +20,7 @@ from screwgauge.models.elements import FORMATS
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import OutputError, ScrewgaugeError
-from screwgauge.reference.files import is_file, read_file, replace_file
-from screwgauge.reference.outputs import stamped
+from screwgauge.reference.files import is_file, read_file, replace_file, stamped
 
 #: A file that is read again leaves at most so much, scaled: numbers of 17 digits, MuJoCo's principal axes.
 RELOADED = 10 * ROUNDING

@@ -16,8 +16,8 @@ from screwgauge.diagnosis.mechanics.lines import size
 from screwgauge.diagnosis.mechanics.matter import combined, displaced, of_body, relative
 from screwgauge.diagnosis.pairing.common import Common
 from screwgauge.models.readings.reading import BodyReading, Reading
+from screwgauge.reference.errors import first_few
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.wording import first_few
 
 _NAMED = 3
 

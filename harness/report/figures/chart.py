@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.environment import plain
+from screwgauge.reference.errors import printable
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.wording import printable
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.looks import Look
 from screwgauge.report.figures.renderer import RENDERER, DrawingError

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.reference.errors import OutputError
-from screwgauge.reference.files import replace_file, why
-from screwgauge.reference.outputs import check_free, stamped
+from screwgauge.reference.files import check_free, replace_file, stamped, why
 from screwgauge.report.gate import PAGE, Check
 from screwgauge.study.gate.baseline import check_baseline
 
