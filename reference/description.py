@@ -113,10 +113,7 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
         raise DescriptionError("is a scene, not a mechanism", where, f"give its mechanism, {data['mechanism']!r}")
     check_keys(data, _TOP, where)
     name = _name(required(data, "name", where), f"{where}, name")
-    bodies = _table(data, "bodies", where)
-    joints = _table(data, "joints", where)
-    for what, table in (("bodies", bodies), ("joints", joints)):
-        check_count(len(table), what, where)
+    bodies, joints = _table(data, "bodies", where), _table(data, "joints", where)
     mechanism = Mechanism(
         name=name,
         title=_text(data.get("title", name), f"{where}, title"),
@@ -164,6 +161,8 @@ def _table(data: dict[str, Any], key: str, where: str) -> dict[str, Any]:
     table = required(data, key, where)
     if not isinstance(table, dict) or not table:
         raise DescriptionError(f"'{key}' has no entries", where, f"write at least one [{key}.NAME]")
+    if key in LIMITS:
+        check_count(len(table), key, where)
     return table
 
 
@@ -220,7 +219,6 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
 def read_couplings(data: dict[str, Any], where: str) -> tuple[Coupling, ...]:
     """Reads ``[couplings]``, also of a loops file; there may be none."""
     tables = _table(data, "couplings", where) if "couplings" in data else {}
-    check_count(len(tables), "couplings", where)
     return tuple(_coupling(name, table, f"{where}, couplings.{name}") for name, table in tables.items())
 
 

@@ -21,7 +21,7 @@ class _Shown(dict[int, str]):
         return self[code]
 
 
-_SHOWN, _SHOWN_LINES = _Shown(), _Shown({ord("\n"): "\n"})
+_SHOWN = _Shown()
 
 
 def printable(text: str, *, lines: bool = False) -> str:
@@ -30,9 +30,9 @@ def printable(text: str, *, lines: bool = False) -> str:
     Args:
         lines: Whether line breaks stay.
     """
-    if text.isascii() and (text.replace("\n", "") if lines else text).isprintable():
-        return text
-    return text.translate(_SHOWN_LINES if lines else _SHOWN)
+    if lines:
+        return "\n".join(map(printable, text.split("\n")))
+    return text if text.isascii() and text.isprintable() else text.translate(_SHOWN)
 
 
 def first_few(things: Iterable[str], most: int, between: str = ", ") -> str:
@@ -60,11 +60,7 @@ class ScrewgaugeError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """As it is: children are made from other facts."""
-        return _again, (type(self), str(self)), vars(self)
-
-
-def _again(kind: type[ScrewgaugeError], message: str) -> ScrewgaugeError:
-    return kind.__new__(kind, message)
+        return Exception.__new__, (type(self), str(self)), vars(self)
 
 
 def _one_line(text: str, most: int) -> str:

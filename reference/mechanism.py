@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property, lru_cache
 from typing import Any
@@ -241,18 +241,17 @@ class Mechanism:
     def actuator_units(self) -> tuple[str, ...]:
         return tuple("N m" if joint.angles else "N" for joint in self.actuators)
 
-    def columns(self, names: Mapping[str, str] | tuple[str, ...]) -> list[int]:
+    def columns(self, names: Iterable[str]) -> list[int]:
         """Positions of named coordinates in the vector of all joint coordinates."""
-        wanted = names.values() if isinstance(names, Mapping) else names
-        return [self.coordinates.index(name) for name in wanted]
+        return [self.coordinates.index(name) for name in names]
 
     @cached_property
     def independent_columns(self) -> list[int]:
-        return self.columns(self.independent)
+        return self.columns(self.independent.values())
 
     @cached_property
     def actuated_columns(self) -> list[int]:
-        return self.columns(tuple(joint.coordinates[0] for joint in self.actuators))
+        return self.columns(joint.coordinates[0] for joint in self.actuators)
 
     @cached_property
     def coupling_rows(self) -> CouplingRows:
