@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from screwgauge.reference import linear
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.graph import Layout
+from screwgauge.reference.mobility import near_singularity
 from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.singular import near_singularity
 from screwgauge.solution import Solution
 
 #: Relative error from which a result is flagged: half of the digits of a double, and a thousand times the tolerance

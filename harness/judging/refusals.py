@@ -14,9 +14,9 @@ from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.graph import layout
 from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.mobility import gimbal_lock, near_singularity
 from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.singular import gimbal_lock, near_singularity
 from screwgauge.solution import Solution
 
 #: Condition number above which a singular pose, or a gimbal lock, is near enough to be what was met.

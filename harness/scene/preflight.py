@@ -16,10 +16,9 @@ from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.mobility import Mobility, check_independent, mobility
+from screwgauge.reference.mobility import Mobility, check_independent, mobility, near_singularity
 from screwgauge.reference.pose import Pose, length, pose
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.singular import near_singularity
 from screwgauge.scene.scene import Scene
 
 PART = 2048

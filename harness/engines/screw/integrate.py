@@ -22,9 +22,9 @@ from screwgauge.reference.closed.cut_coordinates import read
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
 from screwgauge.reference.graph import Layout
+from screwgauge.reference.mobility import near_singularity
 from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.singular import near_singularity
 from screwgauge.solution import Cost, Stopwatch
 
 #: Relative step of differences: the root of the rounding error.
