@@ -139,18 +139,17 @@ def _unread(path: Path, reason: str) -> DescriptionError:
     return DescriptionError(f"cannot be read ({reason})", str(path), "check the path")
 
 
-def read_json(path: Path, what: str, remedy: str, most: str = "MB") -> dict[str, Any]:
+def read_json(path: Path, what: str, remedy: str) -> dict[str, Any]:
     """The entries of a JSON file.
 
     Args:
         what: It is, for the complaint.
         remedy: What to do if it is none.
-        most: Its size in `LIMITS`.
 
     Raises:
         DescriptionError: It cannot be read, or is no JSON that a program of this package has written.
     """
-    value = parse_json(read_file(path, most), what, str(path), remedy)
+    value = parse_json(read_file(path), what, str(path), remedy)
     if not isinstance(value, dict):
         raise DescriptionError(f"is no {what}", str(path), remedy)
     return value

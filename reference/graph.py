@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -111,23 +111,25 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
     group = {name: name for name in mechanism.body_index}
     coupled = coupled_joints(mechanism)
 
-    def root(name: str) -> str:
-        while group[name] != name:
-            name = group[name]
-        return name
-
     def rank(joint: Joint) -> tuple[bool | int | str, ...]:
         first = not joint.constrains, joint.name in coupled, joint.name in keep, joint.actuated
         return *(not each for each in first), joint.kind in POINTS, len(joint.coordinates), joint.name
 
     kept = []
     for joint in sorted(mechanism.joints, key=rank):
-        a, b = root(joint.parent), root(joint.child)
+        a, b = root(group, joint.parent), root(group, joint.child)
         if a != b:
             group[a] = b
             kept.append(joint)
     cuts = tuple(joint for joint in mechanism.joints if joint not in kept)
     return Layout(mechanism, _outward([joint for joint in mechanism.joints if joint in kept]), cuts)
+
+
+def root(group: Mapping[str, str], name: str) -> str:
+    """The name that stands for a group of names, of which each leads to another one of its group or is that name."""
+    while group[name] != name:
+        name = group[name]
+    return name
 
 
 def coupled_joints(mechanism: Mechanism) -> frozenset[str]:

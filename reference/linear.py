@@ -134,19 +134,20 @@ def inverse(A: Array) -> Array:
         return np.where(regular[..., None, None], np.linalg.inv(safe), np.nan)
 
 
-def null_space(A: Array, tolerance: float = 1e-9) -> Array:
-    """Orthonormal basis of the null space of one matrix without dimension. Shape (m, n) -> (n, k).
-
-    Singular values count as zero below `tolerance` of the largest, or of one where all are small.
-    """
+def null_space(A: Array) -> Array:
+    """Orthonormal basis of the null space of one matrix without dimension, see `rank`. Shape (m, n) -> (n, k)."""
     _, s, Vt = np.linalg.svd(A)
-    return np.asarray(Vt[_count(s, tolerance) :].T)
+    return np.asarray(Vt[_count(s) :].T)
 
 
 def rank(A: Array, tolerance: float = 1e-9) -> int:
-    """Rank of one matrix without dimension, see `null_space`."""
+    """Rank of one matrix without dimension.
+
+    Singular values count as zero below `tolerance` of the largest, or of one where all are small.
+    """
     return _count(np.linalg.svd(A, compute_uv=False), tolerance)
 
 
-def _count(s: NDArray[np.floating], tolerance: float) -> int:
-    return int(np.sum(s > tolerance * max(s[0], 1.0))) if s.size else 0
+def _count(s: NDArray[np.floating], tolerance: float = 1e-9) -> int:
+    """How many singular values do not count as zero, see `rank`."""
+    return int(np.sum(s > tolerance * s.max(initial=1.0)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.reference import linear
 from screwgauge.reference.closed_motion import motion_at
-from screwgauge.reference.graph import Edge, Layout, chain, coupled_joints, layout
+from screwgauge.reference.graph import Edge, Layout, chain, coupled_joints, layout, root
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.mobility import in_lengths
 from screwgauge.reference.pose import Pose, length, pose
@@ -94,22 +94,16 @@ def end_body(mechanism: Mechanism) -> tuple[str, tuple[Leg, ...]]:
 def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
     """The legs of a body; those that a coupling ties together are one. A joint that constrains nothing is none."""
     ends, owner = {GROUND, body}, {name: joint for joint in mechanism.joints for name in joint.coordinates}
-    same = {one.name: one.name for one in mechanism.bodies}
-
-    def root(name: str) -> str:
-        while same[name] != name:
-            name = same[name]
-        return name
-
+    group = {one.name: one.name for one in mechanism.bodies}
     ties: list[tuple[Joint, ...]] = [(joint,) for joint in mechanism.joints]
     ties += [(owner[one.coordinate], owner[one.of]) for one in mechanism.couplings if one.of]
     for tie in ties:
         for a, b in pairwise(side for joint in tie for side in joint.bodies if side not in ends):
-            same[root(a)] = root(b)
+            group[root(group, a)] = root(group, b)
     parts: dict[str, list[Joint]] = {}
     for joint in mechanism.joints:
         inner = [side for side in joint.bodies if side not in ends]
-        parts.setdefault(root(inner[0]) if inner else joint.name, []).append(joint)
+        parts.setdefault(root(group, inner[0]) if inner else joint.name, []).append(joint)
     ways = [part for part in parts.values() if ends <= {*_sides(part)}]
     kept = coupled_joints(mechanism)
     return tuple(_leg(part, body, kept) for part in ways if any(joint.constrains for joint in part))
