@@ -14,7 +14,7 @@ from screwgauge.reference.closed.anchors import NEAR, Flags, Indices
 from screwgauge.reference.closed.curves import HALF, Curve, Drive, State, bent, consistent, hermite, straight
 from screwgauge.reference.closed.hermite_prediction import knots, predicted
 from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
-from screwgauge.reference.closed.walk import LEAP, MISS, Blocked, Walk
+from screwgauge.reference.closed.walk import EACH, LEAP, MISS, MOST, Blocked, Walk
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import TURN, Array, within_half_turn
 
@@ -198,7 +198,7 @@ class Continuation(Walk):
     def _go(self, curve: Curve, *, moving: bool) -> None:
         """Goes to the end of a curve: along it if it is the motion, else straight or by any other way."""
         target, t = curve.points[-1], curve.t[1]
-        length = float(np.abs(target - self.anchors[self.at].y).max(initial=0.0))
+        length = float(np.abs(target - curve.points[0]).max(initial=0.0))
         if not length <= LONGEST:
             what = f"the motion jumps by {length:.3g} (rad, or lengths of the mechanism) from one sample to the next"
             raise ClosureError(what, f"t = {t:g} s", "give samples closer to each other")
@@ -211,7 +211,7 @@ class Continuation(Walk):
             ways += [(self._back(), Curve(points)) for points in (straight(home, target), *bent(home, target))]
         ends = list[PathEnd]()
         for back, way in ways:
-            self.visits[seen:], self.steps = back, 0
+            self.visits[seen:], self.left = back, MOST + int(EACH * length)
             self.at = self.visits[-1]
             try:
                 self._along(way)
@@ -229,7 +229,7 @@ class Continuation(Walk):
         self.visits, self.at = [0], 0
         way = target - self.anchors[0].y
         for _ in range(LEAPS):
-            self.steps = 0
+            self.left = MOST
             try:
                 self._walk(target)
                 return True
@@ -293,7 +293,7 @@ class Continuation(Walk):
         near, far, tries = found[left], anchors.distance(y[left], found[left]), np.zeros(len(left), dtype=int)
         while left.size and len(anchors) < LARGEST:
             i, first = int(np.argmin(far)), len(anchors)
-            self.at, self.steps = (int(near[i]), 0, self._aside(y[left[i]], 3))[tries[i]], 0
+            self.at, self.left = (int(near[i]), 0, self._aside(y[left[i]], 3))[tries[i]], MOST
             try:
                 self._walk(y[left[i]])
                 done = not anchors.table["sheet"][self.at]
