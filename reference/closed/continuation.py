@@ -18,7 +18,7 @@ from screwgauge.reference.closed.walk import EACH, LEAP, MISS, MOST, Blocked, Wa
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import TURN, Array, within_half_turn
 
-#: Anchors of a region at most, and ways that are tried to each of its samples.
+#: Anchors that are added to a region at a time at most, and ways that are tried to each of its samples.
 LARGEST, PATIENCE = 2000, 3
 #: Nearer to singular poses than this many times home's beta no region is explored.
 STEEP = 1e3
@@ -304,16 +304,17 @@ class Continuation(Walk):
             y: Independent coordinates. Shape (n, k).
 
         Returns:
-            Predictions; which samples were not reached without passing near a singular pose, or within `LARGEST`
+            Predictions; which samples were not reached without passing near a singular pose, or with `LARGEST` more
             anchors; and over which of them another sheet of the same piece lies, too, so that y alone does not say the
             pose. Shape (n,) each.
         """
         self._look_for_turns(y)
         anchors, self.floor = self.anchors, STEEP * self.anchors[0].beta
+        most = len(anchors) + LARGEST  # whatever was asked before
         found, inside = anchors.cover(y, 0)
         left = np.flatnonzero(~inside)
         near, far, tries = found[left], anchors.distance(y[left], found[left]), np.zeros(len(left), dtype=int)
-        while left.size and len(anchors) < LARGEST:
+        while left.size and len(anchors) < most:
             i, first = int(np.argmin(far)), len(anchors)
             self.at, self.left = (int(near[i]), 0, self._aside(y[left[i]], 3))[tries[i]], MOST
             try:

@@ -115,7 +115,6 @@ class TracedWork:
         if (reached := np.flatnonzero(~(lost | twice))).size:
             some, guess = some.part(reached), guess.rows(reached)
         else:
-            self.work.mode.restart()
             guess = self.work.predict(some)
         q = self.work.close(some, guess)
         self.work.mode.restart()
