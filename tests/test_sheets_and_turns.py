@@ -197,7 +197,7 @@ def test_samples_without_order_are_answered_each_for_itself(name):
     q, f = (run(name).values(quantity)[order] for quantity in QUANTITIES)
     assert np.abs(away(found["joint_position"], q, angles(SCENES(name)))).max() < SAME
     assert np.abs(found["actuator_force"] - f).max() < SAME * np.abs(f).max()
-    assert np.array_equal(some["joint_position"], found["joint_position"][:7])
+    assert np.abs(some["joint_position"] - found["joint_position"][:7]).max() < SAME
 
 
 @pytest.mark.slow

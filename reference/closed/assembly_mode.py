@@ -34,17 +34,19 @@ class Guess:
         prediction: Unknowns without dimension and what they rest on; None where there is a closed form.
         near: Gives joint coordinates [rad or m] that say which of equal angles of a cut joint is meant; where there is
             a closed form, those of it. Shape (n, n_q).
+        source: Whose prediction it is.
     """
 
     system: LoopEquations
     y: Array
     prediction: Predicted | None
     near: Callable[[], Array]
+    source: Continuation | None = None
 
     def rows(self, rows: Indices) -> Guess:
         """The same for some of the samples."""
         prediction = None if self.prediction is None else self.prediction.rows(rows)
-        return Guess(self.system, self.y[rows], prediction, lambda: self.near()[rows])
+        return replace(self, y=self.y[rows], prediction=prediction, near=lambda: self.near()[rows])
 
     @cached_property
     def q(self) -> Array:
@@ -75,14 +77,18 @@ class AssemblyMode:
         where there is a closed form: by default other ways will do for samples that are no motion."""
         self.lay, self.system, self.columns = lay, home_equations(lay), lay.mechanism.independent_columns
         self.unit, self.strict = self.system.size[self.columns], strict
-        self.continuation: Continuation | None = None
         self.near = lay.mechanism.home
         """Joint coordinates of the last anchor that was visited. Shape (n_q,)."""
 
-    def _continuation(self) -> Continuation:
-        if self.continuation is None:
-            self.continuation = self.system.continuation(strict=self.strict)
-        return self.continuation
+    @cached_property
+    def continuation(self) -> Continuation:
+        """Where motions have led to."""
+        return self.system.continuation(strict=self.strict)
+
+    @cached_property
+    def region(self) -> Continuation:
+        """Where samples in any order have been reached: no motion adds to it, as they are to depend on y alone."""
+        return self.system.continuation()
 
     def predict(self, y: Array, t: Array, rates: Rates | None = None, drive: Drive | None = None) -> Guess:
         """Guesses for the samples of a motion that goes on from those before.
@@ -99,24 +105,23 @@ class AssemblyMode:
         if (guess := self.in_closed_form(y)) is not None:
             return guess
         scaled = None if rates is None else (rates[0] / self.unit, rates[1] / self.unit)
-        prediction = self._continuation().predict(y / self.unit, t, scaled, drive)
+        prediction = self.continuation.predict(y / self.unit, t, scaled, drive)
         near = self._visited(prediction.visited)
-        return Guess(self.system, y, prediction, lambda: near[prediction.visit])
+        return Guess(self.system, y, prediction, lambda: near[prediction.visit], self.continuation)
 
     def reach(self, y: Array) -> tuple[Guess, Array, Array]:
         """The same for samples in any order; see `Continuation.reach`. Shape (n, k)."""
         if (guess := self.in_closed_form(y)) is not None:
             none = np.zeros(len(y), dtype=bool)
             return guess, none, none
-        continuation = self._continuation()
-        prediction, lost, twice = continuation.reach(y / self.unit)
-        return Guess(self.system, y, prediction, lambda: self._turned(y)), lost, twice
+        prediction, lost, twice = self.region.reach(y / self.unit)
+        return Guess(self.system, y, prediction, lambda: self._turned(y), self.region), lost, twice
 
     def _turned(self, y: Array) -> Array:
         """Home, its angles turned as far as they turn with y. Shape (n, k) -> (n, n_q)."""
         home = self.lay.mechanism.home
         near = np.tile(home, (len(y), 1))
-        for i, path in self._continuation().loops.items():
+        for i, path in self.region.loops.items():
             winding = np.rint((self._followed(path, home)[-1] - home) / TURN) * self.lay.turns
             near += (y[:, i, None] - home[self.columns[i]]) * winding
         return near
@@ -124,7 +129,7 @@ class AssemblyMode:
     def restart(self) -> None:
         """Begins the next motion at home."""
         self.near = self.lay.mechanism.home
-        if self.continuation is not None:
+        if "continuation" in vars(self):  # a motion has begun
             self.continuation.restart()
 
     def in_closed_form(self, y: Array) -> Guess | None:
@@ -159,8 +164,8 @@ class AssemblyMode:
             ClosureError: A loop stays open.
         """
         y = guess.y / self.unit
-        if guess.prediction is not None:
-            return self._continuation().close(y, guess.prediction)
+        if guess.prediction is not None and guess.source is not None:
+            return guess.source.close(y, guess.prediction)
         system, where = self.system, self.lay.mechanism.name
         z, J, error, *more = newton(system.evaluate, (guess.q / system.size)[:, system.unknown], y)
         if not (error < OPEN).all():

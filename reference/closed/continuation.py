@@ -11,14 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.reference.closed.anchors import FARTHEST, NEAR, Flags, Indices
-from screwgauge.reference.closed.curves import HALF, Curve, Drive, State, bent, consistent, hermite, straight
+from screwgauge.reference.closed.curves import HALF, HALVES, Curve, Drive, State, bent, consistent, hermite, straight
 from screwgauge.reference.closed.hermite_prediction import knots, predicted
 from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
-from screwgauge.reference.closed.walk import LEAP, MISS, Blocked, Walk
+from screwgauge.reference.closed.walk import EACH, LEAP, MISS, MOST, Blocked, Walk
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import TURN, Array, within_half_turn
 
-#: Anchors of a region at most, and ways that are tried to each of its samples.
+#: Anchors that are added to a region at a time at most, and ways that are tried to each of its samples.
 LARGEST, PATIENCE = 2000, 3
 #: Samples that are made anchors where predictions are bad.
 SOME = 8
@@ -121,26 +121,42 @@ class Continuation(Walk):
         """
         self._look_for_turns(y)
         curves, moving, miss = self._curves(y, t, rates, drive)
-        anchor, visit, i, window = np.empty(len(y), dtype=np.intp), np.empty(len(y), dtype=np.intp), 0, WINDOW
-        begin = len(self.visits) - 1
+        anchor, visit = np.empty(len(y), dtype=np.intp), np.empty(len(y), dtype=np.intp)
+        i, window, begin = 0, WINDOW, len(self.visits) - 1
         while i < len(y):
-            rows = slice(i, min(i + window, len(y)))
-            found = self._linked(curves[rows], miss[rows])
-            m = len(found)
-            if m:
-                changed = np.flatnonzero(np.diff(found, prepend=self.at))
-                visit[i : i + m] = len(self.visits) - 1 + np.searchsorted(changed, np.arange(m), side="right")
-                self.visits += found[changed].tolist()
-                anchor[i : i + m], self.at, self.begun = found, int(found[-1]), True
-            window = min(2 * window, WIDEST) if i + m == rows.stop else max(window // 2, WINDOW)
-            i += m
-            if i < rows.stop:
+            first, stop, known = i, min(i + window, len(y)), len(self.anchors)
+            found, inside, linked = self._linked(curves[first:stop], miss[first:stop])
+            for gap in (*(first + np.flatnonzero(~linked)).tolist(), stop):
+                anchor[i:gap], visit[i:gap] = self._pass(found[i - first : gap - first])
+                i = gap
+                if i == stop:
+                    break
                 ends = (float(t[i - 1]) if i else float(self.last[0]) if self.last else float(t[0])), float(t[i])
                 self._go(Curve(curves[i], ends, drive if moving[i] else None), moving=bool(moving[i]))
                 anchor[i], visit[i], self.begun = self.at, len(self.visits) - 1, True
                 i += 1
+                next_one = int(found[gap - first])
+                if len(self.anchors) > known or not (inside[gap - first] and self._hop(next_one)):
+                    break  # what was looked up says nothing about the samples that follow
+            window = min(2 * window, WIDEST) if i == stop else max(window // 2, WINDOW)
         self.last = [t[-1], y[-1], *(x[-1] for x in rates or ())]
         return self._predicted(y, t, anchor, visit - begin, begin)
+
+    def _pass(self, found: Indices) -> tuple[Indices, Indices]:
+        """Passes samples that are linked. Anchors, shape (n,) -> the same, and which visit each is."""
+        changed = np.flatnonzero(np.diff(found, prepend=self.at))
+        visit = len(self.visits) - 1 + np.searchsorted(changed, np.arange(len(found)), side="right")
+        self.visits += found[changed].tolist()
+        self.at, self.begun = int(self.visits[-1]), self.begun or len(found) > 0
+        return found, visit
+
+    def _hop(self, a: int) -> bool:
+        """Goes to an anchor whose ball holds the sample that has been reached, if it is of the same branch."""
+        if a != self.at and not self.anchors.alike(self.at, a):
+            return False
+        if a != self.at:
+            self._visit(a)
+        return True
 
     def _predicted(self, y: Array, t: Array, anchor: Indices, visit: Indices, begin: int) -> Predicted:
         """Predictions from anchors, whole turns counted along the way."""
@@ -176,18 +192,24 @@ class Continuation(Walk):
             miss[rows] = np.where(moving[rows, None], drive(t[:-1] + 0.5 * h)[0] - HALF @ points[rows], 0.0)
         return points, moving, miss
 
-    def _linked(self, curves: Array, miss: Array) -> Indices:
-        """Anchors of the first samples that are linked to those before: their curves lie in one ball. (n, 6, k)."""
+    def _linked(self, curves: Array, miss: Array) -> tuple[Indices, Flags, Flags]:
+        """Anchors of samples, whether these lie in their balls, and whether they are linked to the sample before: its
+        anchor is of the same branch, and the curve from there, or each half of it, lies in one ball. Shape (n, 6, k).
+        """
         anchors, y = self.anchors, curves[:, -1]
-        found, good = anchors.cover(y, int(anchors.table["sheet"][self.at]))
+        found, inside = anchors.cover(y, int(anchors.table["sheet"][self.at]))
         before = np.concatenate([[self.at], found[:-1]])
         within = self._within(curves, miss, before)
         other = np.flatnonzero(~within & (found != before))
         within[other] = self._within(curves[other], miss[other], found[other])
-        good &= within
+        other = np.flatnonzero(~within & (found != before))
+        left, right = HALVES[:, None] @ curves[other]
+        within[other] = self._within(left, miss[other], before[other])
+        within[other] &= self._within(right, miss[other], found[other])
+        good = inside & within
         for i in np.flatnonzero(good & (found != before)).tolist():
             good[i] = anchors.alike(int(before[i]), int(found[i]))
-        return found if good.all() else found[: int(np.argmin(good))]
+        return found, inside, good
 
     def _within(self, curves: Array, miss: Array, a: Indices) -> Flags:
         """Whether curves lie in the balls of anchors. Shapes (n, 6, k), (n, k), (n,) -> (n,)."""
@@ -200,7 +222,7 @@ class Continuation(Walk):
     def _go(self, curve: Curve, *, moving: bool) -> None:
         """Goes to the end of a curve: along it if it is the motion, else straight or by any other way."""
         target, t = curve.points[-1], curve.t[1]
-        length = float(np.abs(target - self.anchors[self.at].y).max(initial=0.0))
+        length = float(np.abs(target - curve.points[0]).max(initial=0.0))
         if not length <= LONGEST:
             what = f"the motion jumps by {length:.3g} (rad, or lengths of the mechanism) from one sample to the next"
             raise ClosureError(what, f"t = {t:g} s", "give samples closer to each other")
@@ -213,7 +235,7 @@ class Continuation(Walk):
             ways += [(self._back(), Curve(points)) for points in (straight(home, target), *bent(home, target))]
         ends = list[PathEnd]()
         for back, way in ways:
-            self.visits[seen:], self.steps = back, 0
+            self.visits[seen:], self.left = back, MOST + int(EACH * length)
             self.at = self.visits[-1]
             try:
                 self._along(way)
@@ -231,7 +253,7 @@ class Continuation(Walk):
         self.visits, self.at = [0], 0
         way = target - self.anchors[0].y
         for _ in range(LEAPS):
-            self.steps = 0
+            self.left = MOST
             try:
                 self._walk(target)
                 return True
@@ -305,18 +327,19 @@ class Continuation(Walk):
             y: Independent coordinates. Shape (n, k).
 
         Returns:
-            Predictions; which samples were not reached without passing near a singular pose, or within `LARGEST`
+            Predictions; which samples were not reached without passing near a singular pose, or with `LARGEST` more
             anchors; and over which of them another sheet of the same piece lies, too, so that y alone does not say the
             pose. Shape (n,) each.
         """
         self._look_for_turns(y)
         anchors, self.floor = self.anchors, STEEP * self.anchors[0].beta
+        most = len(anchors) + LARGEST  # whatever was asked before
         found, inside = anchors.cover(y, 0)
         left = np.flatnonzero(~inside)
         near, far, tries = found[left], anchors.distance(y[left], found[left]), np.zeros(len(left), dtype=int)
-        while left.size and len(anchors) < LARGEST:
+        while left.size and len(anchors) < most:
             i, first = int(np.argmin(far)), len(anchors)
-            self.at, self.steps = (int(near[i]), 0, self._aside(y[left[i]], 3))[tries[i]], 0
+            self.at, self.left = (int(near[i]), 0, self._aside(y[left[i]], 3))[tries[i]], MOST
             try:
                 self._walk(y[left[i]])
                 done = not anchors.table["sheet"][self.at]

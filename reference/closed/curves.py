@@ -17,8 +17,10 @@ Drive = Callable[[Array], State]
 
 #: A motion and its derivatives belong together if these miss a step by less than this share of it.
 CONSISTENT = 0.1
-#: Weights of the points half-way.
-HALF = np.array([1.0, 5.0, 10.0, 10.0, 5.0, 1.0]) / 32.0
+#: Weights of the points that make those of both halves (de Casteljau), and the point half-way. Shape (2, 6, 6), (6,).
+_LEFT = np.array([[math.comb(i, j) / 2.0**i for j in range(6)] for i in range(6)])
+HALVES = np.stack([_LEFT, _LEFT[::-1, ::-1]])
+HALF = _LEFT[-1]
 
 
 def hermite(h: Array, before: State, after: State) -> Array:
@@ -91,16 +93,10 @@ class Curve:
         (t0, t1), p = self.t, self.points
         middle = 0.5 * (t0 + t1)
         if self.drive is None:
-            left, right, rest = [p[0]], [p[-1]], p
-            while len(rest) > 1:
-                rest = 0.5 * (rest[1:] + rest[:-1])
-                left.append(rest[0])
-                right.append(rest[-1])
-            pieces, miss = (np.array(left), np.array(right[::-1])), 0.0 * p[0]
+            pieces, miss = HALVES @ p, 0.0 * p[0]
         else:
             states = [tuple(x[0] for x in self.drive(np.array([t]))) for t in (t0, middle, t1)]
             h = np.array(middle - t0)
-            pieces = hermite(h, states[0], states[1]), hermite(h, states[1], states[2])
+            pieces = np.stack([hermite(h, states[0], states[1]), hermite(h, states[1], states[2])])
             miss = states[1][0] - HALF @ p
-        left_piece, right_piece = pieces
-        return Curve(left_piece, (t0, middle), self.drive), Curve(right_piece, (middle, t1), self.drive), miss
+        return Curve(pieces[0], (t0, middle), self.drive), Curve(pieces[1], (middle, t1), self.drive), miss

@@ -20,8 +20,10 @@ from screwgauge.reference.rotations import TURN, Array, within_half_turn
 
 #: Ways in y of which rounding leaves nothing.
 SHORTEST = 1e-13
-#: Steps along one piece of a motion, and halvings of a curve.
-MOST, DEEPEST = 400, 48
+#: Steps along one piece of a motion: so many, and so many for each length of it [rad or lengths of the mechanism].
+MOST, EACH = 400, 20
+#: Halvings of a curve.
+DEEPEST = 48
 #: Steps of Newton's method to an anchor, and residual from which the last one closes it beyond `OPEN`.
 NEWTON, CLOSE = 8, 1e-6
 #: Share of a ball by which a motion may differ from the curve through its samples.
@@ -70,6 +72,7 @@ class Walk:
     Attributes:
         anchors: All that are known.
         at: The anchor that has been reached.
+        left: Steps that may follow.
         loops: Coordinate that leads back home after a whole turn -> unknowns along that turn. Shape (v, n_z).
     """
 
@@ -84,7 +87,7 @@ class Walk:
         """
         self.evaluate, self.size, self.resting = problem.evaluate, problem.size, problem.resting
         self.turns, self.strict, y = problem.turning, strict, problem.y
-        self.anchors, self.floor, self.steps = Anchors(len(y), len(problem.z), problem.angles), np.inf, 0
+        self.anchors, self.floor, self.left = Anchors(len(y), len(problem.z), problem.angles), np.inf, MOST
         residual, J, *_ = self.evaluate(problem.z[None], y[None])
         home = self._measured(problem.z, y, residual[0], J[0]) if np.isfinite(J).all() else None
         if home is None:
@@ -107,9 +110,9 @@ class Walk:
     def _step(self, target: Array) -> None:
         """Goes to an anchor nearer to a target: an old one of the same branch, or a new one."""
         anchors, here = self.anchors, self.anchors[self.at]
-        self.steps += 1
-        if self.steps > MOST:
+        if not self.left:
             raise Blocked(singular=False)
+        self.left -= 1
         way = anchors.away(target, here.y)
         far = float(anchors.distance(target, self.at))
         goal = here.y + min(1.0, 1.0 / far) * way
@@ -255,7 +258,7 @@ class Walk:
 
     def _exactly(self, y: Array, a: int, near: Array) -> Array:
         """Unknowns of a sample in the ball of an anchor, by steps to the sample itself. Shape (n_z,)."""
-        at, visits, self.at, self.steps = self.at, self.visits[:], a, 0
+        at, visits, self.at, self.left = self.at, self.visits[:], a, MOST
         try:
             short = SHORTEST * max(1.0, float(np.abs(y).max()))
             while np.abs(self.anchors.away(y, self.anchors[self.at].y)).max() > short:
@@ -276,7 +279,7 @@ class Walk:
     def _turn(self, i: int) -> None:
         """Finds out whether one whole turn of an angle leads back to home, and how other angles turn meanwhile."""
         at, visits, home = self.at, self.visits, self.anchors[0]
-        self.at, self.visits, self.steps = 0, [0], 0
+        self.at, self.visits, self.left = 0, [0], MOST
         try:
             for share in (0.25, 0.5, 0.75, 1.0):
                 y = home.y.copy()

@@ -111,7 +111,12 @@ class TracedWork:
             NotTraceableError: There is none.
         """
         some = motion.part(np.unique(np.linspace(0, len(motion) - 1, ANCHORS).astype(int)))
-        q = self.work.close(some, self.work.predict(some))
+        guess, lost, twice = self.work.mode.reach(some.y)  # a thousand turns may lie between them
+        if (reached := np.flatnonzero(~(lost | twice))).size:
+            some, guess = some.part(reached), guess.rows(reached)
+        else:
+            guess = self.work.predict(some)
+        q = self.work.close(some, guess)
         self.work.mode.restart()
         clear = np.setdiff1d(np.arange(len(some)), self.work.part(some, q).trust.doubtful())
         if not clear.size:
