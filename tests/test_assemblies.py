@@ -96,6 +96,16 @@ def test_another_assembly_is_one_sentence(tmp_path, write):
     assert repr(results).replace("\n", " ").count("another assembly") == 1
 
 
+def test_engines_that_are_both_in_another_assembly_than_home_do_not_agree(tmp_path, write):
+    turned = load_mechanism(write("turned.toml", f'name = "{SCENE}"\n{OTHER}'))
+    scene = scene_at([[0.1, 0.05], [0.2, 0.1]])
+    write_models(turned, tmp_path / "models", gravity=scene.applied.g)
+    files = {name: tmp_path / "models" / f"{SCENE}.{end}" for name, end in (("mujoco", "xml"), ("pinocchio", "urdf"))}
+    results = screwgauge.run(replace(scene, models=files), tuple(files), ("actuator_force",))
+    assert all("is in another assembly than home's from t = 0 s on" in reason for reason in results.pairs["reason"])
+    assert not results.pairs["ok"].any()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("bounded", "verdict"), [(True, OK), (False, SILENT)])
 def test_the_stress_case_tells_an_engine_that_jumps(bounded, verdict, tmp_path, monkeypatch):

@@ -5,13 +5,15 @@ Two engines in two assemblies answer different questions; that is one sentence, 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
 
-from screwgauge.problem import GivenMotion, Problem
+from screwgauge.problem import GivenMotion, InitialValue, Problem, States
+from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.pose import pose
@@ -54,19 +56,44 @@ def assembly_of(mechanism: Mechanism, solution: Solution) -> Array | None:
 def other_assemblies(
     mechanism: Mechanism, problem: Problem, solutions: Iterable[Solution]
 ) -> Mapping[frozenset[str], str]:
-    """Pairs of engines that solved a given motion in two assemblies, and a sentence on each.
+    """Pairs of engines that are in two assemblies, or both in another one than home's, and a sentence on each.
 
     Joint positions that do not close the loops of the description are another matter: those of another geometry.
     """
-    if not isinstance(motion := problem.task, GivenMotion):
+    if isinstance(problem.task, States):
         return {}
     known = [(one, q) for one in solutions if (q := assembly_of(mechanism, one)) is not None]
-    apart = {}
+    apart = _away_from_home(mechanism, problem.task, known)
     for (a, q_a), (b, q_b) in combinations(known, 2):
-        rows = common_rows(len(motion), a, b)
-        if said := _apart(mechanism, motion.t[rows], (q_a[rows], q_b[rows])):
+        rows = common_rows(len(problem.task), a, b)
+        if isinstance(problem.task, InitialValue):  # where both have come to, in two assemblies or not
+            columns = mechanism.independent_columns
+            rows = rows[(np.abs(q_a[rows] - q_b[rows])[:, columns] < APART).all(axis=1)]
+        if said := _apart(mechanism, problem.task.t[rows], (q_a[rows], q_b[rows])):
             apart[frozenset((a.engine, b.engine))] = f"{b.engine} is in another assembly than {a.engine} {said}"
     return apart
+
+
+def _away_from_home(
+    mechanism: Mechanism, task: GivenMotion | InitialValue, known: Sequence[tuple[Solution, Array]]
+) -> dict[frozenset[str], str]:
+    """Pairs with an engine that solved a given motion in another assembly than that of home, which is that of `screw`.
+
+    A simulation may leave it: where coordinates do not determine the motion, its own inertia does.
+    """
+    if isinstance(task, InitialValue) or any(one.engine == "screw" for one, _ in known):
+        return {}
+    mode, found = AssemblyMode(layout(mechanism), strict=True), dict[frozenset[str], str]()
+    try:
+        home = mode.motion(task.y, task.t, (task.yd, task.ydd), task.scaled(mode.unit))
+    except ScrewgaugeError:  # no question of preflight, which says so
+        return {}
+    for one, q in known:
+        rows = np.arange(len(task)) if one.rows is None else one.rows
+        if said := _apart(mechanism, task.t[rows], (home[rows], q[rows])):
+            told = f"{one.engine} is in another assembly than home's {said}"
+            found |= {frozenset((one.engine, other.engine)): told for other, _ in known if other is not one}
+    return found
 
 
 def _apart(mechanism: Mechanism, t: Array, pair: tuple[Array, Array]) -> str:
