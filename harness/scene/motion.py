@@ -148,4 +148,4 @@ def _sampled(path: Path, labels: list[str]) -> tuple[Drive, Array]:
     if (np.diff(t) <= 0).any():
         raise DescriptionError("the times do not increase", str(path), "sort the rows by t")
     arrays = [np.stack([columns[f"{label}{order}"] for label in labels], axis=1) for order in ("", "d", "dd")]
-    return Sampled(path, GivenMotion(t, *arrays)), t
+    return Sampled(path, GivenMotion(t, arrays[0], arrays[1], arrays[2])), t

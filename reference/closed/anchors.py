@@ -122,7 +122,7 @@ def measure(z: Array, y: Array, residual: Array, J: Array, full: Array, slope: A
 
 def _gram(D: Array) -> Array:
     """Metric M with ``|sum_i D_i dy_i| <= sqrt(dy^T M dy)`` in the Frobenius norm. Shape (k, n, n) -> (k, k)."""
-    return np.einsum("aij,bij->ab", D, D)
+    return np.asarray(np.einsum("aij,bij->ab", D, D))
 
 
 def _steepness(change: Array, L: Array) -> float:

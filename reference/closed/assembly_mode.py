@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from screwgauge.reference.closed.anchors import Indices
+from screwgauge.reference.closed.anchors import Flags, Indices
 from screwgauge.reference.closed.constant_coordinates import home_equations
 from screwgauge.reference.closed.continuation import Continuation, Followed, Predicted
 from screwgauge.reference.closed.curves import Drive
@@ -109,7 +109,7 @@ class AssemblyMode:
         near = self._visited(prediction.visited)
         return Guess(self.system, y, prediction, lambda: near[prediction.visit], self.continuation)
 
-    def reach(self, y: Array) -> tuple[Guess, Array, Array]:
+    def reach(self, y: Array) -> tuple[Guess, Flags, Flags]:
         """The same for samples in any order; see `Continuation.reach`. Shape (n, k)."""
         if (guess := self.in_closed_form(y)) is not None:
             none = np.zeros(len(y), dtype=bool)
@@ -153,9 +153,9 @@ class AssemblyMode:
 
     def refine(self, guess: Guess) -> Guess:
         """Better guesses in the place of bad ones, see `Continuation.refine`."""
-        assert guess.prediction is not None
-        prediction = self._continuation().refine(guess.y / self.unit, guess.prediction)
-        return replace(guess, prediction=prediction)
+        if guess.prediction is None or guess.source is None:
+            return guess
+        return replace(guess, prediction=guess.source.refine(guess.y / self.unit, guess.prediction))
 
     def follow(self, guess: Guess) -> Followed:
         """The closed poses next to guesses, without dimension.

@@ -68,7 +68,8 @@ class TracedWork:
         self.clock, self.length, self.names = self.work.clock, self.work.system.length, self.work.names
         self.wanted = [name for name in GIVEN if name in problem.wanted]
         self.outputs = [*self.wanted, *(["error"] if estimates else [])]
-        self.by_array, self.bound = Counter[str](), None
+        self.by_array = Counter[str]()
+        self.bound: Bound | None = None
         self.traced: Traced | None = None
         try:
             check_traceable(lay, problem)
@@ -153,8 +154,8 @@ class TracedWork:
         n, d = len(motion), len(traced.predicted)
         inputs = [np.ascontiguousarray(x.T) for x in (motion.y, motion.yd, motion.ydd)]
         if guess is not None:
-            near = guess.q.T[[*traced.near]] if traced.near else np.empty((0, n))
-            inputs += [guess.columns(traced.predicted), np.ascontiguousarray(near)]
+            sprung = guess.q.T[[*traced.near]] if traced.near else np.empty((0, n))
+            inputs += [guess.columns(traced.predicted), np.ascontiguousarray(sprung)]
         inputs += [motion.t[None] if traced.timed else np.empty((0, n)), loads]
         reached, checks, clear = self._pass(inputs, np.empty((2 * d, n)), values)
         for first in (True, False) if d and not clear else ():
@@ -290,7 +291,7 @@ class TracedWork:
         if not rows.size:
             return replace(part, moved={name: np.zeros((0, x.shape[1])) for name, x in part.values.items()})
         work, some = self.work.under(None if loads is None else loads[:, rows]), motion.part(rows)
-        begun = work.mode.in_closed_form(some.y) if guess is None else guess.rows(rows)
+        begun = work.predict(some) if guess is None else guess.rows(rows)
         other = work.part(some, work.close(some, begun))
         for name, array in arrays.items():
             array[rows] = examined(other, self.units, self.length) if name == "error" else other.values[name]

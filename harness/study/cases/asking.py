@@ -59,7 +59,8 @@ def still(scene: Scene, y: Array, yd: Array | None = None, ydd: Array | None = N
         y, yd, ydd: Independent coordinates and derivatives; zero by default. Shape (n, k).
     """
     zero, t = np.zeros_like(y), np.arange(len(y), dtype=float)
-    motion = GivenMotion(t, y.copy(), *(zero.copy() if array is None else array for array in (yd, ydd)))
+    rates, seconds = (zero.copy() if array is None else array for array in (yd, ydd))
+    motion = GivenMotion(t, y.copy(), rates, seconds)
     return replace(scene, task=motion)
 
 
