@@ -209,3 +209,14 @@ def test_samples_that_two_assemblies_or_none_could_have_are_named(name):
     solver = screwgauge.compile(moved(SCENES(name), t, *rows), QUANTITIES, backend="numpy")
     with pytest.raises((SingularPoseError, ClosureError), match=r"row \d+"):
         solver(*(x[order] for x in samples(name)))
+
+
+def test_a_motion_changes_nothing_about_samples_without_order():
+    """It may lead to another assembly over the same coordinates; this one is not looked at then."""
+    name = "around a cusp"
+    t, *rows = (x[:5] for x in (SCENES(name).t, *samples(name)))
+    solver = screwgauge.compile(moved(SCENES(name), t, *rows), QUANTITIES, backend="numpy")
+    before = solver(*rows)
+    solver(*samples(name), t=SCENES(name).t)
+    after = solver(*rows)
+    assert all(np.array_equal(before[quantity], after[quantity]) for quantity in QUANTITIES)

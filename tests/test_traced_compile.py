@@ -103,6 +103,28 @@ def test_bad_samples_are_refused(scene, solver, arguments, message):
         solver(*arguments(*motion(scene)))
 
 
+@pytest.mark.parametrize("which", ["t", "load"])
+def test_what_is_no_number_is_refused_by_its_row(scene, solver, which):
+    y, yd, ydd = motion(scene)
+    given = {"t": np.arange(100.0), "load": np.zeros((100, 6 * len(scene.applied.loads)))}[which]
+    out = solver.buffers(len(y))
+    solver(y, yd, ydd, **{which: given}, out=out)
+    given[7] = np.nan
+    with pytest.raises(screwgauge.ScrewgaugeError, match=f"{which}: row 7 is not finite"):
+        solver(y, yd, ydd, **{which: given}, out=out)
+
+
+def test_a_pose_of_an_open_tree_that_is_no_number_is_refused():
+    """There is no loop whose residual would tell."""
+    arm = screwgauge.load_scene("arm7")
+    y, yd, ydd = motion(arm)
+    solver = screwgauge.compile(arm, ["actuator_force"], backend="numpy")
+    solver(y, yd, ydd)
+    y[7, 0] = np.nan
+    with pytest.raises(screwgauge.ScrewgaugeError, match="y: row 7 is not finite"):
+        solver(y, yd, ydd)
+
+
 def test_bad_buffers_and_loads_are_refused(scene, solver):
     given, good = motion(scene), solver.buffers(100)
     read_only = {name: array.copy() for name, array in good.items()}

@@ -23,7 +23,7 @@ from screwgauge.scene.scene import Scene
 
 PART = 2048
 FAR = 0.25  # [rad or lengths of the mechanism] between home and the start of a motion: worth a word
-FARTHEST = 1000.0  # [rad or m]: takes thousands of steps of `following.STEP`, seconds
+FARTHEST = 1000.0  # [rad or m]: takes thousands of steps, seconds
 NEAR = 1e-9  # where a way ends at a singular pose as near to a sample as this, that sample is singular [rad or lengths]
 
 

@@ -174,12 +174,6 @@ class Anchors:
         return self.rows[i]
 
     @property
-    def bytes(self) -> int:
-        """Memory of all anchors."""
-        one = self.rows[0]
-        return len(self.rows) * (self.table.itemsize + one.U.nbytes + one.Vt.nbytes)
-
-    @property
     def sheets(self) -> int:
         """How many there are."""
         return int(self.table["sheet"][: len(self)].max()) + 1

@@ -117,7 +117,10 @@ class LoopEquations:
         return read(self.lay, self.tree(z, guess))
 
     def correct(self, q: Array, y: Array) -> tuple[Array, Array] | None:
-        """A `Corrector`: all joint coordinates without dimension, those of cut joints read near the prediction."""
+        """The closed pose next to a prediction, and dq/dy, both without dimension; None where the loops stay open.
+
+        Those of cut joints are read near the prediction.
+        """
         z, matrix, error = newton(self.evaluate, q[None, self.unknown], y[None])[:3]
         if not error[0] < OPEN:
             return None

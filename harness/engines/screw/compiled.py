@@ -15,7 +15,8 @@ from screwgauge.engines.screw.programs import Bound
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, check_quantities
-from screwgauge.reference.errors import DescriptionError, check_choice
+from screwgauge.reference.closed.continuation import PathEnd
+from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
 from screwgauge.reference.graph import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.blocks import Pool, columns
@@ -160,11 +161,10 @@ class Solver:
         n = len(given[0])
         for name, array in zip(("y", "yd", "ydd"), given, strict=False):
             _check_array(array, (n, len(self.scene.mechanism.independent)), name)
-            if not np.isfinite(array).all():
-                row = int(np.isfinite(array).all(axis=1).argmin())
-                raise DescriptionError(f"row {row} is not finite", name, "complete the samples")
+            _check_finite(array, name)
         if t is not None:
             _check_array(t, (n,), "t")
+            _check_finite(t[:, None], "t")
         elif not all(motor.constant for motor in self.scene.applied.motors):
             raise DescriptionError("a motor changes over time, which samples do not say", "compile", "give t")
         inputs = [*given[:3], *(self._loads(load, n) for load in given[3:])]
@@ -208,7 +208,11 @@ class Solver:
             if bound is None or not bound.fill(given):
                 motion, loads = _motion(given, np.arange(some.start, some.stop, dtype=float) if t is None else t[some])
                 guess = work.reach(motion) if t is None else work.predict(motion)
-                work.part(motion, guess, loads, into)
+                try:
+                    work.part(motion, guess, loads, into)
+                except PathEnd as end:
+                    where = f"row {end.t:.0f}" if t is None else end.where
+                    raise ClosureError(end.what, where, end.remedy) from None
 
     def _loads(self, load: Array, n: int) -> Array:
         m = 6 * len(self.scene.applied.loads)
@@ -217,6 +221,7 @@ class Solver:
         load = np.asarray(load)
         wide = np.broadcast_to(load, (n, m)) if load.shape == (m,) else load
         _check_array(wide, (n, m), "load")
+        _check_finite(wide, "load")
         return wide
 
     def _checked(self, out: Mapping[str, Array], n: int) -> dict[str, Array]:
@@ -247,6 +252,12 @@ def _check_array(array: Array, shape: tuple[int, ...], where: str) -> None:
         raise DescriptionError(f"it is of {kind}", where, "give an array of float64")
     if array.shape != shape:
         raise DescriptionError(f"its shape is {array.shape}, not {shape}", where, "give a row for each sample")
+
+
+def _check_finite(array: Array, where: str) -> None:
+    if not np.isfinite(array).all():
+        row = int(np.isfinite(array).all(axis=1).argmin())
+        raise DescriptionError(f"row {row} is not finite", where, "complete the samples")
 
 
 def compile(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from operator import is_
 from pathlib import Path
 from typing import Protocol
@@ -47,11 +48,13 @@ class Bound:
     Attributes:
         values: What it fills; they are kept, so that no others can take their places.
         inputs: What it is given. Shape (n, m) each.
+        unseen: The same, if numbers that are none may leave no residual: loads, and y of an open tree. Shape (n, m).
         run: Says whether no sample is in doubt.
     """
 
     values: tuple[Array, ...]
     inputs: tuple[Array, ...]
+    unseen: Array | None
     run: Callable[[], bool]
 
     def fits(self, inputs: Sequence[Array], values: Mapping[str, Array]) -> bool:
@@ -65,7 +68,7 @@ class Bound:
             if type(x) is not ndarray or x.dtype is not FLOAT or x.shape != place.shape:
                 return False
             place[...] = x
-        return self.run()
+        return self.run() and (self.unseen is None or isfinite(self.unseen.sum()))
 
 
 def runner(program: Program, backend: str, plain: Callable[[Program], Runner] = Lanes) -> tuple[Runner, str]:

@@ -200,7 +200,8 @@ class TracedWork:
             run = self.runner.bind(
                 [given.T], [*(values[name].T for name in self.outputs), checks.T], self.bounds.weights
             )
-            self.bound = Bound(tuple(values.values()), tuple(np.split(given, ends, axis=1)), run)
+            unseen = given if len(inputs) > 3 or not self.lay.cuts else None
+            self.bound = Bound(tuple(values.values()), tuple(np.split(given, ends, axis=1)), unseen, run)
         return self.bound
 
     @property
