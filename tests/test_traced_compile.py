@@ -173,7 +173,8 @@ def test_what_cannot_be_traced_is_answered_by_arrays_and_said():
     (note,) = solver.notes
     assert note == "all samples by the array solver: there are fewer actuators than freedoms"
     answer = solver(*motion(scene))
-    assert np.array_equal(answer["actuator_force"], expected(scene))
+    right = expected(scene)
+    assert np.abs(answer["actuator_force"] - right).max() < 1e-12 * np.abs(right).max()
     assert sum(answer.by_array.values()) == len(scene.t)
 
 
