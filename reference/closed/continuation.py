@@ -342,11 +342,12 @@ class Continuation(Walk):
             self.at, self.left = (int(near[i]), 0, self._aside(y[left[i]], 3))[tries[i]], MOST
             try:
                 self._walk(y[left[i]])
-                done = not anchors.table["sheet"][self.at]
+                reached = self.at
             except Blocked:
-                done = False
-            if done:
-                near[i], far[i] = self.at, 0.0
+                reached = None
+            self._keep_straight(first)
+            if reached is not None and not anchors.table["sheet"][reached]:
+                near[i], far[i] = reached, 0.0
             else:
                 tries[i], far[i] = tries[i] + 1, max(4.0 * far[i], 1e3)
             for a in anchors.sheet_of(0)[anchors.sheet_of(0) >= first].tolist():
@@ -362,8 +363,27 @@ class Continuation(Walk):
         self.floor = np.inf
         twice = np.zeros(len(y), dtype=bool)
         for sheet in range(1, anchors.sheets):
-            twice |= anchors.cover(y, sheet)[1]
+            if anchors.sheet_of(sheet).size:
+                other, inside = anchors.cover(y, sheet)
+                for i in np.flatnonzero(inside & (found >= 0)).tolist():
+                    twice[i] |= not anchors.alike(int(found[i]), int(other[i]))
         return self._of_region(y, np.maximum(found, 0)), found < 0, twice
+
+    def _keep_straight(self, first: int) -> None:
+        """Leaves on home's sheet, of the anchors from a number on, those to which the straight way from home leads.
+
+        Round a cusp two ways lead to two poses: which one is meant must not depend on what was asked before.
+        """
+        anchors = self.anchors
+        for a in [a for a in range(first, len(anchors)) if not anchors.table["sheet"][a]]:
+            self.at, self.left = 0, MOST
+            try:
+                self._walk(anchors[a].y)
+                led = self.at == a or anchors.alike(self.at, a)
+            except Blocked:
+                led = False
+            if not led:
+                anchors.move(a, 1)
 
     def _aside(self, y: Array, i: int) -> int:
         """The anchor of home's sheet that is number i from the nearest."""
