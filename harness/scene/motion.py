@@ -38,8 +38,9 @@ class Analytic:
         y, yd, ydd = (np.empty((len(t), len(self.terms))) for _ in range(3))
         with np.errstate(over="ignore", invalid="ignore"):
             for k, (coefficients, harmonics) in enumerate(self.terms):
-                polynomial = np.polynomial.Polynomial(coefficients)
-                y[:, k], yd[:, k], ydd[:, k] = polynomial(t), polynomial.deriv(1)(t), polynomial.deriv(2)(t)
+                for x in (y, yd, ydd):
+                    x[:, k] = _polynomial(coefficients, t)
+                    coefficients = coefficients[1:] * np.arange(1.0, len(coefficients))
                 for omega, c, s in harmonics:
                     cos, sin = np.cos(omega * t), np.sin(omega * t)
                     y[:, k] += c * cos + s * sin
@@ -52,6 +53,14 @@ class Analytic:
                 f"grows beyond all numbers at t = {late:g} s", self.where, "shorten or slow the motion"
             )
         return GivenMotion(t, y, yd, ydd, self)
+
+
+def _polynomial(coefficients: Array, t: Array) -> Array | float:
+    """A polynomial by Horner's scheme, lowest coefficient first: a motion is asked for at single times, too. (m,), (n,)."""
+    value: Array | float = 0.0
+    for c in coefficients[::-1].tolist():
+        value = value * t + c
+    return value
 
 
 @dataclass(frozen=True, slots=True, eq=False)

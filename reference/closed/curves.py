@@ -95,8 +95,8 @@ class Curve:
         if self.drive is None:
             pieces, miss = HALVES @ p, 0.0 * p[0]
         else:
-            states = [tuple(x[0] for x in self.drive(np.array([t]))) for t in (t0, middle, t1)]
-            h = np.array(middle - t0)
-            pieces = np.stack([hermite(h, states[0], states[1]), hermite(h, states[1], states[2])])
-            miss = states[1][0] - HALF @ p
+            y, yd, ydd = self.drive(np.array([t0, middle, t1]))
+            half = np.full(2, middle - t0)
+            pieces = hermite(half, (y[:2], yd[:2], ydd[:2]), (y[1:], yd[1:], ydd[1:]))
+            miss = y[1] - HALF @ p
         return Curve(pieces[0], (t0, middle), self.drive), Curve(pieces[1], (middle, t1), self.drive), miss
