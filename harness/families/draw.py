@@ -16,6 +16,7 @@ from screwgauge.families.placed import FAMILIES
 from screwgauge.families.sketch import Sketch, Tables, described, shuffled, unused
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.quantities import GIVEN, QUANTITIES
+from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError, check_seed
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import KINDS, Mechanism
@@ -147,6 +148,7 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
     """A few sines about home, as large as they may be for all poses to stay well conditioned."""
     home = mechanism.home[mechanism.independent_columns]
     sines = [rng.normal(size=(2, 3)) for _ in home]
+    mode = AssemblyMode(layout(mechanism), strict=True)
     found: Tables | None = None
     for amplitude in AMPLITUDES:
         motion: Tables = {}
@@ -156,7 +158,7 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
             motion[label] = {"offset": float(value), "harmonics": np.array(rows).tolist()}
         try:
             drive = read_drive(motion, list(mechanism.independent), Path(), "motion")[0]
-            if not stays_regular(layout(mechanism), drive(np.linspace(0.0, 1.0, POSES)), POSES):
+            if not stays_regular(mode, drive(np.linspace(0.0, 1.0, POSES)), POSES):
                 break
         except ScrewgaugeError:  # it leads to a singular pose, or to where the loops do not close
             break

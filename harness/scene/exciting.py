@@ -17,7 +17,6 @@ from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, check_seed, first_few
-from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
@@ -32,30 +31,33 @@ AMPLITUDES = 0.64 / 2.0 ** (np.arange(13) / 2)
 SINES = 3  # of each coordinate
 SAMPLES = 101
 NAMED = 4  # joints in a sentence
+PART = 12  # samples that are followed before they are looked at
 PERIODS = 2.0 * SINES  # of a sine of the usual frequency, two of the slowest
 
 
-def stays_regular(lay: Layout, motion: GivenMotion, part: int = 3) -> bool:
+def stays_regular(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> bool:
     """Whether poses along a motion from home are within limits and about as well conditioned as home.
 
     Raises:
         ScrewgaugeError: It cannot be followed.
     """
-    return not obstacle(lay, motion, part)
+    return not obstacle(mode, motion, part)
 
 
-def obstacle(lay: Layout, motion: GivenMotion, part: int = 3) -> str:
+def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
     """What stops a motion from home, in words: limits, or poses much worse conditioned than home; empty if none.
 
     Args:
+        mode: Follows it, strictly; what was followed before is of use again.
         part: So many are followed before they are looked at: to find where a way ends takes long.
 
     Raises:
         ScrewgaugeError: It cannot be followed.
     """
-    system, mechanism = loop_equations(lay), lay.mechanism
-    mode, balls = AssemblyMode(lay, strict=True), [j for j in mechanism.joints if j.constrains and j.angles == 3]
+    lay, mechanism = mode.lay, mode.lay.mechanism
+    system, balls = loop_equations(lay), [j for j in mechanism.joints if j.constrains and j.angles == 3]
     middle = [joint.coordinates[1] for joint in balls]
+    mode.restart()
     for first in range(0, len(motion), part):
         some = motion.part(slice(first, first + part))
         closed = mode.motion(some.y, some.t, (some.yd, some.ydd), some.scaled(mode.unit))
@@ -97,7 +99,7 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
     heights = size[columns] / (SINES * np.abs(at.joint_map[0] / size[:, None] * size[columns]).max(axis=0))
     heights = np.minimum(heights, _room(mechanism) / (SINES * AMPLITUDES[0]))
     sines, pace = _sines(np.random.default_rng(seed), heights), _pace(at, scene.applied, heights)
-    stopped = ""
+    stopped, mode = "", AssemblyMode(lay, strict=True)
     for amplitude in AMPLITUDES[largest >= AMPLITUDES]:
         omega = pace / np.sqrt(amplitude)
         tables = {
@@ -112,7 +114,7 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
             step * np.arange(float(samples)),
         )
         try:
-            stopped = obstacle(lay, drive(t))
+            stopped = obstacle(mode, drive(t))
         except ScrewgaugeError as error:
             stopped = error.what
             continue

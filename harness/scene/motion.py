@@ -56,7 +56,7 @@ class Analytic:
 
 
 def _polynomial(coefficients: Array, t: Array) -> Array | float:
-    """A polynomial by Horner's scheme, lowest coefficient first: a motion is asked for at single times, too. (m,), (n,)."""
+    """A polynomial by Horner's scheme, lowest coefficient first. Shapes (m,), (n,) -> (n,)."""
     value: Array | float = 0.0
     for c in coefficients[::-1].tolist():
         value = value * t + c
