@@ -10,7 +10,8 @@ import numpy as np
 from golden.facts import ROUNDING, Fact, text
 
 LEAST, SLACK = 1e-13, 10.0
-#: Decades that estimates and conditions may be off by, and sizes that are seen where rounding is left.
+#: Decades that estimates and conditions may be off by, as rounding of another processor moves them, and sizes that are
+#: seen where rounding is left.
 ESTIMATED, MEASURED = 0.05, 0.3
 PROVED = 1e-30  # radii below are as small as precision made them
 

@@ -25,6 +25,7 @@ DIVERGENT = "stiff-legs"  # engines' own steps grow without bound: where that is
 ADMITTED = re.compile(r"admits [^ ;,]+")
 STATE = re.compile(r"\[[^]]*\]")  # in a reason
 DECADE = 0.3  # of a condition number
+SINGULAR = 1e12
 
 
 def rungs() -> list[str]:
@@ -49,7 +50,8 @@ def rung(case: str) -> Iterator[Row]:
         yield f"{engine} verdicts", text(", ".join(named))
         yield f"{engine} digits", Fact(tuple(min(row.digits, KNOWN) for row in rows), OFF[name in AMPLIFIED])
         if math.isfinite(rows[0].condition):
-            yield f"{engine} condition", Fact((math.log10(max(rows[0].condition, 1.0)),), DECADE)
+            condition = min(max(rows[0].condition, 1.0), SINGULAR)  # of a pose that is singular rounding makes the rest
+            yield f"{engine} condition", Fact((math.log10(condition),), DECADE)
     for i, (reason, quantities) in enumerate(reasons.items()):
         yield f"reason {i}", text(f"{', '.join(quantities)} of {reason}")
 
