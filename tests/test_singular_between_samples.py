@@ -17,7 +17,7 @@ SAMPLES = (5, 41, 201, 401)
 MANY = [n if n < 100 else pytest.param(n, marks=pytest.mark.slow) for n in SAMPLES]
 #: Random ones that the fast tests look at, of all.
 FEW, ALL = 6, 60
-COUNTS = [FEW, pytest.param(ALL, marks=pytest.mark.slow)]
+COUNTS = [FEW, pytest.param(ALL, marks=pytest.mark.campaign)]
 
 
 def run(scene) -> screwgauge.Results:
@@ -86,7 +86,7 @@ def test_engines_agree_next_to_a_change_point():
     assert {row.verdict for row in climb(CASES["change-points"], 1e-2, quick=True)} == {OK}
 
 
-@pytest.mark.slow
+@pytest.mark.campaign
 @pytest.mark.parametrize("first", range(0, 400, 50))
 def test_regular_motions_raise_no_false_alarm(first):
     for seed in range(first, first + 50):

@@ -103,21 +103,31 @@ def measure(z: Array, y: Array, residual: Array, J: Array, full: Array, slope: A
     c = np.maximum(c, TINY)
     back = (v.T / c) @ u.T
     K = back[:, -k:]
-    turned = U.T @ slope @ Vt.T
-    metrics = [(_gram(s[:, None] ** -p * turned * s ** (p - 1.0)), p) for p in NORMS]
-    change, power = min(metrics, key=lambda pair: float(np.trace(pair[0])))
-    weight = s[:, None] ** (1.0 - power) * Vt[:, :n_z]
-    weight = weight * _steepness(change, weight @ K)
-    second = np.einsum("ij,ajl,lb->iab", weight @ back, slope[..., :n_z], K)
-    W = (
-        change / (MARGIN * CHANGE) ** 2
-        + _curvature(second) / (2.0 * NEAR * MARGIN)
-        + K.T @ K / FARTHEST**2
-        + np.eye(k) / STEP**2
-    )
+    turned, second = U.T @ slope @ Vt.T, np.einsum("ij,ajl,lb->iab", back, slope[..., :n_z], K)
+    W, power, weight = min((_ball(p, s, turned, Vt[:, :n_z], second, K) for p in NORMS), key=_volume)
     beta = float(1.0 / c[-1])
     moved = z - back @ residual
     return Anchor(moved, y, K, W, beta, max(faint, beta) if beta > FLOOR else 0.0, U, s, Vt, power, weight)
+
+
+def _ball(p: float, s: Array, turned: Array, Vt: Array, second: Array, K: Array) -> tuple[Array, float, Array]:
+    """Metric of the ball in one of `NORMS`, that norm, and the weight of corrections in it, see `Anchor`.
+
+    Args:
+        turned: Derivative of J by y in its singular vectors. Shape (k, n, n).
+        second: Second derivative of the unknowns by y, but for its sign. Shape (n_z, k, k).
+    """
+    change = _gram(s[:, None] ** -p * turned * s ** (p - 1.0))
+    weight = s[:, None] ** (1.0 - p) * Vt
+    weight = weight * _steepness(change, weight @ K)
+    curvature = _curvature(np.tensordot(weight, second, 1)) / (2.0 * NEAR * MARGIN)
+    W = change / (MARGIN * CHANGE) ** 2 + curvature + K.T @ K / FARTHEST**2 + np.eye(len(change)) / STEP**2
+    return W, p, weight
+
+
+def _volume(ball: tuple[Array, float, Array]) -> float:
+    """Less for larger balls: a long one may be narrow across, as along the surface of a lock."""
+    return float(np.linalg.slogdet(ball[0])[1])
 
 
 def _gram(D: Array) -> Array:
@@ -126,17 +136,13 @@ def _gram(D: Array) -> Array:
 
 
 def _steepness(change: Array, L: Array) -> float:
-    """Largest change of J per way of the unknowns along the motion, ``max dy^T change dy / |L dy|^2``, its root.
+    """Change of J per way of the unknowns along the motion, on average of all directions.
 
     Args:
-        change: Shape (k, k).
+        change: Its metric in y. Shape (k, k).
         L: Way of the unknowns per dy, in the norm that belongs to that of J. Shape (n, k).
     """
-    size = np.linalg.norm(L, axis=0)
-    size = np.where(size > TINY, size, 1.0)
-    G = (L / size).T @ (L / size) + 1e-12 * np.eye(len(size))
-    found = np.linalg.eigvals(np.linalg.solve(G, change / np.outer(size, size))).real.max(initial=0.0)
-    return float(np.sqrt(max(found, 0.0)))
+    return float(np.sqrt(np.trace(change) / max(float((L * L).sum()), TINY)))
 
 
 def _curvature(second: Array) -> Array:
