@@ -58,11 +58,17 @@ def test_the_newton_euler_system_has_the_same_forces():
     scene = moving_at(np.stack([np.linspace(-0.4, 0.4, 4), np.full(4, UPU - CLOSE)], axis=1), speed=0.1)
     whole = ScrewModel(layout(scene.mechanism), settings=Settings(whole_system=True))
     read = whole.solve(scene.problem(["actuator_force"])).values["actuator_force"].array
-    true = screwgauge.run(scene, engines=["truth"], quantities=["actuator_force"]).values("actuator_force", "truth")
+    true = np.concatenate([alone(scene, i) for i in range(len(read))])
     digits = -np.log10(np.abs(read - true).max(axis=1) / np.abs(true).max())
     # the wrist moment of leg 1 is 2e8 N m; eps of it is 6e-11 of the forces, and the system knows no better
     assert digits.min() > 10.2
     assert np.median(digits) > 10.6
+
+
+def alone(scene, i: int) -> np.ndarray:
+    """True actuator forces at one sample: the poses are no motion, as the way between them may pass singular ones."""
+    one = replace(scene, task=scene.motion.part(slice(i, i + 1)))
+    return screwgauge.run(one, engines=["truth"], quantities=["actuator_force"]).values("actuator_force", "truth")
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e3])

@@ -12,7 +12,7 @@ from golden.facts import ROUNDING, Fact, text
 LEAST, SLACK = 1e-13, 10.0
 #: Decades that estimates and conditions may be off by, as rounding of another processor moves them, and sizes that are
 #: seen where rounding is left.
-ESTIMATED, MEASURED = 0.05, 0.3
+ESTIMATED, MEASURED = 0.1, 0.3
 PROVED = 1e-30  # radii below are as small as precision made them
 
 Row = tuple[str, Fact]

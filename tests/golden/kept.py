@@ -52,7 +52,8 @@ LONG = ("long-run 1000000", "long-run 100000", "softness 1.0000000000000001e-05"
 
 def long_rung(case: str) -> bool:
     """Whether a rung is one of those, or one of quick runs has the same severity, with fewer samples."""
-    return case in LONG or case.startswith("wrist-chart") or (not case.endswith("quick") and f"{case} quick" in studied.rungs())
+    quick = not case.endswith("quick") and f"{case} quick" in studied.rungs()
+    return case in LONG or case.startswith("wrist-chart") or quick
 
 
 PARTS: dict[str, Part] = {
