@@ -301,7 +301,7 @@ class Continuation(Walk):
         Raises:
             PathEnd: Such a sample cannot be reached.
         """
-        anchor, z = prediction.anchor.copy(), prediction.z.copy()
+        anchor = prediction.anchor.copy()
         for i in np.unique(np.linspace(0, len(y) - 1, SOME).astype(int)).tolist():
             self._exact_pose(i, y, prediction)
         for sheet in np.unique(self.anchors.table["sheet"][anchor]).tolist():
@@ -350,7 +350,8 @@ class Continuation(Walk):
                 near[i], far[i] = reached, 0.0
             else:
                 tries[i], far[i] = tries[i] + 1, max(4.0 * far[i], 1e3)
-            for a in anchors.sheet_of(0)[anchors.sheet_of(0) >= first].tolist():
+            home = anchors.sheet_of(0)
+            for a in home[home >= first].tolist():
                 distance = anchors.distance(y[left], np.full(len(left), a))
                 closer = distance < far
                 near[closer], far[closer] = a, distance[closer]
