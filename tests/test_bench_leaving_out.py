@@ -29,7 +29,7 @@ def calls(monkeypatch) -> Counter[str]:
 
         monkeypatch.setattr(owner, name, counted)
 
-    count(screw, "positions", "positions")
+    count(screw.Work, "close", "positions")
     for name in ("velocities", "accelerations", "inertia", "virtual_power", "constraint_forces"):
         count(Dynamics, name, {"velocities": "rates"}.get(name, name))
     count(Ops, "square", "actuators")

@@ -15,6 +15,7 @@ from screwgauge.reference.closed.curves import Drive
 from screwgauge.reference.closed.cut_coordinates import follow_cut_joints, read
 from screwgauge.reference.closed.loops import LoopEquations
 from screwgauge.reference.closed.newton import OPEN, newton
+from screwgauge.reference.closed.region import Region
 from screwgauge.reference.equations.closed_form import closed_form
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.errors import ClosureError
@@ -86,9 +87,9 @@ class AssemblyMode:
         return self.system.continuation(strict=self.strict)
 
     @cached_property
-    def region(self) -> Continuation:
+    def region(self) -> Region:
         """Where samples in any order have been reached: no motion adds to it, as they are to depend on y alone."""
-        return self.system.continuation()
+        return self.system.region()
 
     def predict(self, y: Array, t: Array, rates: Rates | None = None, drive: Drive | None = None) -> Guess:
         """Guesses for the samples of a motion that goes on from those before.
@@ -110,7 +111,7 @@ class AssemblyMode:
         return Guess(self.system, y, prediction, lambda: near[prediction.visit], self.continuation)
 
     def reach(self, y: Array) -> tuple[Guess, Flags, Flags]:
-        """The same for samples in any order; see `Continuation.reach`. Shape (n, k)."""
+        """The same for samples in any order; see `Region.reach`. Shape (n, k)."""
         if (guess := self.in_closed_form(y)) is not None:
             none = np.zeros(len(y), dtype=bool)
             return guess, none, none

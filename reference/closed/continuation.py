@@ -1,7 +1,6 @@
-"""Continuation of the assembly mode of home: closed poses of a motion, or of samples in any order.
+"""Continuation of the assembly mode of home along a motion, by its curve between samples.
 
-A motion is followed along its curve between samples; samples in any order are reached by a front of anchors that grows
-around home. Where neither leads on, that is said.
+Where that leads no further, the sample and the reason are named. Samples in any order are those of a `Region`.
 """
 
 from __future__ import annotations
@@ -10,20 +9,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.reference.closed.anchors import FARTHEST, NEAR, Flags, Indices
+from screwgauge.reference.closed.anchors import NEAR, Flags, Indices
 from screwgauge.reference.closed.curves import HALF, HALVES, Curve, Drive, State, bent, consistent, hermite, straight
 from screwgauge.reference.closed.hermite_prediction import knots, predicted
 from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
 from screwgauge.reference.closed.walk import EACH, LEAP, MISS, MOST, Blocked, Walk
 from screwgauge.reference.errors import ClosureError
-from screwgauge.reference.rotations import TURN, Array, within_half_turn
+from screwgauge.reference.rotations import TURN, Array
 
-#: Anchors that are added to a region at a time at most, and ways that are tried to each of its samples.
-LARGEST, PATIENCE = 2000, 3
 #: Samples that are made anchors where predictions are bad.
 SOME = 8
-#: Nearer to singular poses than this many times home's beta no region is explored.
-STEEP = 1e3
 #: What is farther away [rad or lengths of the mechanism] is not reached by following a path.
 LONGEST = 1e3
 #: Samples looked at together, at first and at most.
@@ -102,7 +97,7 @@ class Predicted:
 
 
 class Continuation(Walk):
-    """Closed poses of one assembly mode: of the samples of a motion, or in any order."""
+    """Closed poses of one assembly mode along a motion."""
 
     def predict(
         self, y: Array, t: Array, rates: tuple[Array, Array] | None = None, drive: Drive | None = None
@@ -319,91 +314,3 @@ class Continuation(Walk):
         except Blocked as blocked:
             way = Curve(straight(self.anchors[self.at].y, y[i]))
             raise self._end(way, float(prediction.t[i]), singular=blocked.singular) from None
-
-    def reach(self, y: Array) -> tuple[Predicted, Flags, Flags]:
-        """Predicts samples in any order, from anchors on the sheet of home that spread until all are in a ball.
-
-        Args:
-            y: Independent coordinates. Shape (n, k).
-
-        Returns:
-            Predictions; which samples were not reached without passing near a singular pose, or with `LARGEST` more
-            anchors; and over which of them another sheet of the same piece lies, too, so that y alone does not say the
-            pose. Shape (n,) each.
-        """
-        self._look_for_turns(y)
-        anchors, self.floor = self.anchors, STEEP * self.anchors[0].beta
-        most = len(anchors) + LARGEST  # whatever was asked before
-        found, inside = anchors.cover(y, 0)
-        left = np.flatnonzero(~inside)
-        near, far, tries = found[left], anchors.distance(y[left], found[left]), np.zeros(len(left), dtype=int)
-        while left.size and len(anchors) < most:
-            i, first = int(np.argmin(far)), len(anchors)
-            self.at, self.left = (int(near[i]), 0, self._aside(y[left[i]], 3))[tries[i]], MOST
-            try:
-                self._walk(y[left[i]])
-                reached = self.at
-            except Blocked:
-                reached = None
-            self._keep_straight(first)
-            if reached is not None and not anchors.table["sheet"][reached]:
-                near[i], far[i] = reached, 0.0
-            else:
-                tries[i], far[i] = tries[i] + 1, max(4.0 * far[i], 1e3)
-            home = anchors.sheet_of(0)
-            for a in home[home >= first].tolist():
-                distance = anchors.distance(y[left], np.full(len(left), a))
-                closer = distance < far
-                near[closer], far[closer] = a, distance[closer]
-            found[left] = near
-            rest = (far > 1.0) & (tries < PATIENCE)
-            lost = left[(far > 1.0) & ~rest]
-            found[lost] = -1
-            left, near, far, tries = left[rest], near[rest], far[rest], tries[rest]
-        found[left] = -1
-        self.floor = np.inf
-        twice = np.zeros(len(y), dtype=bool)
-        for sheet in range(1, anchors.sheets):
-            if anchors.sheet_of(sheet).size:
-                other, inside = anchors.cover(y, sheet)
-                for i in np.flatnonzero(inside & (found >= 0)).tolist():
-                    twice[i] |= not anchors.alike(int(found[i]), int(other[i]))
-        return self._of_region(y, np.maximum(found, 0)), found < 0, twice
-
-    def _keep_straight(self, first: int) -> None:
-        """Leaves on home's sheet, of the anchors from a number on, those to which the straight way from home leads.
-
-        Round a cusp two ways lead to two poses: which one is meant must not depend on what was asked before.
-        """
-        anchors = self.anchors
-        for a in [a for a in range(first, len(anchors)) if not anchors.table["sheet"][a]]:
-            self.at, self.left = 0, MOST
-            try:
-                self._walk(anchors[a].y)
-                led = self.at == a or anchors.alike(self.at, a)
-            except Blocked:
-                led = False
-            if not led:
-                anchors.move(a, 1)
-
-    def _aside(self, y: Array, i: int) -> int:
-        """The anchor of home's sheet that is number i from the nearest."""
-        kin = self.anchors.sheet_of(0)
-        order = np.argsort(np.linalg.norm(self.anchors.away(y, self.anchors.table["y"][kin]), axis=1))
-        return int(kin[order[min(i, len(kin) - 1)]])
-
-    def _of_region(self, y: Array, anchor: Indices) -> Predicted:
-        """Predictions whose angles depend on y alone: with more than one coordinate they are within half a turn of how
-        far they turn with these; with one they are as they were followed from home."""
-        anchors, table = self.anchors, self.anchors.table[: len(self.anchors)]
-        z, home = anchors.predict(y, anchor), self.anchors[0]
-        if self.loops:
-            turned = np.rint((y - table["y"][anchor]) / TURN) * anchors.turning
-            z += TURN * turned @ self.windings
-        if y.shape[1] > 1:
-            lag = np.abs(table["z"] - home.z - (table["y"] - home.y) @ self.windings)[:, anchors.angles]
-            if lag.max(initial=0.0) > np.pi - FARTHEST:  # no unknown moves farther within a ball
-                expected = home.z + (y - home.y) @ self.windings
-                z = np.where(anchors.angles, expected + within_half_turn(z - expected), z)
-        visit = np.zeros(len(y), dtype=np.intp)
-        return Predicted(np.arange(float(len(y))), z, anchor, np.empty((0, z.shape[1])), visit)

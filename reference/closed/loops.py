@@ -12,6 +12,7 @@ from screwgauge.reference.closed import walk
 from screwgauge.reference.closed.continuation import Continuation
 from screwgauge.reference.closed.cut_coordinates import read
 from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
+from screwgauge.reference.closed.region import Region
 from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.kinematics import coordinates
 from screwgauge.reference.equations.ops import NUMPY
@@ -129,14 +130,20 @@ class LoopEquations:
         return self.coordinates(z, q[None] * self.size)[0] / self.size, K
 
     def continuation(self, *, strict: bool = False) -> Continuation:
-        """Closed poses reached from home; see `Continuation`."""
+        """Closed poses of motions from home; see `Continuation`."""
+        return Continuation(self._closing(), strict=strict)
+
+    def region(self) -> Region:
+        """Closed poses in any order around home; see `Region`."""
+        return Region(self._closing())
+
+    def _closing(self) -> walk.Loops:
         mechanism, angles = self.lay.mechanism, self.lay.turns
         home, columns = mechanism.home / self.size, mechanism.independent_columns
         z, turning = home[self.unknown], angles[columns]
-        closing = walk.Loops(
+        return walk.Loops(
             self.evaluate, z, home[columns], angles[self.unknown], turning, self.size[columns], bool(self.fixed)
         )
-        return Continuation(closing, strict=strict)
 
 
 def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:

@@ -20,7 +20,7 @@ def balances(com: Array, W: Array) -> Array:
     """Wrenches on bodies as in eqs. (53)-(55), moments about their centres of mass. (..., b, 6) -> (..., 6 b - 6)."""
     W = W[..., 1:, :]
     found = join(W[..., :3], W[..., 3:] - cross(com, W[..., :3]))
-    return found.reshape(*found.shape[:-2], -1)
+    return found.reshape(*found.shape[:-2], 6 * found.shape[-2])
 
 
 def on_bodies(at: TreePose, joint: Joint, W: Array) -> Array:
