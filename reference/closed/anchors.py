@@ -31,7 +31,7 @@ FLOOR = 6e6
 DIFFERENCE = 5e-6
 #: A change dJ is small in any of these norms, ``|s^-p U^T dJ V s^(p-1)|``: p = 1 is that of ``J^-1 dJ``, 0 that of
 #: ``dJ J^-1``. Next to the lock of a leg p = 1/2 takes tens of steps where p = 1 takes hundreds.
-NORMS = (0.0, 0.5, 1.0)
+NORMS = np.array([0.0, 0.5, 1.0])
 TINY = 1e-100  # whose powers are numbers
 #: Share of a turn or length by which two predictions of one pose may differ at least.
 SAME = 1e-3
@@ -104,59 +104,61 @@ def measure(z: Array, y: Array, residual: Array, J: Array, full: Array, slope: A
     back = (v.T / c) @ u.T
     K = back[:, -k:]
     turned, second = U.T @ slope @ Vt.T, (back @ (slope[..., :n_z] @ K)).swapaxes(0, 1)
-    W, power, weight = min((_ball(p, s, turned, Vt[:, :n_z], second, K) for p in NORMS), key=_volume)
+    balls, weights = _balls(s, turned, Vt[:, :n_z], second, K)
+    chosen = int(np.argmin(np.linalg.slogdet(balls)[1]))  # the largest: a long one may be narrow across, as at a lock
+    W, power, weight = balls[chosen], float(NORMS[chosen]), weights[chosen]
     beta = float(1.0 / c[-1])
     moved = z - back @ residual
     return Anchor(moved, y, K, W, beta, max(faint, beta) if beta > FLOOR else 0.0, U, s, Vt, power, weight)
 
 
-def _ball(p: float, s: Array, turned: Array, Vt: Array, second: Array, K: Array) -> tuple[Array, float, Array]:
-    """Metric of the ball in one of `NORMS`, that norm, and the weight of corrections in it, see `Anchor`.
+def _balls(s: Array, turned: Array, Vt: Array, second: Array, K: Array) -> tuple[Array, Array]:
+    """Metrics of the balls in all of `NORMS`, and the weights of corrections in them, see `Anchor`.
 
     Args:
         turned: Derivative of J by y in its singular vectors. Shape (k, n, n).
         second: Second derivative of the unknowns by y, but for its sign. Shape (n_z, k, k).
+
+    Returns:
+        Shapes (3, k, k), (3, n, n_z).
     """
-    change = _gram(s[:, None] ** -p * turned * s ** (p - 1.0))
-    weight = s[:, None] ** (1.0 - p) * Vt
-    weight = weight * _steepness(change, weight @ K)
-    curvature = _curvature(np.tensordot(weight, second, 1)) / (2.0 * NEAR * MARGIN)
-    W = change / (MARGIN * CHANGE) ** 2 + curvature + K.T @ K / FARTHEST**2 + np.eye(len(change)) / STEP**2
-    return W, p, weight
-
-
-def _volume(ball: tuple[Array, float, Array]) -> float:
-    """Less for larger balls: a long one may be narrow across, as along the surface of a lock."""
-    return float(np.linalg.slogdet(ball[0])[1])
+    k, p = K.shape[1], NORMS[:, None]
+    D = (s**-p)[:, None, :, None] * turned * (s ** (p - 1.0))[:, None, None, :]
+    change = _gram(D.reshape(len(NORMS), k, -1))
+    weight = (s ** (1.0 - p))[:, :, None] * Vt
+    weight = weight * _steepness(change, weight @ K)[:, None, None]
+    curvature = _curvature((weight @ second.reshape(len(second), -1)).reshape(*weight.shape[:2], k, k))
+    W = change / (MARGIN * CHANGE) ** 2 + curvature / (2.0 * NEAR * MARGIN)
+    return W + K.T @ K / FARTHEST**2 + np.eye(k) / STEP**2, weight
 
 
 def _gram(D: Array) -> Array:
-    """Metric M with ``|sum_i D_i dy_i| <= sqrt(dy^T M dy)`` in the Frobenius norm. Shape (k, n, n) -> (k, k)."""
-    rows = D.reshape(len(D), -1)
-    return np.asarray(rows @ rows.T)
+    """Metric M, ``|sum_i D_i dy_i| <= sqrt(dy^T M dy)`` in the Frobenius norm. Shape (..., k, n^2) -> (..., k, k)."""
+    return np.asarray(D @ D.swapaxes(-1, -2))
 
 
-def _steepness(change: Array, L: Array) -> float:
-    """Change of J per way of the unknowns along the motion, on average of all directions.
+def _steepness(change: Array, L: Array) -> Array:
+    """Change of J per way of the unknowns along the motion, on average of all directions. Shape (...).
 
     Args:
-        change: Its metric in y. Shape (k, k).
-        L: Way of the unknowns per dy, in the norm that belongs to that of J. Shape (n, k).
+        change: Its metric in y. Shape (..., k, k).
+        L: Way of the unknowns per dy, in the norm that belongs to that of J. Shape (..., n, k).
     """
-    return float(np.sqrt(np.trace(change) / max(float((L * L).sum()), TINY)))
+    return np.asarray(np.sqrt(np.trace(change, axis1=-2, axis2=-1) / np.maximum((L * L).sum((-2, -1)), TINY)))
 
 
 def _curvature(second: Array) -> Array:
-    """Metric M with ``|second(dy, dy)| <= dy^T M dy``: how far linear predictions miss. Shape (n, k, k) -> (k, k).
+    """Metric M with ``|second(dy, dy)| <= dy^T M dy``: how far linear predictions miss. (..., n, k, k) -> (..., k, k).
 
     The second derivative of z by y is ``-J^+ (dJ/dy K)``, weighted. Its components along an orthonormal basis are
     quadratic forms, each bounded by the form of the absolute eigenvalues.
     """
-    n, k, _ = second.shape
-    _, sizes, forms = np.linalg.svd(second.reshape(n, -1), full_matrices=False)
-    forms = forms.reshape(-1, k, k)
-    e, E = np.linalg.eigh(0.5 * (forms + forms.swapaxes(1, 2)))
-    return np.asarray(np.einsum("r,rip,rp,rjp->ij", sizes, E, np.abs(e), E))
+    *lead, n, k, _ = second.shape
+    _, sizes, forms = np.linalg.svd(second.reshape(*lead, n, -1), full_matrices=False)
+    forms = forms.reshape(*forms.shape[:-1], k, k)
+    e, E = np.linalg.eigh(0.5 * (forms + forms.swapaxes(-2, -1)))
+    bounds = (E * np.abs(e)[..., None, :]) @ E.swapaxes(-2, -1)
+    return np.asarray((sizes[..., None, None] * bounds).sum(-3))
 
 
 class Anchors:

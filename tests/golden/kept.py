@@ -46,14 +46,13 @@ def quick_rung(i: int, case: str) -> bool:
     return case.endswith("quick") and usual(i, case)
 
 
-#: Rungs of 5 s and more; the others of these cases say nearly as much.
+#: Rungs of quick runs of 5 s and more; the others of these cases say nearly as much.
 LONG = ("long-run 1000000", "long-run 100000", "softness 1.0000000000000001e-05", "softness 2.0000000000000002e-05")
 
 
 def long_rung(case: str) -> bool:
-    """Whether a rung is one of those, or one of quick runs has the same severity, with fewer samples."""
-    quick = not case.endswith("quick") and f"{case} quick" in studied.rungs()
-    return case in LONG or case.startswith("wrist-chart") or quick
+    """Whether a rung is one of those, or of full runs, which `screwgauge stress` without `--quick` has, too."""
+    return not case.endswith("quick") or case.startswith(("wrist-chart", *LONG))
 
 
 PARTS: dict[str, Part] = {
