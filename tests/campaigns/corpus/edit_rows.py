@@ -169,7 +169,7 @@ def judged(said: Said, planted: list[Planted], a: Parts, done: Scrambled) -> dic
     found = said.answer == "DIFFER" or (said.answer == "CONVENTIONS" and planted[0].what in ("sign", "placement"))
     return {
         "item": " + ".join(each.item or "model" for each in planted),
-        "size": " + ".join(size_of(each) for each in planted),
+        "amount": " + ".join(size_of(each) for each in planted),
         "answer": said.answer,
         "found": _yes(found),
         "named": _yes(found and named(said, sites[0])),

@@ -51,7 +51,7 @@ def pair_row(pair: Pair) -> dict[str, Any]:
 
 
 def right(pair: Pair, said: Said, named: Sequence[str]) -> str:
-    """Whether an answer is right, and names what was planted in its first sentence."""
+    """Whether an answer is right, and leads with what was planted."""
     if said.answer in ("REFUSED", "CRASHED"):
         return said.answer.lower()
     if pair.expected == SAME:
@@ -60,5 +60,6 @@ def right(pair: Pair, said: Said, named: Sequence[str]) -> str:
         return "false SAME"
     if said.answer == "PARTLY":
         return "withheld"
-    found = all(re.search(pattern, said.first, re.IGNORECASE) for pattern in named if pattern)
+    leading = re.split(r";\s", said.first)[0]
+    found = all(re.search(pattern, leading, re.IGNORECASE) for pattern in named if pattern)
     return "yes" if found else "not named"

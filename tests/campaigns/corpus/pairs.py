@@ -45,7 +45,7 @@ class Pair:
         make: Writes them into a folder, or finds them. Raises `MissingError` where a package is not installed.
         expected: ``SAME`` or ``DIFFER``.
         planted: Of what differs, in words.
-        named: A part that the first sentence has to name, as a regular expression; empty where any will do.
+        named: A part that the first sentence has to lead with, as a regular expression; empty where any will do.
     """
 
     name: str
@@ -176,7 +176,8 @@ def user() -> Iterator[Pair]:
         "20 mm",
         r"\blink2\b.*centre of mass",
     )
-    tilted = arm.with_joint("axis4", axes=(turn(EYE[0], 0.05) @ arm.joints[4].axes[0],))
+    across = np.cross(arm.joints[4].axes[0], EYE[1])
+    tilted = arm.with_joint("axis4", axes=(turn(across, 0.05) @ arm.joints[4].axes[0],))
     yield two("arm, tilted axis", "user", (arm, "urdf"), (tilted, "xml"), DIFFER, "axis 0.05 rad", r"\baxis4\b")
     base = delta.with_joint("hip1", point=delta.joints[5].point + np.array([0.0, 0.0, 0.005]))
     yield two("delta, hip elsewhere", "user", (delta, "urdf"), (base, "toml"), DIFFER, "hip 5 mm along z", r"\bhip1\b")
