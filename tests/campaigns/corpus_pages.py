@@ -92,7 +92,7 @@ def _figures(some: list[Row]) -> Row:
         "edits": len(some),
         "detected": count["found"],
         "item": count["named"],
-        "size": sum(row["named"] == row["magnitude"] == YES for row in some),
+        "sized": sum(row["named"] == row["magnitude"] == YES for row in some),
         "way": sum(found(row) for row in some),
         "clean": sum(int(row["others"]) == 0 for row in some),
         "rows": sum(int(row["rows"]) for row in some),
@@ -102,7 +102,7 @@ def _figures(some: list[Row]) -> Row:
 def _singles_banner(table: pd.DataFrame) -> Banner:
     all_ = _figures(rows(table))
     text = (
-        "{edits} edits: {detected} detected, {item} named in the first sentence, {size} with the right magnitude, "
+        "{edits} edits: {detected} detected, {item} named in the first sentence, {sized} with the right magnitude, "
         "{way} with the right sign or direction, too; in {clean} nothing else is named. {rows} rows in all."
     ).format(**all_)
     return Banner.of(text, singles_passed(table), "PASSED", "FAILED")

@@ -258,19 +258,19 @@ def gear(parts: Parts, rng: Random) -> Planted:
 
 
 def point(parts: Parts, rng: Random) -> Planted:
-    """A point at which a loop closes, along an axis of its first body."""
-    part = pick([p for p in parts.root.iterfind("equality/connect") if p.get("anchor") and p.get("name")], rng)
-    step = _along(rng, 1e-3, 5e-3)
-    part.set("anchor", text(numbers(part.get("anchor", "")) + step))
-    also = [f"body {part.get('body1')}", f"body {part.get('body2')}"]
+    """Where a loop closes, along an axis of its first body; of a hinge that two points close both, across its axis."""
+    some = [p for p in parts.root.iterfind("equality/connect") if p.get("anchor") and p.get("name")]
+    part = pick(some, rng)
+    ends = part.get("body1", ""), part.get("body2", "")
+    both = [p for p in some if (p.get("body1"), p.get("body2")) == ends]
+    places = [numbers(p.get("anchor", "")) for p in both]
+    axes = [e for e in EYE if all(abs(e @ (place - places[0])) < 1e-9 for place in places)]
+    step = pick(axes, rng) * rng.choice([-1.0, 1.0]) * rng.uniform(1e-3, 5e-3)
+    for each, place in zip(both, places, strict=True):
+        each.set("anchor", text(place + step))
+    also = [*(f"equality {p.get('name')}" for p in both), *(f"body {name}" for name in ends)]
     return Planted(
-        "point",
-        f"equality {part.get('name')}",
-        "closure",
-        delta=step,
-        at=part.get("body1", ""),
-        also=also,
-        may=("axis",),
+        "point", f"equality {part.get('name')}", "closure", delta=step, at=ends[0], also=also, may=("axis", "placement")
     )
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from campaigns.corpus import machines
-from campaigns.corpus.edit_rows import own_models
+from campaigns.corpus.edit_rows import PUBLIC, own_models, plain_copy, said_differently
 from campaigns.corpus.edit_table import EDITS
 from campaigns.corpus.linkage import Linkage, bent
 from campaigns.corpus.mjcf_scrambler import scramble_mjcf
@@ -58,7 +58,7 @@ class Pair:
 
 def pairs() -> list[Pair]:
     """All of them, group by group."""
-    return [*own(), *user(), *edits(), *packages(), *parallel(), *scrambled()]
+    return [*own(), *user(), *edits(), *packages(), *parallel(), *scrambled(), *disguised_models(), *common()]
 
 
 # --- mechanisms that are built in
@@ -83,6 +83,24 @@ def scrambled() -> Iterator[Pair]:
             return a, b
 
         yield Pair(f"{name} scrambled", "scrambled", make)
+
+
+def disguised_models() -> Iterator[Pair]:
+    """Models that single edits are made of, renamed, reordered and with other frames, without any edit."""
+    for package, files in PUBLIC.items():
+        for i, file in enumerate(files):
+
+            def make(folder: Path, name: str = f"{package}:{file}", i: int = i) -> tuple[Path, Path]:
+                a = plain_copy(_installed(name), folder)
+                done = said_differently(ET.parse(a).getroot(), np.random.default_rng([SEED, 2, i]))
+                b = folder / f"disguised{a.suffix}"
+                ET.ElementTree(done.root).write(b, encoding="unicode")
+                return a, b
+
+            path = Path(file)
+            yield Pair(
+                f"{path.parent.name if path.stem == 'robot' else path.stem}{path.suffix} disguised", "disguised", make
+            )
 
 
 # --- files as a user writes them
@@ -185,6 +203,32 @@ def user() -> Iterator[Pair]:
     yield two(
         "delta, lighter rod", "user", (delta, "xml"), (light, "toml"), DIFFER, "mass -0.05 kg", r"\brod1a\b.*mass"
     )
+
+
+def common() -> Iterator[Pair]:
+    """One cause behind many numbers, or a part that is not there, which is one thing to say."""
+    arm, limbs = machines.arm(1), machines.tree(1)
+    all_ = r"(?=.*(\ball\b|\bevery\b|\beach\b|\b6\b|masses|inertias))(?=.*"
+
+    def bodies(factor: float, what: str) -> Linkage:
+        return replace(arm, bodies=tuple(replace(b, **{what: factor * getattr(b, what)}) for b in arm.bodies))
+
+    def of(name: str, a: Linkage, b: Linkage, planted: str, named: str) -> Pair:
+        return two(name, "common", (a, "urdf"), (b, "xml"), DIFFER, planted, named)
+
+    yield of("all masses x 1.01", arm, bodies(1.01, "mass"), "masses x 1.01", rf"{all_}mass).*(1\.01|\+1(\.0+)? ?%)")
+    yield of(
+        "all masses in grams", arm, bodies(1000.0, "mass"), "masses x 1000", rf"{all_}mass).*(grams|in g\b|1000|1e3)"
+    )
+    doubled = bodies(2.0, "inertia")
+    yield of("all inertias doubled", arm, doubled, "inertias x 2", rf"{all_}inertia).*(\b2\b|100(\.0+)? ?%)")
+    damped = replace(arm, joints=tuple(replace(j, damping=2.0 * j.damping) for j in arm.joints))
+    yield of("damping doubled", arm, damped, "damping x 2", rf"{all_}damping).*(\b2\b|100(\.0+)? ?%)")
+    last = limbs.joints[-1]
+    fewer = replace(limbs, bodies=limbs.bodies[:-1], joints=limbs.joints[:-1], independent=limbs.independent[:-1])
+    yield of("a limb is missing", limbs, fewer, f"without {last.child}", rf"\b({last.name}|{last.child})\b")
+    slide = arm.with_joint("axis4", kind="P", limits=(-0.2, 0.2))
+    yield of("a slide in place of a hinge", arm, slide, "axis4 slides", r"\baxis4\b.*(slide|prismatic)")
 
 
 # --- single edits

@@ -74,12 +74,10 @@ def said_by(diagnosis: Any) -> Said:
         if getattr(each, "kind", "") != "digits"
     )
     first = re.split(r"(?<=[^\s.])\.(?:\s+(?=\S)|$)", diagnosis.verdict)[0]
-    if diagnosis.same:
-        answer = "SAME"
-    elif diagnosis.undecided:
-        answer = "PARTLY"
+    if rows and all(row.convention for row in rows):
+        answer = "CONVENTIONS"
     else:
-        answer = "CONVENTIONS" if rows and all(row.convention for row in rows) else "DIFFER"
+        answer = "SAME" if diagnosis.same else "PARTLY" if diagnosis.undecided else "DIFFER"
     return Said(answer, first, rows)
 
 

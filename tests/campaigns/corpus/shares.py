@@ -13,13 +13,17 @@ from campaigns.corpus.poses import Array
 STATES = 12
 
 
-def torques(root: ET.Element, seed: int = 5) -> Array:
-    """At random states, friction and damping included. Shape (states, freedoms)."""
-    rng = np.random.default_rng(seed)
-    return _of_urdf(root, rng) if root.tag == "robot" else _of_mjcf(root, rng)
+def torques(root: ET.Element, speed: float) -> Array:
+    """At random states, friction and damping included. Shape (states, freedoms).
+
+    Args:
+        speed: How fast these are, and, squared, how large their accelerations [rad/s].
+    """
+    rng = np.random.default_rng(5)
+    return _of_urdf(root, rng, speed) if root.tag == "robot" else _of_mjcf(root, rng, speed)
 
 
-def _of_urdf(root: ET.Element, rng: np.random.Generator) -> Array:
+def _of_urdf(root: ET.Element, rng: np.random.Generator, speed: float) -> Array:
     import pinocchio
 
     bare = copy.deepcopy(root)
@@ -33,7 +37,7 @@ def _of_urdf(root: ET.Element, rng: np.random.Generator) -> Array:
     rows = []
     for _ in range(STATES):
         q = pinocchio.integrate(model, pinocchio.neutral(model), rng.uniform(-1.0, 1.0, model.nv))
-        v, a = rng.normal(size=(2, model.nv))
+        v, a = np.array([[speed], [speed**2]]) * rng.normal(size=(2, model.nv))
         rows.append(pinocchio.rnea(model, data, q, v, a) + damping * v + friction * np.sign(v))
     return np.array(rows)
 
@@ -67,7 +71,7 @@ def bare_mjcf(root: ET.Element) -> ET.Element:
     return bare
 
 
-def _of_mjcf(root: ET.Element, rng: np.random.Generator) -> Array:
+def _of_mjcf(root: ET.Element, rng: np.random.Generator, speed: float) -> Array:
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(ET.tostring(bare_mjcf(root), encoding="unicode"))
@@ -79,16 +83,17 @@ def _of_mjcf(root: ET.Element, rng: np.random.Generator) -> Array:
     for _ in range(STATES):
         qpos = model.qpos0.copy()
         mujoco.mj_integratePos(model, qpos, rng.uniform(-1.0, 1.0, model.nv), 1.0)
-        data.qpos[:], data.qvel[:], data.qacc[:] = qpos, rng.normal(size=model.nv), rng.normal(size=model.nv)
+        v, a = np.array([[speed], [speed**2]]) * rng.normal(size=(2, model.nv))
+        data.qpos[:], data.qvel[:], data.qacc[:] = qpos, v, a
         mujoco.mj_inverse(model, data)
         rows.append(data.qfrc_inverse + model.dof_frictionloss * np.sign(data.qvel))
     return np.array(rows)
 
 
-def shares(original: ET.Element, alone: Sequence[ET.Element]) -> Array:
+def shares(original: ET.Element, alone: Sequence[ET.Element], speed: float = 1.0) -> Array:
     """Of each edit made alone, as a part of all: the projections of their differences on the sum of these."""
-    first = torques(original)
-    steps = np.array([torques(root) - first for root in alone])
+    first = torques(original, speed)
+    steps = np.array([torques(root, speed) - first for root in alone])
     total = steps.sum(axis=0)
     if not np.any(total):
         raise NoPlaceError  # no torque shows them

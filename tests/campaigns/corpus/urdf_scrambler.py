@@ -10,6 +10,7 @@ from campaigns.corpus.poses import Array, Random, direction, inverse, numbers, o
 from campaigns.corpus.scrambled import ALL, FRAMES, HOME, NAMES, ORDER, SIGNS, Scrambled, coordinate, numbered, shuffled
 
 MOVING = ("revolute", "continuous", "prismatic")
+JOINT = ("origin", "parent", "child", "axis", "limit", "dynamics", "mimic")
 
 
 def scramble_urdf(root: ET.Element, rng: Random, do: frozenset[str] = ALL) -> Scrambled:
@@ -44,9 +45,10 @@ def scramble_urdf(root: ET.Element, rng: Random, do: frozenset[str] = ALL) -> Sc
 
 
 def _stripped(tree: ET.Element) -> None:
-    for parent in [tree, *tree.iterfind("link")]:
+    kept = {"robot": ("link", "joint"), "link": ("inertial",), "joint": JOINT}
+    for parent in [tree, *tree.iterfind("link"), *tree.iterfind("joint")]:
         for child in [*parent]:
-            if child.tag in ("visual", "collision", "gazebo", "transmission", "material", "sensor"):
+            if child.tag not in kept[parent.tag]:
                 parent.remove(child)
 
 
