@@ -37,7 +37,8 @@ def _pairs_banner(table: pd.DataFrame) -> Banner:
     text = (
         f"{len(asked)} pairs: {int((asked['right'] == YES).sum())} right, {len(wrong)} wrong ({same} false SAME), "
         f"{len(asked) - len(wrong) - int((asked['right'] == YES).sum())} without an answer or the planted part; "
-        f"{int(asked['rows'].sum())} rows in all. {len(table) - len(asked)} left out: package not installed."
+        f"{int(asked['rows'].sum())} rows in all. "
+        f"{len(table) - len(asked)} left out: no package, or no way to say them differently."
     )
     return Banner.of(text, pairs_passed(table), "PASSED", "FAILED")
 

@@ -168,6 +168,8 @@ def judged(said: Said, planted: list[Planted], a: Parts, done: Scrambled) -> dic
     sites = [site(each, a, done) for each in planted]
     right = [measured(of_item(said, each), each) for each in sites]
     more = others(said, sites)
+    if not said.rows and not any(mentions(said.first, each.names) for each in sites):
+        more = [said.first]  # such as: models of different machines
     found = said.answer == "DIFFER" or (said.answer == "CONVENTIONS" and planted[0].what in ("sign", "placement"))
     return {
         "item": " + ".join(each.item or "model" for each in planted),
