@@ -122,8 +122,8 @@ def test_a_locked_chart_costs_the_minimal_cut_no_force() -> None:
                 assert found[1e-10, engine + chart, quantity].error <= REGULAR
         for engine in ("pinocchio-full", "mujoco-full"):
             full = found[1e-10, engine + chart, "generalized_force"]
-            assert full.error > 1e-3
-            assert full.verdict == DEGRADED
+            # either it loses its digits and says so, or its steps towards the lock become too small to get there
+            assert (full.verdict == DEGRADED and full.error > 1e-3) or (full.verdict == REFUSED and "singular" in full.reason)
 
 
 def test_the_singularity_of_the_upu_leg_costs_our_forces_nothing() -> None:

@@ -103,7 +103,7 @@ def measure(z: Array, y: Array, residual: Array, J: Array, full: Array, slope: A
     c = np.maximum(c, TINY)
     back = (v.T / c) @ u.T
     K = back[:, -k:]
-    turned, second = U.T @ slope @ Vt.T, np.einsum("ij,ajl,lb->iab", back, slope[..., :n_z], K)
+    turned, second = U.T @ slope @ Vt.T, (back @ (slope[..., :n_z] @ K)).swapaxes(0, 1)
     W, power, weight = min((_ball(p, s, turned, Vt[:, :n_z], second, K) for p in NORMS), key=_volume)
     beta = float(1.0 / c[-1])
     moved = z - back @ residual
@@ -132,7 +132,8 @@ def _volume(ball: tuple[Array, float, Array]) -> float:
 
 def _gram(D: Array) -> Array:
     """Metric M with ``|sum_i D_i dy_i| <= sqrt(dy^T M dy)`` in the Frobenius norm. Shape (k, n, n) -> (k, k)."""
-    return np.asarray(np.einsum("aij,bij->ab", D, D))
+    rows = D.reshape(len(D), -1)
+    return np.asarray(rows @ rows.T)
 
 
 def _steepness(change: Array, L: Array) -> float:

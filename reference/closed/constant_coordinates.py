@@ -71,11 +71,11 @@ def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
     home = system.lay.mechanism.home / system.size
     columns = system.lay.mechanism.independent_columns
     k = np.arange(len(columns))
-    closed, path = [], system.continuation()
+    closed, path = [], system.continuation(strict=True)
     for i in range(TRIALS):
         y = home[columns] + AWAY * np.cos(1.0 + 2.3 * i + 1.7 * (1 + i) * k)
         try:
-            path.restart()
+            path.restart(begun=True)  # straight on or not at all: ways round singular poses take seconds
             found = path.follow(y[None], np.zeros(1))
         except ClosureError:
             continue

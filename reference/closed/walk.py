@@ -102,10 +102,10 @@ class Walk:
     def _full(self, J: Array, more: Sequence[Array]) -> Array:
         return more[0] if self.resting else J
 
-    def restart(self) -> None:
-        """Begins the next motion at home."""
+    def restart(self, *, begun: bool = False) -> None:
+        """Begins the next motion at home. `begun`: whether the way to its start belongs to it."""
         self.at, self.visits, self.path, self.last = 0, [0], self.anchors.table["z"][:1], list[Array]()
-        self.begun = False
+        self.begun = begun
 
     def _step(self, target: Array) -> None:
         """Goes to an anchor nearer to a target: an old one of the same branch, or a new one."""
@@ -145,14 +145,12 @@ class Walk:
         both = np.stack([start, 0.5 * (start + here.z)]), np.stack([goal, 0.5 * (goal + here.y)])
         begun = self.evaluate(*both)
         ahead, half = here.change(self._full(begun[1], begun[2:]))
-        if not (np.isfinite(ahead).all() and np.linalg.norm(ahead, 2) <= CHANGE):
-            return False
-        if not np.linalg.norm(half - 0.5 * ahead, 2) <= 0.5 * CHANGE:
+        if not (at_most(ahead, CHANGE) and at_most(half - 0.5 * ahead, 0.5 * CHANGE)):
             return False
         anchor = self._measured(start, goal, begun[0][0], begun[1][0], here.faint)
         if anchor is None or not self.anchors.corrections((anchor.z - start)[None], np.array([self.at]))[0] <= NEAR:
             return False
-        if not np.linalg.norm(here.change((anchor.U * anchor.s) @ anchor.Vt), 2) <= CHANGE:
+        if not at_most(here.change((anchor.U * anchor.s) @ anchor.Vt), CHANGE):
             return False
         # so near to a singular pose none that leads away from it can be told from one on the branch that crosses there
         if anchor.beta > self.floor or 2.0 * anchor.beta < here.faint:
@@ -311,3 +309,10 @@ class Walk:
         for i, path in self.loops.items():
             found[i] = np.rint((path[-1] - path[0]) / TURN) * self.anchors.angles
         return found
+
+
+def at_most(A: Array, limit: float) -> bool:
+    """Whether a matrix is finite and its norm within a limit; the Frobenius norm, which is larger, often says so."""
+    if not np.isfinite(A).all():
+        return False
+    return bool(np.linalg.norm(A) <= limit or np.linalg.norm(A, 2) <= limit)

@@ -1,0 +1,123 @@
+"""The region around home in which samples in any order are reached, by anchors that spread from there.
+
+What is not reached, or lies under two sheets, is said by sample; nothing here depends on what was asked before.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from screwgauge.reference.closed.anchors import FARTHEST, Flags, Indices
+from screwgauge.reference.closed.continuation import Continuation, Predicted
+from screwgauge.reference.closed.walk import MOST, Blocked
+from screwgauge.reference.rotations import TURN, Array, within_half_turn
+
+#: Anchors that are added at a time at most, and ways that are tried to each sample.
+LARGEST, PATIENCE = 2000, 3
+#: Nearer to singular poses than this many times home's beta nothing is explored.
+STEEP = 1e3
+
+
+class Region(Continuation):
+    """Closed poses of one assembly mode in any order."""
+
+    def reach(self, y: Array) -> tuple[Predicted, Flags, Flags]:
+        """Predicts samples in any order, from anchors on the sheet of home that spread until all are in a ball.
+
+        Args:
+            y: Independent coordinates. Shape (n, k).
+
+        Returns:
+            Predictions; which samples were not reached without passing near a singular pose, or with `LARGEST` more
+            anchors; and over which of them another sheet of the same piece lies, too, so that y alone does not say the
+            pose. Shape (n,) each.
+        """
+        self._look_for_turns(y)
+        found, self.floor = self._spread(y), np.inf
+        return self._of_region(y, np.maximum(found, 0)), found < 0, self._covered_twice(y, found)
+
+    def _spread(self, y: Array) -> Indices:
+        """Anchors of home's sheet in whose balls samples lie, after adding those that it takes; -1 for the others."""
+        anchors, self.floor = self.anchors, STEEP * self.anchors[0].beta
+        most = len(anchors) + LARGEST  # whatever was asked before
+        found, inside = anchors.cover(y, 0)
+        left = np.flatnonzero(~inside)
+        near, far, tries = found[left], anchors.distance(y[left], found[left]), np.zeros(len(left), dtype=int)
+        while left.size and len(anchors) < most:
+            i, first = int(np.argmin(far)), len(anchors)
+            reached = self._try(y[left[i]], int(near[i]), int(tries[i]))
+            if reached is not None:
+                near[i], far[i] = reached, 0.0
+            else:
+                tries[i], far[i] = tries[i] + 1, max(4.0 * far[i], 1e3)
+            home = anchors.sheet_of(0)
+            for a in home[home >= first].tolist():
+                distance = anchors.distance(y[left], np.full(len(left), a))
+                closer = distance < far
+                near[closer], far[closer] = a, distance[closer]
+            found[left] = near
+            rest = (far > 1.0) & (tries < PATIENCE)
+            found[left[(far > 1.0) & ~rest]] = -1
+            left, near, far, tries = left[rest], near[rest], far[rest], tries[rest]
+        found[left] = -1
+        return found
+
+    def _try(self, y: Array, nearest: int, i: int) -> int | None:
+        """The anchor of home's sheet that way number i leads to: from the nearest anchor, from home, from others."""
+        first = len(self.anchors)
+        self.at, self.left = (nearest, 0, self._aside(y, 3))[i], MOST
+        try:
+            self._walk(y)
+            reached: int | None = self.at
+        except Blocked:
+            reached = None
+        self._keep_straight(first)
+        return None if reached is None or self.anchors.table["sheet"][reached] else reached
+
+    def _covered_twice(self, y: Array, found: Indices) -> Flags:
+        """Which samples that were reached lie in balls of another sheet of the same piece, too. Shape (n,)."""
+        anchors, twice = self.anchors, np.zeros(len(y), dtype=bool)
+        for sheet in range(1, anchors.sheets):
+            if anchors.sheet_of(sheet).size:
+                other, inside = anchors.cover(y, sheet)
+                for i in np.flatnonzero(inside & (found >= 0)).tolist():
+                    twice[i] |= not anchors.alike(int(found[i]), int(other[i]))
+        return twice
+
+    def _keep_straight(self, first: int) -> None:
+        """Leaves on home's sheet, of the anchors from a number on, those to which the straight way from home leads.
+
+        Round a cusp two ways lead to two poses: which one is meant must not depend on what was asked before.
+        """
+        anchors = self.anchors
+        for a in [a for a in range(first, len(anchors)) if not anchors.table["sheet"][a]]:
+            self.at, self.left = 0, MOST
+            try:
+                self._walk(anchors[a].y)
+                led = self.at == a or anchors.alike(self.at, a)
+            except Blocked:
+                led = False
+            if not led:
+                anchors.move(a, 1)
+
+    def _aside(self, y: Array, i: int) -> int:
+        """The anchor of home's sheet that is number i from the nearest."""
+        kin = self.anchors.sheet_of(0)
+        order = np.argsort(np.linalg.norm(self.anchors.away(y, self.anchors.table["y"][kin]), axis=1))
+        return int(kin[order[min(i, len(kin) - 1)]])
+
+    def _of_region(self, y: Array, anchor: Indices) -> Predicted:
+        """Predictions whose angles depend on y alone: with more than one coordinate they are within half a turn of how
+        far they turn with these; with one they are as they were followed from home."""
+        anchors, table = self.anchors, self.anchors.table[: len(self.anchors)]
+        z, home = anchors.predict(y, anchor), self.anchors[0]
+        if self.loops:
+            turned = np.rint((y - table["y"][anchor]) / TURN) * anchors.turning
+            z += TURN * turned @ self.windings
+        if y.shape[1] > 1:
+            lag = np.abs(table["z"] - home.z - (table["y"] - home.y) @ self.windings)[:, anchors.angles]
+            if lag.max(initial=0.0) > np.pi - FARTHEST:  # no unknown moves farther within a ball
+                expected = home.z + (y - home.y) @ self.windings
+                z = np.where(anchors.angles, expected + within_half_turn(z - expected), z)
+        visit = np.zeros(len(y), dtype=np.intp)
+        return Predicted(np.arange(float(len(y))), z, anchor, np.empty((0, z.shape[1])), visit)
