@@ -146,15 +146,20 @@ def _flipped(joint: Joint) -> Joint:
     return replace(joint, axes=tuple(-axis for axis in joint.axes), limits=limits)
 
 
-def rod(name: str, mass: float, ends: Sequence[Array], width: float = 0.02, aside: float = 0.0) -> Body:
-    """A box from one end to the other, its centre of mass a little aside along z."""
+def rod(name: str, mass: float, ends: Sequence[Array], across: Array, width: float = 0.02, aside: float = 0.0) -> Body:
+    """A box from one end to the other, no two of its moments alike.
+
+    Args:
+        across: A direction that turns with the rod, across it. Shape (3,).
+        aside: How far its centre of mass is off, along the third direction.
+    """
     a, b = ends
     along = unit(b - a)
     length = float(np.linalg.norm(b - a))
-    inner = mass * np.array([2.0 * width**2, length**2 + width**2, length**2 + 1.5 * width**2]) / 12.0
-    across = unit(np.cross(along, [0.31, 0.52, 0.79] if abs(along[2]) > 0.9 else [0.0, 0.0, 1.0]))
-    R = np.array([along, across, np.cross(along, across)]).T
-    return Body(name, mass, (a + b) / 2.0 + aside * R[:, 2], R @ np.diag(inner) @ R.T)
+    moments = mass * np.array([2.0 * width**2, length**2 + width**2, length**2 + 1.5 * width**2]) / 12.0
+    second = unit(across - (across @ along) * along)
+    R = np.array([along, second, np.cross(along, second)]).T
+    return Body(name, mass, (a + b) / 2.0 + aside * R[:, 2], R @ np.diag(moments) @ R.T)
 
 
 def plate(name: str, mass: float, centre: Array, R: Array, radius: float) -> Body:

@@ -31,7 +31,7 @@ def four_bar(crank: float = 1.2) -> Linkage:
     B = _circles(A, 0.45, C, 0.35, -1.0)
     return Linkage(
         "four-bar",
-        (rod("crank", 0.6, (O, A)), rod("coupler", 1.1, (A, B), aside=0.01), rod("rocker", 0.9, (C, B))),
+        (rod("crank", 0.6, (O, A), Y), rod("coupler", 1.1, (A, B), Y, aside=0.01), rod("rocker", 0.9, (C, B), Y)),
         (
             Joint("crank_joint", "R", GROUND, "crank", O, (Y,), actuated=True),
             Joint("coupler_joint", "R", "crank", "coupler", A, (Y,)),
@@ -51,8 +51,8 @@ def five_bar(left: float = 2.0, right: float = 1.1) -> Linkage:
     return Linkage(
         "five-bar",
         (
-            *(rod("left_crank", 0.5, (O, A)), rod("left_rod", 0.4, (A, P), aside=0.005)),
-            *(rod("right_crank", 0.55, (C, B)), rod("right_rod", 0.45, (B, P), aside=-0.004)),
+            *(rod("left_crank", 0.5, (O, A), Y), rod("left_rod", 0.4, (A, P), Y, aside=0.005)),
+            *(rod("right_crank", 0.55, (C, B), Y), rod("right_rod", 0.45, (B, P), Y, aside=-0.004)),
         ),
         (
             Joint("left", "R", GROUND, "left_crank", O, (Y,), actuated=True),
@@ -77,7 +77,8 @@ def three_rrr(x: float = 0.02, y: float = 0.03, turned: float = 0.1) -> Linkage:
         l = float(np.linalg.norm(d))
         bend = acos((0.2**2 + l * l - 0.22**2) / (2.0 * 0.2 * l))
         elbow = base + 0.2 * turn(Z, bend) @ d / l
-        bodies += [rod(f"upper{i}", 0.5 + 0.05 * i, (base, elbow)), rod(f"lower{i}", 0.4, (elbow, corner), aside=0.004)]
+        bodies.append(rod(f"upper{i}", 0.5 + 0.05 * i, (base, elbow), Z))
+        bodies.append(rod(f"lower{i}", 0.4, (elbow, corner), Z, aside=0.004))
         joints += [
             Joint(f"base{i}", "R", GROUND, f"upper{i}", base, (Z,), actuated=True),
             Joint(f"elbow{i}", "R", f"upper{i}", f"lower{i}", elbow, (Z,)),
@@ -109,7 +110,8 @@ def delta(x: float = 0.02, y: float = -0.03, z: float = -0.5) -> Linkage:
         elbow = hip + 0.22 * (cos(angle) * out + sin(angle) * Z)
         along = unit(wrist - elbow)
         second = unit(np.cross(axis, along))
-        bodies += [rod(f"arm{i}", 0.8, (hip, elbow), aside=0.003), rod(f"rod{i}", 0.2 + 0.01 * i, (elbow, wrist))]
+        bodies.append(rod(f"arm{i}", 0.8, (hip, elbow), axis, aside=0.003))
+        bodies.append(rod(f"rod{i}", 0.2 + 0.01 * i, (elbow, wrist), second))
         joints += [
             Joint(f"hip{i}", "R", GROUND, f"arm{i}", hip, (axis,), actuated=True),
             Joint(f"elbow{i}", "U", f"arm{i}", f"rod{i}", elbow, (axis, second)),
@@ -131,7 +133,7 @@ def delta_balls(x: float = 0.02, y: float = -0.03, z: float = -0.5) -> Linkage:
         joints.append(hip)
         for side, way in (("a", wide), ("b", -wide)):
             ends = elbow.point + way * axis, wrist.point + way * axis
-            bodies.append(rod(f"rod{i}{side}", 0.15, ends, aside=0.002))
+            bodies.append(rod(f"rod{i}{side}", 0.15, ends, elbow.axes[1], aside=0.002))
             joints += [
                 Joint(f"elbow{i}{side}", "U", f"arm{i}", f"rod{i}{side}", ends[0], elbow.axes),
                 Joint(f"wrist{i}{side}", "S", f"rod{i}{side}", "platform", ends[1]),
@@ -153,13 +155,23 @@ def stewart(x: float = 0.02, y: float = -0.01, z: float = 0.5, turned: float = 0
         foot = 0.4 * np.array([cos(below), sin(below), 0.0])
         top = place + R @ (0.25 * np.array([cos(above), sin(above), 0.0]))
         along = unit(top - foot)
-        first = unit(np.cross(Z, along))
-        second = np.cross(along, first)
-        middle = foot + 0.3 * along
-        bodies += [rod(f"lower{i}", 0.6, (foot, middle), aside=0.002), rod(f"upper{i}", 0.4, (top - 0.3 * along, top))]
+        first = np.array([-sin(below), cos(below), 0.0])
+        second = unit(np.cross(first, along))
+        middle, length = foot + 0.3 * along, float(np.linalg.norm(top - foot))
+        bodies.append(rod(f"lower{i}", 0.6, (foot, middle), second, aside=0.002))
+        bodies.append(rod(f"upper{i}", 0.4, (top - 0.3 * along, top), second))
         joints += [
             Joint(f"foot{i}", "U", GROUND, f"lower{i}", foot, (first, second)),
-            Joint(f"slide{i}", "P", f"lower{i}", f"upper{i}", middle, (along,), limits=(-0.2, 0.2), actuated=True),
+            Joint(
+                f"slide{i}",
+                "P",
+                f"lower{i}",
+                f"upper{i}",
+                middle,
+                (along,),
+                limits=(0.35 - length, 0.8 - length),
+                actuated=True,
+            ),
             Joint(f"top{i}", "S", f"upper{i}", "platform", top),
         ]
     bodies.append(plate("platform", 2.0, place, R, 0.25))
@@ -181,7 +193,7 @@ def arm(seed: int, count: int = 6, slide: int = 3) -> Linkage:
         end = p + rng.uniform(0.15, 0.35) * direction(rng)
         axis = direction(rng)
         kind = "P" if i == slide else "R"
-        bodies.append(rod(f"link{i}", rng.uniform(0.3, 3.0), (p, end), 0.05, aside=0.01))
+        bodies.append(rod(f"link{i}", rng.uniform(0.3, 3.0), (p, end), direction(rng), 0.05, 0.01))
         limits = (-0.2, 0.3) if kind == "P" else (-1.5 - 0.1 * i, 1.2 + 0.1 * i)
         joints.append(Joint(f"axis{i}", kind, near, f"link{i}", p, (axis,), 0.1 + 0.05 * i, limits, True))
         p, near = end, f"link{i}"
@@ -196,7 +208,7 @@ def tree(seed: int, count: int = 8) -> Linkage:
     for i in range(count):
         k = int(rng.integers(max(0, len(ends) - 3), len(ends)))
         end = ends[k] + rng.uniform(0.15, 0.35) * direction(rng)
-        bodies.append(rod(f"limb{i}", rng.uniform(0.3, 3.0), (ends[k], end), 0.05, aside=0.01))
+        bodies.append(rod(f"limb{i}", rng.uniform(0.3, 3.0), (ends[k], end), direction(rng), 0.05, 0.01))
         joints.append(
             Joint(f"knee{i}", "R", names[k], f"limb{i}", ends[k], (direction(rng),), 0.2 + 0.03 * i, (-1.0, 1.4), True)
         )
