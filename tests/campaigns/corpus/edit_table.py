@@ -142,6 +142,7 @@ def rpy(parts: Parts, rng: Random) -> Planted:
 
 def _moved(parts: Parts, joint: ET.Element, kind: str, step: Array, turns: bool) -> Planted:
     owner = parts.owner(joint)
+    _check_own(parts, joint, step, turns)
     also = [] if parts.urdf else [f"body {owner}"]  # an MJCF has the placement at the body
     name = f"joint {joint.get('name')}"
     axis, slides, may = parts.axis(joint), parts.slides(joint), ["zero", "axis"]
@@ -150,6 +151,22 @@ def _moved(parts: Parts, joint: ET.Element, kind: str, step: Array, turns: bool)
     if along and len(parts.behind(joint)) < 2:  # nothing tells it from a step of the matter that it carries
         also, may = [f"body {owner}"], [*may, "com", *(["inertia"] if turns else [])]
     return Planted(kind, name, "placement", delta=step, at=owner, also=also, may=may, axis=about, turns=turns)
+
+
+def _check_own(parts: Parts, joint: ET.Element, step: Array, turns: bool) -> None:
+    """Whether a step is no motion of the joint before it, whose zero it would be where what that carries is round.
+
+    Raises:
+        NoPlaceError: It is.
+    """
+    before = parts.previous(joint)
+    if before is None or turns == parts.slides(before):
+        return
+    (p, axis), T = parts.line(before), parts.placed(parts.owner(joint))
+    along = T[:3, :3] @ step / np.linalg.norm(step)
+    off = np.linalg.norm(np.cross(axis, T[:3, 3] - p)) if turns else 0.0
+    if np.linalg.norm(np.cross(axis, along)) < 1e-3 and off < 1e-3:
+        raise NoPlaceError
 
 
 def tilt(parts: Parts, rng: Random) -> Planted:

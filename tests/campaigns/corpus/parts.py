@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 from campaigns.corpus import mjcf_frames
-from campaigns.corpus.poses import EYE, Array, Random, numbers
+from campaigns.corpus.poses import EYE, Array, Random, numbers, point
 from campaigns.corpus.urdf_scrambler import MOVING, end, origin
 
 T = TypeVar("T")
@@ -103,19 +103,36 @@ class Parts:
         outer = self.parents[self.parents[joint]]
         return outer.get("name", "") if outer.tag == "body" else ""
 
-    def world(self, name: str) -> Array:
-        """Axes of a body in the world at home. Shape (3, 3)."""
-        R = EYE
+    def placed(self, name: str) -> Array:
+        """Frame of a body in the world at home. Shape (4, 4)."""
+        T = np.eye(4)
         if self.urdf:
             while name in self.above:
-                R = origin(self.above[name])[:3, :3] @ R
+                T = origin(self.above[name]) @ T
                 name = end(self.above[name], "parent")
-            return np.asarray(R)
+            return np.asarray(T)
         at = next((b for b in self.root.iterfind("worldbody//body") if b.get("name") == name), None)
         while at is not None and at.tag == "body":
-            R = mjcf_frames.orientation(at, self.root) @ R
+            T = mjcf_frames.pose_of(at, self.root) @ T
             at = self.parents.get(at)
-        return np.asarray(R)
+        return np.asarray(T)
+
+    def world(self, name: str) -> Array:
+        """Axes of a body in the world at home. Shape (3, 3)."""
+        return self.placed(name)[:3, :3]
+
+    def line(self, joint: ET.Element) -> tuple[Array, Array]:
+        """A point on the axis of a joint, and its direction, in the world at home. Shape (3,) both."""
+        T = self.placed(self.owner(joint))
+        at = numbers(joint.get("pos", "0 0 0")) if not self.urdf else np.zeros(3)
+        return point(T, at), np.asarray(T[:3, :3] @ self.axis(joint))
+
+    def previous(self, joint: ET.Element) -> ET.Element | None:
+        """The hinge or slide that carries what is before a joint."""
+        some = self.root.iterfind("link") if self.urdf else self.root.iterfind("worldbody//body")
+        before = next((body for body in some if body.get("name") == self.before(joint)), None)
+        near = self.carrier(before) if before is not None else ""
+        return next((other for other in self.joints() if near and self.owner(other) == near), None)
 
     def behind(self, joint: ET.Element) -> list[ET.Element]:
         """Moving joints that a joint carries, itself included."""
