@@ -51,12 +51,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Campaigns take hours: they run where ``-m`` names them, and nowhere else."""
-    if "campaign" in config.getoption("markexpr"):
-        return
-    campaigns = [item for item in items if item.get_closest_marker("campaign")]
-    config.hook.pytest_deselected(items=campaigns)
-    items[:] = [item for item in items if item not in {*campaigns}]
+    """Campaigns take hours, the whole golden tables minutes: they run where ``-m`` names them, and nowhere else."""
+    asked = config.getoption("markexpr")
+    late = [name for name in ("campaign", "kept") if name not in asked]
+    left_out = [item for item in items if any(map(item.get_closest_marker, late))]
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = [item for item in items if item not in {*left_out}]
 
 
 def pytest_collection_finish() -> None:

@@ -41,7 +41,7 @@ rtol = 1e-12
 atol = 1e-12
 """
 #: How far built-in scenes are followed here [s].
-UNTIL = {"cart-pole": 10.0, "spatial-slider-crank": 2.0}
+UNTIL = {"cart-pole": 10.0, "spatial-slider-crank": 1.0}
 CARTS = {"cart-pole": (1e-6, 1.0, 1.0), "sibling": (2e-6, 1.5, 0.8)}
 MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
 

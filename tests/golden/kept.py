@@ -18,7 +18,7 @@ class Part:
         cases: Names of all.
         rows: Makes the facts of a case.
         quick: Whether a case is in the fast loop, of its place and its name.
-        long: Whether it takes so long that it is looked at on request, with the campaigns.
+        long: Whether it takes so long that it is looked at with `-m kept` only.
     """
 
     cases: Callable[[], Iterable[str]]
@@ -55,14 +55,24 @@ def long_rung(case: str) -> bool:
     return not case.endswith("quick") or case.startswith(("wrist-chart", *LONG))
 
 
+def further_random(case: str) -> bool:
+    """Whether a random mechanism is none of every fourth."""
+    return int(case) % 4 != 0
+
+
+def full_cut(case: str) -> bool:
+    """Whether a file has all joints in its tree; the others of a mechanism say nearly as much."""
+    return "-full." in case
+
+
 PARTS: dict[str, Part] = {
     "scenes": Part(solved.given, solved.scene),
     "simulations": Part(solved.simulations, solved.simulated, usual),
     "wrong": Part(solved.given, solved.wrong),
     "covered": Part(solved.given, solved.covered),
     "proved": Part(solved.unsprung, solved.proved, every(3)),
-    "random": Part(lambda: map(str, range(200)), solved.drawn, every(4)),
-    "imported": Part(solved.files, solved.imported, every(8)),
+    "random": Part(lambda: map(str, range(200)), solved.drawn, every(4), further_random),
+    "imported": Part(solved.files, solved.imported, every(8), full_cut),
     "compiled": Part(solved.programs, solved.compiled),
     "stress": Part(studied.rungs, studied.rung, quick_rung, long_rung),
     "leaving-out": Part(lambda: ["3ups-upu-s-fast"], studied.left_out),
