@@ -125,8 +125,6 @@ def test_a_tolerance_of_the_scene_is_binding(fall):
 @pytest.mark.parametrize(
     ("name", "right", "wrong"),
     [
-        ("spatial-slider-crank", 'mass="3"', 'mass="3.003"'),
-        ("spatial-slider-crank", 'mass="0.05"', 'mass="0.05005"'),
         ("spatial-slider-crank", 'mass="0.02"', 'mass="0.02002"'),
         ("cart-pole", 'pos="0 0 -1"', 'pos="0 0 -1.001"'),
     ],
