@@ -20,6 +20,7 @@ from screwgauge.diagnosis.differences.content import beyond
 from screwgauge.diagnosis.differences.digits import marked
 from screwgauge.diagnosis.differences.loops import Loops, at_home, loops
 from screwgauge.diagnosis.differences.static import differences, distinct
+from screwgauge.diagnosis.differences.static_loops import cut_joints
 from screwgauge.diagnosis.known import compiled
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Loops as Beside
@@ -30,7 +31,7 @@ from screwgauge.diagnosis.pairing.branches import bare, missing
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
 from screwgauge.diagnosis.together import Together, together
-from screwgauge.diagnosis.verdict import BINDING, SAME, partly, stopped, strange, verdict
+from screwgauge.diagnosis.verdict import BINDING, RESTATED, SAME, partly, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.kinematics.tree import draw
 from screwgauge.models.readings.plausible import implausible
@@ -186,7 +187,10 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     asked = torques(common, pairing, states)
     rows = [] if deadline.over("motion at random states") else table(common, states)
     bound, of_loops = loops(common, pairing, seed, deadline)
-    found = [*compiled((a, b), marked(_said(found, a, b, bound), (a.digits, b.digits))), *content.differences]
+    found += cut_joints((a, b))
+    stated = _stated(found, (a, b), bound)
+    restated = bound is not None and bound.alike and any(each.what in BINDING for each in found)
+    found = [*compiled((a, b), marked(stated, (a.digits, b.digits))), *content.differences]
     why = _explained(asked, found, (a, b), load, deadline)
     cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
     if cause.before.scaled > SAME and not deadline.over("growth of the torque difference with speed"):
@@ -206,7 +210,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         a,
         b,
         seed,
-        verdict((a, b), found, why, seen, bound, replace(content, withheld=withheld), both, late=late),
+        verdict((a, b), found, why, seen, (bound, restated), replace(content, withheld=withheld), both, late=late),
         alike and not withheld,
         pairing,
         tuple(distinct(found)),
@@ -260,13 +264,14 @@ def _by_joint(asked: Torques, b: Reading, changes: Sequence[Change]) -> tuple[tu
     return tuple(zip(asked.names, before.tolist(), after.tolist(), strict=True))
 
 
-def _said(found: Sequence[Difference], a: Model, b: Model, bound: Loops | None) -> list[Difference]:
-    """Without limits that a description or a model file beside it does not say; and without other points of one axis,
-    where loops leave the same.
+def _stated(found: Sequence[Difference], models: tuple[Model, Model], bound: Loops | None) -> list[Difference]:
+    """Without limits that a description or a model file beside it does not say; and without closures that one alone
+    has, and places of closures that are made to cut it elsewhere, where these leave the same motions.
     """
-    points = {name for model in (a, b) for part in model.parts for name in part.points if bound and bound.alike}
-    found = [each for each in found if each.what not in BINDING or not points & {each.item_a, each.item_b}]
-    described = "screwgauge" in (a.library, b.library)
+    if bound is not None and bound.alike and bound.mobility[0]:
+        recut = any(model.cut is not None for model in models)
+        found = [each for each in found if each.what not in (BINDING if recut else RESTATED)]
+    described = "screwgauge" in (model.library for model in models)
     return [each for each in found if not (described and each.what == "limits" and _of_one_alone(each))]
 
 

@@ -24,6 +24,8 @@ SAME = 1e-11
 #: Of closures and couplings, which hold a tree together and are not in its own torques.
 BINDING = {"closure", "first_frame", "second_frame", "coupling", "polynomial", "leading joint"}
 CLOSING = {*BINDING, "softness"}
+#: Of them, what two models may state in different ways: a hinge by two points or, in a plane, by one.
+RESTATED = {"closure"}
 #: What is in the libraries' own torques alone.
 APART = {"medium", *kinds()}
 #: Content that acts by friction, stops or contacts, which all torques leave out.
@@ -38,7 +40,7 @@ def verdict(
     found: Sequence[Difference],
     why: Explanation,
     seen: Iterable[Witness],
-    bound: Loops | None,
+    loops: tuple[Loops | None, bool],
     beyond: Beyond,
     both: Together | None,
     *,
@@ -47,12 +49,12 @@ def verdict(
     """What differs, what it explains, and what is left.
 
     Args:
-        bound: What loops leave.
+        loops: What loops leave, and whether the two state the same in different ways.
         beyond: What is compared item by item, and what is not.
         both: The libraries' own torques of both models.
         late: There was no time for some of it.
     """
-    cause, proof, grown = why.attribution, why.proof, why.growth
+    cause, proof, grown, (bound, restated) = why.attribution, why.proof, why.growth, loops
     apart = [_witness(witness) for witness in seen if not witness.agrees]
     unlike = any(model.never_closed for model in models) or (bound is not None and not bound.closes_alike)
     if found or cause.before.scaled > SAME:
@@ -74,12 +76,12 @@ def verdict(
     elif proof is not None and proof.unheard:
         said.append(does_not_use(second.library, [change.what for change in proof.unheard]))
     said += [_soft(why.soft)] if why.soft else []
-    said += _bound(found, bound) if bound else []
+    said += _bound(bound, restated=restated) if bound else []
     said += [f"In {side} {m.never_closed}." for side, m in zip("AB", models, strict=True) if m.never_closed]
     return " ".join([*said, *apart])
 
 
-def _bound(found: Sequence[Difference], bound: Loops) -> list[str]:
+def _bound(bound: Loops, *, restated: bool) -> list[str]:
     """What loops leave, where that differs, or where the same is said otherwise."""
     a, b = bound.mobility
     if a != b:
@@ -89,7 +91,7 @@ def _bound(found: Sequence[Difference], bound: Loops) -> list[str]:
         much = f"The motions that loops leave differ by {bound.row.max_abs:.2g} ({bound.row.worst})"
         where = ", at the nearest poses that close B" if bound.opened else ""
         return [*filter(None, (apart, f"{much}{where}." if bound.row.max_abs > ALIKE else ""))]
-    if any(each.what in BINDING for each in found):
+    if restated:
         return [f"Loops are stated otherwise and leave the same motions ({bound.row.max_abs:.1g})."]
     return []
 

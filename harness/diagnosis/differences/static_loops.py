@@ -10,13 +10,17 @@ import numpy as np
 from screwgauge.diagnosis.differences.change import Change, Difference
 from screwgauge.diagnosis.differences.geometry import ROUNDING
 from screwgauge.diagnosis.differences.stated import another, differ, difference, only
-from screwgauge.diagnosis.differences.words import vector
+from screwgauge.diagnosis.differences.words import compared, unit_of, vector
 from screwgauge.diagnosis.files.write_mjcf import SOFTNESS
 from screwgauge.diagnosis.mechanics.lines import size
+from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common
 from screwgauge.models.kinematics.closing import residual_at_home
 from screwgauge.models.kinematics.tree import plant
 from screwgauge.models.readings.reading import ClosureReading
+
+#: What a joint exerts by itself.
+PASSIVE = ("armature", "damping", "friction", "stiffness")
 
 
 def closures(common: Common, as_written: Common) -> Iterator[Difference]:
@@ -107,6 +111,26 @@ def actuators(common: Common) -> Iterator[Difference]:
         if name not in common.a.actuators:
             own = common.own["actuators"].get(name, name)
             yield only("B", own, "actuator", f"{own}: an actuator of {joint} in B only", np.asarray(gear), "1")
+
+
+def cut_joints(models: tuple[Model, Model]) -> Iterator[Difference]:
+    """What joints say that are compared as points, as their links are cut in the other model or in both."""
+    a, b = (model.cut.points if model.cut else () for model in models)
+    ours, theirs = ((model.as_read or model.reading).joints for model in models)
+    pairs = [(link.joints, link.partners) for link in a]
+    pairs += [((), link.joints) for link in b if not any({*link.joints} & {*partners} for _, partners in pairs)]
+    for one, other in pairs:
+        sides = [ours[name] for name in one], [theirs[name] for name in other]
+        for what in PASSIVE:
+            first, second = (max((getattr(joint, what) for joint in side), default=0.0) for side in sides)
+            if not differ(first, second):
+                continue
+            item, joint = (*one, *other)[0], (*sides[0], *sides[1])[0]
+            size_, sentence = compared(item, what, np.array(first), np.array(second), unit := unit_of(what, joint))
+            closed = [side for side, names in zip("AB", (one, other), strict=True) if not names]
+            where = f"; {closed[0]} has points in place of the joint" if closed else ""
+            named = ((*one, "")[0], (*other, "")[0])
+            yield Difference(*named, what, np.array(first), np.array(second), unit, size_, sentence + where)
 
 
 def _softness(common: Common, kind: str, name: str) -> Iterator[Difference]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,11 +73,27 @@ def read_map(path: Path) -> dict[str, str]:
     return given
 
 
-def paired(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> Pairing:
+def congruent(a: Reading, b: Reading, pairing: Pairing) -> bool:
+    """Whether the trees and the closures of two models are between the same bodies."""
+    if pairing.only_a or pairing.only_b or len(a.joints) != len(b.joints):
+        return False
+    behind = [joints_before(reading) for reading in (a, b)]
+    if any(pairing.joints.get(before, "") != behind[1][pairing.joints[n]] for n, before in behind[0].items()):
+        return False
+    bodies = {other: name for name, other in pairing.bodies.items()}
+    ours = Counter((c.kind, frozenset((c.first, c.second))) for c in a.closures.values())
+    theirs = (frozenset(bodies.get(end, end) for end in (c.first, c.second)) for c in b.closures.values())
+    return ours == Counter(zip((c.kind for c in b.closures.values()), theirs, strict=True))
+
+
+def paired(
+    a: Reading, b: Reading, given: Mapping[str, str] | None = None, found: Mapping[str, str] | None = None
+) -> Pairing:
     """Finds partners: as given, by name, by similar name, then by the tree and the geometry.
 
     Args:
         given: Joints or bodies of A -> those of B.
+        found: Joints of A -> those of B that geometry tells, which is believed where names say nothing.
 
     Raises:
         UnknownNameError: A given name is of neither.
@@ -90,6 +107,9 @@ def paired(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> Pa
     joints, how = _by_name(a, b, given)
     for name, other in _crossed(a, b, joints, how).items():
         joints[name], how[name] = other, AGAINST_NAME
+    for name, other in (found or {}).items():
+        if name in a.joints and name not in joints and other in b.joints and other not in joints.values():
+            joints[name], how[name] = other, "geometry"
     alike = counted_as(a, b, joints)
     for name, other in _by_geometry(a, alike, joints, _placement(a, alike, joints)):
         joints[name], how[name] = other, "geometry"
