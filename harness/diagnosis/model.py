@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from screwgauge.diagnosis.differences.digits import ALL, digits_of
-from screwgauge.diagnosis.machine.alignment import Alignment, aligned
+from screwgauge.diagnosis.machine.alignment import Alignment, aligned, standing
 from screwgauge.diagnosis.machine.cutting import Cut, cuts, recut
-from screwgauge.diagnosis.machine.normal_form import Machine, machine_of
+from screwgauge.diagnosis.machine.normal_form import Machine, at_closed_pose, machine_of
 from screwgauge.diagnosis.pairing.common import STANDARD
-from screwgauge.diagnosis.pairing.mapping import Pairing, congruent, paired
+from screwgauge.diagnosis.pairing.mapping import Found, Pairing, coincident, congruent, paired
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.expected import expected_reading
 from screwgauge.models.importing import is_model
@@ -232,15 +232,20 @@ def alike(a: Model, b: Model, load: Read = in_process) -> tuple[Model, Model]:
 def cut_alike(a: Model, b: Model, given: Mapping[str, str] | None) -> tuple[Model, Model, Pairing]:
     """Both with their loops cut at the same links, and their partners."""
     pairing = paired(a.reading, b.reading, given)
-    if congruent(a.reading, b.reading, pairing):
+    same = congruent(a.reading, b.reading, pairing)
+    if same and coincident(a.reading, b.reading, pairing):
         return a, b, pairing
     one, two = machine_of(a.reading), machine_of(b.reading)
     alignment = _alignment(one, two, pairing)
     if not (alignment.covers(one, two) and alignment.fits(one, two)):
         return a, b, pairing
-    first, second = cuts(one, two, alignment)
+    looped = a.reading.closures or b.reading.closures
+    if not looped and len(alignment.joints) < len(a.reading.joints):
+        return a, b, pairing  # joints that are divided in different ways are a difference
+    first, second = cuts(one, two, alignment) if looped and not same else (None, None)
     a, b = a.cut_at(first), b.cut_at(second)
-    return a, b, paired(a.reading, b.reading, given, alignment.joints)
+    a = replace(a, reading=at_closed_pose(a.reading)) if a.open_by else a  # which `standing` is of
+    return a, b, paired(a.reading, b.reading, given, Found(alignment.joints, *standing(one, two, alignment, a.reading)))
 
 
 def _alignment(one: Machine, two: Machine, pairing: Pairing) -> Alignment:

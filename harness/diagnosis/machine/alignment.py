@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy.optimize import least_squares, linear_sum_assignment
@@ -17,6 +18,7 @@ from scipy.optimize import least_squares, linear_sum_assignment
 from screwgauge.diagnosis.machine.normal_form import Body, Element, Link, Machine
 from screwgauge.diagnosis.mechanics.matter import displaced
 from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, rotation
 
@@ -28,8 +30,8 @@ NEAR, MANY = 0.01, 0.5
 MOST = 3.2
 #: Candidates from frames of one name that are tried.
 FRAMES = 6
-#: Starting angles of a fit along a hinge [rad].
-TURNS = (0.0, 2.1, -2.1)
+#: How many candidates are fitted along a link, and the angles of its hinges from which [rad].
+FITTED, TURNS = 3, (0.0, 2.1, -2.1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,6 +80,40 @@ class Alignment:
         pairs = [pair for pair in self.bodies.items() if pair[0] != GROUND]
         near = [np.median(misfits(a, b, pair, self.placed[pair[0]])) < NEAR for pair in pairs]
         return sum(near) >= MANY * len(near)
+
+
+def standing(a: Machine, b: Machine, alignment: Alignment, reading: Reading) -> tuple[Array, dict[str, Array]]:
+    """Where B's world stands in A's, and where each body of B's reading stands there if B is in the pose of A.
+
+    A whole that stands elsewhere is laid onto A by one placement for all that hangs on the ground.
+
+    Args:
+        reading: A, in the pose that is meant.
+
+    Returns:
+        Shape (4, 4); and body of B's reading -> pose in A's world, shape (4, 4).
+    """
+    roots = [(one, other) for one, other in alignment.links if one.near == GROUND]
+    tried = [np.eye(4), *(alignment.placed[one.far] for one, _ in roots)]
+
+    def off(T: Array) -> float:
+        pairs = ((features(one, GROUND), features(other, GROUND)) for one, other in roots)
+        gaps = [
+            np.linalg.norm(gap(x, y.placed(T), a.length))
+            for ours, theirs in pairs
+            for x, y in zip(ours, theirs, strict=False)
+        ]
+        return float(max(gaps, default=0.0))
+
+    T = next((T for T in tried if off(T) < EXACT), tried[0])
+    poses = {n: body.pose for n, body in b.reading.bodies.items()}
+    found = {}
+    for name, other in alignment.bodies.items():
+        both = [n for n in a.bodies[name].members if n in reading.bodies and n in a.reading.bodies]
+        X = reading.bodies[both[0]].pose @ np.linalg.inv(a.reading.bodies[both[0]].pose) if both else np.eye(4)
+        G = X @ alignment.placed[name]
+        found |= {n: np.asarray(G @ poses[n]) for n in b.bodies[other].members if n in poses}
+    return T, found
 
 
 def _elements(one: Link, other: Link) -> Iterator[tuple[Element, Element]]:
@@ -232,12 +268,14 @@ def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Arr
     scores = [_score(misfits(a, b, bodies, T)) for T in tried]
     best = max(range(len(tried)), key=lambda i: (round(scores[i], 5), -i))
     found, score = tried[best], scores[best]
-    if misfits(a, b, bodies, found).max() <= EXACT or len(links[0].elements) > 3:
+    if misfits(a, b, bodies, found).max() <= EXACT or (len(links[0].elements) > 3 and links[0].kind != "F"):
         return found
-    for T in tried:
+    for T in tried[:FITTED]:
         fitted = _fitted(a, b, links, T)
         if (better := _score(misfits(a, b, bodies, fitted))) > score + 0.4:
             found, score = fitted, better
+        if misfits(a, b, bodies, found).max() <= EXACT:
+            break
     return found
 
 
@@ -272,7 +310,8 @@ def _coordinates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) 
         p, q = a.reading.joints[mine.joint].home, b.reading.joints[yours.joint].home
         sign = 1.0 if mine.direction @ (R @ yours.direction) >= 0.0 else -1.0
         sign *= -1.0 if mine.turned != yours.turned else 1.0
-        out = out @ exponential(mine, (p - sign * q) * (-1.0 if mine.turned else 1.0))
+        # outer motions come first: the axes are those of A's pose
+        out = exponential(mine, (p - sign * q) * (-1.0 if mine.turned else 1.0)) @ out
     return np.asarray(out @ near)
 
 
@@ -305,15 +344,17 @@ def _fitted(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Ar
     def at(q: Sequence[float]) -> Array:
         out: Array = np.eye(4)
         for step, value in zip(steps, q, strict=True):
-            out = out @ exponential(step, float(value))
+            out = exponential(step, float(value)) @ out
         return np.asarray(out @ near)
 
     def off(q: Array) -> Array:
         return residuals(a, b, bodies, at(q))
 
     best, most = near, -math.inf
-    for turn in TURNS if one.kind in "RC" else (0.0,):
-        q = least_squares(lambda q: off(q).ravel(), np.full(len(steps), turn), x_scale=0.1, max_nfev=20).x
+    hinges = [step.kind == "hinge" for step in steps]
+    turns = TURNS if sum(hinges) < 3 else (0.0,)
+    for start in product(*(turns if hinge else (0.0,) for hinge in hinges)):
+        q = least_squares(lambda q: off(q).ravel(), np.array(start), x_scale=0.1, max_nfev=20).x
         sizes = lambda q: np.linalg.norm(off(q), axis=1)  # noqa: E731
         q = least_squares(sizes, q, loss="cauchy", f_scale=1e-2, x_scale=0.1, max_nfev=30).x
         near_ones = sizes(q) < 0.02
@@ -322,6 +363,8 @@ def _fitted(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Ar
             q = least_squares(lambda q, w=near_ones: off(q)[w].ravel(), q, x_scale=0.1, max_nfev=40, **tight).x
         if (score := _score(misfits(a, b, bodies, at(q)))) > most:
             best, most = at(q), score
+        if misfits(a, b, bodies, best).max() <= EXACT:
+            break
     return best
 
 

@@ -30,17 +30,19 @@ _Pairs = Sequence[tuple[Link, Link]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Made:
-    """Joints in place of closures.
+    """Joints in place of closures, or a ball in place of three hinges.
 
     Attributes:
         joints: Their names, those of the other model -> their coordinates there.
         axes: Unit vectors of hinges in the world; none of a ball. Shape (n, 3).
         turn: How what is behind has to be displaced to stand as in the other model. Shape (4, 4).
+        hinges: That the ball replaces; none where it replaces closures.
     """
 
     joints: Mapping[str, float]
     axes: Array
     turn: Array
+    hinges: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +52,7 @@ class Branch:
     Attributes:
         link: Names of its joints and closures, from the ground outwards.
         body: The member that what is behind it is called after.
-        made: Joints in place of closures, by the first of these.
+        made: Joints in place of others, by the first of these.
     """
 
     link: tuple[str, ...]
@@ -86,6 +88,12 @@ class Cut:
 
     branches: tuple[Branch, ...]
     points: tuple[Pointed, ...] = ()
+
+    @property
+    def merged(self) -> tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]:
+        """Hinges that become a ball, and that ball of the other model."""
+        made = (one for branch in self.branches for one in branch.made.values())
+        return tuple((one.hinges, tuple(one.joints)) for one in made if one.hinges)
 
     @property
     def moved(self) -> tuple[str, ...]:
@@ -137,9 +145,13 @@ def _tree(pairs: _Pairs, bound: set[str]) -> list[tuple[Link, Link]]:
         found.append((one, other))
 
 
+def _shapes(link: Link) -> list[str]:
+    return [each.kind for each in link.elements]
+
+
 def _rank(one: Link, other: Link, bound: set[str]) -> int:
     """How much there is for cutting elsewhere than at a link."""
-    same = [each.kind for each in one.elements] == [each.kind for each in other.elements]
+    same = _shapes(one) == _shapes(other)
     jointed = one.articulated, other.articulated
     if bound & {*one.joints, *other.joints} or one.kind not in POINTS:
         return 0
@@ -219,6 +231,9 @@ def _made(link: Link, length: float) -> tuple[tuple[str, ...], Array]:
 def _branch(own: Machine, other: Machine, pair: tuple[Link, Link], placed: Mapping[str, Array]) -> Branch:
     link, partner = pair
     made = {}
+    if link.articulated and partner.articulated and _shapes(link) != _shapes(partner) == ["ball"]:
+        turn = np.asarray(np.linalg.inv(placed[partner.near]) @ placed[partner.far])
+        made[link.joints[0]] = Made({partner.joints[0]: 0.0}, np.zeros((0, 3)), turn, link.joints)
     for i, element in enumerate(link.elements):
         if element.joint:
             continue
@@ -269,11 +284,13 @@ def recut(reading: Reading, cut: Cut | None) -> Reading:
         names = list[str]()
         for element in link.elements:
             new = {element.joint: _turned(machine.reading.joints[element.joint], element)} if element.joint else {}
-            if not element.joint and (one := branch.made.get(element.names[0])):
+            if one := branch.made.get(element.names[0]):
                 new = _joints(element, one, link.centre)
-                made.append((next(iter(new)), one, element.centre))
+                made.append((next(iter(new)), one, element.centre if link.centre is None else link.centre))
             joints |= new
             names += new
+            if one and element.joint:
+                break
         used |= {*link.names}
         called[link.far] = branch.body
         bodies[branch.body] = _body(machine, link.far, branch.body, called[link.near], tuple(names))
