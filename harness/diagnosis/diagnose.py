@@ -12,6 +12,7 @@ from screwgauge.diagnosis.causes.attribution import Attribution, Torques, change
 from screwgauge.diagnosis.causes.backfill import Backfill, write_fix
 from screwgauge.diagnosis.causes.explain import PROOF, Explanation, explained, proved
 from screwgauge.diagnosis.causes.growth import SPEEDS, Growth, growth
+from screwgauge.diagnosis.causes.ranking import Cause, ranked
 from screwgauge.diagnosis.causes.soft import softness
 from screwgauge.diagnosis.compare import STATES, Row, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
@@ -62,6 +63,7 @@ class Diagnosis:
         by_joint: Component of the torques, and its largest scaled difference before and after all changes in B.
         together: The libraries' own torques of both, as loaded; None where they are not compared.
         not_compared: What is not compared and could differ, a phrase each, with its side.
+        causes: The differences by cause, the one with the largest share of the torque difference first.
         undecided: Nothing differs, and what is in `not_compared` withholds that the two are the same.
     """
 
@@ -88,6 +90,7 @@ class Diagnosis:
     not_compared: tuple[str, ...] = ()
     undecided: bool = False
     order: Order | None = None
+    causes: tuple[Cause, ...] = ()
 
     def __bool__(self) -> bool:
         """So that an assertion of it alone says what it seems to."""
@@ -192,6 +195,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     restated = bound is not None and bound.alike and any(each.what in BINDING for each in found)
     found = [*compiled((a, b), marked(stated, (a.digits, b.digits))), *content.differences]
     why = _explained(asked, found, (a, b), load, deadline)
+    why = why if deadline.over("shares of causes") else replace(why, causes=ranked(found, asked, b.reading))
     cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
     if cause.before.scaled > SAME and not deadline.over("growth of the torque difference with speed"):
         why = replace(why, growth=_grown([torques(common, pairing, each) for each in faster], b.reading))
@@ -227,6 +231,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         together=both,
         not_compared=withheld,
         undecided=alike and bool(withheld),
+        causes=why.causes,
     )
 
 
