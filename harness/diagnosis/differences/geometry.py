@@ -36,11 +36,13 @@ class Deviation:
     Attributes:
         right: What B should have in common terms: ``sign``, ``zero``, ``placement``, ``axis`` or ``centre``.
         amount: Angle [rad] and way [m] of the difference.
+        step: From A to B, in A's world: rotation vector [rad] and way [m]. Shape (2, 3).
         change: The same in B's own terms.
     """
 
     right: Change
     amount: tuple[float, float]
+    step: Array
     change: Change
 
 
@@ -51,9 +53,10 @@ def deviations(common: Common, deadline: Deadline) -> tuple[list[Deviation], Com
     for name in _outwards(common.a):
         if deadline.over(f"place of {name}"):
             continue
-        for what, value, amount in _of_joint(common.a, common, name, length):
+        for what, value, step in _of_joint(common.a, common, name, length):
             change = Change(name, what, np.asarray(value, dtype=float))
-            found.append(Deviation(change, amount, owned(common, change)))
+            amount = float(np.linalg.norm(step[0])), float(np.linalg.norm(step[1]))
+            found.append(Deviation(change, amount, step, owned(common, change)))
             common = _righted(common, change)
     return found, common
 
@@ -78,10 +81,8 @@ def _righted(common: Common, change: Change) -> Common:
     return replace(common, b=b, before=before, behind=after, homes=homes)
 
 
-def _of_joint(
-    a: Reading, common: Common, name: str, length: float
-) -> Iterator[tuple[str, Array | float, tuple[float, float]]]:
-    """Deviations of one joint; after each, the caller puts B right and goes on with the next joint."""
+def _of_joint(a: Reading, common: Common, name: str, length: float) -> Iterator[tuple[str, Array | float, Array]]:
+    """Deviations of one joint, with the step from A to B; after each, the caller puts B right and goes on."""
     ours, b = a.joints[name], common.b
     if ours.kind != b.joints[name].kind:
         return
@@ -91,12 +92,13 @@ def _of_joint(
     if D is not None and turns:
         along = _along(ours, D, length)
     if D is not None and along is None:  # which way it counts shows where it stands as in A
-        yield "placement", D, amount(D, ours.centre)
+        E = np.linalg.inv(D)
+        yield "placement", D, np.array([rotation_vector(E[:3, :3]), (E[:3, :3] @ ours.centre + E[:3, 3]) - ours.centre])
         b = applied(b, [Change(name, "placement", D)])
     if not turns:
         return
     if axis(ours) @ axis(b.joints[name]) < 0.0:
-        yield "sign", -1.0, (math.pi, 0.0)
+        yield "sign", -1.0, np.array([[math.pi, 0.0, 0.0], np.zeros(3)])
         home = b.joints[name].home
         b = _righted(replace(common, b=b), Change(name, "sign", np.array(-1.0))).b
         along = None if along is None else along - 2.0 * home  # it is at the same coordinate again, the other way
@@ -104,19 +106,22 @@ def _of_joint(
         along = math.remainder(along, math.tau)
     if along is not None and abs(along) > common.rounding * (1.0 if ours.kind == "hinge" else length):
         # B's home geometry is A's at another coordinate
-        yield "zero", b.joints[name].home - along, (abs(along), 0.0) if ours.kind == "hinge" else (0.0, abs(along))
+        way = -along * axis(ours)
+        yield "zero", b.joints[name].home - along, np.array([way, 0 * way] if ours.kind == "hinge" else [0 * way, way])
         b = rehomed(
             applied(b, [Change(name, "zero", np.asarray(b.joints[name].home - along))]), {name: b.joints[name].home}
         )[0]
     theirs = b.joints[name]
     off = math.atan2(float(np.linalg.norm(np.cross(axis(theirs), axis(ours)))), float(axis(theirs) @ axis(ours)))
     if off > common.rounding:
-        yield "axis", axis(ours), (off, 0.0)
+        across = np.cross(axis(ours), axis(theirs))
+        turn = off * across / max(float(np.linalg.norm(across)), 1e-300)
+        yield "axis", axis(ours), np.array([turn, np.zeros(3)])
     if ours.kind == "hinge":
         step = ours.centre - theirs.centre
         step = step - (step @ axis(ours)) * axis(ours)
         if np.linalg.norm(step) > common.rounding * length:
-            yield "centre", theirs.centre + step, (0.0, float(np.linalg.norm(step)))
+            yield "centre", theirs.centre + step, np.array([np.zeros(3), -step])
 
 
 def _displaced(common: Common, name: str, length: float) -> Array | None:

@@ -14,7 +14,7 @@ from screwgauge.diagnosis.differences.geometry import ROUNDING, Deviation, devia
 from screwgauge.diagnosis.differences.stated import another, differ, difference
 from screwgauge.diagnosis.differences.static_bodies import bodies
 from screwgauge.diagnosis.differences.static_loops import actuators, closures, couplings
-from screwgauge.diagnosis.differences.words import compared, each_in_its_own, place, unit_of
+from screwgauge.diagnosis.differences.words import compared, directed, each_in_its_own, place, unit_of
 from screwgauge.diagnosis.mechanics.dynamics import downwards
 from screwgauge.diagnosis.mechanics.lines import CLOSE, size
 from screwgauge.diagnosis.pairing.common import Common
@@ -51,7 +51,10 @@ def differences(common: Common, deadline: Deadline | None = None) -> tuple[list[
 def _deviation(common: Common, found: Deviation) -> Difference:
     item, what = found.right.item, found.right.what
     joint, (angle, way) = common.a.joints[item], found.amount
-    sentence, relative = place(item, what, found.amount, joint), angle + way / size(common.a)
+    along = float((found.step[0] + found.step[1]) @ axis(joint)) if what == "zero" else 0.0
+    sentence, relative = place(item, what, found.amount, joint, along), angle + way / size(common.a)
+    if what not in ("sign", "zero"):
+        sentence += directed(found.step)
     b = {
         "sign": np.array(1.0),
         "zero": np.asarray(common.b.joints[item].home),
@@ -62,7 +65,7 @@ def _deviation(common: Common, found: Deviation) -> Difference:
     ball = what == "placement" and joint.kind == "ball" and way <= common.rounding * size(common.a)
     kind: Kind = "convention" if what in ("sign", "zero") or ball else "model"
     if ball:
-        sentence = place(item, "zero", (angle, 0.0), replace(joint, kind="hinge"))
+        sentence = place(item, "zero", (angle, 0.0), replace(joint, kind="hinge"), angle)
     unit, change = unit_of(what, joint), found.change
     return Difference(item, change.item, what, found.right.value, b, unit, relative, sentence, change, kind)
 

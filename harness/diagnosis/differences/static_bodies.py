@@ -47,7 +47,8 @@ def _body(common: Common, name: str, a: BodyReading, b: BodyReading) -> Iterator
         if step > common.rounding * max(radius, size(common.a)):
             sentence = compared(name, "com", com, b.com, "m")[1]
             if moved:
-                sentence = each_in_its_own(name, "com", a.com, b.com, "m", step, "in the frame of its own file")
+                way, axes = b.pose[:3, :3] @ (b.com - com), "in the frame of its own file"
+                sentence = each_in_its_own(name, "com", a.com, b.com, "m", step, axes, way)
             yield found("com", com, b.com, step / max(radius, 1e-300), sentence)
     scale = max(float(np.abs(inertia).max()), float(np.abs(b.inertia).max()))
     if np.abs(inertia - b.inertia).max() > 10 * common.rounding * scale:

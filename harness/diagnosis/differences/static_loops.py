@@ -11,7 +11,7 @@ from numpy.polynomial import Polynomial
 from screwgauge.diagnosis.differences.change import Change, Difference
 from screwgauge.diagnosis.differences.geometry import ROUNDING
 from screwgauge.diagnosis.differences.stated import another, differ, difference, only
-from screwgauge.diagnosis.differences.words import compared, unit_of, vector
+from screwgauge.diagnosis.differences.words import compared, directed, unit_of, vector
 from screwgauge.diagnosis.files.write_mjcf import SOFTNESS
 from screwgauge.diagnosis.mechanics.lines import CLOSE, size
 from screwgauge.diagnosis.model import Model
@@ -72,7 +72,9 @@ def _closure(common: Common, name: str, gaps: tuple[float, float], at: str) -> I
         turn = float(np.abs(ours[:3, :3] - theirs[:3, :3]).max()) if a.kind == b.kind == "weld" else 0.0
         if max(step / size(common.a), turn) > 10 * common.rounding:
             off = f"{step * 1e3:.6g} mm" + (f" and {turn:.6g} rad" if turn else "")
-            more = step / size(common.a) + turn, f"{name}: its frame on {body} is {off} elsewhere in B{still}"
+            R = common.b.bodies[body].pose[:3, :3] if body in common.b.bodies else np.eye(3)
+            where = directed(np.array([np.zeros(3), R @ (theirs - ours)[:3, 3]]))
+            more = step / size(common.a) + turn, f"{name}: its frame on {body} is {off} elsewhere in B{where}{still}"
             yield difference(common, name, what, ours, theirs, more)
 
 
