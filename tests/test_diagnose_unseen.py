@@ -88,7 +88,9 @@ OPEN = "torques are compared of the open tree, which cannot show it."
 def test_an_anchor_elsewhere_is_said_with_what_it_opens(diagnosed):
     found = diagnosed(('anchor="0.3 0 0"', 'anchor="0.301 0 0"'))
     assert len(found.differences) == 2
-    assert all("1 mm elsewhere in B; open at home by" in each for each in sentences(found))
+    assert all(
+        "1 mm elsewhere in B, off by (1, 0, 0) mm in A's world; open at home by" in each for each in sentences(found)
+    )
     assert all(each.endswith("m in A") for each in sentences(found))
     assert OPEN in found.verdict
 

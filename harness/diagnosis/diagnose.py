@@ -12,6 +12,7 @@ from screwgauge.diagnosis.causes.attribution import Attribution, Torques, change
 from screwgauge.diagnosis.causes.backfill import Backfill, write_fix
 from screwgauge.diagnosis.causes.explain import PROOF, Explanation, explained, proved
 from screwgauge.diagnosis.causes.growth import SPEEDS, Growth, growth
+from screwgauge.diagnosis.causes.ranking import Cause, ranked
 from screwgauge.diagnosis.causes.soft import softness
 from screwgauge.diagnosis.compare import STATES, Row, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
@@ -20,6 +21,7 @@ from screwgauge.diagnosis.differences.content import beyond
 from screwgauge.diagnosis.differences.digits import marked
 from screwgauge.diagnosis.differences.loops import Loops, at_home, loops
 from screwgauge.diagnosis.differences.static import differences, distinct
+from screwgauge.diagnosis.differences.static_loops import cut_joints
 from screwgauge.diagnosis.known import compiled
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Loops as Beside
@@ -30,7 +32,7 @@ from screwgauge.diagnosis.pairing.branches import bare, missing
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
 from screwgauge.diagnosis.together import Together, together
-from screwgauge.diagnosis.verdict import BINDING, SAME, partly, stopped, strange, verdict
+from screwgauge.diagnosis.verdict import BINDING, RESTATED, SAME, partly, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.kinematics.tree import draw
 from screwgauge.models.readings.plausible import implausible
@@ -61,6 +63,7 @@ class Diagnosis:
         by_joint: Component of the torques, and its largest scaled difference before and after all changes in B.
         together: The libraries' own torques of both, as loaded; None where they are not compared.
         not_compared: What is not compared and could differ, a phrase each, with its side.
+        causes: The differences by cause, the one with the largest share of the torque difference first.
         undecided: Nothing differs, and what is in `not_compared` withholds that the two are the same.
     """
 
@@ -87,6 +90,7 @@ class Diagnosis:
     not_compared: tuple[str, ...] = ()
     undecided: bool = False
     order: Order | None = None
+    causes: tuple[Cause, ...] = ()
 
     def __bool__(self) -> bool:
         """So that an assertion of it alone says what it seems to."""
@@ -186,8 +190,12 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     asked = torques(common, pairing, states)
     rows = [] if deadline.over("motion at random states") else table(common, states)
     bound, of_loops = loops(common, pairing, seed, deadline)
-    found = [*compiled((a, b), marked(_said(found, a, b, bound), (a.digits, b.digits))), *content.differences]
+    found += cut_joints((a, b))
+    stated = _stated(found, (a, b), bound)
+    restated = bound is not None and bound.alike and any(each.what in BINDING for each in found)
+    found = [*compiled((a, b), marked(stated, (a.digits, b.digits))), *content.differences]
     why = _explained(asked, found, (a, b), load, deadline)
+    why = why if deadline.over("shares of causes") else replace(why, causes=ranked(found, asked, b.reading))
     cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
     if cause.before.scaled > SAME and not deadline.over("growth of the torque difference with speed"):
         why = replace(why, growth=_grown([torques(common, pairing, each) for each in faster], b.reading))
@@ -206,7 +214,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         a,
         b,
         seed,
-        verdict((a, b), found, why, seen, bound, replace(content, withheld=withheld), both, late=late),
+        verdict((a, b), found, why, seen, (bound, restated), replace(content, withheld=withheld), both, late=late),
         alike and not withheld,
         pairing,
         tuple(distinct(found)),
@@ -223,6 +231,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         together=both,
         not_compared=withheld,
         undecided=alike and bool(withheld),
+        causes=why.causes,
     )
 
 
@@ -260,13 +269,14 @@ def _by_joint(asked: Torques, b: Reading, changes: Sequence[Change]) -> tuple[tu
     return tuple(zip(asked.names, before.tolist(), after.tolist(), strict=True))
 
 
-def _said(found: Sequence[Difference], a: Model, b: Model, bound: Loops | None) -> list[Difference]:
-    """Without limits that a description or a model file beside it does not say; and without other points of one axis,
-    where loops leave the same.
+def _stated(found: Sequence[Difference], models: tuple[Model, Model], bound: Loops | None) -> list[Difference]:
+    """Without limits that a description or a model file beside it does not say; and without closures that one alone
+    has, and places of closures that are made to cut it elsewhere, where these leave the same motions.
     """
-    points = {name for model in (a, b) for part in model.parts for name in part.points if bound and bound.alike}
-    found = [each for each in found if each.what not in BINDING or not points & {each.item_a, each.item_b}]
-    described = "screwgauge" in (a.library, b.library)
+    if bound is not None and bound.alike and bound.mobility[0]:
+        recut = any(model.cut is not None for model in models)
+        found = [each for each in found if each.what not in (BINDING if recut else RESTATED)]
+    described = "screwgauge" in (model.library for model in models)
     return [each for each in found if not (described and each.what == "limits" and _of_one_alone(each))]
 
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from screwgauge.diagnosis.differences.digits import ALL, digits_of
+from screwgauge.diagnosis.machine.alignment import Alignment, aligned, standing
+from screwgauge.diagnosis.machine.cutting import Cut, cuts, recut
+from screwgauge.diagnosis.machine.normal_form import Machine, at_closed_pose, machine_of
 from screwgauge.diagnosis.pairing.common import STANDARD
-from screwgauge.diagnosis.pairing.cuts import Copy, copies, united
-from screwgauge.diagnosis.pairing.mapping import Pairing, paired
+from screwgauge.diagnosis.pairing.mapping import Found, Pairing, coincident, congruent, paired
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.expected import expected_reading
 from screwgauge.models.importing import is_model
@@ -46,7 +48,7 @@ class Model:
         digits: That its numbers are cut to.
         sha256: Of the file; empty without one.
         loops: File that says what closes the loops of a URDF; `loops_sha256` of it.
-        parts: Bodies that are taken for parts of others, as the other model has them.
+        cut: Where its loops are cut to be compared; None where its file does so.
         own: The user's file, where `file` is a copy of it that says mass and inertia of meshes.
         as_read: What the library itself has of the file, without these and without joints of which a file beside it
             changes the types; None where that is the reading.
@@ -64,7 +66,7 @@ class Model:
     digits: int = ALL
     sha256: str = ""
     loops: Path | None = None
-    parts: tuple[Copy, ...] = ()
+    cut: Cut | None = None
     as_read: Reading | None = None
     own: Path | None = None
     retyped: bool = False
@@ -83,14 +85,13 @@ class Model:
     def read_again(self, file: Path, load: Read) -> Reading:
         """What its library reads from a file in its place."""
         reading = load(file, self.library, self.floating)
-        return united(with_loops(reading, self.loops) if self.loops else reading, self.parts)
+        return recut(with_loops(reading, self.loops) if self.loops else reading, self.cut)
 
-    def united(self, parts: Iterable[Copy]) -> Model:
-        """With bodies that are parts of others."""
-        given = tuple(parts)
-        if not given:
+    def cut_at(self, cut: Cut | None) -> Model:
+        """With its loops cut elsewhere."""
+        if cut is None:
             return self
-        return replace(self, parts=given, as_read=self.as_read or self.reading, reading=united(self.reading, given))
+        return replace(self, cut=cut, as_read=self.as_read or self.reading, reading=recut(self.reading, cut))
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,12 +230,33 @@ def alike(a: Model, b: Model, load: Read = in_process) -> tuple[Model, Model]:
 
 
 def cut_alike(a: Model, b: Model, given: Mapping[str, str] | None) -> tuple[Model, Model, Pairing]:
-    """Both, loops that one closes by a copy of a body being cut as the other one's are; and their partners."""
+    """Both with their loops cut at the same links, and their partners."""
     pairing = paired(a.reading, b.reading, given)
-    back = {other: name for name, other in pairing.bodies.items()}
-    one = a.united(copies(a.reading, b.reading, pairing.only_a, pairing.bodies))
-    two = b.united(copies(b.reading, a.reading, pairing.only_b, back))
-    return one, two, paired(one.reading, two.reading, given) if one.parts or two.parts else pairing
+    same = congruent(a.reading, b.reading, pairing)
+    if same and coincident(a.reading, b.reading, pairing):
+        return a, b, pairing
+    one, two = machine_of(a.reading), machine_of(b.reading)
+    alignment = _alignment(one, two, pairing)
+    if not (alignment.covers(one, two) and alignment.fits(one, two)):
+        return a, b, pairing
+    looped = a.reading.closures or b.reading.closures
+    if not looped and len(alignment.joints) < len(a.reading.joints):
+        return a, b, pairing  # joints that are divided in different ways are a difference
+    first, second = cuts(one, two, alignment) if looped and not same else (None, None)
+    a, b = a.cut_at(first), b.cut_at(second)
+    a = replace(a, reading=at_closed_pose(a.reading)) if a.open_by else a  # which `standing` is of
+    return a, b, paired(a.reading, b.reading, given, Found(alignment.joints, *standing(one, two, alignment, a.reading)))
+
+
+def _alignment(one: Machine, two: Machine, pairing: Pairing) -> Alignment:
+    """By names, or, where that leaves something without a partner, by geometry alone."""
+    named = {name: other for name, other in pairing.joints.items() if pairing.how[name] != "geometry"}
+    bodies = {name: name for name in one.reading.bodies if name in two.reading.bodies}
+    by_name = aligned(one, two, named, bodies)
+    if by_name.covers(one, two):
+        return by_name
+    alone = aligned(one, two, {}, {})
+    return alone if alone.covers(one, two) else by_name
 
 
 def _like(model: Model, other: Model, load: Read) -> Model:

@@ -57,11 +57,8 @@ def notes(
             said.append(
                 f"{side} names no actuators: torques are compared of all joints of the open tree, driven or not"
             )
-        if model.parts:
-            names = first_few([part.name for part in model.parts], NAMED)
-            said.append(
-                f"{side} closes loops by copies of bodies ({names}): they are parts of these, as in the other one"
-            )
+        if model.cut is not None and (moved := model.cut.moved):
+            said.append(f"{side} cuts its loops elsewhere, at {first_few(moved, NAMED)}: they are compared cut alike")
         if model.floating:
             said.append(f"the base of {side} is read as floating, as that of the other one does")
     said += [*_elsewhere(common), *_welded(common)]

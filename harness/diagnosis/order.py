@@ -22,6 +22,8 @@ from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import first_few
 
 _NAMED = 3
+#: A sentence has the permutation of so many joints; `Order.permutation` and ``diagnosis.json`` have all.
+PASTED = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +35,7 @@ class Order:
         sentence: Which library has which, and what it costs.
         value: Largest difference of torques that are compared by index, in `unit`, of which `largest` is the largest.
         joints: That it is of: the one that has this index in the first order, and in the second.
+        permutation: ``q_b = q_a[permutation]`` of forces and velocities, and of coordinates but for balls.
     """
 
     first: tuple[str, ...]
@@ -42,6 +45,7 @@ class Order:
     unit: str
     largest: float
     joints: tuple[str, str]
+    permutation: tuple[int, ...] = ()
 
 
 def between(models: tuple[Model, Model], pairing: Pairing, seed: int) -> Order | None:
@@ -114,7 +118,8 @@ def compared(
     (one, unit), (other, _) = entries[ours[k]], entries[theirs[k]]
     largest = float(max(np.abs(tau[:, i]).max() for i, (_, of) in enumerate(entries) if of == unit))
     cost = f"torques differ by {off[k]:.3g} {unit} ({one} beside {other}), the largest being {largest:.3g} {unit}"
-    sentence = (
-        f"Joints have another order: {phrases[0]}, {phrases[1]}; compared by index, {cost}: compare them by name."
-    )
-    return Order(first, second, sentence, float(off[k]), unit, largest, (one, other))
+    permutation = tuple(theirs if ours == sorted(ours) else map(ours.index, theirs))
+    paste = f", or by q_b = q_a[{[*permutation]}]" if len(permutation) <= PASTED else ""
+    sentence = f"Joints have another order: {phrases[0]}, {phrases[1]}"
+    sentence += f"; compared by index, {cost}: compare them by name{paste}."
+    return Order(first, second, sentence, float(off[k]), unit, largest, (one, other), permutation)

@@ -27,6 +27,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "map": {"joints": found.pairing.joints, "how": found.pairing.how, "bodies": found.pairing.bodies},
         "missing": {"in_b": found.pairing.only_a, "in_a": found.pairing.only_b},
         "differences": [_difference(each) for each in found.differences],
+        "causes": [asdict(cause) for cause in found.causes],
         "dynamics": [asdict(row) for row in found.rows],
         "loops": found.loops and asdict(found.loops),
         "order": found.order and asdict(found.order),

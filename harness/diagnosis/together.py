@@ -7,22 +7,24 @@ its reading in place of a library.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.diagnosis.asked import ASKED, answers
 from screwgauge.diagnosis.compare import Row, components, row_of
-from screwgauge.diagnosis.mechanics.closed import DEPENDENT, closed, left
+from screwgauge.diagnosis.mechanics.closed import CLOSED, DEPENDENT, FAR, STEPS, closed, left, near_home
 from screwgauge.diagnosis.mechanics.dynamics import dynamics, passive_parts
 from screwgauge.diagnosis.mechanics.lines import size
 from screwgauge.diagnosis.mechanics.reshape import ordered
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map, weighed
 from screwgauge.models.kinematics.closing import equations
-from screwgauge.models.kinematics.tree import States, Tree, draw, home, plant
+from screwgauge.models.kinematics.tree import States, Tree, draw, home, moved, plant
 from screwgauge.models.placement import adjoint, quaternion, quaternion_rotation
 from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.readings.reading import FREEDOMS
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
 
@@ -62,17 +64,18 @@ class _Side:
 
     Attributes:
         common: Tree in common terms; `own` as its library reads it, by its own names, the joints of `common` first,
-            then those that lead to copies of bodies.
-        turned: Velocities in common terms -> own ones. Shape (n_freedom, n_freedom).
-        placed: Coordinates of each ball or free joint, and what stands before and after a placement of it in common
-            terms to make an own one: the frames that the two carry, and where they are at home, differ. Shapes (4, 4).
+            then those at which the tree in common terms is cut.
+        turned: Velocities in common terms -> own ones that are in both. Shape (n_shared, n_freedom).
+        placed: Coordinates of each shared joint in common terms and own ones; and what stands before and after a
+            placement of a ball or free one in common terms to make an own one: the frames that the two carry, and where
+            they are at home, differ. Shapes (4, 4).
     """
 
     model: Model
     common: Tree
     own: Tree
     turned: Array
-    placed: tuple[tuple[slice, Array, Array], ...]
+    placed: tuple[tuple[slice, slice, Array, Array], ...]
 
     @property
     def looped(self) -> bool:
@@ -86,11 +89,11 @@ def together(models: tuple[Model, Model], common: Common, seed: int) -> tuple[To
     Args:
         common: Both with all of their joints.
     """
+    if any(map(_elsewhere, models)):
+        return None, ""
     a, b = (_side(model, common, side) for side, model in zip("AB", models, strict=True))
-    if models[0].parts and models[1].parts:
-        return None, "both models close loops by copies of bodies"
-    # one that says the loops leads, and one with copies of bodies, which stand where closed loops put them
-    first, second = (b, a) if models[1].parts or (b.looped and not a.looped) else (a, b)
+    # one that says the loops leads
+    first, second = (b, a) if b.looped and not a.looped else (a, b)
     try:
         found = _torques(first, second, seed)
     except (ScrewgaugeError, ValueError, LookupError) as error:
@@ -105,27 +108,41 @@ def together(models: tuple[Model, Model], common: Common, seed: int) -> tuple[To
     return Together(row, float(np.abs(whole[:, units]).max(initial=0.0)), (calls[0], calls[1]), len(ours)), ""
 
 
+def _elsewhere(model: Model) -> bool:
+    """Whether the library has another tree than what is compared, or counts a ball from another pose."""
+    whole = model.as_read or model.reading
+    balls = any(FREEDOMS[joint.kind] > 1 for joint in whole.joints.values())
+    return model.cut is not None and (model.retyped or (bool(model.open_by) and balls))
+
+
 def _side(model: Model, common: Common, side: str) -> _Side:
     reading = common.a if side == "A" else common.b
     whole = weighed(model.reading if model.retyped else model.as_read or model.reading)
-    first = [common.own["joints"].get(name, name) if side == "B" else name for name in reading.joints]
+    named = {common.own["joints"].get(name, name) if side == "B" else name: name for name in reading.joints}
+    shared = [name for name in named if name in whole.joints]
     tree = plant(reading)
-    own = plant(ordered(whole, [*first, *(name for name in whole.joints if name not in first)]))
-    turned, places = np.eye(len(tree.before)), list[tuple[slice, Array, Array]]()
-    for i, frame in tree.frames.items():
-        name = list(reading.joints)[i]
-        before, behind = np.eye(4), np.eye(4)  # from the model's own home to the common one
+    own = plant(ordered(whole, [*shared, *(name for name in whole.joints if name not in shared)]))
+    wide = sum(FREEDOMS[whole.joints[name].kind] for name in shared)
+    turned, places = np.zeros((wide, len(tree.before))), list[tuple[slice, slice, Array, Array]]()
+    numbers, own_numbers = list(reading.joints), list(own.reading.joints)
+    for other in shared:
+        name, part = named[other], own.freedoms[other]
+        turned[part, tree.freedoms[name]] = np.eye(part.stop - part.start)
+        i, k = numbers.index(name), own_numbers.index(other)
+        if i not in tree.frames:
+            places.append((tree.places[name], own.places[other], np.eye(4), np.eye(4)))
+            continue
+        frame, before, behind = tree.frames[i], np.eye(4), np.eye(4)  # from the model's own home to the common one
         if side == "B":
             free = reading.joints[name].kind == "free"
             before, behind = before if free else common.before[name], common.behind[reading.moved_by(name)]
-        after: Array = np.asarray(np.linalg.inv(frame) @ behind @ own.frames[i])
-        ahead: Array = np.asarray(np.linalg.inv(own.frames[i]) @ np.linalg.inv(before) @ frame)
+        after: Array = np.asarray(np.linalg.inv(frame) @ behind @ own.frames[k])
+        ahead: Array = np.asarray(np.linalg.inv(own.frames[k]) @ np.linalg.inv(before) @ frame)
         if reading.joints[name].kind == "ball":
             ahead[:3, 3] = after[:3, 3] = 0.0
-        part = tree.freedoms[name]
-        wide = part.stop - part.start
-        turned[part, part] = adjoint(np.asarray(np.linalg.inv(after)))[:wide, :wide]
-        places.append((tree.places[name], ahead, after))
+        size_ = part.stop - part.start
+        turned[part, tree.freedoms[name]] = adjoint(np.asarray(np.linalg.inv(after)))[:size_, :size_]
+        places.append((tree.places[name], own.places[other], ahead, after))
     return _Side(model, tree, own, turned, tuple(places))
 
 
@@ -134,22 +151,28 @@ def _torques(first: _Side, second: _Side, seed: int) -> tuple[Array, Array, Arra
 
     Where loops are nearly singular both count for less; where they are locked, the open tree is compared.
     """
-    drawn, C = draw(first.own.reading, STATES, seed), velocity_map(first.common, second.common)
-    states, _ = closed(first.own, drawn)
-    here = _common_part(first, states)
-    there, fits = closed(second.common, states_of_b(first.common, second.common, here))
-    if not fits.any() and not first.model.parts:  # locked: nothing is left of motion, and the open tree is compared
-        there = states_of_b(first.common, second.common, _common_part(first, drawn))
-        tau = _tau(first, drawn)
-        return tau, _tau(second, _own_part(second, there)) @ C, tau
-    if not fits.any():
-        return None
-    states, here = states.at(fits), here.at(fits)
-    rows = equations(first.common, here).rows, equations(second.common, there).rows @ C
+    C, cut = velocity_map(first.common, second.common), bool(first.model.cut or second.model.cut)
     slides = np.array([unit == "N" for _, unit in components(first.common.reading)])
     length = np.where(slides, size(first.common.reading), 1.0)
+    # joints that are cut are found from home: they follow where it is near
+    drawn = near_home(first.common, STATES, length, seed) if cut else draw(first.own.reading, STATES, seed)
+    states, _ = closed(first.common if cut else first.own, drawn)
+    here = states if cut else _common_part(first, states)
+    there, fits = closed(second.common, states_of_b(first.common, second.common, here))
+    if not fits.any() and not cut:  # locked: nothing is left of motion
+        there = states_of_b(first.common, second.common, _common_part(first, drawn))
+        tau = _tau(first, drawn)
+        return tau, _tau(second, _own_part(second, there)[0]) @ C, tau
+    here = here.at(fits)
+    ours, found = _own_part(first, here) if cut else (states.at(fits), np.ones(len(here.q), dtype=bool))
+    theirs, known = _own_part(second, there)
+    found &= known
+    if not found.any():
+        return None
+    here, there, ours, theirs = (each.at(found) for each in (here, there, ours, theirs))
+    rows = equations(first.common, here).rows, equations(second.common, there).rows @ C
     P, sure = left(np.concatenate(rows, axis=1), slides, size(first.common.reading))
-    taus = _tau(first, states), _tau(second, _own_part(second, there)) @ C
+    taus = _tau(first, ours), _tau(second, theirs) @ C
     mine, other = (sure[:, None] * (P @ (length * tau)[..., None])[..., 0] / length for tau in taus)
     return mine, other, taus[0]
 
@@ -163,34 +186,54 @@ def _tau(side: _Side, states: States) -> Array:
         tau = said.tau + sum(left_out, np.zeros_like(said.tau))
     else:
         tau = dynamics(tree, states).tau
-    n = len(side.common.before)
-    if tau.shape[1] == n:
-        return np.asarray(tau @ side.turned)
-    rows = equations(tree, states).rows  # copies move as loops make them
-    follow = -np.linalg.pinv(rows[..., n:], rcond=DEPENDENT) @ rows[..., :n]
-    return np.asarray((tau[:, :n] + (np.swapaxes(follow, 1, 2) @ tau[:, n:, None])[..., 0]) @ side.turned)
+    n = len(side.turned)
+    if tau.shape[1] > n:
+        rows = equations(tree, states).rows  # joints that are cut in common terms move as loops make them
+        follow = -np.linalg.pinv(rows[..., n:], rcond=DEPENDENT) @ rows[..., :n]
+        tau = tau[:, :n] + (np.swapaxes(follow, 1, 2) @ tau[:, n:, None])[..., 0]
+    return np.asarray(tau @ side.turned)
 
 
 def _common_part(side: _Side, states: States) -> States:
-    """Of the common joints, in common terms."""
-    n, wide = len(side.common.before), home(side.common.reading).q.shape[1]
-    back, q = np.linalg.inv(side.turned), states.q[:, :wide].copy()
-    for place, before, after in side.placed:
-        q[:, place] = _replaced(q[:, place], *(np.asarray(np.linalg.inv(T)) for T in (before, after)))
-    return States(q, states.qd[:, :n] @ back.T, states.qdd[:, :n] @ back.T)
+    """In common terms, of a model that has no other joints."""
+    back, q = np.linalg.inv(side.turned), home(side.common.reading).q.repeat(len(states.q), axis=0)
+    for there, own, before, after in side.placed:
+        inverse = (np.asarray(np.linalg.inv(T)) for T in (before, after))
+        q[:, there] = _replaced(states.q[:, own], *inverse)
+    return States(q, states.qd @ back.T, states.qdd @ back.T)
 
 
-def _own_part(side: _Side, states: States) -> States:
-    """As the model counts and turns; it has no joints beside the common ones."""
-    q = states.q.copy()
-    for place, before, after in side.placed:
-        q[:, place] = _replaced(q[:, place], before, after)
-    return States(q, states.qd @ side.turned.T, states.qdd @ side.turned.T)
+def _own_part(side: _Side, states: States) -> tuple[States, NDArray[np.bool_]]:
+    """As the model counts and turns, and which states its loops close at: joints that are cut follow the others."""
+    tree, n = side.own, len(side.turned)
+    q = home(tree.reading).q.repeat(len(states.q), axis=0)
+    for there, own, before, after in side.placed:
+        q[:, own] = _replaced(states.q[:, there], before, after)
+    qd, qdd = (np.zeros((len(q), len(tree.before))) for _ in range(2))
+    qd[:, :n], qdd[:, :n] = states.qd @ side.turned.T, states.qdd @ side.turned.T
+    out = States(q, qd, qdd)
+    if len(tree.before) == n:
+        return out, np.ones(len(q), dtype=bool)
+    for _ in range(STEPS):
+        at = equations(tree, out)
+        back = np.linalg.pinv(at.rows[..., n:], rcond=DEPENDENT)
+        step = np.zeros_like(qd)
+        step[:, n:] = -(back @ at.gap[..., None])[..., 0]
+        step *= np.minimum(1.0, FAR / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
+        out = replace(out, q=moved(tree, out.q, step))
+    at = equations(tree, out)
+    qd[:, n:] = -(back @ at.rows[..., :n] @ qd[:, :n, None])[..., 0]
+    rest = at.rows[..., :n] @ qdd[:, :n, None] + equations(tree, out).bias[..., None]
+    qdd[:, n:] = -(back @ rest)[..., 0]
+    sound = np.linalg.matrix_rank(at.rows[..., n:], tol=DEPENDENT) == len(tree.before) - n
+    return out, (np.abs(at.gap).max(axis=1, initial=0.0) <= CLOSED * max(size(tree.reading), 1.0)) & sound
 
 
 def _replaced(q: Array, before: Array, after: Array) -> Array:
-    """``before X after`` of placements in coordinates of ball or free joints. Shape (n, 4 or 7)."""
+    """``before X after`` of placements in coordinates of ball or free joints, shape (n, 4 or 7); others as they are."""
     out = q.copy()
+    if q.shape[1] == 1:
+        return out
     for k, (X, R) in enumerate(zip(q, quaternion_rotation(q[:, -4:]), strict=True)):
         T = before @ matrix(X[:-4] if len(X) > 4 else np.zeros(3), R) @ after
         out[k, -4:] = quaternion(T[:3, :3])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 from screwgauge.diagnosis.causes.attribution import Attribution, Largest
 from screwgauge.diagnosis.causes.backfill import Backfill
@@ -24,6 +24,8 @@ SAME = 1e-11
 #: Of closures and couplings, which hold a tree together and are not in its own torques.
 BINDING = {"closure", "first_frame", "second_frame", "coupling", "polynomial", "leading joint"}
 CLOSING = {*BINDING, "softness"}
+#: Of them, what two models may state in different ways: a hinge by two points or, in a plane, by one.
+RESTATED = {"closure"}
 #: What is in the libraries' own torques alone.
 APART = {"medium", *kinds()}
 #: Content that acts by friction, stops or contacts, which all torques leave out.
@@ -38,7 +40,7 @@ def verdict(
     found: Sequence[Difference],
     why: Explanation,
     seen: Iterable[Witness],
-    bound: Loops | None,
+    loops: tuple[Loops | None, bool],
     beyond: Beyond,
     both: Together | None,
     *,
@@ -47,21 +49,21 @@ def verdict(
     """What differs, what it explains, and what is left.
 
     Args:
-        bound: What loops leave.
+        loops: What loops leave, and whether the two state the same in different ways.
         beyond: What is compared item by item, and what is not.
         both: The libraries' own torques of both models.
         late: There was no time for some of it.
     """
-    cause, proof, grown = why.attribution, why.proof, why.growth
+    cause, proof, grown, (bound, restated) = why.attribution, why.proof, why.growth, loops
     apart = [_witness(witness) for witness in seen if not witness.agrees]
     unlike = any(model.never_closed for model in models) or (bound is not None and not bound.closes_alike)
     if found or cause.before.scaled > SAME:
         unexplained = f"nothing that the two say explains{f'; {grown.sentence}' if grown else ''}"
         seen_by_libraries = both is not None and not both.agrees
         if seen_by_libraries and found:
-            said = [f"{_listed(_largest_first(found))}."]
+            said = [f"{_listed(_causes(why, found))}."]
         else:
-            said = [_differs(found, cause, proof, both, "there was no time to explain" if late else unexplained)]
+            said = [_differs(found, why, proof, both, "there was no time to explain" if late else unexplained)]
         said += [_as_loaded(both)] if both and seen_by_libraries else []
     elif late:
         said = ["Nothing differs in what was compared."]
@@ -74,12 +76,12 @@ def verdict(
     elif proof is not None and proof.unheard:
         said.append(does_not_use(second.library, [change.what for change in proof.unheard]))
     said += [_soft(why.soft)] if why.soft else []
-    said += _bound(found, bound) if bound else []
+    said += _bound(bound, restated=restated) if bound else []
     said += [f"In {side} {m.never_closed}." for side, m in zip("AB", models, strict=True) if m.never_closed]
     return " ".join([*said, *apart])
 
 
-def _bound(found: Sequence[Difference], bound: Loops) -> list[str]:
+def _bound(bound: Loops, *, restated: bool) -> list[str]:
     """What loops leave, where that differs, or where the same is said otherwise."""
     a, b = bound.mobility
     if a != b:
@@ -89,7 +91,7 @@ def _bound(found: Sequence[Difference], bound: Loops) -> list[str]:
         much = f"The motions that loops leave differ by {bound.row.max_abs:.2g} ({bound.row.worst})"
         where = ", at the nearest poses that close B" if bound.opened else ""
         return [*filter(None, (apart, f"{much}{where}." if bound.row.max_abs > ALIKE else ""))]
-    if any(each.what in BINDING for each in found):
+    if restated:
         return [f"Loops are stated otherwise and leave the same motions ({bound.row.max_abs:.1g})."]
     return []
 
@@ -163,23 +165,24 @@ def _as_loaded(both: Together) -> str:
 
 
 def _differs(
-    found: Sequence[Difference], why: Attribution, proof: Backfill | None, both: Together | None, unexplained: str
+    found: Sequence[Difference], of: Explanation, proof: Backfill | None, both: Together | None, unexplained: str
 ) -> str:
+    why, rows = of.attribution, _causes(of, found)
     if why.before.scaled <= SAME:
-        return f"{_listed(_largest_first(found))}; {_unseen(found, why.before.scaled, both)}."
+        return f"{_listed(rows)}; {_unseen(found, why.before.scaled, both)}."
     if not why.steps:
-        rest = f" {_listed(_largest_first(found))}." if found else ""
+        rest = f" {_listed(rows)}." if found else ""
         return f"Torques differ by {_largest(why.before)}, which {unexplained}.{rest}"
     numbers = list(dict.fromkeys(number for step in why.steps for number in step.hypothesis.differences))
     named = distinct(found[number] for number in numbers)
-    # of many causes those that explain the most come first
     many = len(named) > _NAMED
-    causes = _listed([each.sentence for each in named] if many else _largest_first(named))
+    seen = _causes(of, found, {*numbers})
+    causes = _listed(seen)
     slips = [] if many else [slip for step in why.steps for slip in step.hypothesis.slips[:1]]
     slip = f" ({_listed(slips)})" if slips else ""
     alike = [other.name for step in why.steps for other in step.alike]
     doubt = f", as would {_listed(alike)}" if alike else ""
-    several, share = len(named) > 1, why.share
+    several, share = len(seen) > 1, why.share
     beside = distinct(each for i, each in enumerate(found) if i not in numbers) if why.complete else []
     apart = sum(each.what in APART for each in beside)
     others, more = len(beside) - apart, ""
@@ -189,9 +192,22 @@ def _differs(
         more += f" {apart} other difference{'s are' if apart > 1 else ' is'} in forces that these torques leave out."
     if not why.complete and proof is not None and proof.agrees:
         # one by one they do not get there, all at once they do
-        causes, share, several, slip, doubt = _listed(_largest_first(found)), 1.0, True, "", ""
+        causes, share, several, slip, doubt = _listed(rows), 1.0, True, "", ""
     verb = "together explain" if several else "explains"
     return f"{causes}{slip}; {verb} {_percent(share)} of the torque difference{doubt}; {_left(why, proof)}.{more}"
+
+
+def _causes(why: Explanation, found: Sequence[Difference], numbers: Collection[int] | None = None) -> list[str]:
+    """Sentences of causes, the one with the largest share first.
+
+    Args:
+        numbers: Of the differences that are meant; all by default.
+    """
+    if not why.causes:
+        some = found if numbers is None else [found[number] for number in numbers]
+        return _largest_first(some)
+    meant = [each for each in why.causes if numbers is None or {*each.differences} & {*numbers}]
+    return list(dict.fromkeys(each.sentence for each in meant))
 
 
 def _of_tree(found: Sequence[Difference], seen: Sequence[int]) -> str:

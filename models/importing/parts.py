@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -49,12 +49,13 @@ class Chain:
 
 @dataclass(frozen=True, slots=True)
 class Pin:
-    """Points (in the world at home, one or two) that two parts have in common. Shape (n, 3)."""
+    """Points (in the world at home, one or two) that two parts have in common, shape (n, 3), and their closures."""
 
     name: str
     first: str
     second: str
     points: Array
+    closures: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -62,6 +63,7 @@ class Graph:
     """Parts by name, and what joins them.
 
     Attributes:
+        owner: Body, or the ground -> the part that it is one with.
         length: Of the model [m].
         remarks: What was simplified, a sentence each.
     """
@@ -71,10 +73,15 @@ class Graph:
     pins: list[Pin]
     length: float
     remarks: list[str]
+    owner: dict[str, str]
 
 
-def graph_of(reading: Reading, length: float) -> Graph:
-    """The graph of a reading whose loops are closed at home."""
+def graph_of(reading: Reading, length: float, *, simplified: bool = True) -> Graph:
+    """The graph of a reading whose loops are closed at home.
+
+    Args:
+        simplified: Without idle bodies, and with chains that lead through one body as one.
+    """
     remarks: list[str] = []
     rigid, pins = _sorted_closures(reading, length)
     owner = {name: name for name in (GROUND, *reading.bodies)}
@@ -93,18 +100,18 @@ def graph_of(reading: Reading, length: float) -> Graph:
     chains = [Chain(owner[body.near], body.joints, owner[name]) for name, body in reading.bodies.items()]
     locked = [chain for chain in chains if chain.near == chain.far and chain.joints]
     remarks += [f"Joint '{joint}' is held by closures, and left out." for c in locked for joint in c.joints]
-    graph = Graph(parts, [chain for chain in chains if chain.near != chain.far], [], length, remarks)
-    for name, first, second, points in pins:
-        if owner[first] != owner[second]:
-            graph.pins.append(Pin(name, owner[first], owner[second], points))
+    graph = Graph(parts, [chain for chain in chains if chain.near != chain.far], [], length, remarks, owner)
+    for pin in pins:
+        if owner[pin.first] != owner[pin.second]:
+            graph.pins.append(replace(pin, first=owner[pin.first], second=owner[pin.second]))
+    if not simplified:
+        return graph
     _prune(graph, {entry.of for entry in reading.couplings.values()} - {""})
     _join(graph)
     return graph
 
 
-def _sorted_closures(
-    reading: Reading, length: float
-) -> tuple[list[tuple[str, str]], list[tuple[str, str, str, Array]]]:
+def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, str]], list[Pin]]:
     """Pairs of bodies that closures make one, and points that others have in common: one, or two of an axis."""
     rigid, points = [], dict[tuple[str, str], list[tuple[str, Array]]]()
     for name, closure in reading.closures.items():
@@ -113,7 +120,7 @@ def _sorted_closures(
         else:
             pair = min(closure.first, closure.second), max(closure.first, closure.second)
             points.setdefault(pair, []).append((name, _point(reading, closure)))
-    pins = []
+    pins = list[Pin]()
     for (first, second), named in points.items():
         name = named[0][0] if len(named) == 1 else named[0][0].removesuffix(".1")
         cloud = np.array([point for _, point in named])
@@ -124,7 +131,7 @@ def _sorted_closures(
             continue
         along = (cloud - cloud[0]) @ Vt[0]
         ends = cloud[[int(np.argmin(along)), int(np.argmax(along))]] if spread else cloud[:1]
-        pins.append((name, first, second, ends))
+        pins.append(Pin(name, first, second, ends, tuple(closure for closure, _ in named)))
     return rigid, pins
 
 

@@ -11,6 +11,7 @@ from screwgauge.diagnosis.causes.backfill import Backfill, backfill
 from screwgauge.diagnosis.causes.growth import Growth
 from screwgauge.diagnosis.causes.hypotheses import hypotheses
 from screwgauge.diagnosis.causes.hypothesis import Files
+from screwgauge.diagnosis.causes.ranking import Cause
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Change, Difference
 from screwgauge.diagnosis.files.layout import UnpatchableError
@@ -31,6 +32,7 @@ class Explanation:
         growth: Of the torque difference with speed; None where it does not vanish at rest.
         soft: Attribution of forces of soft equalities to their softness; None where that does not differ.
         fix: The same of all changes, what no torque shows among them; None where there are none.
+        causes: All differences by cause, the one with the largest share first.
     """
 
     attribution: Attribution
@@ -38,6 +40,7 @@ class Explanation:
     fix: Backfill | None = None
     growth: Growth | None = None
     soft: Attribution | None = None
+    causes: tuple[Cause, ...] = ()
 
 
 def explained(

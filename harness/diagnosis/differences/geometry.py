@@ -9,21 +9,24 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Change, applied, axis, outwards
 from screwgauge.diagnosis.mechanics.lines import apart, size
-from screwgauge.diagnosis.pairing.common import Common, owned
+from screwgauge.diagnosis.pairing.common import ROUNDING, Common, owned
 from screwgauge.models.kinematics.home import moved, rehomed
+from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
-from screwgauge.reference.rotations import Array, rotation_vector
+from screwgauge.reference.rotations import Array, rotation, rotation_vector
 
-#: Rounding of readers: nothing below counts, relative to 1 rad or to the size of the machine. Readers keep 1e-14.
-ROUNDING = 1e-11
 #: A displacement is there if it brings what a joint carries so many decades nearer, all taken together.
 DECADES = 4.0
+#: What the machines as a whole tell of where a joint stands is what it can do, but for so much [rad or lengths].
+STANDS = 1e-8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,11 +36,13 @@ class Deviation:
     Attributes:
         right: What B should have in common terms: ``sign``, ``zero``, ``placement``, ``axis`` or ``centre``.
         amount: Angle [rad] and way [m] of the difference.
+        step: From A to B, in A's world: rotation vector [rad] and way [m]. Shape (2, 3).
         change: The same in B's own terms.
     """
 
     right: Change
     amount: tuple[float, float]
+    step: Array
     change: Change
 
 
@@ -48,9 +53,10 @@ def deviations(common: Common, deadline: Deadline) -> tuple[list[Deviation], Com
     for name in _outwards(common.a):
         if deadline.over(f"place of {name}"):
             continue
-        for what, value, amount in _of_joint(common.a, common, name, length):
+        for what, value, step in _of_joint(common.a, common, name, length):
             change = Change(name, what, np.asarray(value, dtype=float))
-            found.append(Deviation(change, amount, owned(common, change)))
+            amount = float(np.linalg.norm(step[0])), float(np.linalg.norm(step[1]))
+            found.append(Deviation(change, amount, step, owned(common, change)))
             common = _righted(common, change)
     return found, common
 
@@ -75,43 +81,52 @@ def _righted(common: Common, change: Change) -> Common:
     return replace(common, b=b, before=before, behind=after, homes=homes)
 
 
-def _of_joint(
-    a: Reading, common: Common, name: str, length: float
-) -> Iterator[tuple[str, Array | float, tuple[float, float]]]:
-    """Deviations of one joint; after each, the caller puts B right and goes on with the next joint."""
+def _of_joint(a: Reading, common: Common, name: str, length: float) -> Iterator[tuple[str, Array | float, Array]]:
+    """Deviations of one joint, with the step from A to B; after each, the caller puts B right and goes on."""
     ours, b = a.joints[name], common.b
     if ours.kind != b.joints[name].kind:
         return
     turns = ours.kind in ("hinge", "slide")
-    D = _displaced(a, b, name, length)
-    along = _along(ours, D, length) if turns and D is not None else None
+    along = _stands(common, name, length) if turns else None
+    D = None if along is not None else _displaced(common, name, length)
+    if D is not None and turns:
+        along = _along(ours, D, length)
     if D is not None and along is None:  # which way it counts shows where it stands as in A
-        yield "placement", D, amount(D, ours.centre)
+        E = np.linalg.inv(D)
+        yield "placement", D, np.array([rotation_vector(E[:3, :3]), (E[:3, :3] @ ours.centre + E[:3, 3]) - ours.centre])
         b = applied(b, [Change(name, "placement", D)])
     if not turns:
         return
     if axis(ours) @ axis(b.joints[name]) < 0.0:
-        yield "sign", -1.0, (math.pi, 0.0)
+        yield "sign", -1.0, np.array([[math.pi, 0.0, 0.0], np.zeros(3)])
+        home = b.joints[name].home
         b = _righted(replace(common, b=b), Change(name, "sign", np.array(-1.0))).b
-    if along is not None:
+        along = None if along is None else along - 2.0 * home  # it is at the same coordinate again, the other way
+    if along is not None and ours.kind == "hinge":
+        along = math.remainder(along, math.tau)
+    if along is not None and abs(along) > common.rounding * (1.0 if ours.kind == "hinge" else length):
         # B's home geometry is A's at another coordinate
-        yield "zero", b.joints[name].home - along, (abs(along), 0.0) if ours.kind == "hinge" else (0.0, abs(along))
+        way = -along * axis(ours)
+        yield "zero", b.joints[name].home - along, np.array([way, 0 * way] if ours.kind == "hinge" else [0 * way, way])
         b = rehomed(
             applied(b, [Change(name, "zero", np.asarray(b.joints[name].home - along))]), {name: b.joints[name].home}
         )[0]
     theirs = b.joints[name]
     off = math.atan2(float(np.linalg.norm(np.cross(axis(theirs), axis(ours)))), float(axis(theirs) @ axis(ours)))
-    if off > ROUNDING:
-        yield "axis", axis(ours), (off, 0.0)
+    if off > common.rounding:
+        across = np.cross(axis(ours), axis(theirs))
+        turn = off * across / max(float(np.linalg.norm(across)), 1e-300)
+        yield "axis", axis(ours), np.array([turn, np.zeros(3)])
     if ours.kind == "hinge":
         step = ours.centre - theirs.centre
         step = step - (step @ axis(ours)) * axis(ours)
-        if np.linalg.norm(step) > ROUNDING * length:
-            yield "centre", theirs.centre + step, (0.0, float(np.linalg.norm(step)))
+        if np.linalg.norm(step) > common.rounding * length:
+            yield "centre", theirs.centre + step, np.array([np.zeros(3), -step])
 
 
-def _displaced(a: Reading, b: Reading, name: str, length: float) -> Array | None:
+def _displaced(common: Common, name: str, length: float) -> Array | None:
     """The displacement of a joint and all outwards that brings B nearest to A; None if it is nearest as it is."""
+    a, b = common.a, common.b
     bodies, joints = outwards(b, name)
     bodies = [body for body in bodies if body in a.bodies and (a.bodies[body].mass and b.bodies[body].mass)]
     joints = [joint for joint in joints if joint in a.joints]
@@ -119,7 +134,7 @@ def _displaced(a: Reading, b: Reading, name: str, length: float) -> Array | None
     if still <= math.log10(ROUNDING) * (2 * len(bodies) + len(joints)):
         return None
     best, most, next_ = None, still - DECADES, _next(b, name)
-    for D in _candidates(a, b, name):
+    for D in _candidates(common, name):
         if _breaks(a, b, next_, D, length):
             continue
         score = _nearness(a, b, (bodies, joints), D, length)
@@ -152,10 +167,13 @@ def _breaks(a: Reading, b: Reading, items: tuple[list[str], list[str]], D: Array
     return not kept <= near
 
 
-def _candidates(a: Reading, b: Reading, name: str) -> Iterator[Array]:
-    carried = outwards(b, name)[0]
-    for body in [body for body in carried if body in a.bodies][:4]:
-        yield a.bodies[body].pose @ np.linalg.inv(b.bodies[body].pose)
+def _candidates(common: Common, name: str) -> Iterator[Array]:
+    """As the machines as a whole say, or frames of one name."""
+    carried = [body for body in outwards(common.b, name)[0] if body in common.a.bodies][:4]
+    for there in (common.standing, {body: common.a.bodies[body].pose for body in carried}):
+        for body in carried:
+            if body in there:
+                yield there[body] @ np.linalg.inv(common.b.bodies[body].pose)
 
 
 def _nearness(a: Reading, b: Reading, items: tuple[list[str], list[str]], D: Array, length: float) -> float:
@@ -174,6 +192,44 @@ def _matter(a: BodyReading, b: BodyReading, D: Array, length: float) -> list[flo
     I = R @ a.inertia @ R.T - S @ b.inertia @ S.T
     scale = max(float(np.abs(a.inertia).max()), float(np.abs(b.inertia).max())) or 1.0
     return [float(np.linalg.norm(step)) / length, float(np.abs(I).max()) / scale]
+
+
+def _stands(common: Common, name: str, length: float) -> float | None:
+    """The coordinate by which a joint has to move to stand as in A, where the two machines as a whole tell that.
+
+    None where they do not, or where what its body needs is more than its joints can do.
+    """
+    b = common.b
+    carrier = b.moved_by(name)
+    if carrier not in common.standing:
+        return None
+    D = common.standing[carrier] @ np.linalg.inv(b.bodies[carrier].pose)
+    names = b.bodies[carrier].joints
+    chain = [b.joints[each] for each in names[names.index(name) :]]
+    if any(joint.kind not in ("hinge", "slide") for joint in chain):
+        return None
+
+    def off(q: Array) -> Array:
+        E = np.linalg.inv(D)
+        for joint, value in zip(chain, q, strict=True):
+            E = E @ exponential(joint, float(value))
+        return np.append((E[:3, :3] - np.eye(3)).ravel(), E[:3, 3] / length)
+
+    for start in product(*((0.0, 2.0, -2.0) if joint.kind == "hinge" else (0.0,) for joint in chain)):
+        tight = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
+        q = least_squares(off, np.array(start), x_scale=0.1, max_nfev=60, **tight).x
+        if np.abs(off(q)).max() < STANDS:
+            sign = 1.0 if axis(common.a.joints[name]) @ axis(chain[0]) >= 0.0 else -1.0
+            return sign * float(q[0])
+    return None
+
+
+def exponential(joint: JointReading, q: float) -> Array:
+    """Displacement by a hinge or slide. Shape (4, 4)."""
+    if joint.kind == "slide":
+        return matrix(q * axis(joint), np.eye(3))
+    R = rotation(axis(joint), np.array(q))
+    return matrix(joint.centre - R @ joint.centre, R)
 
 
 def _along(joint: JointReading, D: Array, length: float) -> float | None:

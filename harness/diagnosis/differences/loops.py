@@ -8,7 +8,7 @@ import numpy as np
 
 from screwgauge.diagnosis.compare import Row, components, row_of
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.mechanics.closed import clear, closed, left
+from screwgauge.diagnosis.mechanics.closed import clear, closed, left, near_home
 from screwgauge.diagnosis.mechanics.lines import size
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map
@@ -90,17 +90,20 @@ def loops(common: Common, pairing: Pairing, seed: int, deadline: Deadline) -> tu
     if pairing.only_a or pairing.only_b:
         return None, f"{_NOT_COMPARED}: joints are in one model only"
     a, b = plant(common.a), plant(common.b)
-    states, _ = closed(a, draw(common.a, DRAWN, seed))
-    same_poses = states_of_b(a, b, states)
-    theirs, fits = closed(b, same_poses)
-    if not fits.any():
-        return None, f"{_NOT_COMPARED}: no random state closes both models"
     force, length = components(common.a), size(common.a)
     slides = np.array([unit == "N" for _, unit in force])
-    rows = equations(a, states.at(fits)).rows, equations(b, theirs).rows @ velocity_map(a, b)
-    regular = clear(rows[0]) & clear(rows[1])
-    if not regular.any():
-        return None, f"{_NOT_COMPARED}: all random states that close both models are singular"
+    why = "no random state closes both models"
+    for drawn in (draw(common.a, DRAWN, seed), near_home(a, DRAWN, np.where(slides, length, 1.0), seed)):
+        states, _ = closed(a, drawn)
+        same_poses = states_of_b(a, b, states)
+        theirs, fits = closed(b, same_poses)
+        rows = equations(a, states.at(fits)).rows, equations(b, theirs).rows @ velocity_map(a, b)
+        regular = clear(rows[0]) & clear(rows[1])
+        if regular.any():
+            break
+        why = "all random states that close both models are singular" if fits.any() else why
+    else:
+        return None, f"{_NOT_COMPARED}: {why}"
     rows = rows[0][regular], rows[1][regular]
     ours, others = (left(each, slides, length)[0] for each in rows)
     n, m = (round(float(np.median(np.trace(each, axis1=1, axis2=2)))) for each in (ours, others))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from screwgauge.diagnosis.differences.geometry import ROUNDING, Deviation, devia
 from screwgauge.diagnosis.differences.stated import another, differ, difference
 from screwgauge.diagnosis.differences.static_bodies import bodies
 from screwgauge.diagnosis.differences.static_loops import actuators, closures, couplings
-from screwgauge.diagnosis.differences.words import compared, each_in_its_own, place, unit_of
+from screwgauge.diagnosis.differences.words import compared, directed, each_in_its_own, place, unit_of
 from screwgauge.diagnosis.mechanics.dynamics import downwards
 from screwgauge.diagnosis.mechanics.lines import CLOSE, size
 from screwgauge.diagnosis.pairing.common import Common
@@ -25,6 +26,8 @@ from screwgauge.reference.rotations import Array, rotation_vector
 ENTRIES = ("armature", "damping", "friction", "stiffness", "rest")
 #: A limit beyond so many rad or m is none.
 BOUNDLESS = 100.0
+#: Places along a joint whose zero is elsewhere are the same up to so much [rad or m]: files print some digits.
+SHIFTED = 1e-6
 
 
 def differences(common: Common, deadline: Deadline | None = None) -> tuple[list[Difference], Common]:
@@ -35,17 +38,23 @@ def differences(common: Common, deadline: Deadline | None = None) -> tuple[list[
     if deadline.over("all that bodies, joints and loops say beside their places"):
         return out, right
     out += _model(right)
+    counted = [each.right for each in found]
+    shifts = {each.item: float(each.value) - common.a.joints[each.item].home for each in counted if each.what == "zero"}
     for name in right.a.joints:
-        out += _joint(right, name, common.b.joints[name])
+        out += _joint(right, name, common.b.joints[name], shifts.get(name, 0.0))
     out += bodies(right)
-    out += [*closures(right, common), *couplings(right), *actuators(right)]
+    turned = {each.item for each in counted if each.what == "sign"}
+    out += [*closures(right, common), *couplings(right, shifts), *actuators(right, turned)]
     return out, right
 
 
 def _deviation(common: Common, found: Deviation) -> Difference:
     item, what = found.right.item, found.right.what
     joint, (angle, way) = common.a.joints[item], found.amount
-    sentence, relative = place(item, what, found.amount, joint), angle + way / size(common.a)
+    along = float((found.step[0] + found.step[1]) @ axis(joint)) if what == "zero" else 0.0
+    sentence, relative = place(item, what, found.amount, joint, along), angle + way / size(common.a)
+    if what not in ("sign", "zero"):
+        sentence += directed(found.step)
     b = {
         "sign": np.array(1.0),
         "zero": np.asarray(common.b.joints[item].home),
@@ -53,7 +62,10 @@ def _deviation(common: Common, found: Deviation) -> Difference:
         "axis": axis(common.b.joints[item]),
         "centre": common.b.joints[item].centre,
     }[what]
-    kind: Kind = "convention" if what in ("sign", "zero") else "model"
+    ball = what == "placement" and joint.kind == "ball" and way <= common.rounding * size(common.a)
+    kind: Kind = "convention" if what in ("sign", "zero") or ball else "model"
+    if ball:
+        sentence = place(item, "zero", (angle, 0.0), replace(joint, kind="hinge"), angle)
     unit, change = unit_of(what, joint), found.change
     return Difference(item, change.item, what, found.right.value, b, unit, relative, sentence, change, kind)
 
@@ -81,8 +93,13 @@ def _stands(common: Common, a: Array, b: Array) -> str:
     return f", because the whole stands turned by {angle:.4g} deg in B"
 
 
-def _joint(common: Common, name: str, written: JointReading) -> Iterator[Difference]:
-    """Args: written: B's as its file counts it, before it was put right."""
+def _joint(common: Common, name: str, written: JointReading, shift: float) -> Iterator[Difference]:
+    """Of one joint.
+
+    Args:
+        written: B's as its file counts it, before it was put right.
+        shift: By which A counts more than B's file, whichever way, in the same place.
+    """
     a, b = common.a.joints[name], common.b.joints[name]
     if a.kind != b.kind:
         sentence = f"{name}: a {b.kind} in B, a {a.kind} in A"
@@ -92,9 +109,10 @@ def _joint(common: Common, name: str, written: JointReading) -> Iterator[Differe
             continue
         first, second = getattr(a, what), getattr(b, what)
         if differ(first, second):
-            yield _counted(common, name, what, (first, second, getattr(written, what)))
+            said = _counted(common, name, what, (first, second, getattr(written, what)))
+            yield _as_its_zero(said, shift) if what == "rest" else said
     if not all(map(_same_limit, a.limits, b.limits)):
-        yield _counted(common, name, "limits", (a.limits, b.limits, written.limits))
+        yield _as_its_zero(_counted(common, name, "limits", (a.limits, b.limits, written.limits)), shift)
 
 
 def _counted(common: Common, name: str, what: str, values: tuple[object, object, object]) -> Difference:
@@ -108,6 +126,16 @@ def _counted(common: Common, name: str, what: str, values: tuple[object, object,
     size_, sentence = compared(name, what, a, b, unit, own)
     turned = "" if np.array_equal(own, b) else "; B counts the other way"
     return difference(common, name, what, a, b, (size_, f"{sentence}{turned}"))
+
+
+def _as_its_zero(found: Difference, shift: float) -> Difference:
+    """A place along a joint, told as a convention if it is the same place counted from another zero."""
+    if not shift or found.a is None or found.b is None:
+        return found
+    off = np.abs(found.b + shift - found.a)[np.isfinite(found.a) & np.isfinite(found.b)]
+    if not off.size or off.max() > SHIFTED * max(1.0, float(np.abs(found.a).max())):
+        return found
+    return replace(found, kind="convention", sentence=f"{found.sentence}: the same place, as its zero is elsewhere")
 
 
 def _same_limit(x: float, y: float) -> bool:

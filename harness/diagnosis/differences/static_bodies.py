@@ -44,13 +44,14 @@ def _body(common: Common, name: str, a: BodyReading, b: BodyReading) -> Iterator
     if a.mass and b.mass:
         radius = max(math.sqrt(abs(float(np.trace(a.inertia))) / a.mass), float(np.linalg.norm(com)))
         step = float(np.linalg.norm(com - b.com))
-        if step > ROUNDING * max(radius, size(common.a)):
+        if step > common.rounding * max(radius, size(common.a)):
             sentence = compared(name, "com", com, b.com, "m")[1]
             if moved:
-                sentence = each_in_its_own(name, "com", a.com, b.com, "m", step, "in the frame of its own file")
+                way, axes = b.pose[:3, :3] @ (b.com - com), "in the frame of its own file"
+                sentence = each_in_its_own(name, "com", a.com, b.com, "m", step, axes, way)
             yield found("com", com, b.com, step / max(radius, 1e-300), sentence)
     scale = max(float(np.abs(inertia).max()), float(np.abs(b.inertia).max()))
-    if np.abs(inertia - b.inertia).max() > 10 * ROUNDING * scale:
+    if np.abs(inertia - b.inertia).max() > 10 * common.rounding * scale:
         size_, sentence = compared(name, "inertia", inertia, b.inertia, "kg m^2")
         along = ", along the axes of B" if turned and "principal" not in sentence else ""
         yield found("inertia", inertia, b.inertia, size_, sentence + along)

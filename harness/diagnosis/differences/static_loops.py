@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from screwgauge.diagnosis.differences.change import Change, Difference
 from screwgauge.diagnosis.differences.geometry import ROUNDING
 from screwgauge.diagnosis.differences.stated import another, differ, difference, only
-from screwgauge.diagnosis.differences.words import vector
+from screwgauge.diagnosis.differences.words import compared, directed, unit_of, vector
 from screwgauge.diagnosis.files.write_mjcf import SOFTNESS
-from screwgauge.diagnosis.mechanics.lines import size
+from screwgauge.diagnosis.mechanics.lines import CLOSE, size
+from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common
 from screwgauge.models.kinematics.closing import residual_at_home
 from screwgauge.models.kinematics.tree import plant
 from screwgauge.models.readings.reading import ClosureReading
+from screwgauge.reference.rotations import Array
+
+#: What a joint exerts by itself.
+PASSIVE = ("armature", "damping", "friction", "stiffness")
 
 
 def closures(common: Common, as_written: Common) -> Iterator[Difference]:
@@ -53,20 +59,62 @@ def _closure(common: Common, name: str, gaps: tuple[float, float], at: str) -> I
         yield another(common, "closures", name, "closure", sentence)
     if (a.first, a.second) == (b.second, b.first) and a.first != a.second:
         a = replace(a, first=a.second, first_frame=a.second_frame, second=a.first, second_frame=a.first_frame)
+    steps = {}
     for what, body in (("first_frame", a.first), ("second_frame", a.second)):
         ours, theirs = getattr(a, what), getattr(b, what)
         if body in common.a.bodies and body in common.b.bodies:
             ours = np.linalg.inv(common.b.bodies[body].pose) @ common.a.bodies[body].pose @ ours
+        steps[what] = body, ours, theirs
+    if a.kind == b.kind == "point" and _along_hinge(common, name, steps):
+        return
+    for what, (body, ours, theirs) in steps.items():
         step = float(np.linalg.norm(ours[:3, 3] - theirs[:3, 3]))
         turn = float(np.abs(ours[:3, :3] - theirs[:3, :3]).max()) if a.kind == b.kind == "weld" else 0.0
-        if max(step / size(common.a), turn) > 10 * ROUNDING:
+        if max(step / size(common.a), turn) > 10 * common.rounding:
             off = f"{step * 1e3:.6g} mm" + (f" and {turn:.6g} rad" if turn else "")
-            more = step / size(common.a) + turn, f"{name}: its frame on {body} is {off} elsewhere in B{still}"
+            R = common.b.bodies[body].pose[:3, :3] if body in common.b.bodies else np.eye(3)
+            where = directed(np.array([np.zeros(3), R @ (theirs - ours)[:3, 3]]))
+            more = step / size(common.a) + turn, f"{name}: its frame on {body} is {off} elsewhere in B{where}{still}"
             yield difference(common, name, what, ours, theirs, more)
 
 
-def couplings(common: Common) -> Iterator[Difference]:
-    """Couplings that one alone has, that follow other joints, or otherwise."""
+def _along_hinge(common: Common, name: str, steps: Mapping[str, tuple[str, Array, Array]]) -> bool:
+    """Whether a point of B is another one of the axis of the same hinge, on which several points of one model lie.
+
+    Args:
+        steps: Of both frames the body, and A's and B's in the frame of B's body.
+    """
+    moved = []
+    for body, ours, theirs in steps.values():
+        R = common.b.bodies[body].pose[:3, :3] if body in common.b.bodies else np.eye(3)
+        moved.append(R @ (theirs[:3, 3] - ours[:3, 3]))
+    near = CLOSE * size(common.a)
+    if np.linalg.norm(moved[0] - moved[1]) > near:
+        return False
+    for reading in (common.a, common.b):
+        ends = {reading.closures[name].first, reading.closures[name].second}
+        alike = [c for c in reading.closures.values() if c.kind == "point" and {c.first, c.second} == ends]
+        pose = reading.bodies[alike[0].first].pose if alike[0].first in reading.bodies else np.eye(4)
+        there = [c.first_frame if c.first == alike[0].first else c.second_frame for c in alike]
+        cloud = np.array([(pose @ T)[:3, 3] for T in there])
+        s, V = np.linalg.svd(cloud - cloud.mean(axis=0))[1:]
+        if len(cloud) > 1 and s[0] > near and s[1] < near and np.linalg.norm(np.cross(V[0], moved[0])) < near:
+            return True
+    return False
+
+
+def _padded(a: Array, b: Array) -> tuple[Array, Array]:
+    """Coefficients of two polynomials, as many of both."""
+    n = max(len(a), len(b))
+    return np.pad(a, (0, n - len(a))), np.pad(b, (0, n - len(b)))
+
+
+def couplings(common: Common, shifts: Mapping[str, float]) -> Iterator[Difference]:
+    """Couplings that one alone has, that follow other joints, or in another way.
+
+    Args:
+        shifts: Joint -> by which A counts more in the same place.
+    """
     for name, coupling in common.a.couplings.items():
         other = common.b.couplings.get(name)
         if other is None:
@@ -77,10 +125,16 @@ def couplings(common: Common) -> Iterator[Difference]:
             leads = common.own["joints"].get(other.of, other.of) or "nothing"
             sentence = f"{coupling.joint}: follows {leads} in B, {coupling.of or 'nothing'} in A"
             yield another(common, "couplings", name, "leading joint", sentence)
-        n = max(len(coupling.polynomial), len(other.polynomial))
-        a, b = (np.pad(each.polynomial, (0, n - len(each.polynomial))) for each in (coupling, other))
+        a, b = _padded(coupling.polynomial, other.polynomial)
         if np.abs(a - b).max() > ROUNDING * max(float(np.abs(a).max()), float(np.abs(b).max())):
-            yield difference(common, name, "polynomial", a, b)
+            said = difference(common, name, "polynomial", a, b)
+            line = Polynomial([-shifts.get(other.of, 0.0), 1.0])
+            there = Polynomial(other.polynomial)(line) + shifts.get(other.joint, 0.0)
+            first, second = _padded(coupling.polynomial, there.coef)
+            if shifts and np.abs(first - second).max() <= CLOSE * float(np.abs(first).max()):
+                sentence = f"{said.sentence}: the same, as zeros are elsewhere"
+                said = replace(said, kind="convention", sentence=sentence)
+            yield said
         yield from _softness(common, "couplings", name)
     for name, coupling in common.b.couplings.items():
         if name not in common.a.couplings:
@@ -89,8 +143,12 @@ def couplings(common: Common) -> Iterator[Difference]:
             yield only("B", own, "coupling", sentence, coupling.polynomial, "1")
 
 
-def actuators(common: Common) -> Iterator[Difference]:
-    """Actuators that one alone has, that drive other joints, or through another gear."""
+def actuators(common: Common, turned: Collection[str]) -> Iterator[Difference]:
+    """Actuators that one alone has, that drive other joints, or through another gear.
+
+    Args:
+        turned: Joints that count the other way in B.
+    """
     if not (common.a.actuators and common.b.actuators):
         return  # one of the formats has none
     for name, (joint, gear) in common.a.actuators.items():
@@ -102,11 +160,38 @@ def actuators(common: Common) -> Iterator[Difference]:
             sentence = f"{name}: drives {common.own['joints'].get(driven, driven)} in B, {joint} in A"
             yield another(common, "actuators", name, "driven joint", sentence)
         if differ(gear, other):
-            yield difference(common, name, "gear", np.asarray(gear), np.asarray(other))
+            said = difference(common, name, "gear", np.asarray(gear), np.asarray(other))
+            if joint in turned and not differ(gear, -other):
+                sentence = f"{said.sentence}: the same motor, as its joint counts the other way"
+                said = replace(said, kind="convention", sentence=sentence)
+            yield said
     for name, (joint, gear) in common.b.actuators.items():
         if name not in common.a.actuators:
             own = common.own["actuators"].get(name, name)
             yield only("B", own, "actuator", f"{own}: an actuator of {joint} in B only", np.asarray(gear), "1")
+
+
+def cut_joints(models: tuple[Model, Model]) -> Iterator[Difference]:
+    """What joints say that are compared as points, as their links are cut in the other model or in both."""
+    a, b = (model.cut for model in models)
+    ours, theirs = ((model.as_read or model.reading).joints for model in models)
+    pairs = [(link.joints, link.partners) for link in a.points] + [*a.merged] if a else []
+    said = {name for _, partners in pairs for name in partners}
+    if b:
+        pairs += [((), link.joints) for link in b.points if not said & {*link.joints}]
+        pairs += [(partners, joints) for joints, partners in b.merged]
+    for one, other in pairs:
+        sides = [ours[name] for name in one], [theirs[name] for name in other]
+        for what in PASSIVE:
+            first, second = (max((getattr(joint, what) for joint in side), default=0.0) for side in sides)
+            if not differ(first, second):
+                continue
+            item, joint = (*one, *other)[0], (*sides[0], *sides[1])[0]
+            size_, sentence = compared(item, what, np.array(first), np.array(second), unit := unit_of(what, joint))
+            closed = [side for side, names in zip("AB", (one, other), strict=True) if not names]
+            where = f"; {closed[0]} has points in place of the joint" if closed else ""
+            named = ((*one, "")[0], (*other, "")[0])
+            yield Difference(*named, what, np.array(first), np.array(second), unit, size_, sentence + where)
 
 
 def _softness(common: Common, kind: str, name: str) -> Iterator[Difference]:

@@ -57,32 +57,53 @@ def compared(item: str, what: str, a: Array, b: Array, unit: str, own: Array | N
     return apart / scale, f"{lead} {vector(shown, a)}{behind} in B, {vector(a, shown)}{behind} in A"
 
 
-def each_in_its_own(item: str, what: str, a: Array, b: Array, unit: str, step: float, axes: str) -> str:
+def each_in_its_own(
+    item: str, what: str, a: Array, b: Array, unit: str, step: float, axes: str, way: Array | None = None
+) -> str:
     """A sentence on vectors that each file gives in a frame of its own.
 
     Args:
         a, b: As the files have them. Shape (3,).
         step: How far apart they are, seen in one frame.
         axes: What each is given in.
+        way: From A to B in A's world, where it is to be said. Shape (3,).
     """
     said = f"{item}: {NAMES.get(what, what)}" if item else NAMES.get(what, what)
     much = f"{step * 1e3:.4g} mm" if unit == "m" else f"{step:.4g} {unit}"
-    return f"{said} {vector(b, a)} {unit} in B, {vector(a, b)} {unit} in A, each {axes} ({much} apart)"
+    off = f", by {_short(way * 1e3)} mm in A's world" if way is not None and unit == "m" else ""
+    return f"{said} {vector(b, a)} {unit} in B, {vector(a, b)} {unit} in A, each {axes} ({much} apart{off})"
 
 
-def place(item: str, what: str, amount: tuple[float, float], joint: JointReading) -> str:
-    """A sentence on a joint that is elsewhere, or counts otherwise."""
+def place(item: str, what: str, amount: tuple[float, float], joint: JointReading, along: float = 0.0) -> str:
+    """A sentence on a joint that is elsewhere, or counts in another way.
+
+    Args:
+        along: How far its zero is from that of A, along its axis [rad or m].
+    """
     angle, way = amount
     if what == "sign":
         return f"{item}: counts the other way in B (its axis is reversed)"
     if what == "zero":
-        much = f"{angle:.6g} rad ({math.degrees(angle):.6g} deg)" if joint.kind == "hinge" else f"{way * 1e3:.6g} mm"
+        turned = f"{along:+.6g} rad ({math.degrees(along):+.6g} deg)"
+        much = turned if joint.kind == "hinge" else f"{along * 1e3:+.6g} mm"
         return f"{item}: its zero is {much} elsewhere in B"
     if what == "placement":
         return f"{item}: sits elsewhere in B, with all that it carries ({turn_and_way(amount)})"
     if what == "axis":
         return f"{item}: its axis alone is tilted in B by {angle:.6g} rad ({math.degrees(angle):.4g} deg)"
     return f"{item}: its axis alone is shifted in B by {way * 1e3:.6g} mm"
+
+
+def directed(step: Array) -> str:
+    """The direction of a turn [rad] and a way [m] from A to B, those that are there. Shape (2, 3)."""
+    parts = [f"turned by {_short(step[0])} rad"] * bool(np.linalg.norm(step[0]) > 1e-12)
+    parts += [f"off by {_short(step[1] * 1e3)} mm"] * bool(np.linalg.norm(step[1]) > 1e-12)
+    return f", {' and '.join(parts)} in A's world" if parts else ""
+
+
+def _short(vector_: Array) -> str:
+    most = float(np.abs(vector_).max())
+    return f"({', '.join(f'{x:.4g}' if abs(x) > 1e-6 * most else '0' for x in vector_)})"
 
 
 def turn_and_way(amount: tuple[float, float]) -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from screwgauge.diagnosis.mechanics.lines import size
 from screwgauge.models.kinematics.closing import equations
-from screwgauge.models.kinematics.tree import States, Tree, moved
+from screwgauge.models.kinematics.tree import States, Tree, draw, home, moved
 from screwgauge.reference.rotations import Array
 
 #: Newton's steps, and how far one goes at most [rad or m]; gaps that are rounding [rad or lengths of
@@ -22,6 +22,8 @@ STEPS, FAR, CLOSED = 40, 0.5, 1e-11
 DEPENDENT = 1e-8
 #: Singular values between these shares are of a singular pose, found to the square root of rounding or so.
 UNCLEAR = 1e-11, 1e-5
+#: How far states near home are from it [rad or lengths of the machine].
+BESIDE = 0.05
 
 
 def closed(tree: Tree, states: States) -> tuple[States, NDArray[np.bool_]]:
@@ -47,6 +49,17 @@ def closed(tree: Tree, states: States) -> tuple[States, NDArray[np.bool_]]:
     there = replace(there, qd=there.qd - (back @ (rows @ there.qd[..., None]))[..., 0])
     rest = rows @ there.qdd[..., None] + equations(tree, there).bias[..., None]
     return replace(there, qdd=there.qdd - (back @ rest)[..., 0]), fits
+
+
+def near_home(tree: Tree, n: int, units: Array, seed: int) -> States:
+    """So many random states near home, where loops close that do not close anywhere.
+
+    Args:
+        units: What counts as 1 of each velocity. Shape (n_freedom,).
+    """
+    there, drawn = np.repeat(home(tree.reading).q, n, axis=0), draw(tree.reading, n, seed)
+    step = BESIDE * units * np.random.default_rng(seed).normal(size=drawn.qd.shape)
+    return replace(drawn, q=moved(tree, there, step))
 
 
 def clear(rows: Array) -> NDArray[np.bool_]:

@@ -36,6 +36,14 @@ def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
             items = (joint, names[0]) if side == "A" else (names[0], joint)
             yield Difference(*items, "kind", None, None, "", math.inf, sentence)
     said = [{*split[i], *(name for names in split[1 - i].values() for name in names)} for i in (0, 1)]
+    for name in _retyped(a, b, pairing):
+        said[0].add(name)
+        said[1].add(name)
+        kinds = a.joints[name].kind, b.joints[name].kind
+        sentence = (
+            f"{name}: a {kinds[0]} in A, a {kinds[1]} in B; it and all that it carries are compared where it is held"
+        )
+        yield Difference(name, name, "kind", None, None, "", math.inf, sentence)
     for side, here, beside, lost in (
         ("A", (a, pairing.only_a, said[0]), (b, bodies), "B"),
         ("B", (b, pairing.only_b, said[1]), (a, there), "A"),
@@ -45,6 +53,18 @@ def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
         for joint in alone:
             if before[joint] not in alone and joint not in known:
                 yield _branch(reading, joint, alone, beside, (side, lost))
+
+
+def _retyped(a: Reading, b: Reading, pairing: Pairing) -> Iterator[str]:
+    """Joints of one name and of two kinds, between the same bodies."""
+    before = joints_before(a), joints_before(b)
+    for name in pairing.only_a:
+        if name not in pairing.only_b or a.joints[name].kind == b.joints[name].kind:
+            continue
+        bodies = a.moved_by(name), b.moved_by(name)
+        same = pairing.joints.get(before[0][name], "") == before[1][name] and pairing.bodies.get(bodies[0]) == bodies[1]
+        if same and FREEDOMS[a.joints[name].kind] == FREEDOMS[b.joints[name].kind]:
+            yield name
 
 
 def bare(a: Reading, b: Reading, found: Iterable[Difference]) -> tuple[Reading, Reading]:

@@ -23,6 +23,9 @@ from screwgauge.reference.rotations import Array
 
 #: Gravity of a file that cannot say it [m/s^2].
 STANDARD = np.array([0.0, 0.0, -9.81])
+#: Rounding of readers: nothing below counts, relative to 1 rad or to the size of the machine. Readers keep 1e-14. And
+#: that of poses that are brought to each other.
+ROUNDING, BROUGHT = 1e-11, 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +40,7 @@ class Common:
         before, behind: Displacement from B's home to the common one of what is before each joint, of each body.
         homes: Coordinate of each joint at B's own home.
         placement: Of B's world in A's. Shape (4, 4).
+        standing: Body, by its common name -> pose of B's where B is in the pose of A, as far as that is known. (4, 4).
     """
 
     a: Reading
@@ -46,6 +50,12 @@ class Common:
     behind: Mapping[str, Array]
     homes: Mapping[str, float]
     placement: Array
+    standing: Mapping[str, Array]
+
+    @property
+    def rounding(self) -> float:
+        """What is rounding of places: of readers, or, where B is brought to the pose of A, of Newton's method."""
+        return BROUGHT if self.standing else ROUNDING
 
 
 def weighed(reading: Reading) -> Reading:
@@ -95,6 +105,7 @@ def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
         {name: T @ X for name, X in behind.items()},
         homes,
         T,
+        {name: pairing.standing[other] for other, name in names["bodies"].items() if other in pairing.standing},
     )
 
 

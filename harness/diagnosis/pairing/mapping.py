@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +38,7 @@ class Pairing:
         how: Joint of A -> ``given``, ``name``, ``similar name``, ``geometry`` or ``geometry, against its name``.
         only_a, only_b: Joints without a partner.
         placement: Of B's world in A's. Shape (4, 4).
+        standing: Body of B -> its pose in A's world if B is in the pose of A, as far as that is known. Shape (4, 4).
     """
 
     joints: Mapping[str, str]
@@ -45,6 +47,7 @@ class Pairing:
     only_a: tuple[str, ...]
     only_b: tuple[str, ...]
     placement: Array
+    standing: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def alike(self) -> bool:
@@ -72,11 +75,49 @@ def read_map(path: Path) -> dict[str, str]:
     return given
 
 
-def paired(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> Pairing:
+def congruent(a: Reading, b: Reading, pairing: Pairing) -> bool:
+    """Whether the trees and the closures of two models are between the same bodies."""
+    if pairing.only_a or pairing.only_b or len(a.joints) != len(b.joints):
+        return False
+    behind = [joints_before(reading) for reading in (a, b)]
+    if any(pairing.joints.get(before, "") != behind[1][pairing.joints[n]] for n, before in behind[0].items()):
+        return False
+    bodies = {other: name for name, other in pairing.bodies.items()}
+    ours = Counter((c.kind, frozenset((c.first, c.second))) for c in a.closures.values())
+    theirs = (frozenset(bodies.get(end, end) for end in (c.first, c.second)) for c in b.closures.values())
+    return ours == Counter(zip((c.kind for c in b.closures.values()), theirs, strict=True))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """What two machines tell of their readings: joints of A with those of B, and as in `Pairing`."""
+
+    joints: Mapping[str, str]
+    placement: Array
+    standing: Mapping[str, Array]
+
+
+def coincident(a: Reading, b: Reading, pairing: Pairing) -> bool:
+    """Whether joints and centres of mass of two models are in one place where their coordinates are the same."""
+    length, there = size(a), counted_as(a, b, pairing.joints)
+    for name, other in pairing.joints.items():
+        if not apart(a.joints[name], moved(there.joints[other], pairing.placement), length) < CLOSE:
+            return False
+    for name, other in pairing.bodies.items():
+        one, two = a.bodies[name], there.bodies[other]
+        T = pairing.placement @ two.pose
+        step = one.pose[:3, :3] @ one.com + one.pose[:3, 3] - T[:3, :3] @ two.com - T[:3, 3]
+        if one.mass and two.mass and np.linalg.norm(step) > CLOSE * length:
+            return False
+    return True
+
+
+def paired(a: Reading, b: Reading, given: Mapping[str, str] | None = None, found: Found | None = None) -> Pairing:
     """Finds partners: as given, by name, by similar name, then by the tree and the geometry.
 
     Args:
         given: Joints or bodies of A -> those of B.
+        found: What the two tell as machines, which is believed where names say nothing.
 
     Raises:
         UnknownNameError: A given name is of neither.
@@ -90,10 +131,13 @@ def paired(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> Pa
     joints, how = _by_name(a, b, given)
     for name, other in _crossed(a, b, joints, how).items():
         joints[name], how[name] = other, AGAINST_NAME
+    for name, other in (found.joints if found else {}).items():
+        if name in a.joints and name not in joints and other in b.joints and other not in joints.values():
+            joints[name], how[name] = other, "geometry"
     alike = counted_as(a, b, joints)
     for name, other in _by_geometry(a, alike, joints, _placement(a, alike, joints)):
         joints[name], how[name] = other, "geometry"
-    T = _placement(a, counted_as(a, b, joints), joints)
+    T = found.placement if found else _placement(a, counted_as(a, b, joints), joints)
     bodies = _bodies(a, b, joints, given)
     return Pairing(
         {name: joints[name] for name in a.joints if name in joints},
@@ -102,6 +146,7 @@ def paired(a: Reading, b: Reading, given: Mapping[str, str] | None = None) -> Pa
         tuple(name for name in a.joints if name not in joints),
         tuple(name for name in b.joints if name not in joints.values()),
         T,
+        found.standing if found else {},
     )
 
 

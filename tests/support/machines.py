@@ -1,0 +1,7 @@
+"""Machines as bodies and links, aligned to each other and cut alike."""
+
+from __future__ import annotations
+
+from screwgauge.diagnosis.machine.alignment import aligned, misfits
+from screwgauge.diagnosis.machine.normal_form import machine_of
+from screwgauge.diagnosis.model import loaded
