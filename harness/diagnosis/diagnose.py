@@ -31,7 +31,7 @@ from screwgauge.diagnosis.order import Order, between
 from screwgauge.diagnosis.pairing.branches import bare, missing
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
-from screwgauge.diagnosis.together import Together, together
+from screwgauge.diagnosis.together import ELSEWHERE, Together, elsewhere, together
 from screwgauge.diagnosis.verdict import BINDING, RESTATED, SAME, partly, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.kinematics.tree import draw
@@ -172,6 +172,8 @@ def diagnose(
             found = replace(found, order=order, verdict=f"{found.verdict} {order.sentence}")
         if not pairing.one_machine:
             found = replace(found, verdict=f"{partly((one, two), pairing)} {found.verdict}")
+        if elsewhere(one) or elsewhere(two):
+            found = replace(found, notes=(*found.notes, ELSEWHERE))
     found = replace(found, matrix=matrix_of(one, two, given, seed, load, deadline)) if matrix else found
     if not deadline.left_out:
         return found

@@ -32,6 +32,8 @@ from screwgauge.reference.rotations import Array
 STATES = 12
 #: Scaled differences beyond this are no rounding: libraries leave 1e-14, MuJoCo's principal axes 5e-14.
 ROUNDING = 1e-11
+#: Where a library has another tree than what is compared, or counts a ball from another pose.
+ELSEWHERE = "The libraries' own torques are not compared: a loop is cut elsewhere than in the file. The readings are."
 #: Library -> its call for inverse dynamics.
 CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
 
@@ -89,7 +91,7 @@ def together(models: tuple[Model, Model], common: Common, seed: int) -> tuple[To
     Args:
         common: Both with all of their joints.
     """
-    if any(map(_elsewhere, models)):
+    if any(map(elsewhere, models)):
         return None, ""
     a, b = (_side(model, common, side) for side, model in zip("AB", models, strict=True))
     # one that says the loops leads
@@ -108,7 +110,7 @@ def together(models: tuple[Model, Model], common: Common, seed: int) -> tuple[To
     return Together(row, float(np.abs(whole[:, units]).max(initial=0.0)), (calls[0], calls[1]), len(ours)), ""
 
 
-def _elsewhere(model: Model) -> bool:
+def elsewhere(model: Model) -> bool:
     """Whether the library has another tree than what is compared, or counts a ball from another pose."""
     whole = model.as_read or model.reading
     balls = any(FREEDOMS[joint.kind] > 1 for joint in whole.joints.values())
