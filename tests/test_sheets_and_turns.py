@@ -24,7 +24,7 @@ from support.scene import GivenMotion
 from support.singular import AROUND, SHEETS, Linkage, Passing, five_bar, four_bar, slider_crank, three_rpr
 
 TURNS = 1000
-PER_TURN = 24
+PER_TURN = 12
 QUANTITIES = ("joint_position", "actuator_force")
 #: Rounding of angles of a thousand turns, 6e3 rad, and of forces there.
 SAME = 1e-9

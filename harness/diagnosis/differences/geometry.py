@@ -93,7 +93,11 @@ def _of_joint(a: Reading, common: Common, name: str, length: float) -> Iterator[
         along = _along(ours, D, length)
     if D is not None and along is None:  # which way it counts shows where it stands as in A
         E = np.linalg.inv(D)
-        yield "placement", D, np.array([rotation_vector(E[:3, :3]), (E[:3, :3] @ ours.centre + E[:3, 3]) - ours.centre])
+        yield (
+            "placement",
+            D,
+            np.array([rotation_vector(np.asarray(E[:3, :3])), (E[:3, :3] @ ours.centre + E[:3, 3]) - ours.centre]),
+        )
         b = applied(b, [Change(name, "placement", D)])
     if not turns:
         return

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 from screwgauge.diagnosis.differences.change import PROPERTIES, Change, Difference
-from screwgauge.diagnosis.differences.geometry import ROUNDING
 from screwgauge.diagnosis.differences.words import compared, unit_of
-from screwgauge.diagnosis.pairing.common import Common, owned
+from screwgauge.diagnosis.pairing.common import ROUNDING, Common, owned
 from screwgauge.reference.rotations import Array
 
 

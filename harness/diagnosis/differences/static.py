@@ -10,14 +10,14 @@ import numpy as np
 
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import PROPERTIES, Difference, Kind, axis
-from screwgauge.diagnosis.differences.geometry import ROUNDING, Deviation, deviations
+from screwgauge.diagnosis.differences.geometry import Deviation, deviations
 from screwgauge.diagnosis.differences.stated import another, differ, difference
 from screwgauge.diagnosis.differences.static_bodies import bodies
 from screwgauge.diagnosis.differences.static_loops import actuators, closures, couplings
 from screwgauge.diagnosis.differences.words import compared, directed, each_in_its_own, place, unit_of
 from screwgauge.diagnosis.mechanics.dynamics import downwards
 from screwgauge.diagnosis.mechanics.lines import CLOSE, size
-from screwgauge.diagnosis.pairing.common import Common
+from screwgauge.diagnosis.pairing.common import ROUNDING, Common
 from screwgauge.models.mjcf import FAR
 from screwgauge.models.readings.reading import JointReading
 from screwgauge.reference.rotations import Array, rotation_vector

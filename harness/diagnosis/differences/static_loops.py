@@ -9,13 +9,12 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from screwgauge.diagnosis.differences.change import Change, Difference
-from screwgauge.diagnosis.differences.geometry import ROUNDING
 from screwgauge.diagnosis.differences.stated import another, differ, difference, only
 from screwgauge.diagnosis.differences.words import compared, directed, unit_of, vector
 from screwgauge.diagnosis.files.write_mjcf import SOFTNESS
 from screwgauge.diagnosis.mechanics.lines import CLOSE, size
 from screwgauge.diagnosis.model import Model
-from screwgauge.diagnosis.pairing.common import Common
+from screwgauge.diagnosis.pairing.common import ROUNDING, Common
 from screwgauge.models.kinematics.closing import residual_at_home
 from screwgauge.models.kinematics.tree import plant
 from screwgauge.models.readings.reading import ClosureReading
@@ -130,7 +129,7 @@ def couplings(common: Common, shifts: Mapping[str, float]) -> Iterator[Differenc
             said = difference(common, name, "polynomial", a, b)
             line = Polynomial([-shifts.get(other.of, 0.0), 1.0])
             there = Polynomial(other.polynomial)(line) + shifts.get(other.joint, 0.0)
-            first, second = _padded(coupling.polynomial, there.coef)
+            first, second = _padded(coupling.polynomial, np.asarray(there.coef, dtype=float))
             if shifts and np.abs(first - second).max() <= CLOSE * float(np.abs(first).max()):
                 sentence = f"{said.sentence}: the same, as zeros are elsewhere"
                 said = replace(said, kind="convention", sentence=sentence)

@@ -8,7 +8,7 @@ motion of the link, that brings most of its own features and its matter onto the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 
@@ -79,7 +79,7 @@ class Alignment:
         """Whether most bodies lie on their partners, but for some of their features."""
         pairs = [pair for pair in self.bodies.items() if pair[0] != GROUND]
         near = [np.median(misfits(a, b, pair, self.placed[pair[0]])) < NEAR for pair in pairs]
-        return sum(near) >= MANY * len(near)
+        return bool(sum(near) >= MANY * len(near))
 
 
 def standing(a: Machine, b: Machine, alignment: Alignment, reading: Reading) -> tuple[Array, dict[str, Array]]:
@@ -107,7 +107,7 @@ def standing(a: Machine, b: Machine, alignment: Alignment, reading: Reading) -> 
 
     T = next((T for T in tried if off(T) < EXACT), tried[0])
     poses = {n: body.pose for n, body in b.reading.bodies.items()}
-    found = {}
+    found = dict[str, Array]()
     for name, other in alignment.bodies.items():
         both = [n for n in a.bodies[name].members if n in reading.bodies and n in a.reading.bodies]
         X = reading.bodies[both[0]].pose @ np.linalg.inv(a.reading.bodies[both[0]].pose) if both else np.eye(4)
@@ -341,7 +341,7 @@ def _fitted(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Ar
     one, bodies = links[0], (links[0].far, links[1].far)
     steps = _freedoms(one)
 
-    def at(q: Sequence[float]) -> Array:
+    def at(q: Array) -> Array:
         out: Array = np.eye(4)
         for step, value in zip(steps, q, strict=True):
             out = exponential(step, float(value)) @ out
@@ -350,12 +350,14 @@ def _fitted(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Ar
     def off(q: Array) -> Array:
         return residuals(a, b, bodies, at(q))
 
+    def sizes(q: Array) -> Array:
+        return np.asarray(np.linalg.norm(off(q), axis=1))
+
     best, most = near, -math.inf
     hinges = [step.kind == "hinge" for step in steps]
     turns = TURNS if sum(hinges) < 3 else (0.0,)
     for start in product(*(turns if hinge else (0.0,) for hinge in hinges)):
         q = least_squares(lambda q: off(q).ravel(), np.array(start), x_scale=0.1, max_nfev=20).x
-        sizes = lambda q: np.linalg.norm(off(q), axis=1)  # noqa: E731
         q = least_squares(sizes, q, loss="cauchy", f_scale=1e-2, x_scale=0.1, max_nfev=30).x
         near_ones = sizes(q) < 0.02
         if near_ones.any():

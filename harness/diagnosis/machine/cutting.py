@@ -137,7 +137,7 @@ def _tree(pairs: _Pairs, bound: set[str]) -> list[tuple[Link, Link]]:
         edges = [pair for pair in waiting if (pair[0].near in reached) != (pair[0].far in reached)]
         if not edges:
             return found
-        one, other = min(edges, key=lambda pair: _rank(*pair, bound))
+        one, other = min(edges, key=lambda pair: _rank(pair[0], pair[1], bound))
         waiting = [pair for pair in waiting if pair[0] is not one]
         if one.near not in reached:
             one, other = one.reversed(), other.reversed()

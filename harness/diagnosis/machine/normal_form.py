@@ -6,7 +6,7 @@ Bodies that welds, or three points, make one are one; points that two bodies hav
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -160,7 +160,7 @@ def machine_of(reading: Reading, keep: Collection[str] = ()) -> Machine:
     graph = graph_of(reading, length, simplified=False)
     bodies = {name: _body(reading, graph, name) for name in graph.parts}
     links = [*_chains(reading, graph), *_pins(graph)]
-    links = [replace(each, **_classed(each.elements, length)) for each in _contracted(bodies, links, keep)]
+    links = [_classed(each, length) for each in _contracted(bodies, links, keep)]
     return Machine(reading, bodies, tuple(links), length)
 
 
@@ -236,13 +236,14 @@ def _solid(body: Body) -> bool:
     return body.matter.mass > NO_MASS or float(np.abs(body.matter.inertia).max()) > NO_INERTIA
 
 
-def _classed(elements: Sequence[Element], length: float) -> dict[str, object]:
-    """Kind and centre of a link."""
+def _classed(link: Link, length: float) -> Link:
+    """A link with its kind and centre."""
+    elements = link.elements
     kinds = [each.kind for each in elements]
     if kinds == ["ball"]:
-        return {"kind": "S", "centre": elements[0].centre}
+        return replace(link, kind="S", centre=elements[0].centre)
     if kinds == ["free"] or sum(FREEDOMS[kind] for kind in kinds) == FREEDOMS["free"]:
-        return {"kind": "F", "centre": elements[-1].centre}
+        return replace(link, kind="F", centre=elements[-1].centre)
     letters = "".join({"hinge": "R", "slide": "P", "ball": "S", "free": "F"}[kind] for kind in kinds)
     if letters in ("RRR", "RR"):
         axes = np.array([each.direction for each in elements])
@@ -251,7 +252,7 @@ def _classed(elements: Sequence[Element], length: float) -> dict[str, object]:
         point = np.linalg.lstsq(rows, offs, rcond=None)[0]
         meet = np.abs(rows @ point - offs).max() < CLOSE * length
         if meet and np.linalg.matrix_rank(axes, tol=CLOSE) == len(axes):
-            return {"kind": "S" if len(axes) == 3 else "U", "centre": point}
+            return replace(link, kind="S" if len(axes) == 3 else "U", centre=point)
     if letters in ("RP", "PR") and np.linalg.norm(np.cross(elements[0].direction, elements[1].direction)) < CLOSE:
-        return {"kind": "C"}
-    return {"kind": min(letters, letters[::-1])}
+        return replace(link, kind="C")
+    return replace(link, kind=min(letters, letters[::-1]))
