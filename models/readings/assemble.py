@@ -10,7 +10,7 @@ import numpy as np
 from screwgauge.models.readings.reading import BodyReading
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, rotation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,6 +125,14 @@ def matrix(p: Array, R: Array) -> Array:
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R, p
     return T
+
+
+def exponential(kind: str, direction: Array, centre: Array, q: float) -> Array:
+    """Displacement by a hinge or slide in direction and through a centre, both of shape (3,). Shape (4, 4)."""
+    if kind == "slide":
+        return matrix(q * direction, np.eye(3))
+    R = rotation(direction, np.array(q))
+    return matrix(centre - R @ centre, R)
 
 
 def screw(turns: bool, axis: Array, point: Array) -> Array:

@@ -1,6 +1,7 @@
 """The region around home in which samples in any order are reached, by anchors that spread from there.
 
-What is not reached, or lies under two sheets, is said by sample; nothing here depends on what was asked before.
+What is not reached, or lies under two sheets, is said by sample. No answer depends on what was asked before; which
+samples are not reached may.
 """
 
 from __future__ import annotations

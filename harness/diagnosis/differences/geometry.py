@@ -19,9 +19,9 @@ from screwgauge.diagnosis.differences.change import Change, applied, axis, outwa
 from screwgauge.diagnosis.mechanics.lines import apart, size
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common, owned
 from screwgauge.models.kinematics.home import moved, rehomed
-from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.readings.assemble import exponential
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
-from screwgauge.reference.rotations import Array, rotation, rotation_vector
+from screwgauge.reference.rotations import Array, rotation_vector
 
 #: A displacement is there if it brings what a joint carries so many decades nearer, all taken together.
 DECADES = 4.0
@@ -216,7 +216,7 @@ def _stands(common: Common, name: str, length: float) -> float | None:
     def off(q: Array) -> Array:
         E = np.linalg.inv(D)
         for joint, value in zip(chain, q, strict=True):
-            E = E @ exponential(joint, float(value))
+            E = E @ exponential(joint.kind, axis(joint), joint.centre, float(value))
         return np.append((E[:3, :3] - np.eye(3)).ravel(), E[:3, 3] / length)
 
     for start in product(*((0.0, 2.0, -2.0) if joint.kind == "hinge" else (0.0,) for joint in chain)):
@@ -226,14 +226,6 @@ def _stands(common: Common, name: str, length: float) -> float | None:
             sign = 1.0 if axis(common.a.joints[name]) @ axis(chain[0]) >= 0.0 else -1.0
             return sign * float(q[0])
     return None
-
-
-def exponential(joint: JointReading, q: float) -> Array:
-    """Displacement by a hinge or slide. Shape (4, 4)."""
-    if joint.kind == "slide":
-        return matrix(q * axis(joint), np.eye(3))
-    R = rotation(axis(joint), np.array(q))
-    return matrix(joint.centre - R @ joint.centre, R)
 
 
 def _along(joint: JointReading, D: Array, length: float) -> float | None:

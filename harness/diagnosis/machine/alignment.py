@@ -17,7 +17,7 @@ from scipy.optimize import least_squares, linear_sum_assignment
 
 from screwgauge.diagnosis.machine.normal_form import Body, Element, Link, Machine
 from screwgauge.diagnosis.mechanics.matter import displaced
-from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.readings.assemble import exponential, matrix
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, rotation
@@ -311,16 +311,9 @@ def _coordinates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) 
         sign = 1.0 if mine.direction @ (R @ yours.direction) >= 0.0 else -1.0
         sign *= -1.0 if mine.turned != yours.turned else 1.0
         # outer motions come first: the axes are those of A's pose
-        out = exponential(mine, (p - sign * q) * (-1.0 if mine.turned else 1.0)) @ out
+        way = (p - sign * q) * (-1.0 if mine.turned else 1.0)
+        out = exponential(mine.kind, mine.direction, mine.centre, way) @ out
     return np.asarray(out @ near)
-
-
-def exponential(element: Element, q: float) -> Array:
-    """Displacement by a hinge or slide. Shape (4, 4)."""
-    if element.kind == "slide":
-        return matrix(q * element.direction, np.eye(3))
-    R = rotation(element.direction, np.array(q))
-    return matrix(element.centre - R @ element.centre, R)
 
 
 def _laid(one: Feature, other: Feature) -> Array:
@@ -344,7 +337,7 @@ def _fitted(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Ar
     def at(q: Array) -> Array:
         out: Array = np.eye(4)
         for step, value in zip(steps, q, strict=True):
-            out = exponential(step, float(value)) @ out
+            out = exponential(step.kind, step.direction, step.centre, float(value)) @ out
         return np.asarray(out @ near)
 
     def off(q: Array) -> Array:

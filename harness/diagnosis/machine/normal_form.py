@@ -242,7 +242,7 @@ def _classed(link: Link, length: float) -> Link:
     kinds = [each.kind for each in elements]
     if kinds == ["ball"]:
         return replace(link, kind="S", centre=elements[0].centre)
-    if kinds == ["free"] or sum(FREEDOMS[kind] for kind in kinds) == FREEDOMS["free"]:
+    if sum(FREEDOMS[kind] for kind in kinds) == FREEDOMS["free"]:
         return replace(link, kind="F", centre=elements[-1].centre)
     letters = "".join({"hinge": "R", "slide": "P", "ball": "S", "free": "F"}[kind] for kind in kinds)
     if letters in ("RRR", "RR"):
