@@ -50,9 +50,9 @@ def momentum(matter: Matter, R: Array, w: Array) -> Array:
     return times(R, times(matter.inertia[None], times(R.swapaxes(-1, -2), w)))
 
 
-def kinetic_energy(matter: Matter, motion: Motion) -> Array:
-    """[J]. Shape (n,)."""
-    com = motion.com
+def kinetic_energy(motion: Motion) -> Array:
+    """Of all bodies [J]. Shape (n,)."""
+    matter, com = motion.tree.matter, motion.com
     turning = np.sum(com.w * momentum(matter, com.R, com.w), axis=(1, 2))
     return np.asarray(0.5 * (np.sum(com.v**2, axis=2) @ matter.mass + turning))
 

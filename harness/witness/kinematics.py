@@ -130,9 +130,9 @@ def _joints(tree: Tree, q: Array) -> tuple[Array, Array]:
     n, k = len(q), len(tree.links)
     R, p = lanes(n, k, 3, 3), lanes(n, k, 3)
     own, columns, zero, axes, turns, slides = tree.single
-    gone = (q[:, columns] - zero)[..., None]
-    angle, K = lanes(n, len(own), 1, 1), skew(axes)
-    angle[..., 0] = gone
+    gone, K = lanes(n, len(own), 1), skew(axes)
+    gone[..., 0] = q[:, columns] - zero
+    angle = gone[..., None]
     # 1 - cos as 2 sin^2 of the half angle: no cancellation at small angles
     sine, versine = np.sin(angle) * turns[..., None], 2.0 * np.sin(0.5 * angle) ** 2 * turns[..., None]
     R[:, own], p[:, own] = np.eye(3) + sine * K + versine * (K @ K), gone * (axes * slides)
