@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.models.kinematics import Tree, downwards
+from screwgauge.models.kinematics import Tree
 from screwgauge.models.placement import TENSOR
 from screwgauge.reference.rotations import Array, skew
 from screwgauge.witness.dynamics import deflection, rotor_acceleration
