@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from screwgauge.scene.read import load_scene
     from screwgauge.scene.recorded import Recorded
     from screwgauge.scene.scene import Scene
-    from screwgauge.study.apart import Limits
+    from screwgauge.study.isolation import Limits
     from screwgauge.study.stream import stream
 
 __all__ = [
@@ -45,7 +45,7 @@ __all__ = [
 _HOMES = {
     "Check": "screwgauge.report.gate",
     "Diagnosis": "screwgauge.diagnosis.diagnose",
-    "Limits": "screwgauge.study.apart",
+    "Limits": "screwgauge.study.isolation",
     "Recorded": "screwgauge.scene.recorded",
     "Results": "screwgauge.report.results",
     "Scene": "screwgauge.scene.scene",

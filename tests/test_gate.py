@@ -243,7 +243,7 @@ def test_a_crash_costs_one_row(theirs, isolated):
 
 @pytest.mark.slow
 def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs, isolated, monkeypatch):
-    monkeypatch.setattr("screwgauge.study.apart._EXECUTORS", {})  # older processes know nothing of the new engines
+    monkeypatch.setattr("screwgauge.study.isolation._EXECUTORS", {})  # older processes know nothing of the new engines
     monkeypatch.syspath_prepend(theirs)
     bad_engines.install(theirs)
     names = (*bad_engines.NAMES, "mujoco")

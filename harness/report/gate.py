@@ -18,13 +18,13 @@ from screwgauge.report.layout import Report
 from screwgauge.report.markdown import markdown
 from screwgauge.report.terminal import terminal
 from screwgauge.report.verdict import verdict
-from screwgauge.study.apart import Limits
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
 from screwgauge.study.gate.items import items, read_tolerances, unread
 from screwgauge.study.gate.measure import Settings
 from screwgauge.study.gate.row import EXIT, JUDGE, Row
 from screwgauge.study.gate.run import check_items
+from screwgauge.study.isolation import Limits
 
 SCHEMA = 1  #: Of the JSON.
 WORDS = {"agree": "✓ ok", "judged": "✓ judged", "unread": "✗ not read", "differ": "✗ differ"}

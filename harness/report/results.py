@@ -22,7 +22,7 @@ from screwgauge.study import run as study
 from screwgauge.study.comparison import Comparison
 
 if TYPE_CHECKING:
-    from screwgauge.study.apart import Limits
+    from screwgauge.study.isolation import Limits
 
 LINES = 24  # of one screen
 

@@ -14,12 +14,12 @@ import pandas as pd
 
 from screwgauge.environment import environment
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.study.ask import Report, silent
 from screwgauge.study.cases.case import SILENT, Case, Finding
 from screwgauge.study.cases.question import findings
 from screwgauge.study.cases.registry import choose
+from screwgauge.study.methods import missing
 from screwgauge.study.provenance import provenance
-from screwgauge.study.question import missing
+from screwgauge.study.runner import Report, silent
 from screwgauge.study.table import frame
 
 #: Column of ``stress.csv`` -> attribute of a `Finding`.

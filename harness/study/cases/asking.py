@@ -20,11 +20,11 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.study.ask import solve
 from screwgauge.study.cases.question import UNKNOWN, Question, put
-from screwgauge.study.method import Method
-from screwgauge.study.posed import Posed, pose_scene
+from screwgauge.study.methods import Method
+from screwgauge.study.prepared_scene import PreparedScene, pose_scene
 from screwgauge.study.reference import TRUTH, Reference
+from screwgauge.study.runner import solve
 
 SCENE = "3ups-upu-s"
 #: Poses (a, b) [rad] with no symmetry, and rates and accelerations that make inertia matter as much as weight does.
@@ -88,12 +88,12 @@ def compare(
     return replace(question, cause=cause)
 
 
-def loaded(folder: Path) -> Posed:
+def loaded(folder: Path) -> PreparedScene:
     """The default scene, which is loaded, at three instants."""
     return pose_scene(load_scene(SCENE).at(TIMES), folder, samples=len(TIMES))
 
 
-def push(posed: Posed, *methods: Method) -> Question:
+def push(posed: PreparedScene, *methods: Method) -> Question:
     """The question for accelerations: of all joints from `screw`, of its tree from another engine."""
     mechanism = posed.scene.mechanism
     names = mechanism.coordinates if methods[0].engine == SCREW.engine else tree_coordinates(mechanism)
@@ -123,7 +123,7 @@ def closure_residuals(mechanism: Mechanism, motions: Motions) -> tuple[Array, Ar
     return sides[1][0] - sides[0][0], sides[1][1] - sides[0][1]
 
 
-def true_velocities(posed: Posed) -> ClosedMotion:
+def true_velocities(posed: PreparedScene) -> ClosedMotion:
     """Closed poses and velocities by `screw`."""
     lay, motion = layout(posed.scene.mechanism), posed.scene.motion
     return motion_at(lay, positions(lay, motion.y, motion.t), motion.yd)

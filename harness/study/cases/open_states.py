@@ -21,7 +21,6 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values
-from screwgauge.study.ask import solve
 from screwgauge.study.cases.asking import (
     ACCELERATION,
     ENGINES,
@@ -33,9 +32,10 @@ from screwgauge.study.cases.asking import (
     tree_coordinates,
 )
 from screwgauge.study.cases.question import Question, files_of, findings
-from screwgauge.study.method import Method
-from screwgauge.study.posed import pushed
+from screwgauge.study.methods import Method
+from screwgauge.study.prepared_scene import pushed
 from screwgauge.study.reference import TRUTH, Reference
+from screwgauge.study.runner import solve
 
 #: Baumgarte's gains: critically damped with the time constant of MuJoCo's default solref, 0.02 s.
 GAINS = (1.0 / 0.02**2, 2.0 / 0.02)

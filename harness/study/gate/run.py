@@ -18,7 +18,7 @@ from screwgauge.reference.errors import DescriptionError, OutputError, Screwgaug
 from screwgauge.reference.files import digest
 from screwgauge.scene.read import load_scene
 from screwgauge.solution import Failure
-from screwgauge.study import apart
+from screwgauge.study import isolation
 from screwgauge.study.gate.items import Item
 from screwgauge.study.gate.measure import Settings, files_of, measured
 from screwgauge.study.gate.row import Row, row_from
@@ -32,7 +32,7 @@ def check_items(
     settings: Settings,
     *,
     jobs: int = 1,
-    limits: apart.Limits | None = None,
+    limits: isolation.Limits | None = None,
     progress: Callable[[str, float], None] = lambda step, share: None,
     journal: Path | None = None,
 ) -> list[Row]:
@@ -63,7 +63,7 @@ def check_items(
             progress(name, i / len(works))
             keep(name, work(lambda share, step: None))
     else:
-        found = apart.apart(works, limits, progress, lanes=jobs, keep=keep)
+        found = isolation.isolated(works, limits, progress, lanes=jobs, keep=keep)
         for name in found.keys() - rows.keys():
             keep(name, found[name])
     kept.remove()

@@ -65,7 +65,7 @@ class Limits:
                 raise DescriptionError(f"a limit of {value:g} {unit}", option, f"give a positive number of {unit}")
 
 
-def apart(
+def isolated(
     works: Mapping[str, Callable[[Progress], T | Failure]],
     limits: Limits,
     report: Callable[[str, float], None],
@@ -130,13 +130,13 @@ def apart(
     return {name: found[name] for name in works}
 
 
-def unwatched_apart(
+def isolated_calls(
     works: Mapping[str, Callable[[], T | Failure]],
     limits: Limits,
     report: Callable[[str, float], None] = lambda names, share: None,
 ) -> dict[str, T | Failure]:
-    """Does works that do not say how far they are, as `apart` does."""
-    return apart({name: partial(_unwatched, work) for name, work in works.items()}, limits, report)
+    """Does works that do not say how far they are, as `isolated` does."""
+    return isolated({name: partial(_unwatched, work) for name, work in works.items()}, limits, report)
 
 
 def _unwatched(work: Callable[[], T], progress: Progress) -> T:

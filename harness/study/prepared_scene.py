@@ -14,15 +14,15 @@ from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.scene.scene import Scene
-from screwgauge.study.ask import model_files, write_scene_models
 from screwgauge.study.reference import Reference, reference_values
+from screwgauge.study.runner import model_files, write_scene_models
 
 #: What is measured of given motions, in this order.
 QUANTITIES = ("joint_position", "joint_velocity", "joint_acceleration", "actuator_force")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Posed:
+class PreparedScene:
     """A scene prepared for methods.
 
     Attributes:
@@ -97,7 +97,7 @@ def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, app
     return out
 
 
-def pose_scene(scene: Scene, folder: Path, *, samples: int) -> Posed:
+def pose_scene(scene: Scene, folder: Path, *, samples: int) -> PreparedScene:
     """Writes the model files and computes the reference values.
 
     Args:
@@ -111,4 +111,4 @@ def pose_scene(scene: Scene, folder: Path, *, samples: int) -> Posed:
     motion: GivenMotion = whole.motion
     here = whole.at(motion.t[spread(len(motion), samples)])
     write_scene_models(scene, folder)
-    return Posed(whole, here, folder, reference_values(whole, here.t, QUANTITIES))
+    return PreparedScene(whole, here, folder, reference_values(whole, here.t, QUANTITIES))

@@ -19,13 +19,20 @@ from screwgauge.reference.files import is_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
-from screwgauge.study.method import Method
-from screwgauge.study.question import Question, failure
+from screwgauge.study.completeness import (
+    Expected,
+    check_components,
+    check_units,
+    check_whole,
+    excepted,
+    left_out,
+    without,
+)
+from screwgauge.study.methods import EngineTask, Method, failure
 from screwgauge.study.sound import sound
-from screwgauge.study.whole import Expected, check_components, check_units, check_whole, excepted, left_out, without
 
 if TYPE_CHECKING:
-    from screwgauge.study.apart import Limits
+    from screwgauge.study.isolation import Limits
 
 Report = Callable[[str, float], None]
 """Takes the name of a step and the share of it that is done, 0 to 1."""
@@ -143,17 +150,17 @@ def ask_engines(
         ScrewgaugeError: A model file of the user's own is bad input.
     """
     wanted = frozenset(wanted)
-    questions: dict[str, Question] = {}
+    questions: dict[str, EngineTask] = {}
     for name in names:
         files, problem = model_files(scene, name, folder), scene.problem(wanted, name)
         own, labels = scene if name in scene.models else None, tuple(scene.mechanism.independent)
-        questions[name] = Question(get_engine(name), files, problem, folder, labels, own)
+        questions[name] = EngineTask(get_engine(name), files, problem, folder, labels, own)
     if limits is None:
         answers = in_turn(questions, progress)
     else:
-        from screwgauge.study.apart import apart
+        from screwgauge.study.isolation import isolated
 
-        answers = apart(questions, limits, progress)
+        answers = isolated(questions, limits, progress)
     solutions: dict[str, Solution] = {}
     failures: dict[str, Failure] = {}
     for name, answer in answers.items():
@@ -172,15 +179,15 @@ def ask_engines(
 
 def load_engines(names: Iterable[str], limits: Limits, progress: Report) -> None:
     """Loads engines of other packages where they will be asked: their modules may do anything when imported."""
-    from screwgauge.study.apart import unwatched_apart
+    from screwgauge.study.isolation import isolated_calls
 
     entries = not_loaded(names)
     works = {name: partial(load_entry, entry) for name, entry in entries.items()}
-    for name, engine in unwatched_apart(works, limits, progress).items():
+    for name, engine in isolated_calls(works, limits, progress).items():
         keep(entries[name], None if isinstance(engine, Failure) else engine)
 
 
-def in_turn(questions: Mapping[str, Question], progress: Report) -> dict[str, Solution | Failure]:
+def in_turn(questions: Mapping[str, EngineTask], progress: Report) -> dict[str, Solution | Failure]:
     """Asks engines in this process, one after the other."""
     answers: dict[str, Solution | Failure] = {}
     for name, question in questions.items():
