@@ -11,12 +11,12 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from screwgauge.api import check, compile, run
     from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
-    from screwgauge.engines.screw.compiled import compile
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
-    from screwgauge.report.gate import Check, check
-    from screwgauge.report.results import Results, run
+    from screwgauge.report.gate import Check
+    from screwgauge.report.results import Results
     from screwgauge.scene.exciting import exciting
     from screwgauge.scene.read import load_scene
     from screwgauge.scene.recorded import Recorded
@@ -50,13 +50,13 @@ _HOMES = {
     "Results": "screwgauge.report.results",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
-    "check": "screwgauge.report.gate",
-    "compile": "screwgauge.engines.screw.compiled",
+    "check": "screwgauge.api",
+    "compile": "screwgauge.api",
     "diagnose": "screwgauge.diagnosis.diagnose",
     "exciting": "screwgauge.scene.exciting",
     "load_scene": "screwgauge.scene.read",
     "random": "screwgauge.families.draw",
-    "run": "screwgauge.report.results",
+    "run": "screwgauge.api",
     "stream": "screwgauge.study.stream",
 }
 

@@ -16,6 +16,7 @@ from screwgauge.report.console import complain, say
 
 if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
+    from screwgauge.study.executors import Executor
     from screwgauge.study.isolation import Limits
 
 OUT = Path("screwgauge-out")
@@ -92,10 +93,10 @@ def imported(name: str) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Drives the engines with a scene and writes the report."""
+    from screwgauge.api import run
     from screwgauge.environment import json_text
     from screwgauge.report.pages import run as page
     from screwgauge.report.pdf import browser
-    from screwgauge.report.results import run
     from screwgauge.scene.read import load_scene
 
     imported(options.scene)
@@ -162,14 +163,14 @@ def stress(options: argparse.Namespace) -> int:
     """Climbs the ladders of severity."""
     from screwgauge.reference.expressions import number
     from screwgauge.report.pages.stress import PAGE as page
-    from screwgauge.study.stress import stress
+    from screwgauge.study.stress import NAME, stress
 
     texts = _names(options.severity)
     severities = None if texts is None else [number(text, "--severity") for text in texts]
     out = options.out or OUT / "stress"
-    more = {"quick": options.quick, "severities": severities}
+    more = {"quick": options.quick, "severities": severities, "execute": executor(options), "journal": out / NAME}
     asked = partial(stress, options.cases or None, **more)
-    found = carry_out(page, out, lambda progress: asked(progress=progress), force=options.force)
+    found = carry_out(page, out, lambda progress: asked(progress=progress), again=NAME, force=options.force)
     if found.broken:
         complain(f"screwgauge: a rung broke: {found.broken[0]}")
         return 3
@@ -237,6 +238,13 @@ def limits(options: argparse.Namespace) -> Limits:
 
     given = {"seconds": options.limit, "memory": options.memory}
     return Limits(**{name: value for name, value in given.items() if value is not None})
+
+
+def executor(options: argparse.Namespace, limits: Limits | None = None) -> Executor:
+    """Where tasks run, as options say."""
+    from screwgauge.study.executors import executor
+
+    return executor(options.jobs, options.cluster, limits, insecure=options.insecure)
 
 
 def _names(text: str | None) -> list[str] | None:

@@ -37,9 +37,9 @@ from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Solution
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.completeness import left_out, without
+from screwgauge.study.executors import Report
 from screwgauge.study.provenance import provenance
 from screwgauge.study.runner import (
-    Report,
     ask_engines,
     description_file,
     generated,

@@ -26,11 +26,12 @@ from screwgauge.study.bench.registry import simulators
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.run import Bench, Plan, check_generated, models_of
 from screwgauge.study.bench.slopes import Rule, fits
+from screwgauge.study.executors import Report
 from screwgauge.study.methods import Method
 from screwgauge.study.prepared_scene import PreparedScene
 from screwgauge.study.provenance import provenance
 from screwgauge.study.reference import Reference, score
-from screwgauge.study.runner import Report, TooLongError, ask, generated, model_files, silent, within
+from screwgauge.study.runner import TooLongError, ask, generated, model_files, silent, within
 from screwgauge.threads import one_thread
 
 NAN = float("nan")

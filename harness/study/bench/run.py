@@ -28,11 +28,12 @@ from screwgauge.study.bench.registry import choose
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.stamp import stamp
 from screwgauge.study.completeness import check_whole
+from screwgauge.study.executors import Report
 from screwgauge.study.journal import Journal
 from screwgauge.study.methods import failure
 from screwgauge.study.prepared_scene import PreparedScene, pose_scene
 from screwgauge.study.provenance import provenance
-from screwgauge.study.runner import Report, silent
+from screwgauge.study.runner import silent
 from screwgauge.threads import one_thread
 
 
