@@ -11,10 +11,11 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
+    from screwgauge.diagnosis.diagnose import Diagnosis
     from screwgauge.engines.screw.compiled import compile
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
+    from screwgauge.report.diagnosed import diagnose
     from screwgauge.report.gate import Check, check
     from screwgauge.report.results import Results, run
     from screwgauge.scene.exciting import exciting
@@ -52,7 +53,7 @@ _HOMES = {
     "ScrewgaugeError": "screwgauge.reference.errors",
     "check": "screwgauge.report.gate",
     "compile": "screwgauge.engines.screw.compiled",
-    "diagnose": "screwgauge.diagnosis.diagnose",
+    "diagnose": "screwgauge.report.diagnosed",
     "exciting": "screwgauge.scene.exciting",
     "load_scene": "screwgauge.scene.read",
     "random": "screwgauge.families.draw",
