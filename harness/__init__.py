@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from screwgauge.engines.screw.compiled import compile
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
-    from screwgauge.report.diagnosed import diagnose
+    from screwgauge.report.diagnosed import DiagnosisReport, diagnose
     from screwgauge.report.gate import Check, check
     from screwgauge.report.results import Results, run
     from screwgauge.scene.exciting import exciting
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Check",
     "Diagnosis",
+    "DiagnosisReport",
     "Limits",
     "Recorded",
     "Results",
@@ -46,6 +47,7 @@ __all__ = [
 _HOMES = {
     "Check": "screwgauge.report.gate",
     "Diagnosis": "screwgauge.diagnosis.diagnose",
+    "DiagnosisReport": "screwgauge.report.diagnosed",
     "Limits": "screwgauge.study.apart",
     "Recorded": "screwgauge.scene.recorded",
     "Results": "screwgauge.report.results",

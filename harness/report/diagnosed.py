@@ -19,7 +19,7 @@ from screwgauge.report.write import save_page
 
 
 class DiagnosisReport(Diagnosis):
-    """A diagnosis with its report."""
+    """A diagnosis with its report; a notebook shows it."""
 
     __slots__ = ()
 
@@ -86,7 +86,7 @@ def diagnose(
         matrix: Read both files by all libraries, too.
         loops: What closes the loops of URDFs where that does not lie beside them, ``robot.yaml`` or ``.loops.toml``:
             one file for both, or one for each side, None for what lies beside it.
-        limit: Time after which nothing further is begun, what is not done being named in `left_out` [s].
+        limit: Time after which nothing further is begun, what is not done being named in `left_out`; 3600 [s].
         load: Reads a file; by default in this process, where a library that crashes takes it along.
 
     Returns:

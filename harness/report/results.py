@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class Results(Comparison):
-    """A comparison with its report."""
+    """A comparison with its report; a notebook shows it."""
 
     __slots__ = ()
 

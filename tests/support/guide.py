@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import ast
 import inspect
 import re
 import shlex
@@ -13,6 +14,7 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from functools import cached_property
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -219,6 +221,9 @@ def _argument(action: argparse.Action) -> str:
     return "| {} | {} |".format(*(cell.replace("|", "\\|") for cell in cells))
 
 
+CONSTRUCTED = ("Limits", "Recorded")  # classes that users make objects of
+
+
 def _python() -> str:
     head = "Names of the package, each of which is imported on first use: `import screwgauge`."
     parts = ["# Python", head]
@@ -227,45 +232,53 @@ def _python() -> str:
         parts.append(f"## {title}")
         for name in names:
             value = getattr(screwgauge, name)
-            parts += [f"### {name}", _signature(f"screwgauge.{name}", value), _docstring(value.__doc__)]
-            parts += _members(value) if inspect.isclass(value) else []
-    return "\n\n".join(part for part in parts if part)
+            signed = name in functions or name in CONSTRUCTED
+            parts += [f"### {name}", _signature(f"screwgauge.{name}", value) if signed else "", *_documented(value)]
+    return "\n\n".join(filter(None, parts))
+
+
+def _documented(value: Any) -> list[str]:
+    """Docstring and members; those of bases that have no heading of their own among them."""
+    if not inspect.isclass(value):
+        return [_docstring(value.__doc__)]
+    shown = {getattr(screwgauge, name) for name in screwgauge.__all__}
+    homes = [
+        home
+        for home in value.__mro__
+        if home.__module__.startswith("screwgauge") and (home is value or home not in shown)
+    ]
+    texts = [_docstring(value.__doc__), *(_docstring(home.__doc__) for home in homes[1:])]
+    return [*texts, "\n".join(line for home in homes for line in _members(home))]
+
+
+def _members(home: type) -> list[str]:
+    """Public methods and properties that a class has itself."""
+    lines = []
+    for name, member in sorted(vars(home).items()):
+        if name.startswith("_") or not getattr(member, "__doc__", ""):
+            continue
+        if isinstance(member, property | cached_property):
+            lines.append(f"- `.{name}`: {_docstring(member.__doc__, '  ')}")
+        elif inspect.isfunction(member):
+            lines.append(f"- {_signature('.' + name, member)}: {_docstring(member.__doc__, '  ')}")
+    return lines
 
 
 def _signature(name: str, value: Any) -> str:
-    try:
-        given = inspect.signature(value)
-    except ValueError:
-        return ""
-    if inspect.isclass(value) and issubclass(value, Exception):
-        return ""
+    """Parameters with the defaults that are written out there; others may depend on the machine and are dots."""
+    (node,) = ast.parse(inspect.cleandoc("\n" + inspect.getsource(value))).body
+    written = {ast.unparse(each) for each in ast.walk(node) if isinstance(each, ast.Constant)}
     parts, keywords = [], False
-    for each in given.parameters.values():
-        if each.name == "self" or each.name.startswith("_"):
+    for each in inspect.signature(value).parameters.values():
+        if each.name == "self":
             continue
         if each.kind is each.KEYWORD_ONLY and not keywords:
             parts, keywords = [*parts, "*"], True
         keywords |= each.kind is each.VAR_POSITIONAL
         star = {each.VAR_POSITIONAL: "*", each.VAR_KEYWORD: "**"}.get(each.kind, "")
-        plain = each.default is None or isinstance(each.default, str | int | float | tuple)
-        value_of = f"{each.default:g}" if isinstance(each.default, float) else repr(each.default)
-        text = "" if each.default is each.empty else f"={value_of if plain else '...'}"
-        parts.append(f"{star}{each.name}{text}")
+        default = text if (text := repr(each.default)) in {*written, "()"} else "..."
+        parts.append(f"{star}{each.name}" + ("" if each.default is each.empty else f"={default}"))
     return f"`{name}({', '.join(parts)})`"
-
-
-def _members(value: type) -> list[str]:
-    """Public methods and properties, those of bases of ours among them."""
-    lines = []
-    for name, member in sorted(inspect.getmembers(value)):
-        home = next((base for base in value.__mro__ if name in vars(base)), value)
-        if name.startswith("_") or not home.__module__.startswith("screwgauge"):
-            continue
-        if isinstance(member, property) and member.__doc__:
-            lines.append(f"- `.{name}`: {_docstring(member.__doc__, '  ')}")
-        elif inspect.isfunction(member) and member.__doc__:
-            lines.append(f"- {_signature('.' + name, member)}: {_docstring(member.__doc__, '  ')}")
-    return ["\n".join(lines)] if lines else []
 
 
 def _docstring(text: str | None, indent: str = "") -> str:
