@@ -46,8 +46,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _command(arguments: Sequence[str] | None) -> int:
     try:
-        check_current(sys.argv[1:] if arguments is None else arguments)
-        options = _parser().parse_args(arguments)
+        check_current(given := sys.argv[1:] if arguments is None else arguments)
+        if not given:
+            _parser().print_help()
+            return 2
+        options = _parser().parse_args(given)
     finally:
         say("", end="")  # what cannot be said is not begun
     fix_threads()
@@ -157,7 +160,7 @@ def _parser() -> argparse.ArgumentParser:
     which = "built-in scene or mechanism, or path of a TOML, URDF or MJCF file"
     add("what", metavar="SCENE|MECHANISM|MODEL", help=which)
     add("other", nargs="?", metavar="OTHER", help="another one: what differs at home is drawn, too")
-    add("--out", type=_path, metavar="FILE.html", help="write the page and end")
+    add("-o", "--out", type=_path, metavar="FILE.html", help="write the page and end")
     add("--png", type=_path, metavar="FILE.png", help="write a picture of the home pose and end")
     video = "write the motion as a GIF or WebP and end (needs pillow)"
     add("--video", type=_path, metavar="FILE.gif", help=video)

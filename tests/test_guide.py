@@ -16,7 +16,7 @@ import pytest
 import screwgauge
 from screwgauge.report.listing import listing
 from support import guide
-from support.command import parser, printed_by
+from support.command import GROUPS, main, parser, printed_by
 from support.engines import further_engines
 from support.guide import FENCE, ROOT, blocks
 from support.mechanism import load_mechanism
@@ -114,6 +114,27 @@ def test_commands_that_are_shown_are_understood(capsys) -> None:
                 parser().parse_args(shlex.split(line.partition(" #")[0])[1:])
             except SystemExit:
                 pytest.fail(f"{page}: {line}: {capsys.readouterr().err}")
+
+
+def test_help_shows_every_command_in_its_group(capsys) -> None:
+    assert main([]) == 2
+    said = capsys.readouterr().out
+    shown = re.findall(r"^  ([a-z]+)  ", said, re.MULTILINE)
+    assert shown == [name for names in GROUPS.values() for name in names]
+    assert {*shown} == {*guide.commands()}
+
+
+#: What else an option takes: one file for what others make a folder of, one side for two, a viewer for versions.
+OTHER_FORMS = {"import": {"-o", "--out", "--loops"}, "view": {"-o", "--out", "--mujoco"}}
+
+
+def test_an_option_has_one_name_and_takes_one_thing() -> None:
+    forms: dict[str, dict[object, str]] = {}
+    for name, command in guide.commands().items():
+        for each in command._actions:
+            for option in {*each.option_strings} - OTHER_FORMS.get(name, set()):
+                forms.setdefault(option, {})[each.metavar, tuple(each.option_strings)] = name
+    assert not {option: found for option, found in forms.items() if len(found) > 1}
 
 
 @pytest.mark.slow

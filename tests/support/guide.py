@@ -192,14 +192,19 @@ def made() -> dict[Path, str]:
     return {GUIDE / name: f"{MADE}\n{text.rstrip()}\n" for name, text in texts.items()}
 
 
+def commands() -> dict[str, argparse.ArgumentParser]:
+    """The parser of each command."""
+    (chosen,) = (each for each in _parser()._actions if isinstance(each, argparse._SubParsersAction))
+    return dict(chosen.choices)
+
+
 def _commands() -> str:
-    parser = _parser()
-    (chosen,) = (each for each in parser._actions if isinstance(each, argparse._SubParsersAction))
+    known = commands()
     parts = [COMMANDS]
     for group, names in GROUPS.items():
         parts.append(f"## {group.capitalize()}")
         for name in names:
-            command = chosen.choices[name]
+            command = known[name]
             shown = [each for each in command._actions if not {*each.option_strings} & {"--help", "--debug", "--force"}]
             shown.sort(key=lambda each: (bool(each.option_strings), "--out" in each.option_strings))
             taken = [each for each in shown if not each.option_strings]
