@@ -47,6 +47,22 @@ def test_readme_is_short_and_documentation_is_no_book() -> None:
     assert sum(words.values()) <= WORDS, f"{sum(words.values())} words: {words}"
 
 
+def test_readme_is_the_table_of_contents() -> None:
+    linked = {target.partition("#")[0] for target in re.findall(r"\]\(([^)\s]+)\)", README)}
+    assert {*TEXTS} - {"README.md"} <= linked
+
+
+def test_numbers_of_the_text_are_those_of_their_reports() -> None:
+    paper = json.loads((ROOT / "reports/3ups-upu-s/summary.json").read_text(encoding="utf-8"))
+    (share,) = re.findall(r"Inertia is (\S+ %) of actuator_force", paper["coverage"]["sentence"])
+    assert f"inertia is {share} of its actuator forces" in squeezed(TEXTS["harness/guide/coverage.md"])
+    lines = len(guide.shown_files()["four-bar.toml"].splitlines())
+    for page in ("README.md", "harness/guide/tutorial-four-bar.md"):
+        assert f"in {lines} lines" in squeezed(TEXTS[page])
+    cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {screwgauge.__version__}\n" in cited
+
+
 def test_first_two_commands_are_those_that_others_rely_on() -> None:
     first = next(blocks(README)).text
     assert [squeezed(line.partition(" #")[0]) for line in first.splitlines()] == [
