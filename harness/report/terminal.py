@@ -11,7 +11,7 @@ from screwgauge.report.blocks import Block, plain
 
 COLUMNS = 100
 LINES = 24  # of one screen
-NARROW = 20  # a column of text is made no narrower: no number is longer
+NARROW = 12  # a column of text is made no narrower, nor than its longest word
 
 
 def terminal(blocks: Iterable[Block]) -> str:
@@ -45,16 +45,14 @@ def _lines(block: Block) -> list[str]:
 
 
 def _table(lines: list[list[str]], block: b.Table) -> list[str]:
-    """Columns side by side, numbers at their right ends. Text that is too wide is wrapped; columns for which there is
-    no room even so are left out, and named."""
-    widths = {i: max(map(len, column)) for i, column in enumerate(zip(*lines, strict=True))}
-    left_out = []
-    while _excess(_narrowed(widths, block)) > 0 and len(widths) > 1:
-        left_out.append(lines[0][max(widths)])
-        widths.pop(max(widths))
-    widths = _narrowed(widths, block)
+    """Columns side by side, numbers at their right ends. Text that is too wide is wrapped between words; columns for
+    which there is no room even so are left out, and named."""
+    columns = dict(enumerate(zip(*lines, strict=True)))
+    left_out = list[str]()
+    while _excess(widths := _widths(columns, block)) > 0 and len(columns) > 1:
+        left_out.insert(0, columns.pop(max(columns))[0])
     shown = [line for cells in lines for line in _wrapped(cells, widths, block)]
-    return [*shown, *textwrap.wrap(f"(in the report only: {', '.join(reversed(left_out))})" * bool(left_out), COLUMNS)]
+    return shown + (textwrap.wrap(f"(in the report only: {', '.join(left_out)})", COLUMNS) if left_out else [])
 
 
 def _excess(widths: Mapping[int, int]) -> int:
@@ -62,16 +60,17 @@ def _excess(widths: Mapping[int, int]) -> int:
     return sum(widths.values()) + 2 * (len(widths) - 1) - COLUMNS
 
 
-def _narrowed(widths: Mapping[int, int], block: b.Table) -> dict[int, int]:
-    """Widths after the widest columns of text have given way."""
-    narrowed = dict(widths)
-    for i in sorted({*widths} - block.right, key=widths.__getitem__, reverse=True):
-        narrowed[i] -= max(0, min(_excess(narrowed), narrowed[i] - NARROW))
-    return narrowed
+def _widths(columns: Mapping[int, Sequence[str]], block: b.Table) -> dict[int, int]:
+    """Widths of columns; where a line would be too long, the widest ones of text give way."""
+    widths = {i: max(map(len, cells)) for i, cells in columns.items()}
+    for i in sorted({*columns} - block.right, key=widths.__getitem__, reverse=True):
+        least = max(NARROW, *(len(word) for cell in columns[i] for word in cell.split()))
+        widths[i] -= max(0, min(_excess(widths), widths[i] - least))
+    return widths
 
 
 def _wrapped(cells: Sequence[str], widths: Mapping[int, int], block: b.Table) -> list[str]:
     """The lines of one line of a table."""
-    columns = [textwrap.wrap(cells[i], width, break_on_hyphens=False) or [""] for i, width in widths.items()]
+    columns = [textwrap.wrap(cells[i], max(width, 1), break_on_hyphens=False) or [""] for i, width in widths.items()]
     forms = [f"{'>' if i in block.right else '<'}{width}" for i, width in widths.items()]
     return ["  ".join(map(format, line, forms)) for line in zip_longest(*columns, fillvalue="")]
