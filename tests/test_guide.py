@@ -93,6 +93,16 @@ def test_commands_and_code_of_a_page_do_what_it_shows(page, engines_of_pages, no
         assert not guide.missing(each.shown, each.printed), each.printed
 
 
+def test_what_is_shown_and_not_printed_is_found() -> None:
+    printed = "✗ DIFFER: in a word.\n\ninertia  coupler  inertia yy 0.0303 kg m^2\nclosure  d.1  4.4e-16  15.4\n"
+    assert not guide.missing(printed.replace("in a word", "in other words"), printed)
+    assert not guide.missing(printed.replace("4.4e-16  15.4", "1.1e-16  16.0"), printed)  # another processor
+    assert guide.missing(printed.replace("✗ DIFFER", "✓ SAME"), printed) == ["✓ SAME"]
+    assert guide.missing(printed.replace("0.0303", "0.0304"), printed) == ["0.0304"]
+    assert guide.missing(printed.replace("d.1", "d.2"), printed) == ["d.2"]
+    assert guide.missing(printed.replace("4.4e-16", "4.4e-6"), printed) == ["4.4e-6"]
+
+
 @pytest.mark.slow
 def test_the_notebook_runs(inside) -> None:
     script = guide.GUIDE / "notebook.py"
