@@ -133,7 +133,7 @@ def missing(shown: str, printed: str) -> list[str]:
     verdicts = re.findall(r"^[✓✗] [A-Z]+", shown, re.MULTILINE)
     table = "\n".join(line for line in shown.splitlines() if re.search(r"\S {2,}\S", line))
     facts, numbers = {*FACT.findall(printed)}, [x for x in map(_number, FACT.findall(printed)) if x is not None]
-    lost = [fact for fact in FACT.findall(table) if fact not in facts and not _among(_number(fact), numbers)]
+    lost = [fact for fact in FACT.findall(table) if fact not in facts and not _among(fact, numbers)]
     return [*(verdict for verdict in verdicts if verdict not in printed), *lost]
 
 
@@ -144,12 +144,12 @@ def _number(text: str) -> float | None:
         return None
 
 
-def _among(number: float | None, numbers: list[float]) -> bool:
-    if number is None:
+def _among(text: str, numbers: list[float]) -> bool:
+    if (number := _number(text)) is None:
         return False
     if abs(number) < ROUNDING:
         return any(abs(other) < ROUNDING for other in numbers)
-    if 10.0 < number < 17.1 and number != int(number):  # digits of numbers that agree to rounding
+    if re.fullmatch(r"1\d\.\d", text):  # digits of numbers that agree to rounding
         return any(abs(other - number) < 2.0 for other in numbers)
     return any(abs(other - number) <= 1e-9 * abs(number) for other in numbers)
 
