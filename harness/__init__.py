@@ -11,18 +11,18 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from screwgauge.api import check, compile, diagnose, run
     from screwgauge.diagnosis.diagnose import Diagnosis
-    from screwgauge.engines.screw.compiled import compile
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
-    from screwgauge.report.diagnosed import DiagnosisReport, diagnose
-    from screwgauge.report.gate import Check, check
-    from screwgauge.report.results import Results, run
+    from screwgauge.report.diagnosed import DiagnosisReport
+    from screwgauge.report.gate import Check
+    from screwgauge.report.results import Results
     from screwgauge.scene.exciting import exciting
     from screwgauge.scene.read import load_scene
     from screwgauge.scene.recorded import Recorded
     from screwgauge.scene.scene import Scene
-    from screwgauge.study.apart import Limits
+    from screwgauge.study.isolation import Limits
     from screwgauge.study.stream import stream
 
 __all__ = [
@@ -48,18 +48,18 @@ _HOMES = {
     "Check": "screwgauge.report.gate",
     "Diagnosis": "screwgauge.diagnosis.diagnose",
     "DiagnosisReport": "screwgauge.report.diagnosed",
-    "Limits": "screwgauge.study.apart",
+    "Limits": "screwgauge.study.isolation",
     "Recorded": "screwgauge.scene.recorded",
     "Results": "screwgauge.report.results",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
-    "check": "screwgauge.report.gate",
-    "compile": "screwgauge.engines.screw.compiled",
-    "diagnose": "screwgauge.report.diagnosed",
+    "check": "screwgauge.api",
+    "compile": "screwgauge.api",
+    "diagnose": "screwgauge.api",
     "exciting": "screwgauge.scene.exciting",
     "load_scene": "screwgauge.scene.read",
     "random": "screwgauge.families.draw",
-    "run": "screwgauge.report.results",
+    "run": "screwgauge.api",
     "stream": "screwgauge.study.stream",
 }
 

@@ -118,6 +118,11 @@ def _parser() -> argparse.ArgumentParser:
             help="built-in name, or path of a TOML, URDF or MJCF file",
         )
 
+    def executed(add: Any, what: str) -> None:
+        add("-j", "--jobs", type=int, metavar="N", help=f"{what} at a time (1)")
+        add("--cluster", metavar="ADDRESS|FILE", help="do them on a Dask cluster: its scheduler, or the file of that")
+        add("--insecure", action="store_true", help="let --cluster reach beyond this machine without TLS")
+
     add = command(commands.list_, "what there is to choose from")
     add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases", "discrepancies"])
 
@@ -183,6 +188,7 @@ def _parser() -> argparse.ArgumentParser:
     add("cases", nargs="*", metavar="CASE", help="default: all ('list' shows them)")
     add("--quick", action="store_true", help="fewer rungs, smaller scenes, the same columns")
     add("--severity", metavar="A,B", help="these rungs of the one case named")
+    executed(add, "rungs")
 
     add = command(
         commands.diagnose, "why two models of a machine differ, proved", out="diagnosis", epilog=DIAGNOSE_STATUS
@@ -222,7 +228,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--baseline", type=_path, metavar="FILE", help="errors of a known state (JSON), which must not have grown")
     add("--update", action="store_true", help="make this the known state")
     add("--junit", type=_path, metavar="FILE", help="write JUnit XML, too")
-    add("-j", "--jobs", type=int, default=1, metavar="N", help="scenes at a time (1)")
+    executed(add, "scenes")
     add("--json", action="store_true", help="print all of it as JSON")
     add("--store", type=_path, metavar="DIR", help="keep errors and run times there, see 'history'")
     add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
@@ -239,6 +245,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--pin", metavar="A,B", help="versions of Pinocchio (that which is installed)")
     add("--mujoco", metavar="A,B", help="versions of MuJoCo (likewise)")
+    executed(add, "pairs")
     parser.description = _overview(known)
     parser.epilog = EXIT_STATUS
     return parser

@@ -25,7 +25,7 @@ import pytest
 import screwgauge
 from screwgauge import load_scene
 from screwgauge.engines.screw.integrate import integrate
-from screwgauge.study import apart
+from screwgauge.study import isolation
 from screwgauge.study.bench import timing
 from support.bench import LEAVING_OUT, Bench, Plan, bench, contestants
 from support.command import main
@@ -39,7 +39,7 @@ from support.solve import Layout, TracedForward, Trajectory, layout
 if TYPE_CHECKING:
     from screwgauge import Diagnosis
 
-IN_PROCESSES = apart.apart
+IN_PROCESSES = isolation.isolated
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -95,8 +95,8 @@ def here():
     with pytest.MonkeyPatch.context() as patch:
         # a check says what it is at, too
         patch.setattr(
-            apart,
-            "apart",
+            isolation,
+            "isolated",
             lambda works, limits, report, **more: in_turn(works, lambda name, share, *at: report(name, share)),
         )
         yield
@@ -105,7 +105,7 @@ def here():
 @pytest.fixture
 def isolated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Engines run in processes of their own, as the command line does it and other tests do not."""
-    monkeypatch.setattr(apart, "apart", IN_PROCESSES)
+    monkeypatch.setattr(isolation, "isolated", IN_PROCESSES)
 
 
 @pytest.fixture

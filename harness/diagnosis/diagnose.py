@@ -34,7 +34,7 @@ from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
 from screwgauge.diagnosis.together import ELSEWHERE, Together, elsewhere, together
 from screwgauge.diagnosis.verdict import BINDING, RESTATED, SAME, partly, stopped, strange, verdict
 from screwgauge.diagnosis.witness import Witness, witnesses
-from screwgauge.models.kinematics.tree import draw
+from screwgauge.models.kinematics import draw
 from screwgauge.models.readings.plausible import implausible
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.urdf import WIDE

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import fields
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -18,12 +15,7 @@ from screwgauge.report.lock import locked
 from screwgauge.report.pages import run as run_page
 from screwgauge.report.terminal import screenful
 from screwgauge.report.write import save_page
-from screwgauge.scene.scene import Scene
-from screwgauge.study import run as study
 from screwgauge.study.comparison import Comparison
-
-if TYPE_CHECKING:
-    from screwgauge.study.apart import Limits
 
 
 class Results(Comparison):
@@ -111,31 +103,3 @@ class Pictures(list[Picture]):
 
     def _repr_html_(self) -> str:
         return fragment(self)
-
-
-def run(
-    scene: Scene,
-    engines: Iterable[str] | None = None,
-    quantities: Iterable[str] | None = None,
-    *,
-    progress: Callable[[str, float], None] = lambda step, share: None,
-    warn: Callable[[str], None] = lambda sentence: None,
-    limits: Limits | None = None,
-) -> Results:
-    """Compares engines on a scene: each reads its own model file and answers alone; all pairs, and a judge for each.
-
-    Args:
-        engines: Names; those of the scene by default.
-        quantities: Names; those of the scene by default. Nothing else is computed.
-        progress: Called as work goes on, with the name of a step and the share of it that is done, 0 to 1.
-        warn: Called with a sentence on what may take long or go wrong, before it begins.
-        limits: What each engine may take in a process of its own, as on the command line: one that crashes or hangs is
-            a row, too. By default engines run in this process, where a small scene takes less time than to start others
-            and a debugger sees all.
-
-    Raises:
-        ScrewgaugeError: Bad input. An engine that fails is no error but a row of the results.
-    """
-    with np.errstate(all="ignore"):  # what is not a number is a row with its reason
-        found = study.run(scene, engines, quantities, progress=progress, warn=warn, limits=limits)
-    return Results(**{item.name: getattr(found, item.name) for item in fields(found)})

@@ -16,10 +16,10 @@ from typing import Any
 import pytest
 
 from screwgauge.commands.carrying import carry_out
-from screwgauge.study import apart
+from screwgauge.study import isolation
 
 #: Before tests put another in its place, see the fixture `here`.
-IN_PROCESSES = apart.apart
+IN_PROCESSES = isolation.isolated
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,6 @@ class Campaign:
 @pytest.fixture
 def campaign(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Campaign:
     """What the command line asks of a campaign. Its engines run in processes of their own: those of users do."""
-    monkeypatch.setattr(apart, "apart", IN_PROCESSES)
+    monkeypatch.setattr(isolation, "isolated", IN_PROCESSES)
     option = request.config.getoption
     return Campaign(option("--count"), (option("--reports") or tmp_path).absolute(), tuple(option("--models")))
