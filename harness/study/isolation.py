@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import current_process
 from multiprocessing.connection import Connection
+from multiprocessing.util import Finalize
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic
@@ -193,6 +194,7 @@ def _submit(name: str, work: Callable[[], T]) -> Future[T]:
     """Begins a work in the process of a name, a new one if there is none or it crashed."""
     if current_process().daemon:  # as a worker of Dask is: it may have no children, which end by the lifeline here
         current_process().daemon = False
+        Finalize(None, _stop_all, exitpriority=100)  # before its children are waited for
     try:
         future: Future[T] = _EXECUTORS[name].submit(work)
     except (KeyError, BrokenProcessPool):
@@ -208,6 +210,11 @@ def _stop(name: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of loky, where it cannot look for processes that this one has started
         _EXECUTORS.pop(name).shutdown(kill_workers=True)
+
+
+def _stop_all() -> None:
+    for name in [*_EXECUTORS]:
+        _stop(name)
 
 
 def _stopped(name: str, limits: Limits, how_far: str = "") -> Failure:

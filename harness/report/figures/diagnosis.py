@@ -19,7 +19,7 @@ FLOOR = 1e-17  # what is zero is drawn so small
 
 def make_plots(found: Diagnosis) -> list[Picture]:
     """All pictures; none where the torques agree."""
-    if found.attribution is None or not found.attribution.steps:
+    if found.attribution is None or not found.attribution.seen:
         return []
     rows, told = sorted(found.by_joint, key=lambda row: -row[1])[:MOST], {"as they are": 1, "after backfill": 2}
     points: list[Spec] = [
@@ -29,9 +29,9 @@ def make_plots(found: Diagnosis) -> list[Picture]:
     ]
     looks = chart.ways("when", {name: numbered(k) for name, k in told.items()})
     joints = chart.filled("joints", points=points, **looks, **chart.logarithm("x", [p["x"] for p in points]))
-    ranking = found.attribution.ranking[:MOST]
-    ranking = ranking[: max(FEWEST, sum(share >= LEAST for _, share in ranking))]
-    shares = [(hypothesis.name, max(100.0 * share, 0.0)) for hypothesis, share in ranking]
+    ranked = [cause for cause in found.causes if abs(cause.share) >= 0.0][:MOST]
+    ranked = ranked[: max(FEWEST, sum(abs(cause.share) >= LEAST for cause in ranked))]
+    shares = [(cause.name, 100.0 * cause.share) for cause in ranked]
     bars = chart.filled("shares", bars=[{"change": name, "x": x, "text": f"{x:.3g} %"} for name, x in shares])
     return [
         chart.picture("torques-by-joint", "Torque difference by joint", lambda moving: joints),
