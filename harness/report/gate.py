@@ -14,12 +14,13 @@ from screwgauge.environment import json_text
 from screwgauge.reference.errors import first_few, printable
 from screwgauge.report.blocks import Banner, Heading
 from screwgauge.report.formatting import beyond, digits_text, number, size, unit_text
+from screwgauge.report.html import fragment
 from screwgauge.report.layout import Report
 from screwgauge.report.markdown import markdown
 from screwgauge.report.terminal import terminal
 from screwgauge.report.verdict import verdict
-from screwgauge.study.apart import Limits
 from screwgauge.study.comparison import Comparison
+from screwgauge.study.executors import Executor
 from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
 from screwgauge.study.gate.items import items, read_tolerances, unread
 from screwgauge.study.gate.measure import Settings
@@ -88,6 +89,9 @@ class Check:
 
     def __repr__(self) -> str:
         return terminal(PAGE.terminal(self))
+
+    def _repr_html_(self) -> str:
+        return fragment(PAGE.terminal(self))
 
     def markdown(self) -> str:
         """The summary of a job."""
@@ -234,36 +238,22 @@ def told(results: Comparison) -> str:
     return f"{found.word}: {found.text}"
 
 
-def check(
-    *what: str | Path,
+def check_with(
+    execute: Executor,
+    what: Sequence[str | Path],
+    *,
     smoke: bool = False,
     tolerances: str | Path | Mapping[str, float] | None = None,
     baseline: str | Path | None = None,
-    jobs: int = 1,
-    limits: Limits | None = None,
     progress: Callable[[str, float], None] = lambda step, share: None,
     journal: Path | None = None,
 ) -> Check:
-    """Compares engines on scenes, or pairs of model files, with tolerances.
-
-    Args:
-        what: Built-in scenes, files, folders of TOML; two model files are a pair. All built-in scenes by default.
-        smoke: A few samples of an exciting motion in place of a scene's own.
-        tolerances: Quantity -> scaled error that is admitted, or a TOML file of them; scenes' own come first.
-        baseline: File of a known state, whose errors must not have grown.
-        jobs: Processes at a time, if there are limits.
-        limits: What each scene may take in a process of its own; by default all are checked in this process.
-        progress: Called as work goes on, with what is under way and the share of all that is done.
-        journal: File from which an interrupted check goes on.
-
-    Raises:
-        ScrewgaugeError: Bad input. What is wrong with one scene is no error but a row.
-    """
+    """What `screwgauge.check` does, wherever scenes are to be checked."""
     asked = items(what)
     settings = Settings(told, smoke, read_tolerances(tolerances))
     if baseline is not None:
         read_baseline(Path(baseline), smoke, [item.name for item in asked])
-    rows = check_items(asked, settings, jobs=jobs, limits=limits, progress=progress, journal=journal)
+    rows = check_items(asked, settings, execute=execute, progress=progress, journal=journal)
     beside = [name for name in (tolerances, baseline) if isinstance(name, str | Path)]
     read = [*(name for row in rows for name in row.read), *(name for item in asked for name in item.files)]
     left = unread(what, [*read, *map(str, beside)])

@@ -10,7 +10,7 @@ from screwgauge.reference.errors import first_few
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.question import DOUBTS
+from screwgauge.study.methods import DOUBTS
 
 
 def compared(results: Comparison) -> list[Row]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
@@ -24,7 +25,9 @@ from screwgauge.models.mjcf import write_mjcf
 from screwgauge.models.urdf import write_urdf
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import rotation_vector
-from screwgauge.study.table import added_to, rows_in
+from screwgauge.study.executors import InTurn, Task
+from screwgauge.study.runner import grow_table
+from screwgauge.study.table import TableFile
 from support.robots import arm, mjcf, tree, urdf
 
 #: Changes, and pairs that are alike for each.
@@ -125,15 +128,24 @@ def selftest(count: int, file: Path, progress: Callable[[str, float], None]) -> 
         The table, sorted, columns `COLUMNS`.
     """
     of = {CHANGED: (count, [*KINDS]), ALIKE: (round(PAIRS * count), [*REWRITES])}
-    done = {(row["group"], int(row["number"])) for row in rows_in(file, COLUMNS, "a self-test", ["number"], SIZES)}
-    todo = [(group, i, kinds[i % len(kinds)]) for group, (n, kinds) in of.items() for i in range(n)]
-    todo = [item for item in todo if item[:2] not in done]
-    with TemporaryDirectory(prefix="screwgauge-") as folder, added_to(file, COLUMNS) as add:
+    items = {f"{group} {i}": (group, i, kinds[i % len(kinds)]) for group, (n, kinds) in of.items() for i in range(n)}
+    with TemporaryDirectory(prefix="screwgauge-") as folder:
         known = machines(Path(folder))
-        for i, (group, number, kind) in enumerate(todo):
-            add({"group": group, "number": number, **row(kind, known, Path(folder), [0, group == ALIKE, number])})
-            progress(f"{kind} {number}", (i + 1) / len(todo))
+        grow_table(
+            TableFile(
+                file, COLUMNS, "a self-test", lambda row: f"{row['group']} {row['number']}", ["number"], [*SIZES]
+            ),
+            [Task(name, partial(_rows, item, known, Path(folder))) for name, item in items.items()],
+            InTurn(),
+            lambda name, reason: {**dict.fromkeys(COLUMNS, ""), "verdict": "failed", "first": reason},
+            progress,
+        )
     return pd.read_csv(file, keep_default_na=False).sort_values(["group", "number"], ignore_index=True)
+
+
+def _rows(item: tuple[str, int, str], known: Sequence[Machine], folder: Path, progress: Any) -> list[dict[str, Any]]:
+    group, number, kind = item
+    return [{"group": group, "number": number, **row(kind, known, folder, [0, group == ALIKE, number])}]
 
 
 def row(kind: str, known: Sequence[Machine], folder: Path, seed: Sequence[int]) -> dict[str, Any]:

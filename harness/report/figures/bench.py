@@ -13,7 +13,7 @@ from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import Spec
 from screwgauge.report.figures.looks import INK, STAR, Look, by_camp, camp
 from screwgauge.study.bench.rows import LEVELS, OK
-from screwgauge.study.posed import QUANTITIES
+from screwgauge.study.prepared_scene import QUANTITIES
 
 if TYPE_CHECKING:
     from screwgauge.study.bench.rows import Row

@@ -20,17 +20,18 @@ from screwgauge.scene.observables import known_values, observe
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import EXPLICIT, check_start, stiff_warning, stiffness
 from screwgauge.solution import REFERENCE, Cost, Failure, Solution
-from screwgauge.study.ask import Report, TooLongError, ask, generated, model_files, silent, within
 from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.leaving_out import table as leaving_out
 from screwgauge.study.bench.registry import simulators
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.run import Bench, Plan, check_generated, models_of
 from screwgauge.study.bench.slopes import Rule, fits
-from screwgauge.study.method import Method
-from screwgauge.study.posed import Posed
+from screwgauge.study.executors import Report
+from screwgauge.study.methods import Method
+from screwgauge.study.prepared_scene import PreparedScene
 from screwgauge.study.provenance import provenance
 from screwgauge.study.reference import Reference, score
+from screwgauge.study.runner import TooLongError, ask, generated, model_files, silent, within
 from screwgauge.threads import one_thread
 
 NAN = float("nan")
@@ -118,7 +119,7 @@ def _chosen(scene: Scene, names: Iterable[str] | None, *, quick: bool) -> list[C
     return [c for c in everyone if {c.family, c.method.engine} & set(wanted)]
 
 
-def simulated(scene: Scene, folder: Path) -> Posed:
+def simulated(scene: Scene, folder: Path) -> PreparedScene:
     """A simulated scene ready for methods; its observables are measured.
 
     Args:
@@ -142,7 +143,7 @@ def simulated(scene: Scene, folder: Path) -> Posed:
             )
         known = observe(layout(scene.mechanism), scene.observables, solution.values["joint_position"].array)
     values = {"observable": known}
-    return Posed(scene, scene, folder, Reference.by_size(name, scene.mechanism, values))
+    return PreparedScene(scene, scene, folder, Reference.by_size(name, scene.mechanism, values))
 
 
 def _foreseen(contestant: Contestant, before: Sequence[Row]) -> float:
@@ -161,7 +162,9 @@ def _foreseen(contestant: Contestant, before: Sequence[Row]) -> float:
     return last.time_s * longer if np.isfinite(last.time_s) else 0.0
 
 
-def _turn(posed: Posed, plan: Plan, contestant: Contestant, before: Sequence[Row], left: float) -> tuple[Row, Row]:
+def _turn(
+    posed: PreparedScene, plan: Plan, contestant: Contestant, before: Sequence[Row], left: float
+) -> tuple[Row, Row]:
     """The rows of a contestant, unless the budget is spent or it would take too long anyway.
 
     Args:
@@ -195,7 +198,7 @@ def _turn(posed: Posed, plan: Plan, contestant: Contestant, before: Sequence[Row
 
 
 def _scored(
-    posed: Posed, contestant: Contestant, problem: Problem, solution: Solution, costs: Sequence[Cost]
+    posed: PreparedScene, contestant: Contestant, problem: Problem, solution: Solution, costs: Sequence[Cost]
 ) -> tuple[Row, Row]:
     """The rows of an answer, as far as it came: the observables, and the energy that is not accounted for.
 

@@ -20,7 +20,6 @@ from screwgauge.problem import ModelFiles
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
-from screwgauge.study.ask import Report, silent
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
@@ -28,11 +27,13 @@ from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.registry import choose
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.stamp import stamp
+from screwgauge.study.completeness import check_whole
+from screwgauge.study.executors import Report
 from screwgauge.study.journal import Journal
-from screwgauge.study.posed import Posed, pose_scene
+from screwgauge.study.methods import failure
+from screwgauge.study.prepared_scene import PreparedScene, pose_scene
 from screwgauge.study.provenance import provenance
-from screwgauge.study.question import failure
-from screwgauge.study.whole import check_whole
+from screwgauge.study.runner import silent
 from screwgauge.threads import one_thread
 
 
@@ -97,7 +98,7 @@ def check_budget(seconds: float) -> float:
         DescriptionError: It is no positive number of seconds.
     """
     if not 0.0 < seconds < np.inf:
-        raise DescriptionError(f"a budget of {seconds:g} s", "--budget", "give a positive number of seconds")
+        raise DescriptionError(f"a limit of {seconds:g} s", "--limit", "give a positive number of seconds")
     return seconds
 
 
@@ -169,7 +170,7 @@ def bench(
     return found
 
 
-def models_of(contestants: Iterable[Contestant], posed: Posed) -> dict[str, Path]:
+def models_of(contestants: Iterable[Contestant], posed: PreparedScene) -> dict[str, Path]:
     """Engine -> the model file that it reads."""
     engines = dict.fromkeys(contestant.method.engine for contestant in contestants)
     return {name: posed.files(name).model for name in engines}
@@ -187,7 +188,7 @@ def _present(group: list[Contestant]) -> list[Contestant]:
 class _Work:
     """All measurements. What is loaded for the first of a contestant waits for the rounds that follow."""
 
-    def __init__(self, posed: Posed, kept: Journal, protocol: timing.Protocol, progress: Report) -> None:
+    def __init__(self, posed: PreparedScene, kept: Journal, protocol: timing.Protocol, progress: Report) -> None:
         self.posed, self.kept, self.protocol, self.progress = posed, kept, protocol, progress
         self.calls: dict[str, Callable[[], Any]] = {}
         self.models: dict[tuple[str, str, ModelFiles], Model] = {}

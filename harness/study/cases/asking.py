@@ -19,11 +19,11 @@ from screwgauge.reference.mechanism import Frame, Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.study.ask import solve
 from screwgauge.study.cases.question import UNKNOWN, Question, put
-from screwgauge.study.method import Method
-from screwgauge.study.posed import Posed, pose_scene
+from screwgauge.study.methods import Method
+from screwgauge.study.prepared_scene import PreparedScene, pose_scene
 from screwgauge.study.reference import TRUTH, Reference
+from screwgauge.study.runner import solve
 from screwgauge.witness.joints import MechanismTree
 from screwgauge.witness.kinematics import Motion
 from screwgauge.witness.tree import stacked
@@ -90,12 +90,12 @@ def compare(
     return replace(question, cause=cause)
 
 
-def loaded(folder: Path) -> Posed:
+def loaded(folder: Path) -> PreparedScene:
     """The default scene, which is loaded, at three instants."""
     return pose_scene(load_scene(SCENE).at(TIMES), folder, samples=len(TIMES))
 
 
-def push(posed: Posed, *methods: Method) -> Question:
+def push(posed: PreparedScene, *methods: Method) -> Question:
     """The question for accelerations: of all joints from `screw`, of its tree from another engine."""
     mechanism = posed.scene.mechanism
     names = mechanism.coordinates if methods[0].engine == SCREW.engine else tree_coordinates(mechanism)
@@ -125,7 +125,7 @@ def closure_residuals(tree: MechanismTree, motion: Motion) -> tuple[Array, Array
     return child.p - parent.p, child.v - parent.v
 
 
-def true_velocities(posed: Posed) -> ClosedMotion:
+def true_velocities(posed: PreparedScene) -> ClosedMotion:
     """Closed poses and velocities by `screw`."""
     lay, motion = layout(posed.scene.mechanism), posed.scene.motion
     return motion_at(lay, positions(lay, motion.y, motion.t), motion.yd)

@@ -20,7 +20,6 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values
-from screwgauge.study.ask import solve
 from screwgauge.study.cases.asking import (
     ACCELERATION,
     ENGINES,
@@ -32,9 +31,10 @@ from screwgauge.study.cases.asking import (
     tree_coordinates,
 )
 from screwgauge.study.cases.question import Question, files_of, findings
-from screwgauge.study.method import Method
-from screwgauge.study.posed import pushed
+from screwgauge.study.methods import Method
+from screwgauge.study.prepared_scene import pushed
 from screwgauge.study.reference import TRUTH, Reference
+from screwgauge.study.runner import solve
 from screwgauge.witness.joints import mechanism_tree
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import States as JointStates

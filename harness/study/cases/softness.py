@@ -21,7 +21,6 @@ from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.read import load_scene
 from screwgauge.solution import Solution, Values
-from screwgauge.study.ask import solve
 from screwgauge.study.cases.asking import (
     SCENE,
     SCREW,
@@ -33,8 +32,9 @@ from screwgauge.study.cases.asking import (
     true_velocities,
 )
 from screwgauge.study.cases.question import UNKNOWN, Question, files_of, integrated, put
-from screwgauge.study.method import Method
+from screwgauge.study.methods import Method
 from screwgauge.study.reference import Reference, sizes
+from screwgauge.study.runner import solve
 
 QUANTITIES = ("loop_gap", "constraint_force", "energy", "joint_position")
 #: Tolerance of the reference, whose own error after a second is about 1e-11 of the motion, and that of `screw`.

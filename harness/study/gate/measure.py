@@ -29,7 +29,7 @@ from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.items import Item
 from screwgauge.study.gate.row import JUDGE, Error, Row, Status
 from screwgauge.study.gate.smoke import OF_FULL_CUTS, blind, full_cuts, smoked
-from screwgauge.study.otherwise import physical
+from screwgauge.study.model_mismatch import physical
 from screwgauge.study.run import run
 
 #: What half a unit of the last digit in each of some hundred numbers makes of a force, in such units.

@@ -13,8 +13,8 @@ from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
-from screwgauge.study.ask import model_files, write_scene_models
 from screwgauge.study.reference import Reference, reference_values
+from screwgauge.study.runner import model_files, write_scene_models
 from screwgauge.witness.joints import mechanism_tree
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import States as JointStates
@@ -25,7 +25,7 @@ QUANTITIES = ("joint_position", "joint_velocity", "joint_acceleration", "actuato
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Posed:
+class PreparedScene:
     """A scene prepared for methods.
 
     Attributes:
@@ -101,7 +101,7 @@ def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, app
     return out
 
 
-def pose_scene(scene: Scene, folder: Path, *, samples: int) -> Posed:
+def pose_scene(scene: Scene, folder: Path, *, samples: int) -> PreparedScene:
     """Writes the model files and computes the reference values.
 
     Args:
@@ -115,4 +115,4 @@ def pose_scene(scene: Scene, folder: Path, *, samples: int) -> Posed:
     motion: GivenMotion = whole.motion
     here = whole.at(motion.t[spread(len(motion), samples)])
     write_scene_models(scene, folder)
-    return Posed(whole, here, folder, reference_values(whole, here.t, QUANTITIES))
+    return PreparedScene(whole, here, folder, reference_values(whole, here.t, QUANTITIES))

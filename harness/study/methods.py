@@ -1,15 +1,16 @@
-"""A problem for an engine, wherever it is asked, and why one is not answered. Imported by processes that answer."""
+"""Methods and problems that are put to them, wherever they run, and why one fails. Imported by processes of engines."""
 
 from __future__ import annotations
 
 import sys
 import traceback
+from collections.abc import Mapping
 from contextlib import redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from screwgauge.engines.registry import Engine, Model
+from screwgauge.engines.registry import Engine, Model, get_engine
 from screwgauge.problem import ModelFiles, Problem, Progress, States
 from screwgauge.reference.errors import DescriptionError, ModelFileError, ScrewgaugeError, UnknownNameError, first_few
 from screwgauge.solution import Failure, Solution
@@ -44,8 +45,37 @@ def failure(error: BaseException, name: str, folder: Path, engine: Engine | None
     return Failure(name, shortened(reason, LONG), "".join(traceback.format_exception(error))[-TRACE:])
 
 
+@dataclass(frozen=True, slots=True)
+class Method:
+    """An engine with settings.
+
+    Attributes:
+        engine: Its name in the registry.
+        settings: See the engine's folder.
+        label: What rows call it; the engine's name if empty.
+    """
+
+    engine: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    label: str = ""
+
+    @property
+    def name(self) -> str:
+        """What rows call it."""
+        return self.label or self.engine
+
+    def load(self, files: ModelFiles) -> Model:
+        """Loads a model file with the settings.
+
+        Raises:
+            ImportError: The engine's package is not installed.
+            ScrewgaugeError: The file cannot be loaded.
+        """
+        return get_engine(self.engine).load(files, **self.settings)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class Question:
+class EngineTask:
     """A problem for an engine, wherever it is asked. Data only; it pickles.
 
     Attributes:
@@ -74,19 +104,18 @@ class Question:
                 model = self.engine.load(self.files)
                 answer = model.solve(self._ordered(model), progress)
             answer = replace(sound(answer, len(self.problem.task)), engine=self.engine.name)
-            return answer if self.scene is None else self._told(answer, self.scene)
+            return answer if self.scene is None else self._with_mismatch(answer, self.scene)
         except MemoryError:
             raise
         except (Exception, SystemExit) as error:
             return self.failure(error)
 
-    def _told(self, answer: Solution, scene: Scene) -> Solution:
+    def _with_mismatch(self, answer: Solution, scene: Scene) -> Solution:
         """The answer with what the user's own model file says otherwise than the description."""
-        from screwgauge.study.departures import departures
-        from screwgauge.study.otherwise import otherwise
+        from screwgauge.study.model_mismatch import departures, physical_mismatch
 
         said = departures(scene, self.engine.name, self.files)
-        physical = otherwise(scene, self.engine.name, self.files) if said else ()
+        physical = physical_mismatch(scene, self.engine.name, self.files) if said else ()
         notes, warnings = (*answer.notes, *said), (*answer.warnings, *said)
         return replace(answer, notes=notes, warnings=warnings, otherwise=physical)
 
@@ -97,9 +126,9 @@ class Question:
         found = failure(error, self.engine.name, self.folder, self.engine)
         if self.scene is None or not isinstance(error, ScrewgaugeError):
             return found
-        from screwgauge.study.otherwise import otherwise
+        from screwgauge.study.model_mismatch import physical_mismatch
 
-        said = first_few(otherwise(self.scene, self.engine.name, self.files), DOUBTS, "; ")
+        said = first_few(physical_mismatch(self.scene, self.engine.name, self.files), DOUBTS, "; ")
         return replace(found, reason=f"{found.reason} The models differ: {said}." if said else found.reason)
 
     def _ordered(self, model: Model) -> Problem:

@@ -1,10 +1,11 @@
-"""What a model file of the user's own says otherwise than the description, or beyond it, and what becomes of that."""
+"""Differences of a user's model file from the description, and what the engine makes of them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.etree.ElementTree import ParseError
 
 from screwgauge.engines.registry import ENGINES, Engine, get_engine
@@ -14,10 +15,18 @@ from screwgauge.models.comparison import CheckRow, Comparison, compare_loops, co
 from screwgauge.models.elements import FORMATS, extras, unread_rows
 from screwgauge.models.expected import expected_reading
 from screwgauge.models.loops import loops_of
+from screwgauge.models.readings.read import LIBRARIES, read
 from screwgauge.problem import ModelFiles
-from screwgauge.reference.errors import first_few
+from screwgauge.reference.errors import ScrewgaugeError, first_few
+from screwgauge.reference.files import read_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from screwgauge.diagnosis.differences.change import Difference
+
+#: Library -> what the description does not say and the library does not apply: `departures` says what becomes of it.
+_UNUSED = {"pinocchio": {"limits", "damping", "friction", "stiffness", "rest"}, "mujoco": {"limits"}}
 
 #: What an engine of this package makes of something beyond the description, by its kind.
 _FATE = {"ignored": "ignored by {} in {}", "applied": "applied by {} in {}, beyond the description"}
@@ -34,17 +43,57 @@ def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
     """
     engine, mechanism = get_engine(name), scene.mechanism
     if engine.reads == ".toml":
-        return tuple(_otherwise(files.model, _of_description(mechanism, files.model)))
+        return tuple(_other_than_described(files.model, _of_description(mechanism, files.model)))
     if engine.reads not in FORMATS:
         return (_NOT_KNOWN.format(name, f"{files.model.name}: anything"),)
     known, library = name in ENGINES, name.partition("-")[0]
     reader = library if known else _reader(engine)
     said = [
         *_beyond(mechanism, engine, files.model, known=known),
-        *_otherwise(files.model, check_file(mechanism, engine.cut, files.model, reader, gravity=scene.applied.g)),
+        *_other_than_described(
+            files.model, check_file(mechanism, engine.cut, files.model, reader, gravity=scene.applied.g)
+        ),
     ]
     ignored, other = of_loops(scene, name, files)
     return (*said, *ignored, *other)
+
+
+def physical_mismatch(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
+    """Sentences on mass properties, geometry, gravity and closures, the largest difference first; on the loops file."""
+    from screwgauge.diagnosis.differences.words import with_sides
+
+    sides = "in the description", f"in {files.model.name}"
+    said = (with_sides(each.sentence, *sides) for each in physical(scene, name, files.model))
+    return (*said, *of_loops(scene, name, files)[1])
+
+
+def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
+    """Differences of a model file from the description, the largest first; those that rounding makes are marked.
+
+    Args:
+        name: The engine, which reads a URDF or MJCF of the user's own; of others nothing is said.
+    """
+    # a scene without files of the user's own has no use for the diagnosis
+    from screwgauge.diagnosis.differences.digits import ALL, digits_of, marked
+    from screwgauge.diagnosis.differences.static import differences, sorted_by_size
+    from screwgauge.diagnosis.pairing.branches import missing
+    from screwgauge.diagnosis.pairing.common import brought
+    from screwgauge.diagnosis.pairing.mapping import paired
+
+    engine, mechanism, library = get_engine(name), scene.mechanism, name.partition("-")[0]
+    if library not in LIBRARIES or engine.reads not in (".urdf", ".xml"):
+        return []
+    expected = expected_reading(mechanism, engine.cut, scene.applied.g)
+    try:
+        home = dict(zip(mechanism.coordinates, map(float, mechanism.home), strict=True))
+        found = read(model, library, home=home)
+        digits = digits_of(read_file(model))
+    except ScrewgaugeError:
+        return []  # `departures` says that it cannot be compared
+    silent = _UNUSED.get(library, set()) | ({"closure", "gravity", "coupling"} if found.gravity is None else set())
+    pairing = paired(expected, found)
+    said = [*missing(expected, found, pairing), *differences(brought(expected, found, pairing))[0]]
+    return sorted_by_size([each for each in marked(said, (ALL, digits)) if each.what not in silent])
 
 
 def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], list[str]]:
@@ -53,8 +102,8 @@ def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], lis
         return [], []
     rows = check_file(scene.mechanism, get_engine(name).cut, files.loops, "loops")
     unread = unread_rows(name.partition("-")[0])
-    ignored = _otherwise(files.loops, (row for row in rows if row.what in unread), f"ignored by {name} in ")
-    return [*ignored], [*_otherwise(files.loops, (row for row in rows if row.what not in unread))]
+    ignored = _other_than_described(files.loops, (row for row in rows if row.what in unread), f"ignored by {name} in ")
+    return [*ignored], [*_other_than_described(files.loops, (row for row in rows if row.what not in unread))]
 
 
 def _reader(engine: Engine) -> str:
@@ -86,7 +135,7 @@ def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
     return out.rows
 
 
-def _otherwise(path: Path, rows: Iterable[CheckRow], fate: str = "") -> Iterator[str]:
+def _other_than_described(path: Path, rows: Iterable[CheckRow], fate: str = "") -> Iterator[str]:
     bad = [row for row in rows if not row.ok]
     if bad and bad[0].what == "file":
         yield f"{path.name} cannot be compared with the description: {bad[0].found}"

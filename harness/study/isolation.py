@@ -1,4 +1,4 @@
-"""Work in processes of its own, one executor for each name: what crashes or hangs costs its own result only."""
+"""Isolation: work in processes of its own. What crashes or hangs costs its own result only."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ import re
 import resource
 import signal
 import warnings
-from collections.abc import Callable, Mapping
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from multiprocessing import current_process
 from multiprocessing.connection import Connection
+from multiprocessing.util import Finalize
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic
@@ -37,6 +40,8 @@ IDLE = 60.0  # s after which a process that nobody asks again ends
 #: s after its limit at which a process ends itself, if the parent, who can say more, has not ended it.
 GRACE = 5.0
 LONGEST = 1e9  # s that a timer takes
+AGAIN = 3  # times that a work runs again whose process was killed from outside
+KILLED = re.compile("SIG(KILL|TERM|HUP)")  # an engine that crashes gets another one, and would get it again
 SAID = 200  # characters of what a work says that it is at
 #: Of its processes: one thread each, and nothing is drawn there: MuJoCo's import looks for libraries of windows else.
 ENVIRONMENT = {**ONE, "MUJOCO_GL": "disable"}
@@ -65,20 +70,21 @@ class Limits:
                 raise DescriptionError(f"a limit of {value:g} {unit}", option, f"give a positive number of {unit}")
 
 
-def apart(
+def isolated(
     works: Mapping[str, Callable[[Progress], T | Failure]],
     limits: Limits,
     report: Callable[[str, float], None],
     *,
-    lanes: int = 0,
+    lanes: Sequence[str] = (),
     keep: Callable[[str, T | Failure], None] = lambda name, result: None,
 ) -> dict[str, T | Failure]:
-    """Does all works at once, as far as cores allow, each in the process of its name.
+    """Run jobs in parallel, one worker process per name, or as many processes as there are lanes.
 
     Args:
         works: Pickle, and take a progress, which takes what they are at, too, beside the share.
         report: Takes the names of those under way, and the share of all that is done.
-        lanes: So many processes instead, each of which does one work after the other.
+        lanes: Names of processes, each of which does one work after the other. A work whose process was killed from
+            outside runs again, `AGAIN` times at most.
         keep: Takes each result as soon as it is there.
 
     Returns:
@@ -90,24 +96,34 @@ def apart(
     """
     if not isinstance(limits, Limits):
         raise DescriptionError(f"{limits!r:.100} is no Limits", "limits", "give screwgauge.Limits(seconds=...)")
-    waiting, running, found = [*works], dict[Future[T | Failure], tuple[str, str, float]](), dict[str, T | Failure]()
+    waiting, running, results = (
+        deque(works),
+        dict[Future[T | Failure], tuple[str, str, float]](),
+        dict[str, T | Failure](),
+    )
     # where they say how far they are: what a file says outlives who wrote it, and nobody waits for it
     shared = TemporaryDirectory(prefix="screwgauge-")
     folder = Path(shared.name)
-    free = [f"lane-{i}" for i in range(lanes, 0, -1)]
-    most = lanes or cpu_count()
+    free, most = [*reversed(lanes)], len(lanes) or cpu_count()
+    killed = Counter[str]()
 
     def done(name: str, process: str, result: T | Failure) -> None:
+        free.append(process)
+        if lanes and isinstance(result, Failure) and KILLED.search(result.reason):
+            killed[name] += 1
+            if killed[name] <= AGAIN:
+                waiting.append(name)  # last, so that what takes its process with it does not stop the others
+                return
+            result = replace(result, reason=f"{result.reason}, {killed[name]} times")
         if isinstance(result, Failure) and (step := _share(_file(folder, name))[1]):
             result = replace(result, engine=step)
-        found[name] = result
-        free.append(process)
+        results[name] = result
         keep(name, result)
 
     try:
         while waiting or running:
             while waiting and len(running) < most:
-                name = waiting.pop(0)
+                name = waiting.popleft()
                 process = free.pop() if lanes else name
                 own = min(limits.seconds + GRACE, LONGEST)
                 work = partial(_limited, name, works[name], limits, own, _file(folder, name))
@@ -122,21 +138,21 @@ def apart(
                     _stop(process)
                     done(name, process, _stopped(name, limits, f", {shares[name]:.0%} of the way"))
             if running:
-                report(", ".join(shares), (len(found) + sum(shares.values())) / len(works))
+                report(", ".join(shares), (len(results) + sum(shares.values())) / len(works))
     finally:
         for _, process, _ in running.values():
             _stop(process)
         shared.cleanup()
-    return {name: found[name] for name in works}
+    return {name: results[name] for name in works}
 
 
-def unwatched_apart(
+def isolated_calls(
     works: Mapping[str, Callable[[], T | Failure]],
     limits: Limits,
     report: Callable[[str, float], None] = lambda names, share: None,
 ) -> dict[str, T | Failure]:
-    """Does works that do not say how far they are, as `apart` does."""
-    return apart({name: partial(_unwatched, work) for name, work in works.items()}, limits, report)
+    """Does works that do not say how far they are, as `isolated` does."""
+    return isolated({name: partial(_unwatched, work) for name, work in works.items()}, limits, report)
 
 
 def _unwatched(work: Callable[[], T], progress: Progress) -> T:
@@ -176,6 +192,9 @@ def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits,
 
 def _submit(name: str, work: Callable[[], T]) -> Future[T]:
     """Begins a work in the process of a name, a new one if there is none or it crashed."""
+    if current_process().daemon:  # as a worker of Dask is: it may have no children, which end by the lifeline here
+        current_process().daemon = False
+        Finalize(None, _stop_all, exitpriority=100)  # before its children are waited for
     try:
         future: Future[T] = _EXECUTORS[name].submit(work)
     except (KeyError, BrokenProcessPool):
@@ -191,6 +210,11 @@ def _stop(name: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of loky, where it cannot look for processes that this one has started
         _EXECUTORS.pop(name).shutdown(kill_workers=True)
+
+
+def _stop_all() -> None:
+    for name in [*_EXECUTORS]:
+        _stop(name)
 
 
 def _stopped(name: str, limits: Limits, how_far: str = "") -> Failure:

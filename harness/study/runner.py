@@ -1,38 +1,151 @@
-"""Puts scenes and problems to engines, each on its own model file; whatever one raises becomes a failure."""
+"""The runner: tasks become rows that are kept as they come; scenes and problems are put to engines.
+
+Whatever an engine raises becomes a failure.
+"""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from time import perf_counter
-from typing import TYPE_CHECKING
+from time import monotonic, perf_counter
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import pandas as pd
 
 from screwgauge.engines.registry import engine_names, get_engine, keep, load_entry, not_loaded
 from screwgauge.models.generate import stem, write_models
 from screwgauge.models.importing.write import description
 from screwgauge.problem import ModelFiles, Problem, Progress, quiet
-from screwgauge.reference.files import is_file
+from screwgauge.reference.errors import OutputError
+from screwgauge.reference.files import is_file, replace_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
-from screwgauge.study.method import Method
-from screwgauge.study.question import Question, failure
+from screwgauge.study.completeness import (
+    Expected,
+    check_components,
+    check_units,
+    check_whole,
+    excepted,
+    left_out,
+    without,
+)
+from screwgauge.study.journal import Journal
+from screwgauge.study.methods import EngineTask, Method, failure
 from screwgauge.study.sound import sound
-from screwgauge.study.whole import Expected, check_components, check_units, check_whole, excepted, left_out, without
+from screwgauge.study.table import TableFile
 
 if TYPE_CHECKING:
-    from screwgauge.study.apart import Limits
+    from screwgauge.study.executors import Executor, Report, Task
+    from screwgauge.study.isolation import Limits
 
-Report = Callable[[str, float], None]
-"""Takes the name of a step and the share of it that is done, 0 to 1."""
+Row = TypeVar("Row")
+#: Ending of the file of rows that an interrupted table goes on from.
+PARTIAL = ".partial.jsonl"
 
 
 def silent(step: str, share: float) -> None:
     """A report that nobody looks at."""
+
+
+def run_tasks(
+    tasks: Iterable[Task],
+    execute: Executor,
+    kept: Journal,
+    *,
+    lost: Callable[[str, str], Row],
+    record: Callable[[Row], Mapping[str, Any]] = dict,
+    restored: Callable[[Mapping[str, Any]], Row] = dict,  # type: ignore[assignment]
+    progress: Report = silent,
+    lenient: bool = False,
+) -> list[Row]:
+    """The rows of all tasks, in their order; those that a journal has are not made again.
+
+    Args:
+        lost: Makes a row of the name of a task that crashed, met a limit or raised something, and of the reason.
+        record: Makes JSON of a row, and `restored` a row of that.
+        progress: Takes what is under way with the rate and the time that is left, and the share that is done.
+        lenient: Rows that cannot be kept are returned all the same.
+
+    Raises:
+        ScrewgaugeError: Raised by a task, or a row cannot be kept.
+    """
+    named = {task.name: task for task in tasks}
+    keys = {name: task.key or name for name, task in named.items()}
+    rows = {name: restored(kept.results[key]) for name, key in keys.items() if key in kept.results}
+    todo = {name: task for name, task in named.items() if name not in rows}
+    pace = Pace(len(todo))
+
+    def keep(name: str, result: Row | Failure) -> None:
+        if isinstance(result, Failure):
+            step = f"{result.engine}: " * (result.engine != name)
+            result = lost(name, f"{step}{result.reason}")
+        rows[name] = result
+        pace.done += 1
+        with suppress(*[OutputError] * lenient):
+            kept.keep(keys[name], record(result))
+
+    execute(todo, keep, lambda step, share: progress(pace.shown(step), share))
+    return [rows[name] for name in named]
+
+
+def grow_table(
+    table: TableFile,
+    tasks: Iterable[Task],
+    execute: Executor,
+    lost: Callable[[str, str], Mapping[str, Any]],
+    progress: Report = silent,
+) -> None:
+    """Adds rows to a CSV file, those that it has not. Until all are there, a journal beside it has the new ones.
+
+    Args:
+        tasks: Each returns a list of rows.
+        lost: As `run_tasks` takes it.
+
+    Raises:
+        ScrewgaugeError: The file is something else, or cannot be written.
+    """
+    before = table.rows()
+    done = {table.key(row) for row in before}
+    kept = Journal(table.file.with_suffix(PARTIAL), " ".join(table.columns))
+    rows = run_tasks(
+        [task for task in tasks if task.name not in done],
+        execute,
+        kept,
+        lost=lambda name, reason: [lost(name, reason)],
+        record=lambda rows: {"rows": rows},
+        restored=lambda record: record["rows"],
+        progress=progress,
+    )
+    found = pd.DataFrame([*before, *(row for each in rows for row in each)], columns=table.columns)
+    replace_file(table.file, found.to_csv(index=False))
+    kept.remove()
+
+
+class Pace:
+    """How fast tasks are done."""
+
+    def __init__(self, n: int, clock: Callable[[], float] = monotonic) -> None:
+        self.n, self.clock, self.done, self.began = n, clock, 0, clock()
+
+    def shown(self, step: str) -> str:
+        """What is under way, with the rate and the time that is left once there are some."""
+        passed = self.clock() - self.began
+        if self.done < 2 or passed <= 0.0:
+            return step
+        rate = self.done / passed
+        return f"{step} ({self.done} of {self.n}, {rate:.2g}/s, {_duration((self.n - self.done) / rate)} left)"
+
+
+def _duration(seconds: float) -> str:
+    for unit, size in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.0f} {unit}"
+    return f"{seconds:.0f} s"
 
 
 def solve(
@@ -143,17 +256,17 @@ def ask_engines(
         ScrewgaugeError: A model file of the user's own is bad input.
     """
     wanted = frozenset(wanted)
-    questions: dict[str, Question] = {}
+    questions: dict[str, EngineTask] = {}
     for name in names:
         files, problem = model_files(scene, name, folder), scene.problem(wanted, name)
         own, labels = scene if name in scene.models else None, tuple(scene.mechanism.independent)
-        questions[name] = Question(get_engine(name), files, problem, folder, labels, own)
+        questions[name] = EngineTask(get_engine(name), files, problem, folder, labels, own)
     if limits is None:
         answers = in_turn(questions, progress)
     else:
-        from screwgauge.study.apart import apart
+        from screwgauge.study.isolation import isolated
 
-        answers = apart(questions, limits, progress)
+        answers = isolated(questions, limits, progress)
     solutions: dict[str, Solution] = {}
     failures: dict[str, Failure] = {}
     for name, answer in answers.items():
@@ -172,15 +285,15 @@ def ask_engines(
 
 def load_engines(names: Iterable[str], limits: Limits, progress: Report) -> None:
     """Loads engines of other packages where they will be asked: their modules may do anything when imported."""
-    from screwgauge.study.apart import unwatched_apart
+    from screwgauge.study.isolation import isolated_calls
 
     entries = not_loaded(names)
     works = {name: partial(load_entry, entry) for name, entry in entries.items()}
-    for name, engine in unwatched_apart(works, limits, progress).items():
+    for name, engine in isolated_calls(works, limits, progress).items():
         keep(entries[name], None if isinstance(engine, Failure) else engine)
 
 
-def in_turn(questions: Mapping[str, Question], progress: Report) -> dict[str, Solution | Failure]:
+def in_turn(questions: Mapping[str, EngineTask], progress: Report) -> dict[str, Solution | Failure]:
     """Asks engines in this process, one after the other."""
     answers: dict[str, Solution | Failure] = {}
     for name, question in questions.items():
