@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence, Set
 from itertools import combinations
 
 import numpy as np
@@ -68,10 +68,8 @@ def compare(
         for a, b in combinations(having, 2):
             names, others = (one.values[quantity].components for one in (a, b))
             tree, shared = quantity.startswith("tree_force"), {*names} & {*others}
-            if tree and ({*names} < {*others} or {*others} < {*names}):
-                continue  # joint forces of an open tree have a meaning only for that tree: other cuts have others
-            if not tree and not shared:
-                continue  # two tables of other parts of a quantity; an engine has all of it
+            if not _comparable({*names}, {*others}, tree=tree):
+                continue
             differ = "the components differ" if tree and names != others else ""
             lost = apart.get(frozenset((a.engine, b.engine)), differ)
             if lost or not common_rows(len(t), a, b).size:
@@ -89,17 +87,26 @@ def compare(
                 errors += rows
                 if compared := [row for row in rows if row["ok"] is not pd.NA]:
                     row = _pair(compared)
-                    within = f"within {row['tolerance']:.2g}, rounding times the condition there"
                     if row["ok"] and row["max_scaled"] > tolerance_of(quantity):
+                        within = f"within {row['tolerance']:.2g}, rounding times the condition there"
                         row["reason"] = row["integration"] or (within if row["max_scaled"] > limit else why)
                     pairs.append(_explained(row, a, b, refusals))
-    for solution in solutions.values():
-        for failure in failures.values():
-            for name in solution.values:
-                pairs.append(nothing(name, solution.engine, failure.engine, failure.reason, tolerance_of(name)))
+    pairs += [
+        nothing(name, solution.engine, failure.engine, failure.reason, tolerance_of(name))
+        for solution in solutions.values()
+        for failure in failures.values()
+        for name in solution.values
+    ]
     # of what has no unique value nothing is said, neither true nor false
     found = pd.DataFrame(errors, columns=ERROR_COLUMNS).astype({"ok": "boolean", "tolerance": float})
     return found, pd.DataFrame(pairs, columns=PAIR_COLUMNS)
+
+
+def _comparable(names: Set[str], others: Set[str], *, tree: bool) -> bool:
+    """Whether two answers to a quantity have components in common, of one tree if they are joint forces of one."""
+    if tree:  # they have a meaning only for that tree: other cuts have others
+        return not (names < others or others < names)
+    return bool(names & others)  # or else two tables of other parts of a quantity; an engine has all of it
 
 
 def reference_scale(values: Values, unit: str, natural: float) -> float:

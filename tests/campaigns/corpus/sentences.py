@@ -161,30 +161,37 @@ def _scalar(text: str, planted: Planted) -> tuple[bool, bool]:
         values = [float(pair.group(k)) * _SCALES.get(pair.group(k + 1) or "", 1.0) for k in (1, 3)]
         if near(values[0] - values[1], step):
             return True, True
-    magnitude = False
-    for value, unit, sign in _scalars(text):
-        targets = (
-            [step / old if old else np.inf] if unit in ("%", "relative") else [step, step / old if old else np.inf]
-        )
-        for target in targets:
-            if near(abs(value), abs(target)):
-                magnitude = True
-                if sign and near(value, target):
-                    return True, True
+    magnitude, signed = _by_step(text, old, step)
     factors = [float(x) for x in re.findall(rf"(?:times|x|factor(?: of)?|by) ({_NUMBER})", text)]
-    if old and any(near(factor, new / old) for factor in factors):
+    if signed or (old and any(near(factor, new / old) for factor in factors)) or _by_vectors(text, planted):
         return True, True
-    if planted.what in ("inertia", "limits", "coupling"):
-        for b, a in pairwise(_vectors(text)):
-            if a.shape == b.shape and any(near(x, step) for x in b - a):
-                return True, True
-            if planted.what == "inertia" and a.shape == b.shape and np.allclose(b, new / old * a, rtol=CLOSE):
-                return True, True
     plain = [value for value, *_ in _scalars(text)]
     if "in B" not in text and any(abs(v - old) <= 0.02 * abs(step) for v in plain):
         both = any(abs(v - new) <= 0.02 * abs(step) for v in plain)
         return magnitude or both, both
     return magnitude, False
+
+
+def _by_step(text: str, old: float, step: float) -> tuple[bool, bool]:
+    """Whether a number is the step, or its share of the old value; and whether its sign is the same and written."""
+    share, magnitude = step / old if old else np.inf, False
+    for value, unit, sign in _scalars(text):
+        for target in [share] if unit in ("%", "relative") else [step, share]:
+            if near(abs(value), abs(target)):
+                magnitude = True
+                if sign and near(value, target):
+                    return True, True
+    return magnitude, False
+
+
+def _by_vectors(text: str, planted: Planted) -> bool:
+    """Whether a component of two vectors is off by the step, or an inertia by the factor."""
+    if planted.what not in ("inertia", "limits", "coupling"):
+        return False
+    old, new = float(planted.old or 0.0), float(planted.new or 0.0)  # type: ignore[arg-type]
+    pairs = [(b, a) for b, a in pairwise(_vectors(text)) if a.shape == b.shape]
+    scaled = planted.what == "inertia" and any(np.allclose(b, new / old * a, rtol=CLOSE) for b, a in pairs)
+    return scaled or any(near(x, new - old) for b, a in pairs for x in b - a)
 
 
 def _vectors(text: str) -> list[Array]:
