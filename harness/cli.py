@@ -99,7 +99,7 @@ def _parser() -> argparse.ArgumentParser:
         """Adds a command; returns what adds an argument to it."""
         name = run.__name__.removesuffix("_")
         known[name] = help
-        said = {"description": f"{help[0].upper()}{help[1:]}.", "epilog": epilog}
+        said: dict[str, Any] = {"description": f"{help[0].upper()}{help[1:]}.", "epilog": epilog}
         added = subparsers.add_parser(name, formatter_class=parser.formatter_class, **said)
         added.add_argument("--debug", action="store_true", help="show the traceback of an error")
         if run not in (commands.list_, commands.casebook):
