@@ -170,9 +170,10 @@ is made if need be. [Exit status](quantities.md#exit-status)"""
 
 BUILTIN = """# Built-in mechanisms and scenes
 
-`screwgauge list` has their names. Each mechanism is tested against what is known of it; its description is in
-the folder of its name under [models](../../models/). Springs and motors are forces, and stand in the scenes.
-What every engine reaches on the benchmark problems, and what others have published:
+`screwgauge list` has their names. Each mechanism is tested against what is known of it; its description is in the
+folder of its name under [models](../../models/), and Pinocchio and MuJoCo read the model files of all of them.
+`a02-fourbar-40` is written by `models/fourbars.py`, for any number of loops. Springs and motors are forces, and stand
+in the scenes. What every engine reaches on the benchmark problems, and what others have published:
 [reports](../../reports/README.md).
 
 ## Mechanisms"""
