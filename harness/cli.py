@@ -207,6 +207,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--meshes", action="store_true", help=meshes)
     add("--seed", type=_whole(0), default=0, metavar="N", help="of the random states (0)")
     add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")
+    add("--all", action="store_true", help="print each difference, too, not by cause alone")
     add("--fix", type=_path, metavar="FILE", help="write B as it would have to be to agree with A")
     add("--json", action="store_true", help="print the summary as JSON")
 

@@ -23,7 +23,9 @@ def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_pat
     said = command("diagnose", arms[0], other, "--out", out, "--fix", fix, "--matrix", status=1).out
     assert "joint4: damping 0.2400 N m s/rad in B, 0.1400 N m s/rad in A" in " ".join(said.split())
     assert {path.name for path in out.iterdir()} >= {"report.md", "report.html", "diagnosis.json", "plots"}
-    assert {path.name for path in (out / "plots").iterdir()} == {"torques-by-joint.svg", "torques-by-hypothesis.svg"}
+    assert {path.name for path in (out / "plots").iterdir()} == {
+        *("machines.svg", "torques-by-joint.svg", "torques-by-cause.svg")
+    }
     found = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
     assert found["differences"][0]["what"] == "damping"
     assert found["backfill"]["on"] == "file"

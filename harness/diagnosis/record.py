@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from datetime import UTC, datetime
 from typing import Any
 
 from screwgauge.diagnosis.causes.attribution import Attribution, Cause
@@ -10,7 +11,9 @@ from screwgauge.diagnosis.diagnose import Diagnosis
 from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.model import Model
 
-SCHEMA = 1
+SCHEMA = 2
+#: What shares of causes are of.
+SCALE = "projection on the torque difference at random states, torques of each unit over the largest of it"
 
 
 def summary(found: Diagnosis) -> dict[str, Any]:
@@ -18,6 +21,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
     why, proof = found.attribution, found.proof
     return {
         "schema": SCHEMA,
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "headline": found.headline,
         "verdict": found.verdict,
         "same": found.same,
@@ -34,6 +38,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "order": found.order and asdict(found.order),
         "growth": found.growth and asdict(found.growth),
         "attribution": why and _attribution(why),
+        "torque_by_joint": [dict(zip(("component", "before", "after"), each, strict=True)) for each in found.by_joint],
         "soft_equalities": found.soft and _attribution(found.soft),
         "backfill": proof and {"on": proof.on, "left": asdict(proof.left), "why_not": proof.why_not},
         "libraries_together": found.together and asdict(found.together),
@@ -64,6 +69,7 @@ def _attribution(why: Attribution) -> dict[str, Any]:
         "before": asdict(why.before),
         "left": asdict(why.left),
         "share": why.share,
+        "scale": SCALE,
         "causes": [_cause(cause) for cause in why.causes],
     }
 

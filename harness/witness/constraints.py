@@ -12,8 +12,8 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array, cross, quaternion_rotation, rotation_vector
-from screwgauge.witness.kinematics import Motion, Moving, move
-from screwgauge.witness.tree import FREEDOMS, CoupledColumn, Frames, States, Tree, stacked
+from screwgauge.witness.kinematics import Motion, move
+from screwgauge.witness.tree import FREEDOMS, CoupledColumn, States, Tree
 
 #: Newton's steps, and how far one goes at most [rad or m]; gaps that are rounding [rad or lengths of
 #: the machine, or m where it is smaller].
@@ -22,12 +22,6 @@ STEPS, FAR, CLOSED = 40, 0.5, 1e-11
 DEPENDENT = 1e-8
 #: Singular values between these shares are of a singular pose, found to the square root of rounding or so.
 UNCLEAR = 1e-11, 1e-5
-
-
-def _ends(tree: Tree) -> Frames:
-    """First frames of all closures, then the second ones."""
-    closures = tree.closures.values()
-    return stacked([each.first for each in closures] + [each.second for each in closures])
 
 
 def closure_gaps(tree: Tree, motion: Motion, order: int = 0) -> dict[str, Array]:
@@ -39,8 +33,8 @@ def closure_gaps(tree: Tree, motion: Motion, order: int = 0) -> dict[str, Array]
     Returns:
         Closure -> shape (n, 3) of points, (n, 6) of welds.
     """
-    ends, m = motion.links.frames(_ends(tree)), len(tree.closures)
-    first, second = (Moving(*(getattr(ends, name)[:, half] for name in "Rpwvba")) for half in _halves(m))
+    ends, m = motion.closures, len(tree.closures)
+    first, second = ends.part(slice(m)), ends.part(slice(m, None))
     linear = getattr(second, "pva"[order]) - getattr(first, "pva"[order])
     if order:
         angular = getattr(second, "Rwb"[order]) - getattr(first, "Rwb"[order])
@@ -51,10 +45,6 @@ def closure_gaps(tree: Tree, motion: Motion, order: int = 0) -> dict[str, Array]
         name: whole[:, i] if closure.kind == "weld" else linear[:, i]
         for i, (name, closure) in enumerate(tree.closures.items())
     }
-
-
-def _halves(m: int) -> tuple[slice, slice]:
-    return slice(m), slice(m, None)
 
 
 def coupling_gaps(tree: Tree, states: States, order: int = 0) -> Array:
@@ -82,8 +72,8 @@ def closure_rows(tree: Tree, motion: Motion) -> dict[str, Array]:
     Returns:
         Closure -> shape (n, 3, n_freedom) of points, (n, 6, n_freedom) of welds.
     """
-    ends, m = _ends(tree), len(tree.closures)
-    J = motion.jacobian(ends, motion.links.frames(ends).p)
+    m = len(tree.closures)
+    J = motion.jacobian(tree.ends, motion.closures.p)
     rows = J[:, m:] - J[:, :m]
     return {
         name: rows[:, i] if closure.kind == "weld" else rows[:, i, 3:]

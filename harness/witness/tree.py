@@ -137,17 +137,23 @@ class Tree:
         return stacked([link.start for link in self.links])
 
     @cached_property
-    def single(self) -> tuple[Rows, Rows, Array, Array, Array, Array]:
-        """Of hinges and slides: positions among the links, columns, zeros, axes times sign, and which turn and slide.
+    def single(self) -> tuple[Rows, Rows, Array, Array, Array]:
+        """Of hinges and slides: positions among the links, columns, zeros, axes times sign, and 1 where they turn.
 
-        Shapes (k,), (k,), (k,), (k, 3), (k, 1), (k, 1).
+        Shapes (k,), (k,), (k,), (k, 3), (k, 1).
         """
         some = [i for i, link in enumerate(self.links) if FREEDOMS[link.kind] == 1]
         links = [self.links[i] for i in some]
         turns = np.array([[float(link.kind == "hinge")] for link in links]).reshape(-1, 1)
         axes = np.array([link.sign * link.axis for link in links]).reshape(-1, 3)
         columns = np.array([link.coordinate for link in links], dtype=np.intp)
-        return np.array(some, dtype=np.intp), columns, np.array([x.zero for x in links]), axes, turns, 1.0 - turns
+        return np.array(some, dtype=np.intp), columns, np.array([x.zero for x in links]), axes, turns
+
+    @cached_property
+    def ends(self) -> Frames:
+        """First frames of all closures, then the second ones."""
+        closures = self.closures.values()
+        return stacked([each.first for each in closures] + [each.second for each in closures])
 
     @cached_property
     def levels(self) -> tuple[tuple[Rows, Rows], ...]:
@@ -174,6 +180,16 @@ class Tree:
             number[own], turns[own] = i, [link.kind != "slide"] * min(wide, 3) + [False] * (wide - 3)
             axes[own] = np.resize(np.eye(3), (wide, 3)) if wide > 1 else link.sign * link.axis
         return number, axes, turns
+
+    @cached_property
+    def rates(self) -> tuple[list[Rows], list[Rows]]:
+        """Velocities that turn, and those that slide, in groups of which no two move one link from the link before."""
+        number, _, turns = self.velocity
+        first = np.array([0, *(link.velocity for link in self.links)])[number]
+        turn = np.where(number > 0, (np.arange(self.freedom) - first) % 3, -1)
+        found = ([np.flatnonzero((turn == k) & kind) for k in range(3)] for kind in (turns, ~turns))
+        spins, slides = ([columns for columns in groups if columns.size] for groups in found)
+        return spins, slides
 
     @cached_property
     def carries(self) -> Array:

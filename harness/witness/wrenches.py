@@ -117,8 +117,8 @@ def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, 
 
 def _frames(tree: MechanismTree, motion: Motion, joint: Joint) -> tuple[Array, Array, Array]:
     """World axes of a joint's frames on its parent and on its child, and where the second is."""
-    sides = motion.links.frames(stacked([tree.on(body, frame) for body, frame in joint.sides]))
-    return sides.R[:, 0], sides.R[:, 1], sides.p[:, 1]
+    R, p = motion.links.poses(stacked([tree.on(body, frame) for body, frame in joint.sides]))
+    return R[:, 0], R[:, 1], p[:, 1]
 
 
 def held(joint: Joint, near: Array, far: Array) -> dict[str, Array]:

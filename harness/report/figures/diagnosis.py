@@ -8,6 +8,7 @@ from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import Spec
 from screwgauge.report.figures.looks import numbered
+from screwgauge.report.stage.machines import machines
 
 if TYPE_CHECKING:
     from screwgauge.diagnosis.diagnose import Diagnosis
@@ -18,9 +19,10 @@ FLOOR = 1e-17  # what is zero is drawn so small
 
 
 def make_plots(found: Diagnosis) -> list[Picture]:
-    """All pictures; none where the torques agree."""
+    """All pictures: the machines where they differ, and of torques where these do."""
+    pictures = [machines(found)] if found.differences else []
     if found.attribution is None or not found.attribution.seen:
-        return []
+        return pictures
     rows, told = sorted(found.by_joint, key=lambda row: -row[1])[:MOST], {"as they are": 1, "after backfill": 2}
     points: list[Spec] = [
         {"joint": row[0], "when": name, "x": max((row[1], row[2])[k - 1], FLOOR)}
@@ -34,6 +36,7 @@ def make_plots(found: Diagnosis) -> list[Picture]:
     shares = [(cause.name, 100.0 * cause.share) for cause in ranked]
     bars = chart.filled("shares", bars=[{"change": name, "x": x, "text": f"{x:.3g} %"} for name, x in shares])
     return [
+        *pictures,
         chart.picture("torques-by-joint", "Torque difference by joint", lambda moving: joints),
-        chart.picture("torques-by-hypothesis", "What explains the torque difference", lambda moving: bars),
+        chart.picture("torques-by-cause", "What explains the torque difference", lambda moving: bars),
     ]

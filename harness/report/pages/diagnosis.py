@@ -13,10 +13,11 @@ from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.static import sorted_by_size
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.record import summary
-from screwgauge.report.blocks import Banner
+from screwgauge.report.blocks import Banner, Heading, Items
 from screwgauge.report.figures.diagnosis import make_plots
 from screwgauge.report.formatting import Row, number, size, unit_text
 from screwgauge.report.layout import Report
+from screwgauge.report.terminal import terminal
 
 
 def _banners(found: Diagnosis) -> list[Banner]:
@@ -41,9 +42,15 @@ def _differences(found: Diagnosis) -> list[Row]:
     return [*map(line, sorted_by_size(found.differences))]
 
 
+TORQUES = "inverse dynamics"
+
+
 def _causes(found: Diagnosis) -> list[Row]:
     """A row for each cause."""
-    return [{"share": _share(cause), "cause": cause.sentence, "of": len(cause.differences)} for cause in found.causes]
+    return [
+        {"share": _share(cause), "cause": cause.sentence, "short": cause.short, "of": len(cause.differences)}
+        for cause in found.causes
+    ]
 
 
 def _share(cause: Cause) -> str:
@@ -57,11 +64,11 @@ def _scale(found: Diagnosis) -> str:
     """What shares are of."""
     if found.attribution is None or not found.attribution.seen:
         return ""
-    most = found.attribution.before
+    rows = (row for row in found.rows if row.quantity == TORQUES)
+    most = next((f", at most {number(row.max_abs, 3)} {unit_text(row.unit)}" for row in rows), "")
     return (
-        f"Shares are of the torque difference at {STATES} random states (at most {number(most.value, 4)} "
-        f"{unit_text(most.unit)}, at {most.component}), torques of each unit over the largest of it; a negative one "
-        "makes up for others."
+        f"Shares are of the torque difference at {STATES} random states{most}, torques of each unit over the largest "
+        "of it; a negative one makes up for others."
     )
 
 
@@ -103,6 +110,12 @@ def _file(model: Model) -> str:
     read = f"{model.label}, read by {model.library}"
     read += f", SHA-256 {model.sha256}" if model.sha256 else ""
     return f"{read}; loops of {model.loops}, SHA-256 {model.loops_sha256}" if model.loops else read
+
+
+def every_difference(found: Diagnosis) -> str:
+    """What is printed, and each difference."""
+    said = Items(tuple(each.sentence for each in sorted_by_size(found.differences)))
+    return terminal([*PAGE.terminal(found), *([Heading("All differences"), said] if found.differences else [])])
 
 
 PAGE = Report(
