@@ -212,13 +212,15 @@ def _commands() -> str:
         parts.append(f"## {group.capitalize()}")
         for name in names:
             command = known[name]
+            what, example = (command.description or "").split("\n\nexample: ")
             shown = [each for each in command._actions if not {*each.option_strings} & {"--help", "--debug", "--force"}]
             shown.sort(key=lambda each: (bool(each.option_strings), "--out" in each.option_strings))
             taken = [each for each in shown if not each.option_strings]
             usage = " ".join(
                 f"[{x.metavar or x.dest}{' ...' * (x.nargs == '*')}]" if x.nargs else x.metavar for x in taken
             )
-            parts += [f"### {name}", f"`screwgauge {name} {usage}`".replace(" `", "`"), command.description]
+            parts += [f"### {name}", f"`screwgauge {name} {usage}`".replace(" `", "`"), what]
+            parts.append(f"```\n{example}\n```")
             parts.append("\n".join(["| argument | meaning |", "|---|---|", *map(_argument, shown)]))
             if command.epilog in (STRESS_STATUS, DIAGNOSE_STATUS):
                 parts.append(" ".join(command.epilog.split()).capitalize() + ".")
