@@ -149,6 +149,8 @@ def bench(options: argparse.Namespace) -> int:
     if options.budget is not None:
         plan = replace(plan, budget=given_run.check_budget(options.budget))
     more: dict[str, Any] = {"plan": plan, "contestants": _names(options.contestants)}
+    if options.jobs is not None or options.cluster is not None:
+        more["execute"] = executor(options)
     if scene.simulated:
         contest = forward_run.contest
         carry_out(SIMULATION, out, lambda progress: contest(scene, progress=progress, **more), force=options.force)
