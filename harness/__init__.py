@@ -11,10 +11,11 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from screwgauge.api import check, compile, run
-    from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
+    from screwgauge.api import check, compile, diagnose, run
+    from screwgauge.diagnosis.diagnose import Diagnosis
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
+    from screwgauge.report.diagnosed import DiagnosisReport
     from screwgauge.report.gate import Check
     from screwgauge.report.results import Results
     from screwgauge.scene.exciting import exciting
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Check",
     "Diagnosis",
+    "DiagnosisReport",
     "Limits",
     "Recorded",
     "Results",
@@ -45,6 +47,7 @@ __all__ = [
 _HOMES = {
     "Check": "screwgauge.report.gate",
     "Diagnosis": "screwgauge.diagnosis.diagnose",
+    "DiagnosisReport": "screwgauge.report.diagnosed",
     "Limits": "screwgauge.study.isolation",
     "Recorded": "screwgauge.scene.recorded",
     "Results": "screwgauge.report.results",
@@ -52,7 +55,7 @@ _HOMES = {
     "ScrewgaugeError": "screwgauge.reference.errors",
     "check": "screwgauge.api",
     "compile": "screwgauge.api",
-    "diagnose": "screwgauge.diagnosis.diagnose",
+    "diagnose": "screwgauge.api",
     "exciting": "screwgauge.scene.exciting",
     "load_scene": "screwgauge.scene.read",
     "random": "screwgauge.families.draw",

@@ -9,8 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from screwgauge.diagnosis.deadline import LIMIT
+
 if TYPE_CHECKING:
+    from screwgauge.diagnosis.model import Loops, Read, Weighed
     from screwgauge.engines.screw.compiled import Solver
+    from screwgauge.report.diagnosed import DiagnosisReport
     from screwgauge.report.gate import Check
     from screwgauge.report.results import Results
     from screwgauge.scene.scene import Scene
@@ -79,6 +83,50 @@ def check(
     execute = InTurn() if limits is None else Processes(jobs, limits)
     more = {"smoke": smoke, "tolerances": tolerances, "baseline": baseline}
     return check_with(execute, what, **more, progress=progress, journal=journal)
+
+
+def diagnose(
+    a: str | Path | Weighed,
+    b: str | Path | Weighed,
+    *,
+    map: str | Path | Mapping[str, str] | None = None,
+    seed: int = 0,
+    matrix: bool = False,
+    loops: Loops = None,
+    limit: float = LIMIT,
+    load: Read | None = None,
+) -> DiagnosisReport:
+    """Compares two models of a machine, says why they differ, and proves it.
+
+    Joints are paired by name, else by the tree and its geometry. What the files say is compared number by number,
+    motion and dynamics at random states of the machine. The differences are then put into B one after the other until
+    its torques are those of A: what explains how much of the torque difference, and that nothing else is left.
+
+    Args:
+        a, b: URDF, MJCF or description (a built-in name or a path), or ``FILE@LIBRARY`` as ``pinocchio``, ``mujoco`` or
+            ``yourdfpy`` reads it.
+        map: Joints and bodies of A with those of B where names and geometry do not tell, or a TOML file of them.
+        seed: Of the random states.
+        matrix: Read both files by all libraries, too.
+        loops: What closes the loops of URDFs where that does not lie beside them, ``robot.yaml`` or ``.loops.toml``:
+            one file for both, or one for each side, None for what lies beside it.
+        limit: Time after which nothing further is begun, what is not done being named in `left_out`; 3600 [s].
+        load: Reads a file; by default in this process, where a library that crashes takes it along.
+
+    Returns:
+        The diagnosis, true if the two are the same. `verdict` is a sentence or two, `differences` and `causes` have a
+        `sentence` each, and `write_fix` writes B as it would have to be.
+
+    Raises:
+        ScrewgaugeError: A file, or the map, cannot be read; or loops of neither model close.
+    """
+    from screwgauge.diagnosis.diagnose import diagnose as compared
+    from screwgauge.diagnosis.model import in_process
+    from screwgauge.report.diagnosed import DiagnosisReport
+
+    load = load or in_process
+    found = compared(a, b, map=map, seed=seed, matrix=matrix, loops=loops, limit=limit, load=load)
+    return DiagnosisReport(**{item.name: getattr(found, item.name) for item in fields(found)})
 
 
 def compile(

@@ -29,8 +29,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ("reference", "harness/engines", "harness/judging", "harness/truth", "harness/diagnosis/mechanics")
-ROOMS += ("models/kinematics",)
+ROOMS = ("reference", "harness/engines", "harness/judging", "harness/truth", "harness/witness")
 GOLDEN = "tests/golden/test_golden.py"
 SWAPS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Add: ("+", "-"),

@@ -190,8 +190,8 @@ def test_the_command_keeps_what_it_has_when_interrupted(tmp_path, capsys, monkey
     [
         (["--contestants", "nobody"], "unknown contestant 'nobody'"),
         (["--contestants", ","], "no contestant is named"),
-        (["--budget", "0"], "a budget of 0 s"),
-        (["--budget", "nan"], "a budget of nan s"),
+        (["--limit", "0"], "a limit of 0 s"),
+        (["--limit", "nan"], "a limit of nan s"),
         (["no-such-scene"], "unknown scene 'no-such-scene'"),
     ],
 )

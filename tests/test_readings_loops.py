@@ -117,8 +117,8 @@ def test_a_universal_joint_turns_about_two_axes_of_the_frame_of_its_link(turned,
     motion = move(tree, States(q[None], rest, rest))
     i = list(reading.bodies).index("palm")
     expected = (data.oMi[last] * still.oMi[last].inverse()).homogeneous @ reading.bodies["palm"].pose
-    np.testing.assert_allclose(motion.R[0, i], expected[:3, :3], rtol=0, atol=1e-14)
-    np.testing.assert_allclose(motion.p[0, i], expected[:3, 3], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(motion.bodies.R[0, i], expected[:3, :3], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(motion.bodies.p[0, i], expected[:3, 3], rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("name", ["shoulder", "elbow", "grip"])

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from screwgauge.study.isolation import Limits
 
 OUT = Path("screwgauge-out")
-#: What every command takes.
-ALWAYS = ("command", "debug", "force")
 
 
 def list_(options: argparse.Namespace) -> int:
@@ -146,8 +144,8 @@ def bench(options: argparse.Namespace) -> int:
     out = options.out or OUT / scene.name / "bench"
     study = forward_run if scene.simulated else given_run
     plan = study.QUICK if options.quick else study.FULL
-    if options.budget is not None:
-        plan = replace(plan, budget=given_run.check_budget(options.budget))
+    if options.limit is not None:
+        plan = replace(plan, budget=given_run.check_budget(options.limit))
     more: dict[str, Any] = {"plan": plan, "contestants": _names(options.contestants)}
     if options.jobs is not None or options.cluster is not None:
         more["execute"] = executor(options)
@@ -180,26 +178,23 @@ def stress(options: argparse.Namespace) -> int:
 
 
 def diagnose(options: argparse.Namespace) -> int:
-    """Compares two models, says why they differ and proves it; or shows a named discrepancy."""
-    if options.case is not None:
-        return _case(options)
+    """Compares two models, says why they differ and proves it."""
     from screwgauge.diagnosis.diagnose import diagnose
     from screwgauge.diagnosis.record import summary
     from screwgauge.environment import json_text
-    from screwgauge.report.pages.diagnosis import PAGE as page
+    from screwgauge.report.pages.diagnosis import PAGE, every_difference
     from screwgauge.study.loading import read_isolated, sides
 
-    if options.b is None:
-        raise DescriptionError("needs two models or a case", "diagnose", "write A B or --case ID")
     more = {name: getattr(options, name) for name in ("map", "seed", "matrix", "loops")}
     more |= {} if options.limit is None else {"limit": options.limit}
     if options.fix is not None:
         check_free(options.fix, _models(options), force=options.force)
+    tell = (lambda found: json_text(summary(found), escaped=True)) if options.json else None
     found = carry_out(
-        page,
+        PAGE,
         options.out or OUT / "diagnosis",
         lambda progress: diagnose(*sides(options.a, options.b, options.meshes), load=read_isolated, **more),
-        tell=(lambda found: json_text(summary(found), escaped=True)) if options.json else None,
+        tell=tell or (every_difference if options.all else None),
         inputs=_models(options),
         force=options.force,
     )
@@ -216,22 +211,19 @@ def _models(options: argparse.Namespace) -> list[Path]:
     return [Path(name) for name in named if name]
 
 
-def _case(options: argparse.Namespace) -> int:
-    """Shows a named discrepancy with the installed engines."""
+def casebook(options: argparse.Namespace) -> int:
+    """Shows a named discrepancy with the installed engines, or lists them."""
     from screwgauge.casebook.book import reproduce
     from screwgauge.report.casebook import blocks
+    from screwgauge.report.listing import listing
     from screwgauge.report.terminal import terminal
 
-    check_taken(options, "a case", "diagnose --case", "case")
-    result = reproduce(options.case)
+    if options.id is None:
+        say(listing("discrepancies"))
+        return 0
+    result = reproduce(options.id)
     say(terminal(blocks(result)))
     return 0 if result.ok else 3
-
-
-def check_taken(options: argparse.Namespace, what: str, where: str, *taken: str) -> None:
-    """Refuses options that something does not take by a DescriptionError."""
-    if given := [name for name, value in vars(options).items() if value and name not in (*taken, *ALWAYS)]:
-        raise DescriptionError(f"{what} takes no {', '.join(given)}", where, "leave that out")
 
 
 def limits(options: argparse.Namespace) -> Limits:

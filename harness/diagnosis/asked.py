@@ -10,13 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.compare import components
-from screwgauge.diagnosis.mechanics.closed import DEPENDENT, clear, closed, left
-from screwgauge.diagnosis.mechanics.dynamics import dynamics, passive_parts
-from screwgauge.diagnosis.mechanics.lines import size
 from screwgauge.engines.plain import Answers, Ask, Closing, JointStates
-from screwgauge.models.kinematics.closing import equations
-from screwgauge.models.kinematics.tree import States, Tree
+from screwgauge.models.kinematics import Tree, size
 from screwgauge.reference.rotations import Array
+from screwgauge.witness.constraints import DEPENDENT, admissible_projector, clear, closed, equations
+from screwgauge.witness.dynamics import dynamics, passive_parts
+from screwgauge.witness.tree import States
 
 #: Libraries that have dynamics, and what asks them.
 ASKED = {"pinocchio": "screwgauge.engines.pinocchio.plain", "mujoco": "screwgauge.engines.mujoco.plain"}
@@ -111,7 +110,7 @@ def loop_pairs(path: Path, library: str, tree: Tree, states: States, *, floating
     own, slides = equations(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])
     if said.rows.shape != own.rows.shape:  # it keeps others besides, which no reading has
         return {}
-    (one, _), (two, sure) = (left(rows, slides, size(tree.reading)) for rows in (said.rows, own.rows))
+    (one, _), (two, sure) = (admissible_projector(rows, slides, size(tree.reading)) for rows in (said.rows, own.rows))
     # least squares amplify rounding, of rows and of what is left open, by the square of the condition number
     weight = sure[:, None, None] ** 2
     here, there = (weight * (np.linalg.pinv(e.rows, rcond=DEPENDENT) @ e.bias[..., None]) for e in (said, own))

@@ -14,19 +14,27 @@ from numpy.typing import NDArray
 
 from screwgauge.diagnosis.asked import ASKED, answers
 from screwgauge.diagnosis.compare import Row, components, row_of
-from screwgauge.diagnosis.mechanics.closed import CLOSED, DEPENDENT, FAR, STEPS, closed, left, near_home
-from screwgauge.diagnosis.mechanics.dynamics import dynamics, passive_parts
-from screwgauge.diagnosis.mechanics.lines import size
 from screwgauge.diagnosis.mechanics.reshape import ordered
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map, weighed
-from screwgauge.models.kinematics.closing import equations
-from screwgauge.models.kinematics.tree import States, Tree, draw, home, moved, plant
-from screwgauge.models.placement import adjoint, quaternion, quaternion_rotation
+from screwgauge.models.kinematics import Tree, draw, home, near_home, plant, size
+from screwgauge.models.placement import adjoint, quaternion
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import FREEDOMS
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, quaternion_rotation
+from screwgauge.witness.constraints import (
+    CLOSED,
+    DEPENDENT,
+    FAR,
+    STEPS,
+    admissible_projector,
+    closed,
+    equations,
+    stepped,
+)
+from screwgauge.witness.dynamics import dynamics, passive_parts
+from screwgauge.witness.tree import States
 
 #: States at which libraries are asked.
 STATES = 12
@@ -173,7 +181,7 @@ def _torques(first: _Side, second: _Side, seed: int) -> tuple[Array, Array, Arra
         return None
     here, there, ours, theirs = (each.at(found) for each in (here, there, ours, theirs))
     rows = equations(first.common, here).rows, equations(second.common, there).rows @ C
-    P, sure = left(np.concatenate(rows, axis=1), slides, size(first.common.reading))
+    P, sure = admissible_projector(np.concatenate(rows, axis=1), slides, size(first.common.reading))
     taus = _tau(first, ours), _tau(second, theirs) @ C
     mine, other = (sure[:, None] * (P @ (length * tau)[..., None])[..., 0] / length for tau in taus)
     return mine, other, taus[0]
@@ -222,7 +230,7 @@ def _own_part(side: _Side, states: States) -> tuple[States, NDArray[np.bool_]]:
         step = np.zeros_like(qd)
         step[:, n:] = -(back @ at.gap[..., None])[..., 0]
         step *= np.minimum(1.0, FAR / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
-        out = replace(out, q=moved(tree, out.q, step))
+        out = replace(out, q=stepped(tree, out.q, step))
     at = equations(tree, out)
     qd[:, n:] = -(back @ at.rows[..., :n] @ qd[:, :n, None])[..., 0]
     rest = at.rows[..., :n] @ qdd[:, :n, None] + equations(tree, out).bias[..., None]

@@ -11,12 +11,13 @@ from screwgauge.diagnosis.asked import ASKED, Pair, answers, loop_pairs, pairs
 from screwgauge.diagnosis.causes.fitting import PASSIVE, fitted
 from screwgauge.diagnosis.causes.growth import SPEEDS, Growth, growth
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.mechanics.dynamics import not_modelled, passive_parts
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import weighed
 from screwgauge.engines.plain import Answers
-from screwgauge.models.kinematics.tree import States, Tree, draw, plant
+from screwgauge.models.kinematics import Tree, draw, not_modelled, plant
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.witness.dynamics import passive_parts
+from screwgauge.witness.tree import States
 
 #: Scaled differences of an engine from the dynamics of its reading beyond this are no rounding: 1e-14 is usual.
 ROUNDING = 1e-11

@@ -11,8 +11,9 @@ import numpy as np
 from screwgauge.judging.answer import Answer, Row, largest
 from screwgauge.judging.integration import MOST, SAFETY
 from screwgauge.quantities import FLOOR
-from screwgauge.reference.applied import JointSpring, Spring
 from screwgauge.reference.rotations import Array
+from screwgauge.witness.dynamics import kinetic_energy
+from screwgauge.witness.wrenches import spring_energy
 
 
 def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Iterator[Row]:
@@ -53,22 +54,6 @@ def _balance(answer: Answer) -> tuple[Array, float] | None:
 
 def energies(answer: Answer) -> tuple[Array, Array, Array]:
     """Kinetic, of gravity, of springs [J]. Shape (n,) each."""
-    mechanism, com = answer.mechanism, answer.motions.com
-    mass = np.array([body.mass for body in mechanism.bodies])
-    inertia = np.stack([body.inertia for body in mechanism.bodies])
-    w = np.einsum("nbji,nbj->nbi", com.R, com.w)  # in body axes
-    kinetic = 0.5 * (np.sum(com.v**2, axis=2) @ mass + np.einsum("nbi,bij,nbj->n", w, inertia, w))
-    gravity = -(com.p @ answer.applied.g) @ mass
-    springs = np.zeros_like(gravity)
-    for spring in answer.applied.springs:
-        springs += 0.5 * spring.stiffness * _stretch(answer, spring) ** 2
-    return kinetic, gravity, springs
-
-
-def _stretch(answer: Answer, spring: Spring) -> Array:
-    mechanism, bodies = answer.mechanism, answer.motions.bodies
-    if isinstance(spring, JointSpring):
-        return answer.q[:, mechanism.coordinates.index(spring.coordinate)] - spring.rest
-    i, j = mechanism.body_index[spring.first], mechanism.body_index[spring.second]
-    way = bodies.p[:, j] + bodies.R[:, j] @ spring.second_point - bodies.p[:, i] - bodies.R[:, i] @ spring.first_point
-    return np.asarray(np.linalg.norm(way, axis=1) - spring.rest)
+    gravity = -(answer.motion.com.p @ answer.applied.g) @ answer.tree.matter.mass
+    springs = spring_energy(answer.tree, answer.motion, answer.q, answer.applied)
+    return kinetic_energy(answer.motion), gravity, springs

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from screwgauge.judging.allowed import Allowed
 from screwgauge.judging.answer import Answer, Row, largest
-from screwgauge.judging.balance import required_wrenches
-from screwgauge.judging.kinetics import across, unit_motions
+from screwgauge.judging.newton_euler_residuals import required_wrenches
 from screwgauge.reference.graph import Layout, spanning_tree
-from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.rotations import Array
+from screwgauge.witness.dynamics import along
+from screwgauge.witness.joints import open_tree
+from screwgauge.witness.kinematics import move
+from screwgauge.witness.tree import States
 
 TREE_FORCES = ("tree_force", "tree_force_soft")
 
 
-def tree_forces(answer: Answer, allowed: Allowed) -> Iterator[Row]:
+def tree_forces(answer: Answer) -> Iterator[Row]:
     """Reported forces less the work that gravity and inertia of the bodies want, one joint of the tree moving alone.
 
     The tree is that of the joints named. One that leads to a body which another joint reaches leads to a copy of that
@@ -38,7 +39,7 @@ def tree_forces(answer: Answer, allowed: Allowed) -> Iterator[Row]:
             yield {**row, "reason": "its components are not the joint coordinates of a tree of the mechanism"}
             continue
         if names not in needed:
-            needed[names] = _required(answer, allowed, tree, joints)[:, mechanism.columns(names)]
+            needed[names] = _required(answer, tree, {joint.name for joint in joints})[:, mechanism.columns(names)]
         for unit in dict.fromkeys(values.units):
             right = needed[names][:, units == unit]
             left = values.array[:, units == unit] - right
@@ -46,24 +47,9 @@ def tree_forces(answer: Answer, allowed: Allowed) -> Iterator[Row]:
             yield answer.residual(quantity, unit, some, left, largest(right), (quantity,))
 
 
-def _required(answer: Answer, allowed: Allowed, tree: Layout, joints: Sequence[Joint]) -> Array:
+def _required(answer: Answer, graph: Layout, joints: Collection[str]) -> Array:
     """Force along each joint coordinate of the open tree of some joints. Shape (n, n_q)."""
-    mechanism, index, q = answer.mechanism, answer.mechanism.body_index, answer.q
-    # ground has no copies: a joint that ends there leads from it to a copy of the other body
-    copied = [(joint, joint.child == GROUND) for joint in tree.cuts if joint in joints]
-    ends = [joint.parent if reverse else joint.child for joint, reverse in copied]
-    shares = np.array([1.0 / (1 + ends.count(body.name)) for body in mechanism.bodies])
-    wrenches = required_wrenches(answer, loaded=False)[0] * shares[:, None]
-    alike = [edge.joint for edge in tree.edges] == [edge.joint for edge in answer.tree.edges]
-    force = np.zeros_like(q)
-    for column, motions in enumerate(allowed.units if alike else unit_motions(mechanism, tree, q, range(q.shape[1]))):
-        force[:, column] = np.sum(wrenches * motions.velocities, axis=(1, 2))
-        for (joint, reverse), end in zip(copied, ends, strict=True):
-            own = mechanism.columns(joint.coordinates)
-            rates = np.zeros((3, len(q), len(own)))
-            rates[0], rates[1] = q[:, own], np.equal(own, column)
-            start = motions.bodies.one(index[joint.child if reverse else joint.parent])
-            copy = across(joint, start, rates, reverse=reverse)
-            at = copy.shifted(copy.R @ mechanism.body(end).com)
-            force[:, column] += np.sum(wrenches[:, index[end] - 1] * np.concatenate([at.v, at.w], axis=1), axis=1)
-    return force
+    tree, bodies, shares = open_tree(answer.mechanism, graph, joints)
+    still = np.zeros_like(answer.q)
+    wrenches = required_wrenches(answer, loaded=False)[0][:, bodies] * shares[:, None]
+    return along(move(tree, States(answer.q, still, still)), wrenches)

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.judging.allowed import Allowed
 from screwgauge.judging.answer import Answer, Row, largest
-from screwgauge.judging.exerted import unit_forces
+from screwgauge.judging.newton_euler_residuals import amount, unit_wrenches_of
 from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.solution import Values
+from screwgauge.witness.admissible_motion import AdmissibleMotion
 
 
 def _ruled(answer: Answer) -> bool:
@@ -37,13 +37,14 @@ def balanced(answer: Answer, required: Array) -> Answer:
 def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
     """The answer with a quantity that is what the balance of all bodies leaves open beside the other."""
     other = {"reaction": "actuator_force", "actuator_force": "reaction"}[quantity]
-    right, unknown = required.copy(), list(unit_forces(answer, quantity))
-    for unit in unit_forces(answer, other):
-        for body, wrench in unit.sides(answer):
-            right[:, body] -= unit.amount(answer) * wrench
+    right, unknown = required.copy(), [unit for _, unit in unit_wrenches_of(answer, quantity)]
+    tree, com = answer.tree, answer.motion.com
+    for _, unit in unit_wrenches_of(answer, other):
+        for body, wrench in unit.on_bodies(tree, com):
+            right[:, body] -= amount(answer, other, unit) * wrench
     columns = np.zeros((*required.shape, len(unknown)))
     for k, unit in enumerate(unknown):
-        for body, wrench in unit.sides(answer):
+        for body, wrench in unit.on_bodies(tree, com):
             columns[:, body, :, k] += wrench
     n, length = len(required), answer.scales["m"]  # by which equations and unknowns are forces
     rows = np.tile([1.0, 1.0, 1.0, length, length, length], required.shape[1])
@@ -54,19 +55,19 @@ def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
     return replace(answer, values={**answer.values, quantity: solved})
 
 
-def force_rule(answer: Answer, allowed: Allowed) -> Iterator[Row]:
+def force_rule(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Row]:
     """What the forces of redundant actuators leave over of the rule that fixes them."""
     if _ruled(answer):
-        yield from _axial(answer) if answer.rule == "spherical_axial" else _smallest(answer, allowed)
+        yield from _axial(answer) if answer.rule == "spherical_axial" else _smallest(answer, admissible)
 
 
-def _smallest(answer: Answer, allowed: Allowed) -> Iterator[Row]:
+def _smallest(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Row]:
     """The part of the actuator forces that moves nothing: those of the smallest norm have none.
 
-    They are orthogonal to every preload, which does no work on any allowed motion.
+    They are orthogonal to every preload, which does no work on any admissible motion.
     """
     mechanism, f = answer.mechanism, answer["actuator_force"]
-    rates = allowed.partial[0][:, mechanism.actuated_columns]
+    rates = admissible.partial[:, mechanism.actuated_columns]
     working = np.linalg.qr(rates / np.maximum(np.linalg.norm(rates, axis=1, keepdims=True), np.finfo(float).tiny))[0]
     preload = f - (working @ (working.swapaxes(1, 2) @ f[..., None]))[..., 0]
     units = np.array(mechanism.actuator_units)
@@ -84,12 +85,12 @@ def _axial(answer: Answer) -> Iterator[Row]:
         return
     name, direction = mechanism.axial
     joint, F, sizes = mechanism.joint(name), np.zeros((len(answer.t), 3)), []
-    for unit in unit_forces(answer, "reaction"):
+    for quantity, unit in unit_wrenches_of(answer, "reaction"):
         for act in unit.acts:
-            force = unit.amount(answer) * act.force
+            force = amount(answer, quantity, unit) * act.force
             sizes.append(largest(force))
             if act.joint is joint:
                 F += force
-    line = answer.motions.bodies.R[:, mechanism.body_index[joint.child]] @ direction
+    line = answer.motion.bodies.R[:, mechanism.body_index[joint.child] - 1] @ direction
     names = [f"{name}.f{axis}" for axis in "xyz"]
     yield answer.residual("force_rule", "N", names, cross(line, F), max(sizes), ("reaction", "actuator_force"))

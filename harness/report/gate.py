@@ -14,6 +14,7 @@ from screwgauge.environment import json_text
 from screwgauge.reference.errors import first_few, printable
 from screwgauge.report.blocks import Banner, Heading
 from screwgauge.report.formatting import beyond, digits_text, number, size, unit_text
+from screwgauge.report.html import fragment
 from screwgauge.report.layout import Report
 from screwgauge.report.markdown import markdown
 from screwgauge.report.terminal import terminal
@@ -88,6 +89,9 @@ class Check:
 
     def __repr__(self) -> str:
         return terminal(PAGE.terminal(self))
+
+    def _repr_html_(self) -> str:
+        return fragment(PAGE.terminal(self))
 
     def markdown(self) -> str:
         """The summary of a job."""

@@ -7,15 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.judging.kinetics import unit_motions
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, States, Task, spread
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.rotations import Array, cross
+from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
 from screwgauge.study.reference import Reference, reference_values
 from screwgauge.study.runner import model_files, write_scene_models
+from screwgauge.witness.joints import mechanism_tree
+from screwgauge.witness.kinematics import move
+from screwgauge.witness.tree import States as JointStates
+from screwgauge.witness.tree import stacked
 
 #: What is measured of given motions, in this order.
 QUANTITIES = ("joint_position", "joint_velocity", "joint_acceleration", "actuator_force")
@@ -90,14 +93,15 @@ def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, app
         Shape (n, n_coordinate).
     """
     out = np.zeros((len(q), len(coordinates)))
-    columns = [mechanism.coordinates.index(name) for name in coordinates if applied.loads]
-    for k, motions in enumerate(unit_motions(mechanism, spanning_tree(mechanism), q, columns)):
-        bodies = motions.bodies
-        for load in applied.loads:
-            i = mechanism.body_index[load.body]
-            point = mechanism.body(load.body).com if load.point is None else load.point
-            v = bodies.v[:, i] + cross(bodies.w[:, i], bodies.R[:, i] @ point)
-            out[:, k] += v @ load.force + bodies.w[:, i] @ load.torque
+    if not applied.loads:
+        return out
+    tree, still = mechanism_tree(mechanism, spanning_tree(mechanism)), np.zeros_like(q)
+    motion, columns = move(tree, JointStates(q, still, still)), mechanism.columns(coordinates)
+    for load in applied.loads:
+        point = mechanism.body(load.body).com if load.point is None else load.point
+        at = stacked([tree.body_frames[load.body].placed(np.eye(3), point)])
+        J = motion.jacobian(at, motion.links.frames(at).p)[:, 0][..., columns]
+        out += load.torque @ J[:, :3] + load.force @ J[:, 3:]
     return out
 
 

@@ -7,10 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
-from screwgauge.models.kinematics.closing import equations
-from screwgauge.models.kinematics.tree import States, Tree, home, moved
+from screwgauge.models.kinematics import Tree, home
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array
+from screwgauge.witness.constraints import equations, stepped
+from screwgauge.witness.tree import States
 
 #: Residual that counts as closed [rad or lengths of the model]; descriptions are held to 1e-9.
 CLOSED = 1e-11
@@ -111,7 +112,7 @@ class Loops:
 
     def stepped(self, q: Array, step: Array) -> Array:
         """Coordinates after a step of all velocities without dimension, shape (n_freedom,)."""
-        return np.asarray(moved(self.tree, q[None], (step * self.size)[None])[0])
+        return np.asarray(stepped(self.tree, q[None], (step * self.size)[None])[0])
 
     def newton(self, q: Array) -> tuple[Array, float]:
         """Closes the loops from coordinates by the shortest steps (Levenberg-Marquardt).

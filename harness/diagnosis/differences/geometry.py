@@ -16,9 +16,9 @@ from scipy.optimize import least_squares
 
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Change, applied, axis, outwards
-from screwgauge.diagnosis.mechanics.lines import apart, size
+from screwgauge.diagnosis.mechanics.lines import apart
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common, owned
-from screwgauge.models.kinematics.home import moved, rehomed
+from screwgauge.models.kinematics import moved, rehomed, size
 from screwgauge.models.readings.assemble import exponential
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, rotation_vector

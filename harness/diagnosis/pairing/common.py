@@ -8,18 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, applied, outwards
-from screwgauge.diagnosis.mechanics.dynamics import downwards
 from screwgauge.diagnosis.mechanics.lines import CLOSE, fitting
 from screwgauge.diagnosis.mechanics.reshape import held, ordered, placed
 from screwgauge.diagnosis.pairing.mapping import Pairing
-from screwgauge.models.kinematics.home import rehomed
-from screwgauge.models.kinematics.tree import States, Tree
-from screwgauge.models.placement import adjoint, quaternion_rotation
+from screwgauge.models.kinematics import Tree, downwards, rehomed
+from screwgauge.models.placement import adjoint
 from screwgauge.models.readings.collapse import collapsed
 from screwgauge.models.readings.naming import NUMBERED
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.renamed import renamed
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, quaternion_rotation
+from screwgauge.witness.tree import States
 
 #: Gravity of a file that cannot say it [m/s^2].
 STANDARD = np.array([0.0, 0.0, -9.81])

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.tree.protocol import BodyPoses, shifted
+from screwgauge.engines.tree.protocol import BodyPoses, Tree, shifted
 from screwgauge.models.loops import LoopsFile
 from screwgauge.models.readings.overheard import overheard
 from screwgauge.reference.couplings import bind
@@ -43,7 +43,7 @@ def _load(urdf: Path) -> pin.Model:
     return model
 
 
-class PinocchioTree:
+class PinocchioTree(Tree):
     """A loaded URDF. See `screwgauge.engines.tree.protocol.Tree` for shapes."""
 
     def __init__(self, urdf: Path, file: LoopsFile) -> None:
@@ -124,10 +124,6 @@ class PinocchioTree:
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         model, data = self.model, self.data
         return np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
-
-    def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
-        """Pinocchio's constraints are rigid: the same as `tree_force`."""
-        return self.tree_force(q, v, a), 0.0
 
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
         """See `screwgauge.engines.tree.protocol.Tree`. Forces of joints are taken in the joints' own frames."""

@@ -122,7 +122,7 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
     run.keep(float(task.grid[0]), state)
     steps = _Steps(run, task, progress)
     stopped = steps.all(state) if len(task.grid) > 1 else ""
-    notes = list(mover.notes())
+    notes = list(mover.notes)
     if run.closed:
         residual, rate = run.drift
         notes.append(f"largest drift off the closed loops that was removed: {residual:.1e} (m, rad), {rate:.1e} /s")

@@ -101,7 +101,7 @@ def check_budget(seconds: float) -> float:
         DescriptionError: It is no positive number of seconds.
     """
     if not 0.0 < seconds < np.inf:
-        raise DescriptionError(f"a budget of {seconds:g} s", "--budget", "give a positive number of seconds")
+        raise DescriptionError(f"a limit of {seconds:g} s", "--limit", "give a positive number of seconds")
     return seconds
 
 

@@ -115,7 +115,7 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
     """Loop gap, constraint forces, energy and joint positions, bodies being where the tree puts them."""
     rows = np.arange(len(solution.condition))
     answer = answer_at(question.mechanism, question.problem, solution, rows)
-    gaps = np.linalg.norm(closure_residuals(question.mechanism, answer.motions)[0], axis=2)
+    gaps = np.linalg.norm(closure_residuals(answer.tree, answer.motion)[0], axis=2)
     return {
         "loop_gap": Values(("largest",), ("m",), gaps.max(axis=1)[:, None]),
         "constraint_force": solution.values["reaction"],

@@ -81,7 +81,7 @@ def check_store(store: Path) -> None:
     """
     if missing := [name for name in ("duckdb", "pyarrow") if find_spec(name) is None]:
         what = f"a history needs {' and '.join(missing)}, which is not installed"
-        raise OutputError(what, "", "run pip install 'screwgauge[history]'")
+        raise OutputError(what, "", "run pip install '.[history]' in the checkout")
     if os.path.lexists(store) and not os.path.isdir(store):
         raise OutputError("is no folder", str(store), "name another folder by --store")
 

@@ -6,20 +6,20 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from screwgauge.judging.allowed import Allowed
 from screwgauge.judging.answer import Answer, Row, largest
-from screwgauge.judging.exerted import unit_forces
 from screwgauge.quantities import FORCE
-from screwgauge.reference.rotations import Array, cross, lanes, times
-from screwgauge.reference.wrenches import State, applied_wrenches
+from screwgauge.reference.rotations import Array, cross, lanes
+from screwgauge.witness.admissible_motion import AdmissibleMotion
+from screwgauge.witness.dynamics import newton_euler as body_equations
+from screwgauge.witness.wrenches import UnitWrench, exerted_wrenches, unit_wrenches
 
 #: Motion of the bodies: quantity -> field of `Moving`.
 BODY_MOTION = {"body_angular_velocity": "w", "body_angular_acceleration": "b", "com_acceleration": "a"}
 
 
-def walked(answer: Answer, quantity: str) -> Array:
+def body_motion(answer: Answer, quantity: str) -> Array:
     """One of `BODY_MOTION` as it follows from the joint coordinates. Shape (n, n_body, 3)."""
-    return np.asarray(getattr(answer.motions.com, BODY_MOTION[quantity]))
+    return np.asarray(getattr(answer.motion.com, BODY_MOTION[quantity]))
 
 
 def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Array]:
@@ -34,36 +34,20 @@ def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Ar
     Returns:
         Wrenches, shape (n, n_body, 6), and the largest force and moment among the terms of each, shape (n_body, 2).
     """
-    mechanism, applied, R = answer.mechanism, answer.applied, answer.motions.com.R
-    w, b, a = (_vectors(answer[name]) if answer.has(name) else walked(answer, name) for name in BODY_MOTION)
-    mass = np.array([body.mass for body in mechanism.bodies])[:, None]
-    com, J = (np.stack([getattr(body, name) for body in mechanism.bodies]) for name in ("com", "inertia"))
-    wrenches, sizes = lanes(len(R), len(mass), 6), np.zeros((len(mass), 2))
-    wrenches[:] = 0.0
-
-    def add(bodies: slice, *wrench: Array) -> None:
-        for k, part in enumerate(wrench):
-            wrenches[:, bodies, 3 * k : 3 * k + 3] += part
-            size = np.nanmax(np.abs(part), axis=(0, 2), initial=0.0)
-            sizes[bodies, k] = np.maximum(sizes[bodies, k], size)
-
-    def inertial(vector: Array) -> Array:
-        return times(R, times(J[None], times(R.swapaxes(-1, -2), vector)))
-
-    every, none = slice(None), np.zeros((1, 1, 3))
-    add(every, mass * a, inertial(b))
-    add(every, (-mass * applied.g)[None], cross(w, inertial(w)))
-    for load in applied.loads if loaded else ():
-        i = mechanism.body_index[load.body] - 1
-        body = slice(i, i + 1)
-        add(body, -load.force[None, None], -load.torque[None, None])
-        if load.point is not None:
-            add(body, none, -cross(times(R[:, body], load.point - com[i]), load.force))
-    if loaded and (applied.springs or applied.motors):
-        exerted = _springs_and_motors(answer)[:, 1:]
-        force, moment = exerted[..., :3], exerted[..., 3:]
-        add(every, -force, -moment)
-        add(every, none, cross(times(R, com), force))
+    tree, applied = answer.tree, answer.applied
+    reported = (_vectors(answer[name]) if answer.has(name) else body_motion(answer, name) for name in BODY_MOTION)
+    terms = body_equations(tree.matter, answer.motion.com.R, *reported, applied.g)
+    wrenches, sizes = terms.wrenches, np.zeros((len(tree.matter.mass), 2))
+    for k, parts in enumerate(
+        ((terms.inertial[..., :3], terms.gravity[None]), (terms.inertial[..., 3:], terms.gyroscopic))
+    ):
+        sizes[:, k] = np.max([np.nanmax(np.abs(part), axis=(0, 2), initial=0.0) for part in parts], axis=0)
+    exerted = exerted_wrenches(tree, answer.motion, answer.states, answer.t, applied) if loaded else ()
+    for body, force, moment, point in exerted:
+        lever = cross(point, np.broadcast_to(force, point.shape))
+        wrenches[:, body, :3] -= force
+        wrenches[:, body, 3:] -= moment + lever
+        sizes[body] = np.maximum(sizes[body], [largest(force), largest(moment, lever)])
     return wrenches, sizes
 
 
@@ -74,26 +58,25 @@ def _vectors(array: Array) -> Array:
     return found
 
 
-def _springs_and_motors(answer: Answer) -> Array:
-    """Force and moment about its origin on each body, ground first. Shape (n, n_body + 1, 6)."""
-    bodies, index = answer.motions.bodies, answer.mechanism.body_index
-    twists = np.concatenate([bodies.w, bodies.v], axis=2)
-    return applied_wrenches(
-        answer.mechanism.joints,
-        answer.applied,
-        State(answer.t, bodies.R, bodies.p, twists, *answer.joints[:2]),
-        index,
-        lambda joint: (index[joint.parent], index[joint.child]),
-    )
+def unit_wrenches_of(answer: Answer, *quantities: str) -> Iterator[tuple[str, UnitWrench]]:
+    """Unit wrenches of all components of ``reaction`` or ``actuator_force``, each with its quantity."""
+    for quantity in quantities:
+        yield from ((quantity, unit) for unit in unit_wrenches(answer.tree, answer.motion, answer.q, quantity))
+
+
+def amount(answer: Answer, quantity: str, unit: UnitWrench) -> Array:
+    """How much of it an answer has [N or N m]. Shape (n, 1)."""
+    values = answer.values[quantity]
+    return np.ascontiguousarray(values.array[:, values.components.index(unit.name)])[:, None]
 
 
 def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Row]:
     """What the reported reactions and actuator forces leave over of the balance of each body."""
     mechanism, missing, sizes, loose = answer.mechanism, required.copy("K"), sizes.copy(), np.zeros_like(sizes)
-    for unit in (*unit_forces(answer, "reaction"), *unit_forces(answer, "actuator_force")):
-        admitted, amount = answer.admitted(unit.quantity, unit.unit), unit.amount(answer)
-        for body, wrench in unit.sides(answer):
-            exerted = amount * wrench
+    for quantity, unit in unit_wrenches_of(answer, "reaction", "actuator_force"):
+        admitted, size = answer.admitted(quantity, unit.unit), amount(answer, quantity, unit)
+        for body, wrench in unit.on_bodies(answer.tree, answer.motion.com):
+            exerted = size * wrench
             missing[:, body] -= exerted
             sizes[body] = np.maximum(sizes[body], [largest(exerted[:, :3]), largest(exerted[:, 3:])])
             if admitted:
@@ -110,7 +93,7 @@ def power_balance(answer: Answer, required: Array) -> Iterator[Row]:
     """What motion, gravity and loads take up less the power of the actuators."""
     rates = answer.joints[1][:, answer.mechanism.actuated_columns]
     given = answer["actuator_force"] * rates
-    taken = required * answer.motions.velocities
+    taken = required * np.concatenate([answer.motion.com.v, answer.motion.com.w], axis=2)
     missing = np.sum(taken, axis=(1, 2)) - np.sum(given, axis=1)
     # at a dead centre the sum is zero and only its terms tell how large rounding is
     size, about = largest(given, taken, _loose(answer, rates)), ("actuator_force", "joint_velocity", *BODY_MOTION)
@@ -123,13 +106,13 @@ def _loose(answer: Answer, rates: Array) -> Array:
     return np.tensordot(np.abs(rates), forces, (1, 0))
 
 
-def virtual_work(answer: Answer, allowed: Allowed, required: Array, sizes: Array) -> Iterator[Row]:
-    """Work of the required wrenches on every allowed motion less that of the generalised and actuator forces.
+def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, sizes: Array) -> Iterator[Row]:
+    """Work of the required wrenches on every admissible motion less that of the generalised and actuator forces.
 
     Where an answer has no forces the first must vanish, whatever the reactions, and is measured by its largest term.
     """
     mechanism = answer.mechanism
-    joints, bodies = allowed.partial
+    joints, bodies = admissible.partial, admissible.bodies
     needed = np.einsum("nbx,nbxj->nj", required, bodies)
     terms = np.einsum("bx,nbxj->nj", np.repeat(sizes, 3, axis=1), np.abs(bodies)).max(axis=0)
     given, loose = {}, np.zeros(terms.shape)
