@@ -194,6 +194,7 @@ def _parser() -> argparse.ArgumentParser:
     budget = "begin nothing after that (480, --quick 48; simulated scenes 90, --quick 25)"
     add("--limit", type=float, metavar="SECONDS", help=budget)
     add("--contestants", metavar="A,B", help="families or contestants; default: all")
+    executed(add, "contestants")
 
     add = command(
         commands.stress,

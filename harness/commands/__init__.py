@@ -147,6 +147,8 @@ def bench(options: argparse.Namespace) -> int:
     if options.limit is not None:
         plan = replace(plan, budget=given_run.check_budget(options.limit))
     more: dict[str, Any] = {"plan": plan, "contestants": _names(options.contestants)}
+    if options.jobs is not None or options.cluster is not None:
+        more["execute"] = executor(options)
     if scene.simulated:
         contest = forward_run.contest
         carry_out(SIMULATION, out, lambda progress: contest(scene, progress=progress, **more), force=options.force)
