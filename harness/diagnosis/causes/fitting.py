@@ -19,7 +19,7 @@ from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.rotations import Array, rotation, triad
 from screwgauge.witness.dynamics import inverse_dynamics
-from screwgauge.witness.tree import States
+from screwgauge.witness.tree import TreeStates
 
 #: A fit explains as much as another one if it leaves no more than this share of the difference beside it.
 ALIKE = 1e-6
@@ -131,7 +131,7 @@ def _of_joint(reading: Reading, name: str) -> Iterator[Family]:
     yield Family(f"placement of {name}", np.concatenate([np.ones(3), np.full(3, 0.1)]), displaced)
 
 
-def fitted(reading: Reading, states: States, torques: Array, causes: Sequence[Family] | None = None) -> list[Fit]:
+def fitted(reading: Reading, states: TreeStates, torques: Array, causes: Sequence[Family] | None = None) -> list[Fit]:
     """Causes for which the torques of a reading are not those of a black box, the one that explains most first.
 
     Args:

@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.integrate import OdeSolver
 
 from screwgauge.engines.methods import METHODS, MOST, SIZES, Pace, check_method, keep_passed
 from screwgauge.engines.parts import Simulated
@@ -162,18 +161,6 @@ class _Steps:
     def _pace(self) -> Pace:
         return Pace(self.name, min(self.options["rtol"], self.options["atol"]), float(self.times[-1]))
 
-    def _pass(self, solver: OdeSolver, clock: Stopwatch) -> None:
-        """Keeps the wanted motion that a step has passed, and moves its end back onto the constraints."""
-        run, times = self.run, self.times
-        with clock.aside():
-            between = solver.dense_output() if times[len(run.work)] <= solver.t else None
-        if self.back and solver.status == "running":
-            solver.y = run.back(solver.y)
-            solver.f = run.slope(solver.t, solver.y)
-        with clock.aside():
-            if between is not None:
-                keep_passed(solver, between, times, run.work, run.keep)
-
     def all(self, state: Array) -> str:
         """Keeps the motion at every wanted time; returns why it stopped."""
         run, times, work = self.run, self.times, self.run.work
@@ -200,7 +187,7 @@ class _Steps:
                     back, self.over = back + 1, self.over + 1
                     run.forget(far[0])
                     continue
-                self._pass(solver, clock)
+                self._keep_passed(solver, clock)
             except SingularPoseError as error:
                 if tries == len(SIZES) or self.over == MOST:
                     message = f"no step leads on; {error}"
@@ -220,6 +207,18 @@ class _Steps:
             self.progress((solver.t - times[0]) / (times[-1] - times[0]))
         self.cost = clock.cost(steps=taken)
         return "" if len(work) == len(times) else f"t = {safe[0]:.6g} s: {message}"
+
+    def _keep_passed(self, solver: Any, clock: Stopwatch) -> None:
+        """Brings the state back onto the loops, and keeps the wanted states that the step has passed."""
+        run, times = self.run, self.times
+        with clock.aside():
+            between = solver.dense_output() if times[len(run.work)] <= solver.t else None
+        if self.back and solver.status == "running":
+            solver.y = run.back(solver.y)
+            solver.f = run.slope(solver.t, solver.y)
+        with clock.aside():
+            if between is not None:
+                keep_passed(solver, between, times, run.work, run.keep)
 
 
 def start_state(closed: ClosedTree, task: InitialValue) -> tuple[Array, Array]:
