@@ -14,6 +14,8 @@ from campaigns.corpus.poses import EYE, Array
 
 #: A size is right within so much of it: a sentence prints three or four digits.
 CLOSE = 0.02
+#: Rows of the first screen.
+FIRST = 3
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _SCALES = {
     "mm": 1e-3,
@@ -54,12 +56,14 @@ class Said:
     Attributes:
         answer: ``SAME``, ``CONVENTIONS`` (the same machine, whose coordinates count otherwise), ``PARTLY`` (what is
             compared is the same, and not all is compared), ``DIFFER`` or ``REFUSED``.
-        first: Its first sentence.
+        first: Its first rows, as many as the first screen has; or its first sentence where it has none.
+        shown: Rows by cause.
     """
 
     answer: str
     first: str
     rows: tuple[Row, ...] = ()
+    shown: int = 0
 
 
 def said_by(diagnosis: Any) -> Said:
@@ -73,12 +77,13 @@ def said_by(diagnosis: Any) -> Said:
         for each in diagnosis.differences
         if getattr(each, "kind", "") != "digits"
     )
-    first = re.split(r"(?<=[^\s.])\.(?:\s+(?=\S)|$)", diagnosis.verdict)[0]
+    causes = [cause.sentence for cause in diagnosis.causes]
+    first = "; ".join(causes[:FIRST]) or re.split(r"(?<=[^\s.])\.(?:\s+(?=\S)|$)", diagnosis.verdict)[0]
     if rows and all(row.convention for row in rows):
         answer = "CONVENTIONS"
     else:
         answer = "SAME" if diagnosis.same else "PARTLY" if diagnosis.undecided else "DIFFER"
-    return Said(answer, first, rows)
+    return Said(answer, first, rows, len(causes))
 
 
 def is_convention(sentence: str) -> bool:
