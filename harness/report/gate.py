@@ -23,8 +23,8 @@ from screwgauge.study.comparison import Comparison
 from screwgauge.study.executors import Executor
 from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
 from screwgauge.study.gate.items import items, read_tolerances, unread
-from screwgauge.study.gate.measure import Settings
-from screwgauge.study.gate.row import EXIT, JUDGE, Row
+from screwgauge.study.gate.measure import GateSettings
+from screwgauge.study.gate.row import EXIT, JUDGE, GateRow
 from screwgauge.study.gate.run import check_items
 
 SCHEMA = 1  #: Of the JSON.
@@ -45,7 +45,7 @@ class Check:
         unread: Descriptions, scenes and models in the folders that were named, of which nothing was read.
     """
 
-    rows: Sequence[Row]
+    rows: Sequence[GateRow]
     smoke: bool = False
     against: Against | None = None
     unread: Sequence[str] = ()
@@ -171,7 +171,7 @@ def _left_alone(found: Check) -> str:
     return f"Not read, as no scene names them: {first_few(found.unread, SHOWN)}." if found.unread else ""
 
 
-def _lines(rows: Iterable[Row]) -> list[dict[str, Any]]:
+def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
     """What tables say of rows: status and worst error."""
     nothing = dict.fromkeys(("quantity", "error", "digits", "tolerance", "reason"))
     lines = []
@@ -216,7 +216,7 @@ PAGE = Report(
 )
 
 
-def message(row: Row) -> str:
+def message(row: GateRow) -> str:
     """What was found of a row: quantity, component, time, both values and tolerance of the worst, then the cause."""
     worst, unread = row.worst, "".join(f" {text}." for text in row.unread)
     if worst is None or worst.ok:
@@ -250,7 +250,7 @@ def check_with(
 ) -> Check:
     """What `screwgauge.check` does, wherever scenes are to be checked."""
     asked = items(what)
-    settings = Settings(told, smoke, read_tolerances(tolerances))
+    settings = GateSettings(told, smoke, read_tolerances(tolerances))
     if baseline is not None:
         read_baseline(Path(baseline), smoke, [item.name for item in asked])
     rows = check_items(asked, settings, execute=execute, progress=progress, journal=journal)
