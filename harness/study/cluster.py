@@ -18,6 +18,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache, lru_cache, partial
 from importlib.metadata import PackageNotFoundError, version
+from operator import is_
 from pathlib import Path
 from platform import python_version
 from time import perf_counter
@@ -346,23 +347,27 @@ def _in_tree(work: Callable[[Progress], Any], root: str, home: str, progress: Pr
 
 
 def _absolute(root: str, text: str) -> str:
-    """The place of a file that is named from the root."""
-    return root + text if text.startswith("/") and os.path.isfile(root + text) else text
+    """The place of a file or folder that is named from the root."""
+    return root + text if text.startswith("/") and os.path.exists(root + text) else text
 
 
 def _translated(value: Any, of: Callable[[str], str]) -> Any:
-    """A value, or a call that is bound to some, with other texts and paths."""
-    if isinstance(value, str):
-        return of(value)
-    if isinstance(value, Path):
-        return Path(of(str(value)))
+    """A value, or a call that is bound to some, with other texts and paths; itself where there is none of these."""
+    if isinstance(value, str | Path):
+        text = of(str(value))
+        return value if text == str(value) else type(value)(text)
     if isinstance(value, partial):
-        more = {name: _translated(each, of) for name, each in value.keywords.items()}
-        return partial(value.func, *(_translated(each, of) for each in value.args), **more)
-    if isinstance(value, list | tuple):
-        return type(value)(_translated(each, of) for each in value)
-    if isinstance(value, dict):
-        return {_translated(key, of): _translated(each, of) for key, each in value.items()}
+        return partial(value.func, *_translated(value.args, of), **_translated(value.keywords, of))
+    if type(value) in (list, tuple):
+        items = [_translated(each, of) for each in value]
+        return value if all(map(is_, items, value)) else type(value)(items)
+    if isinstance(value, Mapping):
+        entries = {_translated(key, of): _translated(each, of) for key, each in value.items()}
+        same = all(map(is_, entries, value)) and all(map(is_, entries.values(), value.values()))
+        return value if same else entries
     if is_dataclass(value) and not isinstance(value, type):
-        return replace(value, **{each.name: _translated(getattr(value, each.name), of) for each in fields(value)})
+        before = {each.name: getattr(value, each.name) for each in fields(value) if each.init}
+        after = {name: _translated(each, of) for name, each in before.items()}
+        changed = {name: each for name, each in after.items() if each is not before[name]}
+        return replace(value, **changed) if changed else value
     return value

@@ -47,6 +47,10 @@ class PreparedScene:
         """The generated model of an engine."""
         return model_files(self.scene, engine, self.folder)
 
+    def written(self) -> list[Path]:
+        """All files in its folder."""
+        return [path for path in self.folder.rglob("*") if path.is_file()]
+
     def problem(self, *wanted: str, task: Task | None = None) -> Problem:
         """The question of the scene, or the same with another task."""
         return Problem(self.scene.applied, self.scene.task if task is None else task, frozenset(wanted))

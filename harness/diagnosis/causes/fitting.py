@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.attribution import ALIKE, ROUNDING, size
-from screwgauge.diagnosis.causes.hypotheses import word
+from screwgauge.diagnosis.causes.attribution import ROUNDING, size
+from screwgauge.diagnosis.causes.slips import word
 from screwgauge.diagnosis.differences.change import Change, applied, axis
 from screwgauge.models.kinematics import downwards, plant
 from screwgauge.models.placement import TENSOR
@@ -21,6 +21,8 @@ from screwgauge.reference.rotations import Array, rotation, triad
 from screwgauge.witness.dynamics import inverse_dynamics
 from screwgauge.witness.tree import TreeStates
 
+#: A fit explains as much as another one if it leaves no more than this share of the difference beside it.
+ALIKE = 1e-6
 #: Entries of joints that are one number each.
 PASSIVE = ("armature", "damping", "friction", "stiffness")
 #: Step of derivatives by central differences, of a number's own size: leaves about 1e-10 of them.

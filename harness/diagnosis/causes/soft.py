@@ -15,7 +15,7 @@ import numpy as np
 from screwgauge.diagnosis.asked import ASKED, CLOSING, joint_states
 from screwgauge.diagnosis.causes.attribution import Attribution, Torques, attribute, changes_of
 from screwgauge.diagnosis.causes.backfill import reread
-from screwgauge.diagnosis.causes.hypothesis import Hypothesis
+from screwgauge.diagnosis.causes.grouping import Group
 from screwgauge.diagnosis.compare import components
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Change, Difference
@@ -70,8 +70,10 @@ def softness(
     except _REFUSED:  # which is said where it is asked for torques
         return None
     names, units = zip(*components(a.reading), strict=True)
-    each_alone = [Hypothesis(f"softness of {found[i].item_b}", (i,)) for i in numbers]
-    return attribute(Torques(force, of, names, units), b.reading, found, each_alone, deadline)
+    soft = [found[i] for i in numbers]
+    named = [(f"softness of {each.item_b}", each.sentence) for each in soft]
+    groups = [Group(name, said, (i,), said, "softness") for i, (name, said) in enumerate(named)]
+    return attribute(Torques(force, of, names, units), b.reading, soft, lambda _: groups, deadline=deadline)
 
 
 def _softness(reading: Reading) -> dict[str, tuple[float, ...]]:
