@@ -15,8 +15,7 @@ from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import QUANTITIES, SOLVED, arm, integrated_tolerance
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.solution import Solution, common_rows
-from screwgauge.witness.admissible_motion import AdmissibleMotion, admissible_motion
-from screwgauge.witness.constraints import residual
+from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
 
 MOST = 201  # samples of what takes a walk for every joint coordinate, or has to be solved for
 _MOTION = ("joint_velocity", "joint_acceleration")

@@ -16,7 +16,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.graph import Layout, spanning_tree
 from screwgauge.reference.rotations import Array, cross, lanes
 from screwgauge.solution import Values
-from screwgauge.witness.admissible_motion import AdmissibleMotion
+from screwgauge.witness.constraints import AdmissibleMotion
 from screwgauge.witness.dynamics import along, kinetic_energy
 from screwgauge.witness.dynamics import newton_euler as body_equations
 from screwgauge.witness.joints import open_tree
