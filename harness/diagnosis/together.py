@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.diagnosis.asked import ASKED, answers
 from screwgauge.diagnosis.compare import Row, components, row_of
+from screwgauge.diagnosis.library_dynamics import ASKED, answers
 from screwgauge.diagnosis.mechanics.closed import CLOSED, DEPENDENT, FAR, STEPS, closed, left, near_home
 from screwgauge.diagnosis.mechanics.dynamics import dynamics, passive_parts
 from screwgauge.diagnosis.mechanics.lines import size

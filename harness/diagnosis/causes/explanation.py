@@ -8,8 +8,8 @@ from pathlib import Path
 
 from screwgauge.diagnosis.causes.attribution import Attribution, Torques, attribute, changes_of
 from screwgauge.diagnosis.causes.backfill import Backfill, backfill
+from screwgauge.diagnosis.causes.fitting import Growth
 from screwgauge.diagnosis.causes.grouping import Grouping
-from screwgauge.diagnosis.causes.growth import Growth
 from screwgauge.diagnosis.causes.slips import Files, edits
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Change, Difference
