@@ -209,7 +209,8 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     found = [*compiled((a, b), marked(stated, (a.digits, b.digits))), *content.differences]
     paths = [None if model.library == "screwgauge" else model.file for model in (a, b)]
     read = (a.reading, b.reading), (paths[0], paths[1])
-    why = explained(asked, *read, found, lambda file: b.read_again(file, load), deadline)
+    written = b.as_read if b.cut is not None else None
+    why = explained(asked, *read, found, lambda file: b.read_again(file, load), deadline, written)
     cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
     if cause.before.scaled > SAME and not deadline.over("growth of the torque difference with speed"):
         why = replace(why, growth=_grown([torques(common, pairing, each) for each in faster], b.reading))
