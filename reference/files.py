@@ -120,7 +120,8 @@ _READ: ContextVar[list[Path] | None] = ContextVar("_READ", default=None)
 @contextmanager
 def files_read() -> Iterator[list[Path]]:
     """Paths of the files that are read meanwhile."""
-    token = _READ.set(paths := [])
+    paths = list[Path]()
+    token = _READ.set(paths)
     try:
         yield paths
     finally:

@@ -147,6 +147,8 @@ def bench(options: argparse.Namespace) -> int:
     if options.limit is not None:
         plan = replace(plan, budget=given_run.check_budget(options.limit))
     more: dict[str, Any] = {"plan": plan, "contestants": _names(options.contestants)}
+    if options.jobs is not None or options.cluster is not None:
+        more["execute"] = executor(options)
     if scene.simulated:
         contest = forward_run.contest
         carry_out(SIMULATION, out, lambda progress: contest(scene, progress=progress, **more), force=options.force)
@@ -180,18 +182,19 @@ def diagnose(options: argparse.Namespace) -> int:
     from screwgauge.diagnosis.diagnose import diagnose
     from screwgauge.diagnosis.record import summary
     from screwgauge.environment import json_text
-    from screwgauge.report.pages.diagnosis import PAGE as page
+    from screwgauge.report.pages.diagnosis import PAGE, every_difference
     from screwgauge.study.loading import read_isolated, sides
 
     more = {name: getattr(options, name) for name in ("map", "seed", "matrix", "loops")}
     more |= {} if options.limit is None else {"limit": options.limit}
     if options.fix is not None:
         check_free(options.fix, _models(options), force=options.force)
+    tell = (lambda found: json_text(summary(found), escaped=True)) if options.json else None
     found = carry_out(
-        page,
+        PAGE,
         options.out or OUT / "diagnosis",
         lambda progress: diagnose(*sides(options.a, options.b, options.meshes), load=read_isolated, **more),
-        tell=(lambda found: json_text(summary(found), escaped=True)) if options.json else None,
+        tell=tell or (every_difference if options.all else None),
         inputs=_models(options),
         force=options.force,
     )

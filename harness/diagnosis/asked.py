@@ -11,11 +11,11 @@ import numpy as np
 
 from screwgauge.diagnosis.compare import components
 from screwgauge.engines.plain import Answers, Ask, Closing, JointStates
-from screwgauge.models.kinematics import Tree, size
+from screwgauge.models.kinematics import ReadingTree, size
 from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import DEPENDENT, admissible_projector, clear, closed, equations
 from screwgauge.witness.dynamics import dynamics, passive_parts
-from screwgauge.witness.tree import States
+from screwgauge.witness.tree import TreeStates
 
 #: Libraries that have dynamics, and what asks them.
 ASKED = {"pinocchio": "screwgauge.engines.pinocchio.plain", "mujoco": "screwgauge.engines.mujoco.plain"}
@@ -26,7 +26,7 @@ _UNKNOWN = {"flexible bodies", "plugins"}
 
 
 def answers(
-    path: Path, library: str, tree: Tree, states: States, *, floating: bool = False, whole: bool = False
+    path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False, whole: bool = False
 ) -> Answers:
     """Of one library on a file, at states of the tree that it reads from it.
 
@@ -37,7 +37,7 @@ def answers(
     return ask(path, tuple(tree.reading.bodies), joint_states(tree, states), floating, whole)
 
 
-def joint_states(tree: Tree, states: States) -> Mapping[str, JointStates]:
+def joint_states(tree: ReadingTree, states: TreeStates) -> Mapping[str, JointStates]:
     """States by joint."""
     numbers = {name: i for i, name in enumerate(tree.reading.joints)}
     return {
@@ -76,7 +76,7 @@ class Pair:
         return self.off / scale if scale else self.off
 
 
-def pairs(said: Answers, tree: Tree, states: States) -> dict[str, Pair]:
+def pairs(said: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, Pair]:
     """Quantities of the open tree."""
     ours, parts = dynamics(tree, states), passive_parts(tree, states)
     force = float(np.abs(ours.tau).max())  # forces that vanish are compared with others
@@ -92,7 +92,9 @@ def pairs(said: Answers, tree: Tree, states: States) -> dict[str, Pair]:
     return found
 
 
-def loop_pairs(path: Path, library: str, tree: Tree, states: States, *, floating: bool = False) -> dict[str, Pair]:
+def loop_pairs(
+    path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False
+) -> dict[str, Pair]:
     """Quantities of closures and couplings where these are closed, whichever rows state them.
 
     They count for less where loops are nearly singular.

@@ -14,10 +14,10 @@ from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import weighed
 from screwgauge.engines.plain import Answers
-from screwgauge.models.kinematics import Tree, draw, not_modelled, plant
+from screwgauge.models.kinematics import ReadingTree, draw, not_modelled, plant
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.witness.dynamics import passive_parts
-from screwgauge.witness.tree import States
+from screwgauge.witness.tree import TreeStates
 
 #: Scaled differences of an engine from the dynamics of its reading beyond this are no rounding: 1e-14 is usual.
 ROUNDING = 1e-11
@@ -78,20 +78,20 @@ def witnesses(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterato
         yield Witness(side, model.library, scaled, omits, adds, fits=fits, growth=grown)
 
 
-def _asked(model: Model, tree: Tree, states: States) -> tuple[Answers, dict[str, Pair]]:
+def _asked(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers, dict[str, Pair]]:
     assert model.file is not None
     said = answers(model.file, model.library, tree, states, floating=model.floating)
     loops = loop_pairs(model.file, model.library, tree, states, floating=model.floating)
     return said, {**pairs(said, tree, states), **loops}
 
 
-def _grown(model: Model, tree: Tree, states: States, name: str) -> Growth | None:
+def _grown(model: Model, tree: ReadingTree, states: TreeStates, name: str) -> Growth | None:
     """How the difference of a quantity grows with speed."""
     found = [_asked(model, tree, replace(states, qd=times * states.qd))[1][name] for times in SPEEDS]
     return growth([each.said for each in found], [each.ours for each in found])
 
 
-def _fits(tree: Tree, states: States, said: Answers, off: float) -> tuple[tuple[str, float], ...]:
+def _fits(tree: ReadingTree, states: TreeStates, said: Answers, off: float) -> tuple[tuple[str, float], ...]:
     """Single causes that a library's torques look like."""
     if not ROUNDING < off < np.inf:
         return ()

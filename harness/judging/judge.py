@@ -19,7 +19,7 @@ from screwgauge.quantities import QUANTITIES, SOLVED, arm, integrated_tolerance
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.solution import Solution, common_rows
 from screwgauge.witness.admissible_motion import AdmissibleMotion, admissible_motion
-from screwgauge.witness.constraints import closure_gaps, coupling_gaps, residual
+from screwgauge.witness.constraints import residual
 
 MOST = 201  # samples of what takes a walk for every joint coordinate, or has to be solved for
 _MOTION = ("joint_velocity", "joint_acceleration")
@@ -135,9 +135,9 @@ def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[i
         name, quantity, per = _CLOSURE[order]
         if order and not answer.has(quantity):
             continue
-        values, gaps = answer.joints[order], closure_gaps(answer.tree, answer.motion, order).values()
-        missing = np.stack([*gaps, np.zeros((len(answer.t), 6))], axis=1)[:, :-1].reshape(len(answer.t), -1, 2, 3)
-        coupled = coupling_gaps(answer.tree, answer.states, order)
+        values, gaps = answer.joints[order], residual(answer.tree, answer.states, answer.motion, order)
+        loops, coupled = np.split(gaps, [6 * len(answer.tree.closures)], axis=1)
+        missing = loops.reshape(len(loops), -1, 2, 3)
         for part, unit in enumerate((f"rad{per}", f"m{per}")):
             components, columns = [*names], [missing[:, :, part].reshape(len(missing), -1)]
             for k, (coupling, column) in enumerate(zip(mechanism.couplings, tied, strict=True)):

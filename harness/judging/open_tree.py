@@ -13,7 +13,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.witness.dynamics import along
 from screwgauge.witness.joints import open_tree
 from screwgauge.witness.kinematics import move
-from screwgauge.witness.tree import States
+from screwgauge.witness.tree import TreeStates
 
 TREE_FORCES = ("tree_force", "tree_force_soft")
 
@@ -52,4 +52,4 @@ def _required(answer: Answer, graph: Layout, joints: Collection[str]) -> Array:
     tree, bodies, shares = open_tree(answer.mechanism, graph, joints)
     still = np.zeros_like(answer.q)
     wrenches = required_wrenches(answer, loaded=False)[0][:, bodies] * shares[:, None]
-    return along(move(tree, States(answer.q, still, still)), wrenches)
+    return along(move(tree, TreeStates(answer.q, still, still)), wrenches)

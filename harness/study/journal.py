@@ -64,9 +64,7 @@ class Journal:
             shutil.rmtree(self._parts, ignore_errors=True)
             self._write("w", {"stamp": stamp})
             return
-        for key, result in self._sealed():
-            if fits(result):
-                self.results[key] = result
+        self.results = {key: result for key, result in self._sealed() if fits(result)}
         for record in records[1:]:
             key, result, seconds = (record.get(name) for name in ("key", "result", "time"))
             if isinstance(key, str) and isinstance(result, dict) and fits(result):
@@ -138,7 +136,8 @@ def _parquet(results: Mapping[str, Mapping[str, Any]], stamp: str) -> bytes:
     import pyarrow as pa
     from pyarrow.parquet import write_table
 
-    columns, encoded = {"key": [*results]}, list[str]()
+    columns: dict[str, list[Any]] = {"key": [*results]}
+    encoded = list[str]()
     for name in dict.fromkeys(name for result in results.values() for name in result):
         values = [result.get(name) for result in results.values()]
         if len({type(value) for value in values}) == 1 and isinstance(values[0], str | bool | int | float):

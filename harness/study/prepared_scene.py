@@ -17,8 +17,7 @@ from screwgauge.study.reference import Reference, reference_values
 from screwgauge.study.runner import model_files, write_scene_models
 from screwgauge.witness.joints import mechanism_tree
 from screwgauge.witness.kinematics import move
-from screwgauge.witness.tree import States as JointStates
-from screwgauge.witness.tree import stacked
+from screwgauge.witness.tree import TreeStates, stacked
 
 #: What is measured of given motions, in this order.
 QUANTITIES = ("joint_position", "joint_velocity", "joint_acceleration", "actuator_force")
@@ -47,6 +46,10 @@ class PreparedScene:
     def files(self, engine: str) -> ModelFiles:
         """The generated model of an engine."""
         return model_files(self.scene, engine, self.folder)
+
+    def written(self) -> list[Path]:
+        """All files in its folder."""
+        return [path for path in self.folder.rglob("*") if path.is_file()]
 
     def problem(self, *wanted: str, task: Task | None = None) -> Problem:
         """The question of the scene, or the same with another task."""
@@ -92,7 +95,7 @@ def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, app
     if not applied.loads:
         return out
     tree, still = mechanism_tree(mechanism, spanning_tree(mechanism)), np.zeros_like(q)
-    motion, columns = move(tree, JointStates(q, still, still)), mechanism.columns(coordinates)
+    motion, columns = move(tree, TreeStates(q, still, still)), mechanism.columns(coordinates)
     for load in applied.loads:
         point = mechanism.body(load.body).com if load.point is None else load.point
         at = stacked([tree.body_frames[load.body].placed(np.eye(3), point)])

@@ -11,7 +11,7 @@ import numpy as np
 from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import constraint_rows
-from screwgauge.witness.kinematics import Motion
+from screwgauge.witness.kinematics import TreeMotion
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class AdmissibleMotion:
         columns: The chosen ones.
     """
 
-    motion: Motion
+    motion: TreeMotion
     equations: Array
     gap_size: Array
     size: Array
@@ -63,7 +63,7 @@ class AdmissibleMotion:
         return np.asarray(J @ self.partial[:, None])
 
 
-def admissible_motion(motion: Motion, q: Array, units: Sequence[str], columns: list[int]) -> AdmissibleMotion:
+def admissible_motion(motion: TreeMotion, q: Array, units: Sequence[str], columns: list[int]) -> AdmissibleMotion:
     """The motions admitted at poses.
 
     Args:

@@ -12,8 +12,8 @@ from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array, cross, quaternion_rotation, rotation_vector
-from screwgauge.witness.kinematics import Motion, Moving, move
-from screwgauge.witness.tree import FREEDOMS, CoupledColumn, Frames, States, Tree, stacked
+from screwgauge.witness.kinematics import TreeMotion, move
+from screwgauge.witness.tree import FREEDOMS, CoupledColumn, SpanningTree, TreeStates
 
 #: Newton's steps, and how far one goes at most [rad or m]; gaps that are rounding [rad or lengths of
 #: the machine, or m where it is smaller].
@@ -24,13 +24,7 @@ DEPENDENT = 1e-8
 UNCLEAR = 1e-11, 1e-5
 
 
-def _ends(tree: Tree) -> Frames:
-    """First frames of all closures, then the second ones."""
-    closures = tree.closures.values()
-    return stacked([each.first for each in closures] + [each.second for each in closures])
-
-
-def closure_gaps(tree: Tree, motion: Motion, order: int = 0) -> dict[str, Array]:
+def closure_gaps(tree: SpanningTree, motion: TreeMotion, order: int = 0) -> dict[str, Array]:
     """Second frame of each closure against the first, world axes: of a weld the rotation vector, then the way [rad, m].
 
     Args:
@@ -39,8 +33,8 @@ def closure_gaps(tree: Tree, motion: Motion, order: int = 0) -> dict[str, Array]
     Returns:
         Closure -> shape (n, 3) of points, (n, 6) of welds.
     """
-    ends, m = motion.links.frames(_ends(tree)), len(tree.closures)
-    first, second = (Moving(*(getattr(ends, name)[:, half] for name in "Rpwvba")) for half in _halves(m))
+    ends, m = motion.closures, len(tree.closures)
+    first, second = ends.part(slice(m)), ends.part(slice(m, None))
     linear = getattr(second, "pva"[order]) - getattr(first, "pva"[order])
     if order:
         angular = getattr(second, "Rwb"[order]) - getattr(first, "Rwb"[order])
@@ -53,11 +47,7 @@ def closure_gaps(tree: Tree, motion: Motion, order: int = 0) -> dict[str, Array]
     }
 
 
-def _halves(m: int) -> tuple[slice, slice]:
-    return slice(m), slice(m, None)
-
-
-def coupling_gaps(tree: Tree, states: States, order: int = 0) -> Array:
+def coupling_gaps(tree: SpanningTree, states: TreeStates, order: int = 0) -> Array:
     """How far coordinates or their derivatives are from what the couplings make of the others. (n, n_coupling)."""
     out = np.empty((len(states.q), len(tree.couplings)))
     for k, one in enumerate(tree.couplings.values()):
@@ -66,7 +56,7 @@ def coupling_gaps(tree: Tree, states: States, order: int = 0) -> Array:
     return out
 
 
-def _leads(one: CoupledColumn, states: States) -> tuple[Array, Array, Array]:
+def _leads(one: CoupledColumn, states: TreeStates) -> tuple[Array, Array, Array]:
     """What a coupling makes of the other coordinate, and its two derivatives. Shape (n,) each."""
     if one.of is None:
         zero = np.zeros(len(states.q))
@@ -76,14 +66,14 @@ def _leads(one: CoupledColumn, states: States) -> tuple[Array, Array, Array]:
     return value, slope * v, slope * a + bend * v**2
 
 
-def closure_rows(tree: Tree, motion: Motion) -> dict[str, Array]:
+def closure_rows(tree: SpanningTree, motion: TreeMotion) -> dict[str, Array]:
     """Relative velocity of the second frame of each closure at its origin, world axes, at unit velocities.
 
     Returns:
         Closure -> shape (n, 3, n_freedom) of points, (n, 6, n_freedom) of welds.
     """
-    ends, m = _ends(tree), len(tree.closures)
-    J = motion.jacobian(ends, motion.links.frames(ends).p)
+    m = len(tree.closures)
+    J = motion.jacobian(tree.ends, motion.closures.p)
     rows = J[:, m:] - J[:, :m]
     return {
         name: rows[:, i] if closure.kind == "weld" else rows[:, i, 3:]
@@ -91,7 +81,7 @@ def closure_rows(tree: Tree, motion: Motion) -> dict[str, Array]:
     }
 
 
-def coupling_rows(tree: Tree, q: Array) -> Array:
+def coupling_rows(tree: SpanningTree, q: Array) -> Array:
     """Rates of the couplings at unit velocities. Shape (n, n_coupling, n_freedom)."""
     rows = np.zeros((len(q), len(tree.couplings), tree.freedom))
     for k, one in enumerate(tree.couplings.values()):
@@ -102,7 +92,7 @@ def coupling_rows(tree: Tree, q: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Equations:
+class ConstraintEquations:
     """All closures and couplings of a tree at states; rows first of the closures.
 
     Attributes:
@@ -116,25 +106,25 @@ class Equations:
     bias: Array
 
 
-def equations(tree: Tree, states: States) -> Equations:
+def equations(tree: SpanningTree, states: TreeStates) -> ConstraintEquations:
     """Of all closures and couplings."""
     states = replace(states, qdd=np.zeros_like(states.qdd))
     motion = move(tree, states)
     gap, bias = (residual(tree, states, motion, order) for order in (0, 2))
-    return Equations(gap, constraint_rows(tree, motion, states.q), bias)
+    return ConstraintEquations(gap, constraint_rows(tree, motion, states.q), bias)
 
 
-def residual(tree: Tree, states: States, motion: Motion, order: int = 0) -> Array:
+def residual(tree: SpanningTree, states: TreeStates, motion: TreeMotion, order: int = 0) -> Array:
     """All gaps side by side. Shape (n, m)."""
     return np.hstack([*closure_gaps(tree, motion, order).values(), coupling_gaps(tree, states, order)])
 
 
-def constraint_rows(tree: Tree, motion: Motion, q: Array) -> Array:
+def constraint_rows(tree: SpanningTree, motion: TreeMotion, q: Array) -> Array:
     """Rates of all gaps at unit velocities. Shape (n, m, n_freedom)."""
     return np.concatenate([*closure_rows(tree, motion).values(), coupling_rows(tree, q)], axis=1)
 
 
-def stepped(tree: Tree, q: Array, step: Array) -> Array:
+def stepped(tree: SpanningTree, q: Array, step: Array) -> Array:
     """Coordinates after each joint has gone a way along its velocities.
 
     Args:
@@ -157,7 +147,7 @@ def stepped(tree: Tree, q: Array, step: Array) -> Array:
     return out
 
 
-def closed(tree: Tree, states: States) -> tuple[States, NDArray[np.bool_]]:
+def closed(tree: SpanningTree, states: TreeStates) -> tuple[TreeStates, NDArray[np.bool_]]:
     """Closes the loops at states by Newton's method; velocities and accelerations then keep them closed.
 
     Returns:

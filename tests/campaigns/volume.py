@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.pinocchio.tree import PinocchioTree
-from screwgauge.engines.screw.compiled import compile
+from screwgauge.api import compile
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.generate import write_models
 from screwgauge.models.loops import loops_of

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.attribution import ALIKE, ROUNDING, size
-from screwgauge.diagnosis.causes.hypotheses import word
+from screwgauge.diagnosis.causes.attribution import ROUNDING, size
+from screwgauge.diagnosis.causes.slips import word
 from screwgauge.diagnosis.differences.change import Change, applied, axis
 from screwgauge.models.kinematics import downwards, plant
 from screwgauge.models.placement import TENSOR
@@ -19,8 +19,10 @@ from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.rotations import Array, rotation, triad
 from screwgauge.witness.dynamics import inverse_dynamics
-from screwgauge.witness.tree import States
+from screwgauge.witness.tree import TreeStates
 
+#: A fit explains as much as another one if it leaves no more than this share of the difference beside it.
+ALIKE = 1e-6
 #: Entries of joints that are one number each.
 PASSIVE = ("armature", "damping", "friction", "stiffness")
 #: Step of derivatives by central differences, of a number's own size: leaves about 1e-10 of them.
@@ -129,7 +131,7 @@ def _of_joint(reading: Reading, name: str) -> Iterator[Family]:
     yield Family(f"placement of {name}", np.concatenate([np.ones(3), np.full(3, 0.1)]), displaced)
 
 
-def fitted(reading: Reading, states: States, torques: Array, causes: Sequence[Family] | None = None) -> list[Fit]:
+def fitted(reading: Reading, states: TreeStates, torques: Array, causes: Sequence[Family] | None = None) -> list[Fit]:
     """Causes for which the torques of a reading are not those of a black box, the one that explains most first.
 
     Args:

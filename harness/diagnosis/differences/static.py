@@ -125,6 +125,7 @@ def _counted(common: Common, name: str, what: str, values: tuple[object, object,
     unit = unit_of(what, common.a.joints[name])
     size_, sentence = compared(name, what, a, b, unit, own)
     turned = "" if np.array_equal(own, b) else "; B counts the other way"
+    turned = turned.replace("; ", ", and ") if sentence.endswith(" in both") else turned
     return difference(common, name, what, a, b, (size_, f"{sentence}{turned}"))
 
 

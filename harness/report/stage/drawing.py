@@ -117,7 +117,7 @@ def drawing(
     wanted = _wanted(mechanism, lines if few else (), [(joint, place) for joint, place, _ in joints])
     busy = [a + (b - a) * k for _, a, b in lines for k in np.linspace(0, 1, 2 + int(np.hypot(*(b - a)) / 8))]
     out += (
-        [] if at else _names(wanted, np.array([*busy, *(place + d for _, place, _ in joints for d in RIM)]), WIDE, tall)
+        [] if at else labels(wanted, np.array([*busy, *(place + d for _, place, _ in joints for d in RIM)]), WIDE, tall)
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDE:.0f} {tall:.0f}" width="{WIDE:.0f}" '
@@ -170,7 +170,7 @@ def _legend(mechanism: Mechanism, compared: bool) -> tuple[str, float]:
     return "".join(out), y
 
 
-def _names(wanted: Sequence[tuple[str, str, Array]], busy: Array, wide: float, tall: float) -> list[str]:
+def labels(wanted: Sequence[tuple[str, str, Array]], busy: Array, wide: float, tall: float) -> list[str]:
     """Texts, each where it covers least; with a line to what it names if that is not beside it.
 
     Args:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from itertools import count, groupby, zip_longest
 from pathlib import Path
-from time import perf_counter_ns
+from time import perf_counter_ns, time
 from typing import Any
 
 import numpy as np
@@ -16,10 +17,10 @@ import pandas as pd
 
 from screwgauge.engines.registry import Model, get_engine
 from screwgauge.environment import environment
-from screwgauge.problem import ModelFiles
+from screwgauge.problem import ModelFiles, Progress
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution
+from screwgauge.solution import Failure, Solution
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
@@ -28,7 +29,7 @@ from screwgauge.study.bench.registry import choose
 from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
 from screwgauge.study.bench.stamp import stamp
 from screwgauge.study.completeness import check_whole
-from screwgauge.study.executors import Report
+from screwgauge.study.executors import Executor, Report, Task
 from screwgauge.study.journal import Journal
 from screwgauge.study.methods import failure
 from screwgauge.study.prepared_scene import PreparedScene, pose_scene
@@ -59,6 +60,8 @@ class Plan:
 
 
 FULL = Plan(samples=201, rounds=12, budget=480.0, quick=False)
+#: Said of times that were measured beside each other.
+BESIDE = "Contestants were measured beside each other, in processes or on workers of their own, which disturbs times."
 QUICK = Plan(samples=41, rounds=3, budget=48.0, quick=True)
 
 
@@ -125,6 +128,7 @@ def bench(
     journal: Path | None = None,
     progress: Report = silent,
     clock: Callable[[], int] = perf_counter_ns,
+    execute: Executor | None = None,
 ) -> Bench:
     """Measures errors and run times of contestants on a scene.
 
@@ -133,6 +137,8 @@ def bench(
         journal: File that keeps finished pieces; a bench that is complete removes it.
         progress: Called as work goes on.
         clock: Nanoseconds; another one in tests.
+        execute: Where contestants are measured, each with all of its settings; by default in this process, where the
+            rounds of all follow each other, so that what slows the machine for a while slows all alike.
 
     Raises:
         ScrewgaugeError: Bad input. A contestant that fails is a row.
@@ -149,7 +155,10 @@ def bench(
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         progress("reference", 0.0)
         posed = pose_scene(scene, Path(folder), samples=plan.samples)
-        _Work(posed, kept, protocol, progress).all(chosen)
+        if execute is None:
+            _Work(posed, kept, protocol, progress).all(chosen)
+        else:
+            _elsewhere(posed, kept, protocol, chosen, execute, progress)
         judged = provenance(posed.scene, models_of(chosen, posed))
     rows = [row for contestant in chosen for row in _rows(contestant, kept)]
     less = [row for row in rows if row.contestant.family == LEAVING_OUT]
@@ -161,13 +170,63 @@ def bench(
         fits=slopes.fits(rows),
         leaving_out=leaving_out.table(less),
         reference=posed.reference.engine,
-        notes=tuple(filter(None, (posed.reference.note, kept.note))),
+        notes=tuple(filter(None, (posed.reference.note, kept.note, "" if execute is None else BESIDE))),
         environment=record,
         provenance=judged,
     )
     if found.complete:
         kept.remove()
     return found
+
+
+def _elsewhere(
+    posed: PreparedScene,
+    kept: Journal,
+    protocol: timing.Protocol,
+    chosen: Sequence[Contestant],
+    execute: Executor,
+    progress: Report,
+) -> None:
+    """Measures contestants wherever tasks run, and keeps what is new."""
+    end = time() + (protocol.deadline - protocol.clock()) * 1e-9
+    groups = {" ".join(key): list(group) for key, group in groupby(chosen, key=_group)}
+    tasks = {}
+    for name, group in groups.items():
+        known = {c.key: (kept.results.get(c.key), kept.times.get(c.key, [])) for c in group}
+        tasks[name] = Task(name, partial(_measured, posed, group, known, protocol.rounds, end), files=posed.written)
+
+    def keep(name: str, found: tuple[dict[str, Any], dict[str, list[float]]] | Failure) -> None:
+        if isinstance(found, Failure):
+            found = {c.key: {"status": FAILED, "reason": found.reason} for c in groups[name]}, {}
+        for key, result in found[0].items():
+            if key not in kept.results:
+                kept.keep(key, result)
+        for key, times in found[1].items():
+            for seconds in times[len(kept.times.get(key, [])) :]:
+                kept.time(key, seconds)
+
+    execute(tasks, keep, progress)
+
+
+def _measured(
+    posed: PreparedScene,
+    group: Sequence[Contestant],
+    known: Mapping[str, tuple[dict[str, Any] | None, list[float]]],
+    rounds: int,
+    end: float,
+    progress: Progress,
+) -> tuple[dict[str, Any], dict[str, list[float]]]:
+    """Results and times of the settings of a contestant, those that are known included.
+
+    Args:
+        end: When nothing further begins [s since 1970].
+    """
+    kept = Journal(None, "")
+    kept.results = {key: result for key, (result, _) in known.items() if result is not None}
+    kept.times = {key: [*times] for key, (_, times) in known.items() if times}
+    deadline = perf_counter_ns() + (end - time()) * 1e9
+    _Work(posed, kept, timing.Protocol(rounds, deadline), silent).all(group)
+    return kept.results, kept.times
 
 
 def models_of(contestants: Iterable[Contestant], posed: PreparedScene) -> dict[str, Path]:

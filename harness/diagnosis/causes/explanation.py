@@ -1,4 +1,4 @@
-"""From two readings and their differences to a cause and its proof."""
+"""From two readings and their differences to causes and their proof."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from screwgauge.diagnosis.causes.attribution import Attribution, Torques, attribute
+from screwgauge.diagnosis.causes.attribution import Attribution, Torques, attribute, changes_of
 from screwgauge.diagnosis.causes.backfill import Backfill, backfill
+from screwgauge.diagnosis.causes.grouping import Grouping
 from screwgauge.diagnosis.causes.growth import Growth
-from screwgauge.diagnosis.causes.hypotheses import hypotheses
-from screwgauge.diagnosis.causes.hypothesis import Files
-from screwgauge.diagnosis.causes.ranking import Cause
+from screwgauge.diagnosis.causes.slips import Files, edits
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Change, Difference
 from screwgauge.diagnosis.files.layout import UnpatchableError
@@ -28,19 +27,17 @@ class Explanation:
     """Why the torques of two models differ.
 
     Attributes:
-        proof: None where the torques do not differ, nothing explains it, or there was no time for it.
+        proof: Of all changes; None where torques do not differ, no change of B is known, or there was no time for it.
+        fix: The same, where torques agree, too; None where there are no changes.
         growth: Of the torque difference with speed; None where it does not vanish at rest.
         soft: Attribution of forces of soft equalities to their softness; None where that does not differ.
-        fix: The same of all changes, what no torque shows among them; None where there are none.
-        causes: All differences by cause, the one with the largest share first.
     """
 
     attribution: Attribution
-    proof: Backfill | None
+    proof: Backfill | None = None
     fix: Backfill | None = None
     growth: Growth | None = None
     soft: Attribution | None = None
-    causes: tuple[Cause, ...] = ()
 
 
 def explained(
@@ -60,13 +57,21 @@ def explained(
     """
     a, b = readings
     files = Files(_beside(paths[0], a), _beside(paths[1], b))
-    attribution = attribute(torques, b, differences, hypotheses(differences, b, files), deadline)
-    if not attribution.steps or deadline.over(PROOF):
-        return Explanation(attribution, None)
-    return Explanation(attribution, proved(torques, b, attribution.changes, paths, read))
+    made = edits(differences, b, files)
+    attribution = attribute(
+        torques, b, differences, lambda weight: Grouping(differences, b, files, weight, made).groups(), made, deadline
+    )
+    changes, seen = changes_of(differences), changes_of(differences[i] for i in attribution.seen)
+    if not changes or deadline.over(PROOF):
+        return Explanation(attribution)
+    whole = _proved(torques, b, changes, paths, read)
+    if not whole.agrees and 0 < len(seen) < len(changes):  # what no torque shows may stand in the way
+        alone = _proved(torques, b, seen, paths, read)
+        whole = alone if alone.agrees else whole
+    return Explanation(attribution, whole if seen else None, whole)
 
 
-def proved(
+def _proved(
     torques: Torques,
     b: Reading,
     changes: Sequence[Change],
