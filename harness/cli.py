@@ -22,6 +22,21 @@ GROUPS = {
     "study": ("bench", "stress", "history", "matrix"),
     "export": ("models", "list"),
 }
+#: An example of each, after its name.
+EXAMPLES = {
+    "run": "slider-crank --quantities actuator_force,reaction",
+    "diagnose": "robot.urdf robot.xml --fix fixed.xml",
+    "casebook": "mj-soft-floor",
+    "check": "scenes/ --smoke --junit report.xml",
+    "import": "robot.urdf --floating --out robot.toml",
+    "view": "delta --video delta.gif",
+    "bench": "slider-crank --quick",
+    "stress": "wrist-chart --severity 1e-3,1e-6",
+    "history": "--store kept",
+    "matrix": "--pin 3.9.0,4.1.0 --mujoco 4.0.0",
+    "models": "delta --include geoms --check",
+    "list": "scenes",
+}
 EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance or nothing compared;
 2 bad input or usage; 3 an engine failed or is missing, or the report broke; 130, 143 stopped"""
 STRESS_STATUS = """exit status: 0 every row is there; 1 our own solver is silently wrong somewhere; 2 bad input;
@@ -99,7 +114,8 @@ def _parser() -> argparse.ArgumentParser:
         """Adds a command; returns what adds an argument to it."""
         name = run.__name__.removesuffix("_")
         known[name] = help
-        said = {"description": f"{help[0].upper()}{help[1:]}.", "epilog": epilog}
+        description = f"{help[0].upper()}{help[1:]}.\n\nexample: screwgauge {name} {EXAMPLES[name]}"
+        said: dict[str, Any] = {"description": description, "epilog": epilog}
         added = subparsers.add_parser(name, formatter_class=parser.formatter_class, **said)
         added.add_argument("--debug", action="store_true", help="show the traceback of an error")
         if run not in (commands.list_, commands.casebook):

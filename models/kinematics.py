@@ -12,10 +12,19 @@ from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading, slices
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross
-from screwgauge.witness import tree as witness
 from screwgauge.witness.constraints import closure_gaps, stepped
 from screwgauge.witness.kinematics import move
-from screwgauge.witness.tree import COORDINATES, Closure, CoupledColumn, FixedFrame, Link, Matter, States, stacked
+from screwgauge.witness.tree import (
+    COORDINATES,
+    CoupledColumn,
+    FixedFrame,
+    LoopConstraint,
+    MassProperties,
+    SpanningTree,
+    TreeLink,
+    TreeStates,
+    stacked,
+)
 
 #: Where nothing limits it, a coordinate is drawn so far from home [rad or m].
 FAR = {"hinge": math.pi, "slide": 0.5}
@@ -25,7 +34,7 @@ _PASSIVE = ("armature", "damping", "friction", "stiffness", "rest")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Tree(witness.Tree):
+class ReadingTree(SpanningTree):
     """A reading as a tree, a link for each joint in their order; at home a link that hinges or slides is upright.
 
     Attributes:
@@ -41,12 +50,12 @@ class Tree(witness.Tree):
     frames: Mapping[int, Array]
 
 
-def plant(reading: Reading) -> Tree:
+def plant(reading: Reading) -> ReadingTree:
     """The tree of a reading."""
     number = {name: i for i, name in enumerate(reading.joints, 1)}
     places, freedoms = slices(reading.joints, COORDINATES), reading.freedoms
     bodies, frames, poses = list(reading.bodies.values()), dict[int, Array](), {0: np.eye(4)}
-    links, at = dict[int, Link](), {GROUND: FixedFrame()}
+    links, at = dict[int, TreeLink](), {GROUND: FixedFrame()}
     for name, body in reading.bodies.items():
         near = at.get(body.near, FixedFrame()).link
         for joint in body.joints:
@@ -56,7 +65,7 @@ def plant(reading: Reading) -> Tree:
             if FREEDOMS[one.kind] > 1:
                 frames[i - 1] = poses[i]
             start = _fixed(near, poses[near], poses[i])
-            links[i] = Link(one.kind, start, axis, places[joint].start, freedoms[joint].start, one.home)
+            links[i] = TreeLink(one.kind, start, axis, places[joint].start, freedoms[joint].start, one.home)
             near = i
         at[name] = _fixed(near, poses[near], body.pose)
 
@@ -64,17 +73,17 @@ def plant(reading: Reading) -> Tree:
         return at.get(body, FixedFrame()).placed(T[:3, :3], T[:3, 3])
 
     wide = [FREEDOMS[joint.kind] for joint in reading.joints.values()]
-    return Tree(
+    return ReadingTree(
         links=tuple(links[i] for i in number.values()),
         freedom=reading.freedom,
         bodies=stacked([at[name] for name in reading.bodies]),
-        matter=Matter(
+        matter=MassProperties(
             np.array([body.mass for body in bodies]),
             np.array([body.com for body in bodies]).reshape(-1, 3),
             np.array([body.inertia for body in bodies]).reshape(-1, 3, 3),
         ),
         closures={
-            name: Closure(c.kind, end(c.first, c.first_frame), end(c.second, c.second_frame))
+            name: LoopConstraint(c.kind, end(c.first, c.first_frame), end(c.second, c.second_frame))
             for name, c in reading.closures.items()
         },
         couplings={
@@ -124,7 +133,7 @@ def size(reading: Reading) -> float:
     return float(spread) or 1.0
 
 
-def draw(reading: Reading, n: int, seed: int = 0) -> States:
+def draw(reading: Reading, n: int, seed: int = 0) -> TreeStates:
     """So many random states within the limits; velocities and accelerations are normal [rad/s or m/s, per s]."""
     random = np.random.default_rng(seed)
     columns = [np.zeros((n, 0))]
@@ -138,18 +147,18 @@ def draw(reading: Reading, n: int, seed: int = 0) -> States:
         columns += [random.uniform(-1.0, 1.0, (n, 3))] if joint.kind == "free" else []
         columns.append(quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
     wide = reading.freedom
-    return States(np.hstack(columns), *random.normal(size=(2, n, wide)))
+    return TreeStates(np.hstack(columns), *random.normal(size=(2, n, wide)))
 
 
-def home(reading: Reading) -> States:
+def home(reading: Reading) -> TreeStates:
     """One state: at rest at home."""
     rest = {"ball": [1.0, 0.0, 0.0, 0.0], "free": [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]}
     q = [value for joint in reading.joints.values() for value in rest.get(joint.kind, [joint.home])]
     wide = reading.freedom
-    return States(np.array([q], dtype=float).reshape(1, -1), np.zeros((1, wide)), np.zeros((1, wide)))
+    return TreeStates(np.array([q], dtype=float).reshape(1, -1), np.zeros((1, wide)), np.zeros((1, wide)))
 
 
-def near_home(tree: Tree, n: int, units: Array, seed: int) -> States:
+def near_home(tree: ReadingTree, n: int, units: Array, seed: int) -> TreeStates:
     """So many random states near home, where loops close that do not close anywhere.
 
     Args:
@@ -160,7 +169,7 @@ def near_home(tree: Tree, n: int, units: Array, seed: int) -> States:
     return replace(drawn, q=stepped(tree, there, step))
 
 
-def residual_at_home(tree: Tree) -> dict[str, float]:
+def residual_at_home(tree: ReadingTree) -> dict[str, float]:
     """Largest entry of each closure's gap at home [m, or rad of a welded turn]."""
     gaps = closure_gaps(tree, move(tree, home(tree.reading)))
     return {name: float(np.abs(gap).max()) for name, gap in gaps.items()}

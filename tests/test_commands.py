@@ -128,3 +128,20 @@ def test_what_ended_says_where_it_went(words: str, capsys: pytest.CaptureFixture
     assert output.out == ""
     ended = "is no longer part of the package; run pytest|has another name; write"
     assert re.fullmatch(rf"screwgauge: .*: ({ended}) .*\.\n", output.err)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        (
+            "r.xacro",
+            '<robot xmlns:xacro="http://ros.org"><xacro:include filename="a"/></robot>',
+            "expand it first: xacro r.xacro > robot.urdf",
+        ),
+        ("m.sdf", '<sdf version="1.6"/>', "is no model: its root element is <sdf>; give a URDF"),
+    ],
+)
+@pytest.mark.parametrize("name_of_command", ["run", "view", "import"])
+def test_files_from_which_models_are_made_are_no_unknown_scenes(name_of_command, name, text, said, command, inside):
+    (inside / name).write_text(text, encoding="utf-8")
+    assert said in command(name_of_command, name, status=2).err

@@ -23,7 +23,7 @@ from support.mechanism import GROUND
 from support.readings import (
     ClosureReading,
     CouplingReading,
-    States,
+    TreeStates,
     closure_gaps,
     closure_rows,
     draw,
@@ -103,7 +103,7 @@ def test_torques_are_linear_in_what_the_regressors_say(zoo):
 def test_the_mass_matrix_is_what_accelerations_cost(zoo):
     tree = plant(known(zoo, "mujoco"))
     states = draw(tree.reading, 4)
-    M, still = dynamics(tree, states).mass_matrix, States(states.q, 0.0 * states.qd, 0.0 * states.qdd)
+    M, still = dynamics(tree, states).mass_matrix, TreeStates(states.q, 0.0 * states.qd, 0.0 * states.qdd)
     for i, unit in enumerate(np.eye(M.shape[1])):
         column = inverse_dynamics(tree, replace(still, qdd=still.qdd + unit)) - inverse_dynamics(tree, still)
         assert np.abs(column - M[:, :, i]).max() <= 1e-13 * np.abs(M).max()

@@ -16,8 +16,8 @@ from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import closure_rows
 from screwgauge.witness.dynamics import dynamics, inverse_dynamics
-from screwgauge.witness.kinematics import Motion, move
-from screwgauge.witness.tree import Frames, States
+from screwgauge.witness.kinematics import TreeMotion, move
+from screwgauge.witness.tree import FixedFrames, TreeStates
 
 #: How many states are drawn: more than the ten inertial parameters of a body need to be told apart.
 STATES = 40
@@ -52,7 +52,7 @@ def components(reading: Reading) -> list[tuple[str, str]]:
     ]
 
 
-def torques(common: Common, pairing: Pairing, states: States) -> Torques:
+def torques(common: Common, pairing: Pairing, states: TreeStates) -> Torques:
     """Inverse dynamics of A, and of whatever B becomes, at the same states."""
     a = plant(common.a)
 
@@ -67,7 +67,7 @@ def torques(common: Common, pairing: Pairing, states: States) -> Torques:
     return Torques(inverse_dynamics(a, states), of, names, units)
 
 
-def table(common: Common, states: States) -> list[Row]:
+def table(common: Common, states: TreeStates) -> list[Row]:
     """All quantities."""
     a, b = plant(common.a), plant(common.b)
     theirs, C = states_of_b(a, b, states), velocity_map(a, b)
@@ -87,7 +87,7 @@ def table(common: Common, states: States) -> list[Row]:
 
 
 def _bodies(
-    common: Common, motions: tuple[Motion, Motion]
+    common: Common, motions: tuple[TreeMotion, TreeMotion]
 ) -> Iterator[tuple[str, Array, Array, list[tuple[str, str]]]]:
     """Motion of the origin of A's frame in each body, as A and as B move it."""
     both = [name for name in common.a.bodies if name in common.b.bodies]
@@ -97,7 +97,7 @@ def _bodies(
         numbers = np.array([order[name] for name in both], dtype=int)
         back = [np.linalg.inv(reading.bodies[name].pose) @ common.a.bodies[name].pose for name in both]
         R, p = (np.array([T[:3, part] for T in back]) for part in (slice(3), 3))
-        at = motion.bodies.frames(Frames(numbers, R.reshape(-1, 3, 3), p.reshape(-1, 3)))
+        at = motion.bodies.frames(FixedFrames(numbers, R.reshape(-1, 3, 3), p.reshape(-1, 3)))
         values.append((at.velocity, at.acceleration))
     for k, (what, unit) in enumerate((("velocity", "s"), ("acceleration", "s^2"))):
         names = [(f"{name}.{axis}", f"{length}/{unit}") for name in both for length in ("rad", "m") for axis in "xyz"]

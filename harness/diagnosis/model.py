@@ -236,6 +236,8 @@ def cut_alike(a: Model, b: Model, given: Mapping[str, str] | None) -> tuple[Mode
     if same and coincident(a.reading, b.reading, pairing):
         return a, b, pairing
     one, two = machine_of(a.reading), machine_of(b.reading)
+    if (len(one.bodies), len(one.links)) != (len(two.bodies), len(two.links)):
+        return a, b, pairing  # something has no partner
     alignment = _alignment(one, two, pairing)
     if not (alignment.covers(one, two) and alignment.fits(one, two)):
         return a, b, pairing

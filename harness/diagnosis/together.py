@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.diagnosis.asked import ASKED, answers
 from screwgauge.diagnosis.compare import Row, components, row_of
+from screwgauge.diagnosis.library_dynamics import ASKED, answers
 from screwgauge.diagnosis.mechanics.reshape import ordered
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map, weighed
-from screwgauge.models.kinematics import Tree, draw, home, near_home, plant, size
+from screwgauge.models.kinematics import ReadingTree, draw, home, near_home, plant, size
 from screwgauge.models.placement import adjoint, quaternion
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import FREEDOMS
@@ -34,7 +34,7 @@ from screwgauge.witness.constraints import (
     stepped,
 )
 from screwgauge.witness.dynamics import dynamics, passive_parts
-from screwgauge.witness.tree import States
+from screwgauge.witness.tree import TreeStates
 
 #: States at which libraries are asked.
 STATES = 12
@@ -82,8 +82,8 @@ class _Side:
     """
 
     model: Model
-    common: Tree
-    own: Tree
+    common: ReadingTree
+    own: ReadingTree
     turned: Array
     placed: tuple[tuple[slice, slice, Array, Array], ...]
 
@@ -187,7 +187,7 @@ def _torques(first: _Side, second: _Side, seed: int) -> tuple[Array, Array, Arra
     return mine, other, taus[0]
 
 
-def _tau(side: _Side, states: States) -> Array:
+def _tau(side: _Side, states: TreeStates) -> Array:
     """All that motors have to give, along the velocities of the common joints. Shape (n, n_freedom)."""
     tree, model = side.own, side.model
     if model.library in ASKED and model.file is not None and not model.retyped:
@@ -204,16 +204,16 @@ def _tau(side: _Side, states: States) -> Array:
     return np.asarray(tau @ side.turned)
 
 
-def _common_part(side: _Side, states: States) -> States:
+def _common_part(side: _Side, states: TreeStates) -> TreeStates:
     """In common terms, of a model that has no other joints."""
     back, q = np.linalg.inv(side.turned), home(side.common.reading).q.repeat(len(states.q), axis=0)
     for there, own, before, after in side.placed:
         inverse = (np.asarray(np.linalg.inv(T)) for T in (before, after))
         q[:, there] = _replaced(states.q[:, own], *inverse)
-    return States(q, states.qd @ back.T, states.qdd @ back.T)
+    return TreeStates(q, states.qd @ back.T, states.qdd @ back.T)
 
 
-def _own_part(side: _Side, states: States) -> tuple[States, NDArray[np.bool_]]:
+def _own_part(side: _Side, states: TreeStates) -> tuple[TreeStates, NDArray[np.bool_]]:
     """As the model counts and turns, and which states its loops close at: joints that are cut follow the others."""
     tree, n = side.own, len(side.turned)
     q = home(tree.reading).q.repeat(len(states.q), axis=0)
@@ -221,7 +221,7 @@ def _own_part(side: _Side, states: States) -> tuple[States, NDArray[np.bool_]]:
         q[:, own] = _replaced(states.q[:, there], before, after)
     qd, qdd = (np.zeros((len(q), len(tree.before))) for _ in range(2))
     qd[:, :n], qdd[:, :n] = states.qd @ side.turned.T, states.qdd @ side.turned.T
-    out = States(q, qd, qdd)
+    out = TreeStates(q, qd, qdd)
     if len(tree.before) == n:
         return out, np.ones(len(q), dtype=bool)
     for _ in range(STEPS):

@@ -16,8 +16,8 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values
 from screwgauge.witness.joints import MechanismTree, mechanism_tree
-from screwgauge.witness.kinematics import Motion, move
-from screwgauge.witness.tree import States as JointStates
+from screwgauge.witness.kinematics import TreeMotion, move
+from screwgauge.witness.tree import TreeStates
 
 Row = dict[str, Any]
 COLUMNS = [
@@ -54,7 +54,7 @@ class Answer:
     values: Mapping[str, Values]
     work: Array | None
     joints: Array
-    motion: Motion
+    motion: TreeMotion
     scales: Mapping[str, float]
     tolerance: float
     tolerances: Mapping[str, Mapping[str, float]]
@@ -70,9 +70,9 @@ class Answer:
         return np.asarray(self.joints[0])
 
     @property
-    def states(self) -> JointStates:
+    def states(self) -> TreeStates:
         """Joint coordinates and their derivatives."""
-        return JointStates(*self.joints)
+        return TreeStates(*self.joints)
 
     def has(self, *quantities: str) -> bool:
         """Whether it has all of these quantities."""
@@ -87,7 +87,7 @@ class Answer:
 
     def moving(self, joints: Array) -> Answer:
         """The same with other joint coordinates and derivatives. Shape (3, n, n_q)."""
-        return replace(self, joints=joints, motion=move(self.tree, JointStates(*joints)))
+        return replace(self, joints=joints, motion=move(self.tree, TreeStates(*joints)))
 
     def residual(
         self, name: str, unit: str, components: Sequence[str], missing: Array, size: float | Array, of: Sequence[str]
@@ -153,7 +153,7 @@ def answer_at(
         values=values,
         work=None if solution.work is None else solution.work[rows],
         joints=joints,
-        motion=move(tree, JointStates(*joints)),
+        motion=move(tree, TreeStates(*joints)),
         scales={**scales, "J": scales["N m"]},
         tolerance=tolerance,
         tolerances=solution.tolerances,

@@ -8,18 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from screwgauge.judging import newton_euler_residuals as balance
-from screwgauge.judging import redundant
+from screwgauge.judging import residuals
 from screwgauge.judging.answer import COLUMNS, Answer, Row, answer_at, largest, timed
-from screwgauge.judging.energy import energy_balance
-from screwgauge.judging.open_tree import TREE_FORCES, tree_forces
 from screwgauge.judging.refusals import Refusal
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import QUANTITIES, SOLVED, arm, integrated_tolerance
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.solution import Solution, common_rows
-from screwgauge.witness.admissible_motion import AdmissibleMotion, admissible_motion
-from screwgauge.witness.constraints import closure_gaps, coupling_gaps, residual
+from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
 
 MOST = 201  # samples of what takes a walk for every joint coordinate, or has to be solved for
 _MOTION = ("joint_velocity", "joint_acceleration")
@@ -75,11 +71,11 @@ def judge(
         whole, some = (answer_at(mechanism, problem, solution, part, tolerance) for part in (rows, rows[few]))
         table = [*closure(whole)]
         if whole.has(*_MOTION):
-            table += balance.virtual_work(some, admitted_by(some), *balance.required_wrenches(some))
+            table += residuals.virtual_work(some, admitted_by(some), *residuals.required_wrenches(some))
         grown = integrated_tolerance(task.integration.rtol, task.integration.atol)
         as_far = [one for one in again if np.isin(rows, common_rows(len(task), one)).all()]
         others = [answer_at(mechanism, problem, one, rows, tolerance) for one in as_far]
-        table += energy_balance(replace(whole, tolerance=grown), others)
+        table += residuals.energy_balance(replace(whole, tolerance=grown), others)
     return pd.DataFrame(table, columns=COLUMNS)
 
 
@@ -90,7 +86,7 @@ def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Iterator[Row]:
         whole, some: The answer at all samples and at a few. The first is judged if it has what is needed.
         motion: What was asked at these few.
     """
-    tree, forces = (any(some.has(name) for name in names) for names in (TREE_FORCES, _FORCES))
+    tree, forces = (any(some.has(name) for name in names) for names in (residuals.TREE_FORCES, _FORCES))
     lacking = not some.has(*_MOTION)
     if lacking or forces:
         admissible = admitted_by(some)
@@ -102,22 +98,22 @@ def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Iterator[Row]:
     if forces:
         yield from _forces(whole, some, admissible)
     if tree:
-        yield from tree_forces(some)
+        yield from residuals.tree_forces(some)
 
 
 def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Iterator[Row]:
     """Residuals of forces of the closed mechanism; where some of them were not asked for, of a few samples."""
-    required = balance.required_wrenches(some)
-    full = redundant.balanced(some, required[0])
-    every, needed = (whole, balance.required_wrenches(whole)) if some.has("actuator_force") else (full, required)
+    required = residuals.required_wrenches(some)
+    full = residuals.balanced(some, required[0])
+    every, needed = (whole, residuals.required_wrenches(whole)) if some.has("actuator_force") else (full, required)
     if some.has("reaction"):
-        yield from balance.newton_euler(every, *needed)
+        yield from residuals.newton_euler(every, *needed)
     if some.has("actuator_force"):
-        yield from balance.power_balance(every, needed[0])
+        yield from residuals.power_balance(every, needed[0])
     if full.has("actuator_force"):
-        yield from redundant.force_rule(full, admissible)
+        yield from residuals.force_rule(full, admissible)
     if some.has("actuator_force") or some.has("generalized_force"):
-        yield from balance.virtual_work(some, admissible, *required)
+        yield from residuals.virtual_work(some, admissible, *required)
 
 
 def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[int] = range(3)) -> Iterator[Row]:
@@ -135,9 +131,9 @@ def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[i
         name, quantity, per = _CLOSURE[order]
         if order and not answer.has(quantity):
             continue
-        values, gaps = answer.joints[order], closure_gaps(answer.tree, answer.motion, order).values()
-        missing = np.stack([*gaps, np.zeros((len(answer.t), 6))], axis=1)[:, :-1].reshape(len(answer.t), -1, 2, 3)
-        coupled = coupling_gaps(answer.tree, answer.states, order)
+        values, gaps = answer.joints[order], residual(answer.tree, answer.states, answer.motion, order)
+        loops, coupled = np.split(gaps, [6 * len(answer.tree.closures)], axis=1)
+        missing = loops.reshape(len(loops), -1, 2, 3)
         for part, unit in enumerate((f"rad{per}", f"m{per}")):
             components, columns = [*names], [missing[:, :, part].reshape(len(missing), -1)]
             for k, (coupling, column) in enumerate(zip(mechanism.couplings, tied, strict=True)):
@@ -163,10 +159,10 @@ def _largest(answer: Answer, order: int, unit: str) -> float:
 
 def body_motions(answer: Answer) -> Iterator[Row]:
     """Reported motions of the bodies less those that follow from the joint coordinates."""
-    for quantity in balance.BODY_MOTION:
+    for quantity in residuals.BODY_MOTION:
         if answer.has(quantity):
             values = answer.values[quantity]
-            walked = balance.body_motion(answer, quantity).reshape(values.array.shape)
+            walked = residuals.body_motion(answer, quantity).reshape(values.array.shape)
             missing, size = values.array - walked, largest(values.array)
             about = (quantity, *_MOTION)
             yield answer.residual("body_motion", values.units[0], values.components, missing, size, about)

@@ -20,7 +20,7 @@ from multiprocessing.util import Finalize
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 from loky import cpu_count
@@ -96,54 +96,88 @@ def isolated(
     """
     if not isinstance(limits, Limits):
         raise DescriptionError(f"{limits!r:.100} is no Limits", "limits", "give screwgauge.Limits(seconds=...)")
-    waiting, running, results = (
-        deque(works),
-        dict[Future[T | Failure], tuple[str, str, float]](),
-        dict[str, T | Failure](),
-    )
     # where they say how far they are: what a file says outlives who wrote it, and nobody waits for it
-    shared = TemporaryDirectory(prefix="screwgauge-")
-    folder = Path(shared.name)
-    free, most = [*reversed(lanes)], len(lanes) or cpu_count()
-    killed = Counter[str]()
+    with TemporaryDirectory(prefix="screwgauge-") as folder:
+        jobs = _Jobs(works, limits, lanes, keep, Path(folder))
+        try:
+            while jobs.waiting or jobs.running:
+                jobs.start()
+                jobs.collect()
+                shares = jobs.shares()
+                jobs.stop_overdue(shares)
+                if jobs.running:
+                    report(", ".join(shares), (len(jobs.results) + sum(shares.values())) / len(works))
+        finally:
+            jobs.stop()
+    return {name: jobs.results[name] for name in works}
 
-    def done(name: str, process: str, result: T | Failure) -> None:
-        free.append(process)
-        if lanes and isinstance(result, Failure) and KILLED.search(result.reason):
-            killed[name] += 1
-            if killed[name] <= AGAIN:
-                waiting.append(name)  # last, so that what takes its process with it does not stop the others
-                return
-            result = replace(result, reason=f"{result.reason}, {killed[name]} times")
-        if isinstance(result, Failure) and (step := _share(_file(folder, name))[1]):
-            result = replace(result, engine=step)
-        results[name] = result
-        keep(name, result)
 
-    try:
-        while waiting or running:
-            while waiting and len(running) < most:
-                name = waiting.popleft()
-                process = free.pop() if lanes else name
-                own = min(limits.seconds + GRACE, LONGEST)
-                work = partial(_limited, name, works[name], limits, own, _file(folder, name))
-                running[_submit(process, work)] = name, process, monotonic()
-            for future in wait(running, timeout=TICK, return_when=FIRST_COMPLETED).done:
-                name, process, _ = running.pop(future)
-                done(name, process, _result(name, future, limits))
-            shares = {name: _share(_file(folder, name))[0] for name, _, _ in running.values()}
-            for future, (name, process, begin) in [*running.items()]:
-                if monotonic() - begin > limits.seconds:
-                    del running[future]
-                    _stop(process)
-                    done(name, process, _stopped(name, limits, f", {shares[name]:.0%} of the way"))
-            if running:
-                report(", ".join(shares), (len(results) + sum(shares.values())) / len(works))
-    finally:
-        for _, process, _ in running.values():
+class _Jobs(Generic[T]):
+    """Works that wait, run and are done.
+
+    Attributes:
+        running: Name of each work, its process and when it began.
+        free: Names of processes that have nothing to do, where there are lanes.
+        killed: How often the process of a work was killed from outside.
+    """
+
+    def __init__(
+        self,
+        works: Mapping[str, Callable[[Progress], T | Failure]],
+        limits: Limits,
+        lanes: Sequence[str],
+        keep: Callable[[str, T | Failure], None],
+        folder: Path,
+    ) -> None:
+        self.works, self.limits, self.lanes, self.keep, self.folder = works, limits, lanes, keep, folder
+        self.waiting, self.running = deque(works), dict[Future[T | Failure], tuple[str, str, float]]()
+        self.results, self.killed = dict[str, T | Failure](), Counter[str]()
+        self.free, self.most = [*reversed(lanes)], len(lanes) or cpu_count()
+
+    def start(self) -> None:
+        """Starts as many of those that wait as there is room for."""
+        while self.waiting and len(self.running) < self.most:
+            name = self.waiting.popleft()
+            process = self.free.pop() if self.lanes else name
+            own = min(self.limits.seconds + GRACE, LONGEST)
+            work = partial(_limited, name, self.works[name], self.limits, own, _file(self.folder, name))
+            self.running[_submit(process, work)] = name, process, monotonic()
+
+    def collect(self) -> None:
+        """Takes the results of those that have ended meanwhile."""
+        for future in wait(self.running, timeout=TICK, return_when=FIRST_COMPLETED).done:
+            name, process, _ = self.running.pop(future)
+            self._done(name, process, _result(name, future, self.limits))
+
+    def shares(self) -> dict[str, float]:
+        """How far those that run are."""
+        return {name: _share(_file(self.folder, name))[0] for name, _, _ in self.running.values()}
+
+    def stop_overdue(self, shares: Mapping[str, float]) -> None:
+        """Stops those that have run longer than they may."""
+        for future, (name, process, begin) in [*self.running.items()]:
+            if monotonic() - begin > self.limits.seconds:
+                del self.running[future]
+                _stop(process)
+                self._done(name, process, _stopped(name, self.limits, f", {shares[name]:.0%} of the way"))
+
+    def stop(self) -> None:
+        """Stops all that run."""
+        for _, process, _ in self.running.values():
             _stop(process)
-        shared.cleanup()
-    return {name: results[name] for name in works}
+
+    def _done(self, name: str, process: str, result: T | Failure) -> None:
+        self.free.append(process)
+        if self.lanes and isinstance(result, Failure) and KILLED.search(result.reason):
+            self.killed[name] += 1
+            if self.killed[name] <= AGAIN:
+                self.waiting.append(name)  # last, so that what takes its process with it does not stop the others
+                return
+            result = replace(result, reason=f"{result.reason}, {self.killed[name]} times")
+        if isinstance(result, Failure) and (step := _share(_file(self.folder, name))[1]):
+            result = replace(result, engine=step)
+        self.results[name] = result
+        self.keep(name, result)
 
 
 def isolated_calls(

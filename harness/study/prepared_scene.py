@@ -17,8 +17,7 @@ from screwgauge.study.reference import Reference, reference_values
 from screwgauge.study.runner import model_files, write_scene_models
 from screwgauge.witness.joints import mechanism_tree
 from screwgauge.witness.kinematics import move
-from screwgauge.witness.tree import States as JointStates
-from screwgauge.witness.tree import stacked
+from screwgauge.witness.tree import TreeStates, stacked
 
 #: What is measured of given motions, in this order.
 QUANTITIES = ("joint_position", "joint_velocity", "joint_acceleration", "actuator_force")
@@ -96,7 +95,7 @@ def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, app
     if not applied.loads:
         return out
     tree, still = mechanism_tree(mechanism, spanning_tree(mechanism)), np.zeros_like(q)
-    motion, columns = move(tree, JointStates(q, still, still)), mechanism.columns(coordinates)
+    motion, columns = move(tree, TreeStates(q, still, still)), mechanism.columns(coordinates)
     for load in applied.loads:
         point = mechanism.body(load.body).com if load.point is None else load.point
         at = stacked([tree.body_frames[load.body].placed(np.eye(3), point)])

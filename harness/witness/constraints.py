@@ -5,15 +5,18 @@ Which rows state a loop is a choice (a weld, three points, another order); the m
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
+from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array, cross, quaternion_rotation, rotation_vector
-from screwgauge.witness.kinematics import Motion, move
-from screwgauge.witness.tree import FREEDOMS, CoupledColumn, States, Tree
+from screwgauge.witness.kinematics import TreeMotion, move
+from screwgauge.witness.tree import FREEDOMS, CoupledColumn, SpanningTree, TreeStates
 
 #: Newton's steps, and how far one goes at most [rad or m]; gaps that are rounding [rad or lengths of
 #: the machine, or m where it is smaller].
@@ -24,7 +27,7 @@ DEPENDENT = 1e-8
 UNCLEAR = 1e-11, 1e-5
 
 
-def closure_gaps(tree: Tree, motion: Motion, order: int = 0) -> dict[str, Array]:
+def closure_gaps(tree: SpanningTree, motion: TreeMotion, order: int = 0) -> dict[str, Array]:
     """Second frame of each closure against the first, world axes: of a weld the rotation vector, then the way [rad, m].
 
     Args:
@@ -47,7 +50,7 @@ def closure_gaps(tree: Tree, motion: Motion, order: int = 0) -> dict[str, Array]
     }
 
 
-def coupling_gaps(tree: Tree, states: States, order: int = 0) -> Array:
+def coupling_gaps(tree: SpanningTree, states: TreeStates, order: int = 0) -> Array:
     """How far coordinates or their derivatives are from what the couplings make of the others. (n, n_coupling)."""
     out = np.empty((len(states.q), len(tree.couplings)))
     for k, one in enumerate(tree.couplings.values()):
@@ -56,7 +59,7 @@ def coupling_gaps(tree: Tree, states: States, order: int = 0) -> Array:
     return out
 
 
-def _leads(one: CoupledColumn, states: States) -> tuple[Array, Array, Array]:
+def _leads(one: CoupledColumn, states: TreeStates) -> tuple[Array, Array, Array]:
     """What a coupling makes of the other coordinate, and its two derivatives. Shape (n,) each."""
     if one.of is None:
         zero = np.zeros(len(states.q))
@@ -66,7 +69,7 @@ def _leads(one: CoupledColumn, states: States) -> tuple[Array, Array, Array]:
     return value, slope * v, slope * a + bend * v**2
 
 
-def closure_rows(tree: Tree, motion: Motion) -> dict[str, Array]:
+def closure_rows(tree: SpanningTree, motion: TreeMotion) -> dict[str, Array]:
     """Relative velocity of the second frame of each closure at its origin, world axes, at unit velocities.
 
     Returns:
@@ -81,7 +84,7 @@ def closure_rows(tree: Tree, motion: Motion) -> dict[str, Array]:
     }
 
 
-def coupling_rows(tree: Tree, q: Array) -> Array:
+def coupling_rows(tree: SpanningTree, q: Array) -> Array:
     """Rates of the couplings at unit velocities. Shape (n, n_coupling, n_freedom)."""
     rows = np.zeros((len(q), len(tree.couplings), tree.freedom))
     for k, one in enumerate(tree.couplings.values()):
@@ -92,7 +95,7 @@ def coupling_rows(tree: Tree, q: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Equations:
+class ConstraintEquations:
     """All closures and couplings of a tree at states; rows first of the closures.
 
     Attributes:
@@ -106,25 +109,25 @@ class Equations:
     bias: Array
 
 
-def equations(tree: Tree, states: States) -> Equations:
+def equations(tree: SpanningTree, states: TreeStates) -> ConstraintEquations:
     """Of all closures and couplings."""
     states = replace(states, qdd=np.zeros_like(states.qdd))
     motion = move(tree, states)
     gap, bias = (residual(tree, states, motion, order) for order in (0, 2))
-    return Equations(gap, constraint_rows(tree, motion, states.q), bias)
+    return ConstraintEquations(gap, constraint_rows(tree, motion, states.q), bias)
 
 
-def residual(tree: Tree, states: States, motion: Motion, order: int = 0) -> Array:
+def residual(tree: SpanningTree, states: TreeStates, motion: TreeMotion, order: int = 0) -> Array:
     """All gaps side by side. Shape (n, m)."""
     return np.hstack([*closure_gaps(tree, motion, order).values(), coupling_gaps(tree, states, order)])
 
 
-def constraint_rows(tree: Tree, motion: Motion, q: Array) -> Array:
+def constraint_rows(tree: SpanningTree, motion: TreeMotion, q: Array) -> Array:
     """Rates of all gaps at unit velocities. Shape (n, m, n_freedom)."""
     return np.concatenate([*closure_rows(tree, motion).values(), coupling_rows(tree, q)], axis=1)
 
 
-def stepped(tree: Tree, q: Array, step: Array) -> Array:
+def stepped(tree: SpanningTree, q: Array, step: Array) -> Array:
     """Coordinates after each joint has gone a way along its velocities.
 
     Args:
@@ -147,7 +150,7 @@ def stepped(tree: Tree, q: Array, step: Array) -> Array:
     return out
 
 
-def closed(tree: Tree, states: States) -> tuple[States, NDArray[np.bool_]]:
+def closed(tree: SpanningTree, states: TreeStates) -> tuple[TreeStates, NDArray[np.bool_]]:
     """Closes the loops at states by Newton's method; velocities and accelerations then keep them closed.
 
     Returns:
@@ -203,3 +206,68 @@ def admissible_projector(rows: Array, slides: Array, length: float) -> tuple[Arr
     rank = (s > DEPENDENT).sum(axis=1)
     V = V * (np.arange(V.shape[1]) >= rank[:, None])[..., None]
     return np.swapaxes(V, 1, 2) @ V, np.where(s > DEPENDENT, s, 1.0).min(axis=1, initial=1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class AdmissibleMotion:
+    """The motions that the closed loops admit at n poses, equations being without dimension.
+
+    Attributes:
+        motion: The poses.
+        equations: What velocities make of the gaps, below it the selection of y. Shape (n, m + k, n_freedom).
+        gap_size: What a gap of each of the first rows is measured by, 1 rad or a length. Shape (m,).
+        size: Unit of each velocity: 1 rad, or the length [m]. Shape (n_freedom,).
+        columns: The chosen ones.
+    """
+
+    motion: TreeMotion
+    equations: Array
+    gap_size: Array
+    size: Array
+    columns: list[int]
+
+    def joints(self, y: Array, gaps: Array | None = None) -> Array:
+        """Derivatives of all coordinates from those of the chosen ones.
+
+        Args:
+            y: Shape (n, k) or (n, k, m).
+            gaps: What their `constraints.residual` would be without them; none by default. Shape (n, m).
+
+        Returns:
+            Shape (n, n_freedom) or (n, n_freedom, m).
+        """
+        single, m = y.ndim == 2, len(self.gap_size)
+        y = y[..., None] if single else y
+        right = np.zeros((len(y), self.equations.shape[1], y.shape[2]))
+        right[:, m:] = y / self.size[self.columns, None]
+        if gaps is not None:
+            right[:, :m] = -(gaps / self.gap_size)[..., None]
+        found = linear.solve(self.equations, right) * self.size[:, None]
+        return np.asarray(found[..., 0] if single else found)
+
+    @cached_property
+    def partial(self) -> Array:
+        """Velocities of all coordinates per velocity of y. Shape (n, n_freedom, k)."""
+        return self.joints(np.tile(np.eye(len(self.columns)), (len(self.equations), 1, 1)))
+
+    @cached_property
+    def bodies(self) -> Array:
+        """Velocities of the centres of mass over the angular ones, per velocity of y. Shape (n, n_body, 6, k)."""
+        J = self.motion.jacobian(self.motion.tree.bodies, self.motion.com.p)[:, :, [3, 4, 5, 0, 1, 2]]
+        return np.asarray(J @ self.partial[:, None])
+
+
+def admissible_motion(motion: TreeMotion, q: Array, units: Sequence[str], columns: list[int]) -> AdmissibleMotion:
+    """The motions admitted at poses.
+
+    Args:
+        units: rad or m, of each velocity.
+        columns: Velocities by which a motion is told.
+    """
+    tree, length = motion.tree, motion.tree.length
+    size = np.array([1.0 if unit == "rad" else length for unit in units])
+    gap_size = [np.array([1.0] * 3 + [length] * 3)[-3 * (1 + (c.kind == "weld")) :] for c in tree.closures.values()]
+    gaps = np.concatenate([*gap_size, [size[one.velocity] for one in tree.couplings.values()], np.zeros(0)])
+    rows = constraint_rows(tree, motion, q) / gaps[:, None] * size
+    chosen = np.broadcast_to(np.eye(len(size))[columns], (len(q), len(columns), len(size)))
+    return AdmissibleMotion(motion, np.concatenate([rows, chosen], axis=1), gaps, size, columns)

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.reference.rotations import Array, cross, lanes, quaternion_rotation, skew, times
-from screwgauge.witness.kinematics import Motion, move
-from screwgauge.witness.tree import FREEDOMS, Matter, States, Tree
+from screwgauge.witness.kinematics import TreeMotion, move
+from screwgauge.witness.tree import FREEDOMS, MassProperties, SpanningTree, TreeStates
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class NewtonEuler:
+class NewtonEulerTerms:
     """What each body needs to move as it does, term by term: force, and moment about the centre of mass.
 
     Attributes:
@@ -34,7 +34,7 @@ class NewtonEuler:
         return found
 
 
-def newton_euler(matter: Matter, R: Array, w: Array, b: Array, a: Array, g: Array) -> NewtonEuler:
+def newton_euler(matter: MassProperties, R: Array, w: Array, b: Array, a: Array, g: Array) -> NewtonEulerTerms:
     """Of bodies of given orientation, angular velocity and acceleration, and acceleration of the centre of mass.
 
     Args:
@@ -42,22 +42,22 @@ def newton_euler(matter: Matter, R: Array, w: Array, b: Array, a: Array, g: Arra
     """
     inertial = lanes(len(R), len(matter.mass), 6)
     inertial[..., :3], inertial[..., 3:] = matter.mass[:, None] * a, momentum(matter, R, b)
-    return NewtonEuler(inertial, -matter.mass[:, None] * g, cross(w, momentum(matter, R, w)))
+    return NewtonEulerTerms(inertial, -matter.mass[:, None] * g, cross(w, momentum(matter, R, w)))
 
 
-def momentum(matter: Matter, R: Array, w: Array) -> Array:
+def momentum(matter: MassProperties, R: Array, w: Array) -> Array:
     """``R J R^T w``, angular momentum about the centre of mass. Shape (n, m, 3)."""
     return times(R, times(matter.inertia[None], times(R.swapaxes(-1, -2), w)))
 
 
-def kinetic_energy(motion: Motion) -> Array:
+def kinetic_energy(motion: TreeMotion) -> Array:
     """Of all bodies [J]. Shape (n,)."""
     matter, com = motion.tree.matter, motion.com
     turning = np.sum(com.w * momentum(matter, com.R, com.w), axis=(1, 2))
     return np.asarray(0.5 * (np.sum(com.v**2, axis=2) @ matter.mass + turning))
 
 
-def along(motion: Motion, wrenches: Array) -> Array:
+def along(motion: TreeMotion, wrenches: Array) -> Array:
     """Power of wrenches at the centres of mass of the bodies, see `NewtonEuler`, at unit velocities.
 
     Args:
@@ -74,7 +74,7 @@ def along(motion: Motion, wrenches: Array) -> Array:
     return np.asarray(np.sum(motion.axes * np.where(turns[:, None], moment, whole[..., :3]), axis=2))
 
 
-def mass_matrix(motion: Motion) -> Array:
+def mass_matrix(motion: TreeMotion) -> Array:
     """Without armature, by composite bodies (Featherstone, Rigid Body Dynamics Algorithms, table 6.2).
 
     Returns:
@@ -93,7 +93,7 @@ def mass_matrix(motion: Motion) -> Array:
     return np.asarray(product * inner + lower)
 
 
-def _inertia_at_origin(motion: Motion) -> Array:
+def _inertia_at_origin(motion: TreeMotion) -> Array:
     """Of each body: velocity of the point in the world's origin -> moment about it and momentum. (n, n_body, 6, 6)."""
     matter, com = motion.tree.matter, motion.com
     C, m = skew(com.p), matter.mass[:, None, None]
@@ -106,7 +106,7 @@ def _inertia_at_origin(motion: Motion) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Dynamics:
+class InverseDynamics:
     """What a tree needs to move as it does; forces are those along its velocities [N m or N].
 
     Attributes:
@@ -128,7 +128,7 @@ class Dynamics:
     acceleration: Array
 
 
-def dynamics(tree: Tree, states: States, motion: Motion | None = None) -> Dynamics:
+def dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion | None = None) -> InverseDynamics:
     """Everything at once."""
     motion = motion or move(tree, states)
     bodies, needed = motion.bodies, _needed(motion)
@@ -138,28 +138,28 @@ def dynamics(tree: Tree, states: States, motion: Motion | None = None) -> Dynami
     inertial = along(motion, needed.wrenches)
     armature, passive = armature_force(tree, states), passive_force(tree, states)
     bias = inertial + armature - (M @ states.qdd[..., None])[..., 0]
-    return Dynamics(
+    return InverseDynamics(
         inertial + armature + passive, M, bias, along(motion, weights), passive, bodies.velocity, bodies.acceleration
     )
 
 
-def inverse_dynamics(tree: Tree, states: States) -> Array:
+def inverse_dynamics(tree: SpanningTree, states: TreeStates) -> Array:
     """`Dynamics.tau` alone. Shape (n, n_freedom)."""
     motion = move(tree, states)
     return along(motion, _needed(motion).wrenches) + armature_force(tree, states) + passive_force(tree, states)
 
 
-def _needed(motion: Motion) -> NewtonEuler:
+def _needed(motion: TreeMotion) -> NewtonEulerTerms:
     tree, com = motion.tree, motion.com
     return newton_euler(tree.matter, com.R, com.w, com.b, com.a, np.reshape(tree.weight, (-1, 1)) * tree.gravity)
 
 
-def _entry(tree: Tree, name: str) -> Array:
+def _entry(tree: SpanningTree, name: str) -> Array:
     """One of `Tree.passive`."""
     return tree.passive.get(name, np.zeros(tree.freedom))
 
 
-def rotor_acceleration(tree: Tree, states: States) -> Array:
+def rotor_acceleration(tree: SpanningTree, states: TreeStates) -> Array:
     """What armature resists; of a free joint's translation the derivative in world axes. Shape (n, n_freedom)."""
     qdd = states.qdd.copy()
     for link in tree.links:
@@ -169,7 +169,7 @@ def rotor_acceleration(tree: Tree, states: States) -> Array:
     return qdd
 
 
-def deflection(tree: Tree, states: States) -> Array:
+def deflection(tree: SpanningTree, states: TreeStates) -> Array:
     """How far each joint is from where its spring rests, along its velocities. Shape (n, n_freedom)."""
     out = np.empty_like(states.qd)
     for link in tree.links:
@@ -188,17 +188,17 @@ def deflection(tree: Tree, states: States) -> Array:
     return out
 
 
-def armature_force(tree: Tree, states: States) -> Array:
+def armature_force(tree: SpanningTree, states: TreeStates) -> Array:
     """Of rotors. Shape (n, n_freedom)."""
     return _entry(tree, "armature") * rotor_acceleration(tree, states)
 
 
-def passive_force(tree: Tree, states: States) -> Array:
+def passive_force(tree: SpanningTree, states: TreeStates) -> Array:
     """That motors need against damping, dry friction and springs. Shape (n, n_freedom)."""
     return np.asarray(sum(passive_parts(tree, states).values()))
 
 
-def passive_parts(tree: Tree, states: States) -> dict[str, Array]:
+def passive_parts(tree: SpanningTree, states: TreeStates) -> dict[str, Array]:
     """Of what `passive_force` is made."""
     stiffness = _entry(tree, "stiffness")
     return {

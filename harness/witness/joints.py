@@ -15,7 +15,15 @@ import numpy as np
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.witness.tree import Closure, CoupledColumn, FixedFrame, Link, Matter, Tree, stacked
+from screwgauge.witness.tree import (
+    CoupledColumn,
+    FixedFrame,
+    LoopConstraint,
+    MassProperties,
+    SpanningTree,
+    TreeLink,
+    stacked,
+)
 
 
 class JointKind(NamedTuple):
@@ -69,7 +77,7 @@ def across(axis: Array) -> dict[str, Array]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MechanismTree(Tree):
+class MechanismTree(SpanningTree):
     """The tree of a mechanism; coordinates and velocities are the joint coordinates and their rates.
 
     Attributes:
@@ -92,7 +100,7 @@ def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> 
     """
     links, at = _spanned(mechanism, graph)
     closures = {
-        joint.name: Closure("weld", at[joint.child], _across(links, mechanism, joint, at[joint.parent]))
+        joint.name: LoopConstraint("weld", at[joint.child], _across(links, mechanism, joint, at[joint.parent]))
         for joint in graph.cuts
     }
     column = {name: (i, i) for i, name in enumerate(mechanism.coordinates)}
@@ -112,7 +120,7 @@ def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> 
     )
 
 
-def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> tuple[Tree, list[int], Array]:
+def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> tuple[SpanningTree, list[int], Array]:
     """The open tree of some joints: one that closes a loop leads to a copy of a body that another one reaches.
 
     A body and its copies have equal shares of its mass. Ground has no copies: a joint that ends there leads from it.
@@ -130,21 +138,21 @@ def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> t
             frames.append(_across(links, mechanism, joint, at[near], reverse=near == joint.child))
     rows, whole = [number[name] for name in ends], matter(mechanism)
     shares = np.array([1.0 / ends.count(name) for name in ends])
-    parts = Matter(shares * whole.mass[rows], whole.com[rows], shares[:, None, None] * whole.inertia[rows])
-    tree = Tree(tuple(links), len(mechanism.coordinates), stacked(frames), parts)
+    parts = MassProperties(shares * whole.mass[rows], whole.com[rows], shares[:, None, None] * whole.inertia[rows])
+    tree = SpanningTree(tuple(links), len(mechanism.coordinates), stacked(frames), parts)
     return tree, rows, shares
 
 
-def _spanned(mechanism: Mechanism, graph: Layout) -> tuple[list[Link], dict[str, FixedFrame]]:
+def _spanned(mechanism: Mechanism, graph: Layout) -> tuple[list[TreeLink], dict[str, FixedFrame]]:
     """Links of the joints of a spanning tree, and frames of ground and the bodies."""
-    links, at = list[Link](), {GROUND: FixedFrame()}
+    links, at = list[TreeLink](), {GROUND: FixedFrame()}
     for edge in graph.edges:
         at[edge.far] = _across(links, mechanism, edge.joint, at[edge.near], reverse=edge.reverse)
     return links, at
 
 
 def _across(
-    links: list[Link], mechanism: Mechanism, joint: Joint, near: FixedFrame, *, reverse: bool = False
+    links: list[TreeLink], mechanism: Mechanism, joint: Joint, near: FixedFrame, *, reverse: bool = False
 ) -> FixedFrame:
     """Appends the links of a joint; the frame of the body that it leads to.
 
@@ -155,13 +163,13 @@ def _across(
     steps = [*zip(freedoms(joint), mechanism.columns(joint.coordinates), strict=True)]
     at = near.placed(start.R, start.p)
     for (kind, axis), column in reversed(steps) if reverse else steps:
-        links.append(Link(kind, at, axis, column, column, sign=-1.0 if reverse else 1.0))
+        links.append(TreeLink(kind, at, axis, column, column, sign=-1.0 if reverse else 1.0))
         at = FixedFrame(len(links))
     return at.placed(end.R.T, -end.R.T @ end.p)
 
 
-def matter(mechanism: Mechanism) -> Matter:
+def matter(mechanism: Mechanism) -> MassProperties:
     """Of the bodies."""
-    return Matter(
+    return MassProperties(
         *(np.array([getattr(body, name) for body in mechanism.bodies]) for name in ("mass", "com", "inertia"))
     )

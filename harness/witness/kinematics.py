@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge.reference.rotations import Array, cross, product, quaternion_rotation, skew, times
-from screwgauge.witness.tree import FREEDOMS, Frames, Rows, States, Tree
+from screwgauge.witness.tree import FREEDOMS, FixedFrames, Rows, SpanningTree, TreeStates
 
 #: Links times samples that are walked at once.
 AT_ONCE = 16384
@@ -44,12 +44,12 @@ class Moving:
         """Some of them."""
         return Moving(*(getattr(self, name)[:, some] for name in "Rpwvba"))
 
-    def poses(self, at: Frames) -> tuple[Array, Array]:
+    def poses(self, at: FixedFrames) -> tuple[Array, Array]:
         """Orientation and origin of frames fixed to some of these. Shapes (n, k, 3, 3), (n, k, 3)."""
         R = picked(self.R, at.link)
         return turned(R, at.R), picked(self.p, at.link) + times(R, at.p)
 
-    def frames(self, at: Frames) -> Moving:
+    def frames(self, at: FixedFrames) -> Moving:
         """Frames fixed to some of these."""
         some = Moving(*(picked(getattr(self, name), at.link) for name in "Rpwvba"))
         there = some.shifted(times(some.R, at.p))
@@ -67,7 +67,7 @@ class Moving:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class TreeMotion:
     """A tree in motion.
 
     Attributes:
@@ -75,7 +75,7 @@ class Motion:
         axes: Of the velocities, along which a unit one turns or slides. Shape (n, n_freedom, 3).
     """
 
-    tree: Tree
+    tree: SpanningTree
     links: Moving
     axes: Array
 
@@ -95,7 +95,7 @@ class Motion:
         """First frames of all closures, then the second ones."""
         return self.links.frames(self.tree.ends)
 
-    def jacobian(self, frames: Frames, points: Array) -> Array:
+    def jacobian(self, frames: FixedFrames, points: Array) -> Array:
         """Angular velocity over that of a point of each frame, at unit velocities.
 
         Args:
@@ -114,25 +114,25 @@ class Motion:
         return found
 
 
-def move(tree: Tree, states: States) -> Motion:
+def move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
     """Motion of everything, so many samples at once that they stay in the cache."""
     n, at_once = len(states.q), AT_ONCE // (len(tree.links) + 1) + 1
     if n <= at_once:
         return _move(tree, states)
     parts = [_move(tree, states.at(slice(i, i + at_once))) for i in range(0, n, at_once)]
     fields = [_joined([getattr(part.links, name) for part in parts]) for name in "Rpwvba"]
-    return Motion(tree, Moving(*fields), _joined([part.axes for part in parts]))
+    return TreeMotion(tree, Moving(*fields), _joined([part.axes for part in parts]))
 
 
 def _joined(parts: Sequence[Array]) -> Array:
     return _first(np.concatenate([_last(part) for part in parts], axis=-1))
 
 
-def _move(tree: Tree, states: States) -> Motion:
+def _move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
     R, p, r = _poses(tree, states.q)
     number, axes, _ = tree.velocity
     e = times(picked(R, number), axes)
-    (spin, slide), (spin_rate, slide_rate) = (_relative(tree, e, rates) for rates in (states.qd, states.qdd))
+    (spin, slide), (spin_rate, slide_rate) = (_relative(tree, R, e, rates) for rates in (states.qd, states.qdd))
     before = tree.starts.link
     w = _outward(tree, spin)
     near = picked(w, before)
@@ -141,7 +141,7 @@ def _move(tree: Tree, states: States) -> Motion:
     v = _outward(tree, toward + slide)
     a = cross(picked(b, before), r) + cross(near, toward + 2.0 * slide) + slide_rate
     a += cross(spin, slide)  # velocities of a free joint are counted along axes that it turns
-    return Motion(tree, Moving(R, p, w, v, b, _outward(tree, a)), e)
+    return TreeMotion(tree, Moving(R, p, w, v, b, _outward(tree, a)), e)
 
 
 def _last(x: Array) -> Array:
@@ -164,7 +164,7 @@ def picked(x: Array, which: Rows) -> Array:
     return _first(_last(x)[which])
 
 
-def _poses(tree: Tree, q: Array) -> tuple[Array, Array, Array]:
+def _poses(tree: SpanningTree, q: Array) -> tuple[Array, Array, Array]:
     """Of ground and all links, and the way from the origin of the link before to each. (n, n_link + 1, ...)."""
     n, k = len(q), len(tree.links)
     turn, way = _joints(tree, q)
@@ -179,11 +179,11 @@ def _poses(tree: Tree, q: Array) -> tuple[Array, Array, Array]:
     return whole, _first(p), _first(r)
 
 
-def _joints(tree: Tree, q: Array) -> tuple[Array, Array]:
+def _joints(tree: SpanningTree, q: Array) -> tuple[Array, Array]:
     """How each joint turns and displaces its link. Shapes (n, n_link, 3, 3), (n, n_link, 3)."""
     n, k = len(q), len(tree.links)
     R, p = np.empty((k, 3, 3, n)), np.empty((k, 3, n))
-    own, columns, zero, axes, turns = tree.single
+    own, columns, _, zero, axes, turns = tree.single
     gone, K = q.T[columns] - zero[:, None], skew(axes)
     angle = (gone * turns)[:, None, None]
     # 1 - cos as 2 sin^2 of the half angle: no cancellation at small angles
@@ -199,17 +199,22 @@ def _joints(tree: Tree, q: Array) -> tuple[Array, Array]:
     return _first(R), _first(p)
 
 
-def _relative(tree: Tree, e: Array, rates: Array) -> tuple[Array, Array]:
+def _relative(tree: SpanningTree, R: Array, e: Array, rates: Array) -> tuple[Array, Array]:
     """What rates of the joints add to the angular velocity and to that of the origin. Shape (n, n_link, 3) each."""
-    number = tree.velocity[0]
-    parts, found = _last(e) * rates.T[:, None], np.zeros((2, len(tree.links), 3, len(e)))
-    for out, groups in zip(found, tree.rates, strict=True):
-        for columns in groups:
-            out[number[columns] - 1] += parts[columns]
-    return _first(found[0]), _first(found[1])
+    own, _, velocities, _, _, turns = tree.single
+    single, hinges = _last(e)[velocities] * rates.T[velocities, None], turns[..., None] > 0.0
+    spin, slide = np.zeros((2, len(tree.links), 3, len(e)))
+    spin[own], slide[own] = np.where(hinges, single, 0.0), np.where(hinges, 0.0, single)
+    for i, link in enumerate(tree.links):
+        if FREEDOMS[link.kind] > 1:
+            turn, way = (slice(link.velocity + k, link.velocity + k + 3) for k in (0, 3))
+            spin[i] = (R[:, i + 1] @ rates[:, turn, None])[..., 0].T
+            if link.kind == "free":
+                slide[i] = (R[:, i + 1] @ rates[:, way, None])[..., 0].T
+    return _first(spin), _first(slide)
 
 
-def _outward(tree: Tree, gained: Array) -> Array:
+def _outward(tree: SpanningTree, gained: Array) -> Array:
     """Sums what each link adds to the one before it, from the ground. Shape (n, n_link, 3) -> (n, n_link + 1, 3)."""
     whole = np.zeros((gained.shape[1] + 1, 3, len(gained)))
     whole[1:] = _last(gained)

@@ -37,7 +37,7 @@ class FixedFrame(NamedTuple):
         return FixedFrame(self.link, self.R @ R, self.p + self.R @ p)
 
 
-class Frames(NamedTuple):
+class FixedFrames(NamedTuple):
     """Several of them. Shapes (m,), (m, 3, 3), (m, 3)."""
 
     link: Rows
@@ -45,13 +45,13 @@ class Frames(NamedTuple):
     p: Array
 
 
-def stacked(frames: Sequence[FixedFrame]) -> Frames:
+def stacked(frames: Sequence[FixedFrame]) -> FixedFrames:
     """Frames side by side."""
     R, p = (np.array([getattr(each, name) for each in frames], dtype=float) for name in "Rp")
-    return Frames(np.array([each.link for each in frames], dtype=np.intp), R.reshape(-1, 3, 3), p.reshape(-1, 3))
+    return FixedFrames(np.array([each.link for each in frames], dtype=np.intp), R.reshape(-1, 3, 3), p.reshape(-1, 3))
 
 
-class Link(NamedTuple):
+class TreeLink(NamedTuple):
     """A link and the elementary joint that carries it.
 
     Attributes:
@@ -72,7 +72,7 @@ class Link(NamedTuple):
     sign: float = 1.0
 
 
-class Closure(NamedTuple):
+class LoopConstraint(NamedTuple):
     """Two frames of which the origins coincide (``point``) or the whole (``weld``)."""
 
     kind: str
@@ -93,7 +93,7 @@ class CoupledColumn(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Matter:
+class MassProperties:
     """Mass [kg], centre of mass [m] and inertia about it [kg m^2] of bodies, in their axes.
 
     Shapes (m,), (m, 3), (m, 3, 3).
@@ -105,7 +105,7 @@ class Matter:
 
 
 @dataclass(frozen=True, eq=False)
-class Tree:
+class SpanningTree:
     """A tree of links.
 
     Attributes:
@@ -120,11 +120,11 @@ class Tree:
         length: Of the machine [m].
     """
 
-    links: tuple[Link, ...]
+    links: tuple[TreeLink, ...]
     freedom: int
-    bodies: Frames
-    matter: Matter
-    closures: Mapping[str, Closure] = field(default_factory=dict)
+    bodies: FixedFrames
+    matter: MassProperties
+    closures: Mapping[str, LoopConstraint] = field(default_factory=dict)
     couplings: Mapping[str, CoupledColumn] = field(default_factory=dict)
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     weight: Array | float = 1.0
@@ -132,25 +132,27 @@ class Tree:
     length: float = 1.0
 
     @cached_property
-    def starts(self) -> Frames:
+    def starts(self) -> FixedFrames:
         """Where each joint sits on the link before it."""
         return stacked([link.start for link in self.links])
 
     @cached_property
-    def single(self) -> tuple[Rows, Rows, Array, Array, Array]:
-        """Of hinges and slides: positions among the links, columns, zeros, axes times sign, and 1 where they turn.
+    def single(self) -> tuple[Rows, Rows, Rows, Array, Array, Array]:
+        """Of hinges and slides: positions among the links, columns among coordinates and among velocities, zeros, axes
+        times sign, and 1 where they turn.
 
-        Shapes (k,), (k,), (k,), (k, 3), (k, 1).
+        Shapes (k,), (k,), (k,), (k,), (k, 3), (k, 1).
         """
         some = [i for i, link in enumerate(self.links) if FREEDOMS[link.kind] == 1]
         links = [self.links[i] for i in some]
         turns = np.array([[float(link.kind == "hinge")] for link in links]).reshape(-1, 1)
         axes = np.array([link.sign * link.axis for link in links]).reshape(-1, 3)
-        columns = np.array([link.coordinate for link in links], dtype=np.intp)
-        return np.array(some, dtype=np.intp), columns, np.array([x.zero for x in links]), axes, turns
+        numbers = [(i, self.links[i].coordinate, self.links[i].velocity) for i in some]
+        own, columns, velocities = np.array(numbers, dtype=np.intp).reshape(-1, 3).T
+        return own, columns, velocities, np.array([link.zero for link in links]), axes, turns
 
     @cached_property
-    def ends(self) -> Frames:
+    def ends(self) -> FixedFrames:
         """First frames of all closures, then the second ones."""
         closures = self.closures.values()
         return stacked([each.first for each in closures] + [each.second for each in closures])
@@ -182,16 +184,6 @@ class Tree:
         return number, axes, turns
 
     @cached_property
-    def rates(self) -> tuple[list[Rows], list[Rows]]:
-        """Velocities that turn, and those that slide, in groups of which no two move one link from the link before."""
-        number, _, turns = self.velocity
-        first = np.array([0, *(link.velocity for link in self.links)])[number]
-        turn = np.where(number > 0, (np.arange(self.freedom) - first) % 3, -1)
-        found = ([np.flatnonzero((turn == k) & kind) for k in range(3)] for kind in (turns, ~turns))
-        spins, slides = ([columns for columns in groups if columns.size] for groups in found)
-        return spins, slides
-
-    @cached_property
     def carries(self) -> Array:
         """1 where a velocity moves a link, ground first. Shape (n_link + 1, n_freedom)."""
         carries = np.zeros((len(self.links) + 1, self.freedom))
@@ -213,7 +205,7 @@ class Tree:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class States:
+class TreeStates:
     """Samples of motion.
 
     Attributes:
@@ -225,6 +217,6 @@ class States:
     qd: Array
     qdd: Array
 
-    def at(self, which: slice | NDArray[Any]) -> States:
+    def at(self, which: slice | NDArray[Any]) -> TreeStates:
         """Some of them."""
-        return States(self.q[which], self.qd[which], self.qdd[which])
+        return TreeStates(self.q[which], self.qd[which], self.qdd[which])

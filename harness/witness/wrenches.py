@@ -13,8 +13,8 @@ from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, lanes, rotation, times
 from screwgauge.witness.constraints import coupling_rows
 from screwgauge.witness.joints import JOINT_KINDS, MechanismTree, across, freedoms
-from screwgauge.witness.kinematics import Motion, Moving
-from screwgauge.witness.tree import States, stacked
+from screwgauge.witness.kinematics import Moving, TreeMotion
+from screwgauge.witness.tree import TreeStates, stacked
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +56,7 @@ class UnitWrench:
                     yield body, wrench
 
 
-def unit_wrenches(tree: MechanismTree, motion: Motion, q: Array, quantity: str) -> Iterator[UnitWrench]:
+def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: str) -> Iterator[UnitWrench]:
     """All components of ``reaction``, those of couplings last, or of ``actuator_force``.
 
     Args:
@@ -77,7 +77,7 @@ def unit_wrenches(tree: MechanismTree, motion: Motion, q: Array, quantity: str) 
         yield from _of_couplings(tree, motion, q)
 
 
-def _of_couplings(tree: MechanismTree, motion: Motion, q: Array) -> Iterator[UnitWrench]:
+def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator[UnitWrench]:
     """A coupling has no power: 1 along its own coordinate, minus the polynomial's slope along the other."""
     rows, mechanism = coupling_rows(tree, q), tree.mechanism
     for k, one in enumerate(mechanism.couplings):
@@ -87,7 +87,7 @@ def _of_couplings(tree: MechanismTree, motion: Motion, q: Array) -> Iterator[Uni
         yield UnitWrench(f"{one.name}.coupling", unit, tuple(_along(tree, motion, q, *share) for share in shares))
 
 
-def _along(tree: MechanismTree, motion: Motion, q: Array, coordinate: str, amount: Array) -> Act:
+def _along(tree: MechanismTree, motion: TreeMotion, q: Array, coordinate: str, amount: Array) -> Act:
     """A force along one coordinate: without power on the other coordinates of its joint. `amount`: shape (n,)."""
     joint = next(joint for joint in tree.mechanism.joints if coordinate in joint.coordinates)
     near, _, point = _frames(tree, motion, joint)
@@ -115,7 +115,7 @@ def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, 
     return (np.zeros_like(one), one) if kinds[i] == "hinge" else (one, np.zeros_like(one))
 
 
-def _frames(tree: MechanismTree, motion: Motion, joint: Joint) -> tuple[Array, Array, Array]:
+def _frames(tree: MechanismTree, motion: TreeMotion, joint: Joint) -> tuple[Array, Array, Array]:
     """World axes of a joint's frames on its parent and on its child, and where the second is."""
     R, p = motion.links.poses(stacked([tree.on(body, frame) for body, frame in joint.sides]))
     return R[:, 0], R[:, 1], p[:, 1]
@@ -156,7 +156,7 @@ def _directions(what: str, joint: Joint, near: Array, far: Array) -> dict[str, A
 
 
 def exerted_wrenches(
-    tree: MechanismTree, motion: Motion, states: States, t: Array, applied: Applied
+    tree: MechanismTree, motion: TreeMotion, states: TreeStates, t: Array, applied: Applied
 ) -> Iterator[tuple[int, Array, Array, Array]]:
     """What loads, springs, dampers and motors exert, one by one.
 
@@ -179,7 +179,7 @@ def exerted_wrenches(
             yield from _pull(spring, tree, motion, t)
 
 
-def _joint_forces(mechanism: Mechanism, states: States, t: Array, applied: Applied) -> Iterator[tuple[str, Array]]:
+def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Applied) -> Iterator[tuple[str, Array]]:
     """Of motors, and of springs and dampers along joint coordinates. Shape (n,)."""
     for motor in applied.motors:
         omega, c, s = motor.harmonics.T
@@ -193,7 +193,7 @@ def _joint_forces(mechanism: Mechanism, states: States, t: Array, applied: Appli
 
 
 def _pull(
-    spring: PointSpring, tree: MechanismTree, motion: Motion, t: Array
+    spring: PointSpring, tree: MechanismTree, motion: TreeMotion, t: Array
 ) -> Iterator[tuple[int, Array, Array, Array]]:
     """Of a spring between two points, along the line between them."""
     way, rate = _line(spring, tree, motion)
@@ -208,13 +208,13 @@ def _pull(
             yield i, sign * tension[:, None] * line, np.zeros(3), arm
 
 
-def _line(spring: PointSpring, tree: MechanismTree, motion: Motion) -> tuple[Array, Array]:
+def _line(spring: PointSpring, tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
     """From the first point to the second, and its rate. Shape (n, 3) each."""
     ends = motion.links.frames(stacked([tree.body_frames[body].placed(np.eye(3), at) for body, at in spring.ends]))
     return ends.p[:, 1] - ends.p[:, 0], ends.v[:, 1] - ends.v[:, 0]
 
 
-def spring_energy(tree: MechanismTree, motion: Motion, q: Array, applied: Applied) -> Array:
+def spring_energy(tree: MechanismTree, motion: TreeMotion, q: Array, applied: Applied) -> Array:
     """What springs have stored [J]. Shape (n,)."""
     stored = np.zeros(len(q))
     for spring in applied.springs:

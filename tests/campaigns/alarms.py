@@ -18,7 +18,7 @@ from screwgauge.quantities import length
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.report.blocks import Banner
-from screwgauge.report.formatting import GateRow, rows
+from screwgauge.report.formatting import Row, rows
 from screwgauge.report.study import study
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.measure import GateSettings, compared
@@ -118,7 +118,7 @@ def _counts(found: pd.DataFrame) -> dict[str, int]:
 def _bad(found: pd.DataFrame) -> list[str]:
     """Every false alarm and missed change, and what was refused."""
 
-    def because(row: GateRow) -> str:
+    def because(row: Row) -> str:
         missed = "{parameter} by {share} missed ({error}, tolerance {tolerance})".format(**row)
         return "; ".join([*([row["reason"]] if row["reason"] else []), *([missed] if row["caught"] == "no" else [])])
 

@@ -170,9 +170,10 @@ is made if need be. [Exit status](quantities.md#exit-status)"""
 
 BUILTIN = """# Built-in mechanisms and scenes
 
-`screwgauge list` has their names. Each mechanism is tested against what is known of it; its description is in
-the folder of its name under [models](../../models/). Springs and motors are forces, and stand in the scenes.
-What every engine reaches on the benchmark problems, and what others have published:
+`screwgauge list` has their names. Each mechanism is tested against what is known of it; its description is in the
+folder of its name under [models](../../models/), and Pinocchio and MuJoCo read the model files of all of them.
+`a02-fourbar-40` is written by `models/fourbars.py`, for any number of loops. Springs and motors are forces, and stand
+in the scenes. What every engine reaches on the benchmark problems, and what others have published:
 [reports](../../reports/README.md).
 
 ## Mechanisms"""
@@ -211,13 +212,15 @@ def _commands() -> str:
         parts.append(f"## {group.capitalize()}")
         for name in names:
             command = known[name]
+            what, example = (command.description or "").split("\n\nexample: ")
             shown = [each for each in command._actions if not {*each.option_strings} & {"--help", "--debug", "--force"}]
             shown.sort(key=lambda each: (bool(each.option_strings), "--out" in each.option_strings))
             taken = [each for each in shown if not each.option_strings]
             usage = " ".join(
                 f"[{x.metavar or x.dest}{' ...' * (x.nargs == '*')}]" if x.nargs else x.metavar for x in taken
             )
-            parts += [f"### {name}", f"`screwgauge {name} {usage}`".replace(" `", "`"), command.description]
+            parts += [f"### {name}", f"`screwgauge {name} {usage}`".replace(" `", "`"), what]
+            parts.append(f"```\n{example}\n```")
             parts.append("\n".join(["| argument | meaning |", "|---|---|", *map(_argument, shown)]))
             if command.epilog in (STRESS_STATUS, DIAGNOSE_STATUS):
                 parts.append(" ".join(command.epilog.split()).capitalize() + ".")

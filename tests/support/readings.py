@@ -15,4 +15,4 @@ from screwgauge.models.readings.renamed import renamed
 from screwgauge.models.readings.source import prepare
 from screwgauge.witness.constraints import closure_gaps, closure_rows, equations, stepped
 from screwgauge.witness.kinematics import move
-from screwgauge.witness.tree import States
+from screwgauge.witness.tree import TreeStates

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.models.kinematics import Tree
+from screwgauge.models.kinematics import ReadingTree
 from screwgauge.models.placement import TENSOR
 from screwgauge.reference.rotations import Array, skew
 from screwgauge.witness.dynamics import deflection, rotor_acceleration
-from screwgauge.witness.kinematics import Motion
-from screwgauge.witness.tree import States
+from screwgauge.witness.kinematics import TreeMotion
+from screwgauge.witness.tree import TreeStates
 
 PARAMETERS = 10
 
@@ -36,7 +36,7 @@ def parameters(mass: Array, com: Array, inertia: Array) -> Array:
     return np.concatenate([mass[..., None], first, entries], axis=-1)
 
 
-def inertial_regressor(tree: Tree, motion: Motion) -> Array:
+def inertial_regressor(tree: ReadingTree, motion: TreeMotion) -> Array:
     """Forces of unit parameters.
 
     Returns:
@@ -66,7 +66,7 @@ def _tensor(w: Array) -> Array:
     return out
 
 
-def passive_regressor(tree: Tree, states: States) -> dict[str, Array]:
+def passive_regressor(tree: ReadingTree, states: TreeStates) -> dict[str, Array]:
     """Forces of unit entries, by entry: of each velocity's own joint alone. Shape (n, n_freedom) each."""
     return {
         "armature": rotor_acceleration(tree, states),
@@ -76,7 +76,7 @@ def passive_regressor(tree: Tree, states: States) -> dict[str, Array]:
     }
 
 
-def gravity_regressor(tree: Tree, motion: Motion) -> Array:
+def gravity_regressor(tree: ReadingTree, motion: TreeMotion) -> Array:
     """Forces of unit gravity along the world axes. Shape (n, n_freedom, 3)."""
     share = -(tree.weight * tree.matter.mass)
     rates = motion.jacobian(tree.bodies, motion.com.p)[:, :, 3:]

@@ -12,7 +12,6 @@ from screwgauge.study.cluster import executor
 from screwgauge.study.executors import InTurn, Processes, Task
 from screwgauge.study.journal import Journal
 from screwgauge.study.runner import TaskRate, run_tasks
-from screwgauge.study.table import TableFile
 
 
 def square(i: int, progress: Any) -> dict[str, Any]:

@@ -14,10 +14,10 @@ from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.models.importing import closing
 from screwgauge.models.importing.assemble import assemble
 from screwgauge.models.importing.homes import some
-from screwgauge.models.kinematics import Tree, draw, near_home, plant, rehomed, size
+from screwgauge.models.kinematics import ReadingTree, draw, near_home, plant, rehomed, size
 from screwgauge.reference.errors import ClosureError
 from screwgauge.witness.constraints import admissible_projector, clear, closed, equations
-from screwgauge.witness.tree import States
+from screwgauge.witness.tree import TreeStates
 
 #: States that are drawn, and closed where they can be.
 DRAWN = 12
@@ -112,7 +112,7 @@ def loops(common: Common, pairing: Pairing, seed: int, deadline: Deadline) -> tu
     return Loops(row, (n, m), len(force), len(ours), _opened(b, same_poses)), said
 
 
-def _opened(tree: Tree, states: States) -> str:
+def _opened(tree: ReadingTree, states: TreeStates) -> str:
     """How far loops are open where they are widest, in words; empty where they are closed at all states."""
     system = closing.Loops(tree)
     widest = max(states.q, key=lambda q: float(np.abs(system.system(q)[0]).max(initial=0.0)))

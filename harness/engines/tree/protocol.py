@@ -88,7 +88,7 @@ def shifted(V: Array, A: Array, arms: Array) -> Array:
     return np.asarray(A[..., 3:] + cross(A[..., :3], arms) + cross(w, cross(w, arms)))
 
 
-class Tree(Protocol):
+class OpenTree(Protocol):
     """An engine's open tree."""
 
     engine: str
@@ -156,7 +156,7 @@ class Mover(Protocol):
     setting: str
 
     @property
-    def tree(self) -> Tree: ...
+    def tree(self) -> OpenTree: ...
 
     @property
     def notes(self) -> tuple[str, ...]: ...
@@ -231,7 +231,7 @@ class Accelerations:
     notes: tuple[str, ...] = ()
 
 
-class Dynamics(Protocol):
+class TreeDynamics(Protocol):
     """What moves an engine's tree, with the settings that it was loaded with.
 
     Attributes:

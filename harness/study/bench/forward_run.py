@@ -13,7 +13,7 @@ import numpy as np
 
 from screwgauge.environment import environment
 from screwgauge.judging.answer import answer_at
-from screwgauge.judging.energy import energy_balance
+from screwgauge.judging.residuals import energy_balance
 from screwgauge.problem import Integration, Problem, Progress, spread
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.graph import Layout, layout

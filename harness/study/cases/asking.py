@@ -25,7 +25,7 @@ from screwgauge.study.prepared_scene import PreparedScene, pose_scene
 from screwgauge.study.reference import TRUTH, Reference
 from screwgauge.study.runner import solve
 from screwgauge.witness.joints import MechanismTree
-from screwgauge.witness.kinematics import Motion
+from screwgauge.witness.kinematics import TreeMotion
 from screwgauge.witness.tree import stacked
 
 SCENE = "3ups-upu-s"
@@ -109,7 +109,7 @@ def tree_coordinates(mechanism: Mechanism) -> tuple[str, ...]:
     return loops_of(mechanism, "minimal").tree
 
 
-def closure_residuals(tree: MechanismTree, motion: Motion) -> tuple[Array, Array]:
+def closure_residuals(tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
     """What lies between the points that close the loops, child less parent: distance [m] and velocity [m/s].
 
     Returns:

@@ -37,7 +37,7 @@ from screwgauge.study.reference import TRUTH, Reference
 from screwgauge.study.runner import solve
 from screwgauge.witness.joints import mechanism_tree
 from screwgauge.witness.kinematics import move
-from screwgauge.witness.tree import States as JointStates
+from screwgauge.witness.tree import TreeStates
 
 #: Baumgarte's gains: critically damped with the time constant of MuJoCo's default solref, 0.02 s.
 GAINS = (1.0 / 0.02**2, 2.0 / 0.02)
@@ -108,7 +108,7 @@ def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
     witness = mechanism_tree(mechanism, lay)
     for _ in range(3):  # the matrix is that of closed loops
         v[:, tree] = w * size[tree]
-        motion = move(witness, JointStates(q, v, at_rest))
+        motion = move(witness, TreeStates(q, v, at_rest))
         rate = closure_residuals(witness, motion)[1].reshape(len(q), m)
         right = np.concatenate([parting - rate / system.length, yd - (A[:, m:] @ w[..., None])[..., 0]], axis=1)
         w = w + linear.solve(A, right[..., None])[..., 0]

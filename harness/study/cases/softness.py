@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.judging.answer import answer_at
-from screwgauge.judging.energy import energies
+from screwgauge.judging.residuals import energies
 from screwgauge.models.generate import write_models
 from screwgauge.models.loops import loops_of
 from screwgauge.problem import InitialValue, Integration, Problem

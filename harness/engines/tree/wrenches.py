@@ -1,7 +1,4 @@
-"""What springs, dampers and motors exert on the bodies, from poses and rates that somebody else computed.
-
-For the tree engines and for the judge; the engine `screw` has its own formulas in `screwgauge.reference`.
-"""
+"""What springs, dampers and motors exert on the bodies of an engine's open tree, from its poses and rates."""
 
 from __future__ import annotations
 
@@ -49,7 +46,7 @@ def applied_wrenches(
     for spring in applied.springs:
         if isinstance(spring, JointSpring):
             i = columns[spring.coordinate]
-            tau[:, i] -= spring.stiffness * (state.q[:, i] - spring.rest) + spring.damping * state.v[:, i]
+            tau[:, i] -= spring.pull(state.q[:, i], state.v[:, i])
         else:
             _pull(spring, state, index, out)
     for joint in joints:
@@ -70,7 +67,7 @@ def _pull(spring: PointSpring, state: State, index: Mapping[str, int], out: Arra
         raise spring.no_direction(f" at t = {state.t[np.argmin(length)]:g} s")
     along = (at[1] - at[0]) / length[:, None]
     rate = np.sum(along * (speed[1] - speed[0]), axis=1)
-    force = (spring.stiffness * (length - spring.rest) + spring.damping * rate)[:, None] * along
+    force = spring.pull(length, rate)[:, None] * along
     for (i, _), arm, f in zip(ends, arms, (force, -force), strict=True):
         out[:, i] += np.concatenate([f, np.cross(arm, f)], axis=1)
 
