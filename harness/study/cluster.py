@@ -92,7 +92,7 @@ class Cluster:
         while left:
             before = len(left)
             check_address(self.address, insecure=self.insecure)
-            with self._client(len(tasks) - len(left), timeout) as client:
+            with self._client(timeout) as client:
                 timeout = PATIENCE
                 try:
                     _Session(client, self.limits, left, len(tasks)).run(keep, report)
@@ -103,13 +103,8 @@ class Cluster:
                 raise OutputError("the scheduler loses whatever it is asked for", self.where, remedy)
 
     @contextmanager
-    def _client(self, kept: int, timeout: float) -> Iterator[Client]:
-        """Whoever talks to the scheduler.
-
-        Args:
-            kept: Rows that are there, for the complaint.
-            timeout: After which it is gone [s].
-        """
+    def _client(self, timeout: float) -> Iterator[Client]:
+        """Whoever talks to the scheduler, which has to answer within so many seconds."""
         from distributed import Client
 
         with warnings.catch_warnings():
@@ -118,7 +113,7 @@ class Cluster:
                 client = Client(self.address, timeout=timeout, set_as_default=False)
             except (OSError, ValueError) as error:
                 said = " ".join(str(error).split()) or type(error).__name__
-                remedy = f"start it and run the same command again: it goes on from the {kept} rows that are there"
+                remedy = "start it and run the same command again: it goes on from the rows that are there"
                 raise OutputError(f"no scheduler answers ({said})", self.where, remedy) from None
         try:
             yield client
