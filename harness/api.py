@@ -81,8 +81,9 @@ def check(
     from screwgauge.study.executors import InTurn, Processes
 
     execute = InTurn() if limits is None else Processes(jobs, limits)
-    more = {"smoke": smoke, "tolerances": tolerances, "baseline": baseline}
-    return check_with(execute, what, **more, progress=progress, journal=journal)
+    return check_with(
+        execute, what, smoke=smoke, tolerances=tolerances, baseline=baseline, progress=progress, journal=journal
+    )
 
 
 def diagnose(

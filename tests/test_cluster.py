@@ -155,6 +155,6 @@ def test_the_file_of_a_scheduler_is_read_as_an_address_is(tmp_path):
 
 @pytest.mark.slow
 def test_no_scheduler_is_one_sentence_that_says_how_to_go_on(monkeypatch):
-    monkeypatch.setattr(study, "PATIENCE", 0.1)
-    with pytest.raises(OutputError, match=r"no scheduler answers .*run the same command again: .* 0 rows"):
+    monkeypatch.setattr(study, "CONNECT", 0.1)
+    with pytest.raises(OutputError, match=r"no scheduler answers .*run the same command again: it goes on"):
         rows(tasks(1), Cluster("tcp://127.0.0.1:1"))

@@ -236,7 +236,7 @@ def limits(options: argparse.Namespace) -> Limits:
 
 def executor(options: argparse.Namespace, limits: Limits | None = None) -> Executor:
     """Where tasks run, as options say."""
-    from screwgauge.study.executors import executor
+    from screwgauge.study.cluster import executor
 
     return executor(options.jobs, options.cluster, limits, insecure=options.insecure)
 

@@ -31,12 +31,12 @@ from screwgauge.reference.errors import DescriptionError, OutputError, Screwgaug
 from screwgauge.reference.files import read_bytes, read_json
 from screwgauge.solution import Failure
 from screwgauge.study import isolation
-from screwgauge.study.executors import Report, Task
+from screwgauge.study.executors import Executor, InTurn, Processes, Report, Task
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-PATIENCE = 60.0  # s that a scheduler that has gone may take to come back
+CONNECT, PATIENCE = 10.0, 60.0  # s that a scheduler may take to answer, and to come back after it has gone
 #: Tasks that a worker is given at once last about so long together [s], so that a scheduler has thousands of workers to
 #: see to and not of tasks a second; and so many at most, so that none waits for the last of them.
 BATCH, MOST = 1.0, 64
@@ -81,40 +81,61 @@ class Cluster:
         """Of the scheduler, as it is now."""
         if "://" in self.where or not os.path.isfile(self.where):
             return self.where if "://" in self.where else f"tcp://{self.where}"
-        address = read_json(Path(self.where), "file of a scheduler", "name one that --scheduler-file has made").get(
-            "address"
-        )
+        remedy = "name a file that --scheduler-file has made"
+        address = read_json(Path(self.where), "file of a scheduler", remedy).get("address")
         if not isinstance(address, str):
-            raise DescriptionError("has no address", self.where, "name a file that --scheduler-file has made")
+            raise DescriptionError("has no address", self.where, remedy)
         return address
 
     def __call__(self, tasks: Mapping[str, Task], keep: Callable[[str, Any], None], report: Report) -> None:
-        left = dict(tasks)
+        left, timeout, lost = dict(tasks), CONNECT, 0
         while left:
+            before = len(left)
             check_address(self.address, insecure=self.insecure)
-            with self._client(len(tasks) - len(left)) as client:
+            with self._client(timeout) as client:
+                timeout = PATIENCE
                 try:
                     _Session(client, self.limits, left, len(tasks)).run(keep, report)
                 except LostError:  # what was under way is asked for again
-                    continue
+                    lost = 0 if len(left) < before else lost + 1
+            if lost > isolation.AGAIN:
+                remedy = "see its log, and run the same command again"
+                raise OutputError("the scheduler loses whatever it is asked for", self.where, remedy)
 
     @contextmanager
-    def _client(self, kept: int) -> Iterator[Client]:
-        """Args: kept: Rows that are there, for the complaint."""
+    def _client(self, timeout: float) -> Iterator[Client]:
+        """Whoever talks to the scheduler, which has to answer within so many seconds."""
         from distributed import Client
 
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of versions, which are compared here
             try:
-                client = Client(self.address, timeout=PATIENCE, set_as_default=False)
+                client = Client(self.address, timeout=timeout, set_as_default=False)
             except (OSError, ValueError) as error:
                 said = " ".join(str(error).split()) or type(error).__name__
-                remedy = f"start it and run the same command again: it goes on from the {kept} rows that are there"
+                remedy = "start it and run the same command again: it goes on from the rows that are there"
                 raise OutputError(f"no scheduler answers ({said})", self.where, remedy) from None
         try:
             yield client
         finally:
             client.close(timeout=5)
+
+
+def executor(
+    jobs: int | None, cluster: str | None, limits: isolation.Limits | None = None, *, insecure: bool = False
+) -> Executor:
+    """The executor that options ask for: on a cluster, in processes, or in this one.
+
+    Args:
+        jobs: Processes at a time.
+        cluster: Address of a Dask scheduler, or the file that it has written.
+        limits: What each task may take; without any it runs in this process, unless there are several at a time.
+    """
+    if cluster is not None:
+        return Cluster(cluster, limits or isolation.Limits(), insecure=insecure)
+    if limits is None and jobs is None:
+        return InTurn()
+    return Processes(1 if jobs is None else jobs, limits or isolation.Limits())
 
 
 def check_address(address: str, *, insecure: bool = False) -> None:
@@ -129,9 +150,8 @@ def check_address(address: str, *, insecure: bool = False) -> None:
     except ValueError:  # a port that is none
         host, known = "", False
     if not host or not known:
-        raise DescriptionError(
-            f"'{address}' is no address", "--cluster", "write tcp://127.0.0.1:8786, say, or name a file"
-        )
+        remedy = "write tcp://127.0.0.1:8786, say, or name a file"
+        raise DescriptionError(f"'{address}' is no address", "--cluster", remedy)
     try:
         near = ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -149,7 +169,7 @@ class _Session:
         self.expected, self.waiting, self.alone = versions(), deque(left), deque[str]()
         self.blobs: dict[str, Future] = {}
         self.running: dict[Future, list[str]] = {}
-        self.seconds, self.done, self.threads = 0.0, 0, 1
+        self.seconds, self.done, self.threads, self.looked = 0.0, 0, 1, 0
 
     def run(self, keep: Callable[[str, Any], None], report: Report) -> None:
         """Does what is left, and takes it off as soon as it is done."""
@@ -170,7 +190,8 @@ class _Session:
 
     def _fill(self, completed: Any) -> None:
         """Hands out batches; what has taken its worker with it goes alone."""
-        if self.done % 100 == 0:
+        self.looked += 1
+        if self.looked % max(1, self.threads // 10) == 0:  # workers come and go; asking takes a millisecond
             self.threads = max(1, sum(self._asked(self.client.nthreads).values()))
         while (self.alone or self.waiting) and len(self.running) < AHEAD * self.threads + 1:
             if self.alone:
@@ -181,7 +202,7 @@ class _Session:
                 fair = max(1, len(self.waiting) // (2 * self.threads))
                 size = max(1, min(MOST, fair, round(BATCH / max(mean, 1e-6))))
                 names = [self.waiting.popleft() for _ in range(min(size, len(self.waiting)))]
-            future = self._asked(lambda names=names: self._submit(names))
+            future = self._asked(partial(self._submit, names))
             self.running[future] = names
             completed.add(future)
 
@@ -225,7 +246,7 @@ class _Session:
     def _refuse(self) -> None:
         """Refuses workers with other versions."""
         try:
-            found = self._asked(lambda: self.client.run(differences, self.expected))
+            found = self._asked(partial(self.client.run, differences, self.expected))
         except ImportError as error:
             raise DescriptionError(f"a worker has no screwgauge ({error})", "--cluster", "install it there") from None
         if odd := [f"{worker}: {first_few(said, 3)}" for worker, said in found.items() if said]:

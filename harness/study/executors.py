@@ -43,13 +43,17 @@ class Executor(Protocol):
         """
 
 
+def _unseen(share: float, step: str = "") -> None:
+    """Progress within a task that nobody looks at."""
+
+
 class InTurn:
     """In this process, one after the other."""
 
     def __call__(self, tasks: Mapping[str, Task], keep: Callable[[str, Any], None], report: Report) -> None:
         for i, (name, task) in enumerate(tasks.items()):
             report(name, i / len(tasks))
-            keep(name, task.work(lambda share, step="": None))
+            keep(name, task.work(_unseen))
 
 
 @dataclass(frozen=True)
@@ -78,22 +82,3 @@ class Processes:
         results = isolation.isolated(works, self.limits, report, lanes=lanes, keep=once) if works else {}
         for name in results.keys() - kept:
             keep(name, results[name])
-
-
-def executor(
-    jobs: int | None, cluster: str | None, limits: isolation.Limits | None = None, *, insecure: bool = False
-) -> Executor:
-    """The executor that options ask for: on a cluster, in processes, or in this one.
-
-    Args:
-        jobs: Processes at a time.
-        cluster: Address of a Dask scheduler, or the file that it has written.
-        limits: What each task may take; without any it runs in this process, unless there are several at a time.
-    """
-    if cluster is not None:
-        from screwgauge.study.cluster import Cluster
-
-        return Cluster(cluster, limits or isolation.Limits(), insecure=insecure)
-    if limits is None and jobs is None:
-        return InTurn()
-    return Processes(1 if jobs is None else jobs, limits or isolation.Limits())

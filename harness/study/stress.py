@@ -95,11 +95,11 @@ def stress(
         raise DescriptionError("severities are given", "--severity", "name the one case that they are of")
     ladders = [(case, severity) for case in chosen for severity in case.rungs(quick=quick, severities=severities)]
     kept = Journal(journal, json_text([environment(), quick]), _is_rung)
-    rungs = run_tasks(
+    rungs: list[dict[str, Any]] = run_tasks(
         [Task(f"{case.name} {severity:g}", partial(_rung, case, severity, quick)) for case, severity in ladders],
         execute or InTurn(),
         kept,
-        lost=lambda name, reason: {"seconds": 0.0, "rows": [asdict(Finding(ALL, "", reason=reason))]},
+        lost=_broken,
         progress=progress,
     )
     rows, seconds = list[Finding](), dict.fromkeys((case.name for case in chosen), 0.0)
@@ -115,6 +115,11 @@ def _rung(case: Case, severity: float, quick: bool, progress: Progress) -> dict[
     begin = perf_counter()
     rows = [asdict(finding) for finding in climb(case, severity, quick=quick)]
     return {"rows": rows, "seconds": perf_counter() - begin}
+
+
+def _broken(name: str, reason: str) -> dict[str, Any]:
+    """A rung that its process did not survive, as plain data."""
+    return {"rows": [asdict(Finding(ALL, "", reason=reason))], "seconds": 0.0}
 
 
 def _is_rung(record: Mapping[str, Any]) -> bool:

@@ -17,7 +17,8 @@ import pytest
 
 from screwgauge.commands.carrying import carry_out
 from screwgauge.study import isolation
-from screwgauge.study.executors import Executor, executor
+from screwgauge.study.cluster import executor
+from screwgauge.study.executors import Executor
 
 #: Before tests put another in its place, see the fixture `here`.
 IN_PROCESSES = isolation.isolated

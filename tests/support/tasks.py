@@ -8,7 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from screwgauge.study.executors import InTurn, Processes, Task, executor
+from screwgauge.study.cluster import executor
+from screwgauge.study.executors import InTurn, Processes, Task
 from screwgauge.study.journal import Journal
 from screwgauge.study.runner import TaskRate, run_tasks
 
