@@ -148,9 +148,9 @@ def test_an_interrupted_bench_goes_on_where_it_stopped(scene, tmp_path, monkeypa
         with pytest.raises(KeyboardInterrupt):
             bench(scene, plan=PLAN, contestants=FEW, journal=tmp_path / NAME)
     scored: list[str] = []
-    scores = run_module._Work._scored
+    scores = run_module._Measurements._scored
     monkeypatch.setattr(
-        run_module._Work, "_scored", lambda self, c, *rest: scored.append(c.key) or scores(self, c, *rest)
+        run_module._Measurements, "_scored", lambda self, c, *rest: scored.append(c.key) or scores(self, c, *rest)
     )
     found = bench(scene, plan=PLAN, contestants=FEW, journal=tmp_path / NAME)
     assert not scored

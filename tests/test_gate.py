@@ -17,7 +17,7 @@ import screwgauge
 from screwgauge import Limits
 from support import bad_engines
 from support.command import main
-from support.gate import NAME, Item, Processes, Settings, check_items, gate_run, told
+from support.gate import NAME, GateSettings, Item, Processes, check_items, gate_run, told
 from support.repository import edited, scene, tell
 
 pytestmark = pytest.mark.slow
@@ -204,7 +204,7 @@ def test_the_command_leaves_files_for_ci(theirs, monkeypatch, capsys):
 
 def test_an_interrupted_check_goes_on_where_it_stopped(theirs, monkeypatch):
     (theirs / "again.toml").write_text(scene())
-    items, settings = [Item(name, (f"{name}.toml",)) for name in ("turn", "again")], Settings(told)
+    items, settings = [Item(name, (f"{name}.toml",)) for name in ("turn", "again")], GateSettings(told)
     asked, measured = [], gate_run.measured
 
     def stops(item, settings, progress):
@@ -236,7 +236,7 @@ def test_a_crash_costs_one_row(theirs, isolated):
     for name in names:
         (theirs / f"{name}.toml").write_text(scene(quantities='["joint_position"]'))
     items = [Item(name, (f"{theirs}/{name}.toml",)) for name in names]
-    rows = check_items(items, Settings(tell), execute=Processes())
+    rows = check_items(items, GateSettings(tell), execute=Processes())
     assert [row.status for row in rows] == ["failed", "agree"]
     assert rows[0].sentence == "segfault: comparison: crashed: its process got SIGSEGV"
 
@@ -251,7 +251,7 @@ def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs
         text = scene(quantities='["joint_position"]').replace('"mujoco"', f'"{name}"')
         (theirs / f"with-{name}.toml").write_text(text)
     items = [Item(f"with-{name}", (f"{theirs}/with-{name}.toml",)) for name in names]
-    rows = check_items(items, Settings(told), execute=Processes(2, Limits(memory=0.75)))
+    rows = check_items(items, GateSettings(told), execute=Processes(2, Limits(memory=0.75)))
     assert [row.status for row in rows] == ["failed", "failed", "agree"], [row.sentence for row in rows]
     assert rows[0].sentence == "with-segfault: segfault: crashed: its process got SIGSEGV"
     assert "An engine failed: hog: MemoryError: nothing more is said." in rows[1].sentence
@@ -261,7 +261,7 @@ def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs
 def test_what_hangs_costs_its_row(theirs, isolated):
     (theirs / "hang.toml").write_text(scene(quantities='["joint_position"]'))
     rows = check_items(
-        [Item("hang", (f"{theirs}/hang.toml",))], Settings(tell), execute=Processes(1, Limits(seconds=0.5))
+        [Item("hang", (f"{theirs}/hang.toml",))], GateSettings(tell), execute=Processes(1, Limits(seconds=0.5))
     )
     assert rows[0].status == "failed"
     assert "stopped after 0.5 s" in rows[0].sentence

@@ -174,7 +174,8 @@ def test_the_panda_differs_as_its_report_says() -> None:
     """What the README quotes, ``...`` for what it leaves out, is in the committed report of the same command."""
     report = json.loads((ROOT / "reports/panda/diagnosis.json").read_text(encoding="utf-8"))
     said, table = block_with("✗ DIFFER: panda").split("share  cause")
-    assert squeezed(said) == f"✗ DIFFER: {report['verdict']}"
+    rounding = re.compile(r"\de-1\d")  # another processor leaves another one
+    assert rounding.sub("0", squeezed(said)) == rounding.sub("0", f"✗ DIFFER: {report['verdict']}")
     rows = re.findall(r"^ *(-?[\d.]+) % (.*?)(?=^ *-?[\d.]+ %|\Z)", table, re.MULTILINE | re.DOTALL)
     assert len(rows) >= 4
     for share, sentence in rows:

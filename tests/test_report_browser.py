@@ -112,7 +112,7 @@ def test_links_lead_to_what_is_then_open(opened: Opened) -> None:
     word = opened.page.locator("a.word").first
     word.focus()
     opened.page.keyboard.press("Enter")
-    opened.page.wait_for_function("document.getElementById('words').closest('details').open")
+    opened.page.wait_for_function("document.getElementById('glossary').closest('details').open")
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (1280, "dark"), (390, "light"), (390, "dark")])

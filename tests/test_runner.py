@@ -9,7 +9,7 @@ import pytest
 
 from support import tasks as support
 from support.errors import OutputError
-from support.tasks import InTurn, Journal, Pace, Processes, Task, executor, rows, tasks
+from support.tasks import InTurn, Journal, Processes, Task, TaskRate, executor, rows, tasks
 
 SEALED = 25
 
@@ -89,7 +89,7 @@ def test_parts_of_another_stamp_go_and_a_broken_one_is_refused(tmp_path, small_p
 
 def test_long_work_says_its_rate_and_what_is_left():
     now = iter([0.0, 1.0, 10.0, 20.0])
-    pace = Pace(1000, lambda: next(now))
+    pace = TaskRate(1000, lambda: next(now))
     assert pace.shown("scene") == "scene"
     pace.done = 5
     assert pace.shown("scene") == "scene (5 of 1000, 0.5/s, 33 min left)"

@@ -45,7 +45,7 @@ def test_the_page_is_written(tmp_path: Path) -> None:
     assert main(["view", "a01-pendulum", "--out", str(file)]) == 0
     text = file.read_text(encoding="utf-8")
     assert "screwgaugeStage" in text
-    assert "That leaves bob one rotation about z through pivot." in text
+    assert "Remaining freedoms of bob: one rotation about z through pivot." in text
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import numpy as np
 from screwgauge.diagnosis.causes.attribution import Attribution, Cause, Torques
 from screwgauge.diagnosis.causes.backfill import Backfill, write_fix
 from screwgauge.diagnosis.causes.explanation import explained
-from screwgauge.diagnosis.causes.growth import SPEEDS, Growth, growth
+from screwgauge.diagnosis.causes.fitting import SPEEDS, Growth, growth
 from screwgauge.diagnosis.causes.soft import softness
 from screwgauge.diagnosis.compare import STATES, Row, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
@@ -22,6 +22,7 @@ from screwgauge.diagnosis.differences.loops import Loops, at_home, loops
 from screwgauge.diagnosis.differences.static import differences, distinct
 from screwgauge.diagnosis.differences.static_loops import cut_joints
 from screwgauge.diagnosis.known import compiled
+from screwgauge.diagnosis.library_dynamics import Witness, witnesses
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Loops as Beside
 from screwgauge.diagnosis.model import Model, Read, Weighed, alike, cut_alike, each_loops, in_process, loaded
@@ -32,7 +33,6 @@ from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
 from screwgauge.diagnosis.together import ELSEWHERE, Together, elsewhere, together
 from screwgauge.diagnosis.verdict import BINDING, RESTATED, SAME, partly, stopped, strange, verdict
-from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.kinematics import draw
 from screwgauge.models.readings.plausible import implausible
 from screwgauge.models.readings.reading import Reading
@@ -209,7 +209,8 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     found = [*compiled((a, b), marked(stated, (a.digits, b.digits))), *content.differences]
     paths = [None if model.library == "screwgauge" else model.file for model in (a, b)]
     read = (a.reading, b.reading), (paths[0], paths[1])
-    why = explained(asked, *read, found, lambda file: b.read_again(file, load), deadline)
+    written = b.as_read if b.cut is not None else None
+    why = explained(asked, *read, found, lambda file: b.read_again(file, load), deadline, written)
     cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
     if cause.before.scaled > SAME and not deadline.over("growth of the torque difference with speed"):
         why = replace(why, growth=_grown([torques(common, pairing, each) for each in faster], b.reading))

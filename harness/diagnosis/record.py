@@ -76,7 +76,7 @@ def _attribution(why: Attribution) -> dict[str, Any]:
 
 def _cause(cause: Cause) -> dict[str, Any]:
     """`differences` are numbers of those in the list of all."""
-    names = ("name", "sentence", "kind", "share", "differences", "slips")
+    names = ("name", "sentence", "short", "kind", "share", "differences", "slips")
     return {name: getattr(cause, name) for name in names}
 
 

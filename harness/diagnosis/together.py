@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.diagnosis.asked import ASKED, answers
 from screwgauge.diagnosis.compare import Row, components, row_of
+from screwgauge.diagnosis.library_dynamics import ASKED, answers
 from screwgauge.diagnosis.mechanics.reshape import ordered
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map, weighed

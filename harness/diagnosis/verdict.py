@@ -13,10 +13,10 @@ from screwgauge.diagnosis.differences.content import Beyond
 from screwgauge.diagnosis.differences.loops import ALIKE, Loops
 from screwgauge.diagnosis.differences.static import distinct
 from screwgauge.diagnosis.known import does_not_use, one_file, unused
+from screwgauge.diagnosis.library_dynamics import Witness
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.diagnosis.together import Together
-from screwgauge.diagnosis.witness import Witness
 from screwgauge.models.content import kinds
 from screwgauge.reference.errors import first_few
 

@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,8 @@ from screwgauge.study.comparison import Comparison
 from screwgauge.study.executors import Executor
 from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
 from screwgauge.study.gate.items import items, read_tolerances, unread
-from screwgauge.study.gate.measure import Settings
-from screwgauge.study.gate.row import EXIT, JUDGE, Row
+from screwgauge.study.gate.measure import GateSettings
+from screwgauge.study.gate.row import EXIT, JUDGE, GateRow
 from screwgauge.study.gate.run import check_items
 
 SCHEMA = 1  #: Of the JSON.
@@ -43,12 +44,14 @@ class Check:
         smoke: Whether a few samples were looked at only.
         against: What has become of a known state; None without a baseline.
         unread: Descriptions, scenes and models in the folders that were named, of which nothing was read.
+        date: When it was made, ISO 8601 in UTC.
     """
 
-    rows: Sequence[Row]
+    rows: Sequence[GateRow]
     smoke: bool = False
     against: Against | None = None
     unread: Sequence[str] = ()
+    date: str = ""
 
     @property
     def ok(self) -> bool:
@@ -56,7 +59,7 @@ class Check:
         return self.exit_status == 0
 
     def __bool__(self) -> bool:
-        """So that an assertion of it alone says what it seems to."""
+        """Truthiness: ``assert check`` passes only if the check is ok."""
         return self.ok
 
     @property
@@ -168,10 +171,10 @@ def _banner(found: Check) -> Banner:
 
 def _left_alone(found: Check) -> str:
     """Which files of the folders were not read."""
-    return f"Not read, as no scene names them: {first_few(found.unread, SHOWN)}." if found.unread else ""
+    return f"Not read, because no scene names them: {first_few(found.unread, SHOWN)}." if found.unread else ""
 
 
-def _lines(rows: Iterable[Row]) -> list[dict[str, Any]]:
+def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
     """What tables say of rows: status and worst error."""
     nothing = dict.fromkeys(("quantity", "error", "digits", "tolerance", "reason"))
     lines = []
@@ -186,6 +189,24 @@ def _nearest(found: Check) -> list[dict[str, Any]]:
     """The three that come nearest to their tolerance, or are farthest beyond it."""
     sized = [(beyond(row.worst.error, row.worst.tolerance), row) for row in found.rows if row.worst is not None]
     return _lines(row for _, row in sorted(sized, key=lambda pair: pair[0], reverse=True)[:3])
+
+
+def _about(found: Check) -> dict[str, Any]:
+    """Facts of the first screen: how much was checked, by which engines, from which files and when."""
+    engines = dict.fromkeys(f"{name} {version}".strip() for row in found.rows for name, version in row.versions.items())
+    files = [f"{name} (SHA-256 {digest.removeprefix('SHA-256 ')[:8]})" for name, digest in _files(found).items()]
+    return {
+        "scenes and pairs": len(found.rows),
+        "motion": "a few samples of an exciting one" if found.smoke else "its own",
+        "engines": ", ".join(engines),
+        "files": first_few(files, SHOWN) + (", see Environment" if len(files) > SHOWN else ""),
+        "date": found.date,
+    }
+
+
+def _files(found: Check) -> dict[str, str]:
+    """Whose file -> its hash."""
+    return {f"{row.scene}: {of}": f"SHA-256 {digest}" for row in found.rows for of, digest in row.files.items()}
 
 
 def _tolerances(found: Check) -> list[str]:
@@ -204,10 +225,8 @@ PAGE = Report(
     values={
         "title": lambda found: "Check",
         "nearest": _nearest,
-        "about": lambda found: {
-            "scenes and pairs": len(found.rows),
-            "motion": "a few samples of an exciting one" if found.smoke else "its own",
-        },
+        "about": _about,
+        "files": _files,
         "rows": lambda found: _lines(sorted(found.rows, key=lambda row: row.ok)),
         "tolerances": _tolerances,
         "unread": lambda found: [*found.unread],
@@ -216,7 +235,7 @@ PAGE = Report(
 )
 
 
-def message(row: Row) -> str:
+def message(row: GateRow) -> str:
     """What was found of a row: quantity, component, time, both values and tolerance of the worst, then the cause."""
     worst, unread = row.worst, "".join(f" {text}." for text in row.unread)
     if worst is None or worst.ok:
@@ -250,11 +269,12 @@ def check_with(
 ) -> Check:
     """What `screwgauge.check` does, wherever scenes are to be checked."""
     asked = items(what)
-    settings = Settings(told, smoke, read_tolerances(tolerances))
+    settings = GateSettings(told, smoke, read_tolerances(tolerances))
     if baseline is not None:
         read_baseline(Path(baseline), smoke, [item.name for item in asked])
     rows = check_items(asked, settings, execute=execute, progress=progress, journal=journal)
     beside = [name for name in (tolerances, baseline) if isinstance(name, str | Path)]
     read = [*(name for row in rows for name in row.read), *(name for item in asked for name in item.files)]
     left = unread(what, [*read, *map(str, beside)])
-    return Check(rows, smoke, None if baseline is None else against(Path(baseline), rows, smoke), left)
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    return Check(rows, smoke, None if baseline is None else against(Path(baseline), rows, smoke), left, date)

@@ -1,7 +1,7 @@
 """Tasks on a Dask cluster: whatever is killed runs again, and what is lost with the scheduler is asked for anew.
 
 A worker does each task in a process of its own, as `Processes` does, so that crashes and limits cost one row there,
-too. See ``CLUSTER.md`` beside this file. Nothing of Dask is imported before a cluster is asked.
+too. See ``harness/guide/cluster.md``. Nothing of Dask is imported before a cluster is asked.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def check_address(address: str, *, insecure: bool = False) -> None:
     except ValueError:
         near = host == "localhost"
     if not (near or insecure or parts.scheme in ("tls", "wss")):
-        remedy = "use tls:// (see CLUSTER.md), or add --insecure in a network that you trust"
+        remedy = "use tls:// (see harness/guide/cluster.md), or add --insecure in a network that you trust"
         raise DescriptionError(f"{address} is beyond this machine and not encrypted", "--cluster", remedy)
 
 

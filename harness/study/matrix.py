@@ -43,7 +43,7 @@ CRASHED = "crashed"
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class VersionRow:
     """A pair of versions.
 
     Attributes:
@@ -69,7 +69,7 @@ class Row:
     failed: str = ""
 
 
-COLUMNS = tuple(columns_of(Row))
+COLUMNS = tuple(columns_of(VersionRow))
 
 
 class CannotError(Exception):
@@ -108,7 +108,7 @@ def matrix(
         TableFile(file, COLUMNS, "versions", lambda row: _name(row["pin"], row["mujoco"]), ["passing", "scenes"]),
         [Task(name, partial(_row, *pair, make or fresh, (scenes, cases))) for name, pair in named.items()],
         execute or InTurn(),
-        lambda name, reason: asdict(Row(*named[name], "failed", reason=reason)),
+        lambda name, reason: asdict(VersionRow(*named[name], "failed", reason=reason)),
         progress,
     )
     return pd.read_csv(
@@ -135,12 +135,14 @@ def _row(
         return [asdict(_checked_in(Path(folder), pin, mujoco, make, what))]
 
 
-def _checked_in(folder: Path, pin: str, mujoco: str, make: Maker, what: tuple[Sequence[str], Sequence[str]]) -> Row:
+def _checked_in(
+    folder: Path, pin: str, mujoco: str, make: Maker, what: tuple[Sequence[str], Sequence[str]]
+) -> VersionRow:
     scenes, cases = what
     try:
         python = make(folder / "environment", requirements(pin=pin, mujoco=mujoco))
     except CannotError as error:
-        return Row(pin, mujoco, "not installed", reason=str(error))
+        return VersionRow(pin, mujoco, "not installed", reason=str(error))
     lay_out(folder / "package")
     try:
         found = _checked(python, folder, scenes)
@@ -151,7 +153,7 @@ def _checked_in(folder: Path, pin: str, mujoco: str, make: Maker, what: tuple[Se
         by.setdefault(status, []).append(case)
     shown, not_shown = (" ".join(by.get(status, ())) for status in ("shown", "not shown"))
     failed = " ".join([*by.get("failed", ()), *by.get(CRASHED, ())])
-    return Row(pin, mujoco, **found, shown=shown, not_shown=not_shown, failed=failed)
+    return VersionRow(pin, mujoco, **found, shown=shown, not_shown=not_shown, failed=failed)
 
 
 def requirements(**pinned: str) -> list[str]:

@@ -78,7 +78,7 @@ def run_tasks(
     keys = {name: task.key or name for name, task in named.items()}
     rows = {name: restored(kept.results[key]) for name, key in keys.items() if key in kept.results}
     todo = {name: task for name, task in named.items() if name not in rows}
-    pace = Pace(len(todo))
+    pace = TaskRate(len(todo))
 
     def keep(name: str, result: Row | Failure) -> None:
         if isinstance(result, Failure):
@@ -126,7 +126,7 @@ def grow_table(
     kept.remove()
 
 
-class Pace:
+class TaskRate:
     """How fast tasks are done."""
 
     def __init__(self, n: int, clock: Callable[[], float] = monotonic) -> None:

@@ -11,7 +11,7 @@ from campaigns.public import Public, by_source
 from campaigns.rows import TEXTS
 from campaigns.two_readers import SAME, compared
 
-from screwgauge.diagnosis.asked import ASKED
+from screwgauge.diagnosis.library_dynamics import ASKED
 from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError, first_few

@@ -10,8 +10,7 @@ from typing import Any
 
 from screwgauge.study.executors import InTurn, Processes, Task, executor
 from screwgauge.study.journal import Journal
-from screwgauge.study.runner import Pace, run_tasks
-from screwgauge.study.table import TableFile
+from screwgauge.study.runner import TaskRate, run_tasks
 
 
 def square(i: int, progress: Any) -> dict[str, Any]:

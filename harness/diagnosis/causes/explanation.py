@@ -8,8 +8,8 @@ from pathlib import Path
 
 from screwgauge.diagnosis.causes.attribution import Attribution, Torques, attribute, changes_of
 from screwgauge.diagnosis.causes.backfill import Backfill, backfill
+from screwgauge.diagnosis.causes.fitting import Growth
 from screwgauge.diagnosis.causes.grouping import Grouping
-from screwgauge.diagnosis.causes.growth import Growth
 from screwgauge.diagnosis.causes.slips import Files, edits
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Change, Difference
@@ -47,6 +47,7 @@ def explained(
     differences: Sequence[Difference],
     read: Callable[[Path], Reading],
     deadline: Deadline,
+    written: Reading | None = None,
 ) -> Explanation:
     """Attributes the torque difference of B to its static differences and proves it.
 
@@ -54,6 +55,7 @@ def explained(
         readings, paths: Of A and B, as they were read.
         differences: Of B to A, in the order in which their changes are to be made.
         read: Reads a copy of B's file by B's library.
+        written: What B's file says, where its loops are cut elsewhere to be compared.
     """
     a, b = readings
     files = Files(_beside(paths[0], a), _beside(paths[1], b))
@@ -64,9 +66,9 @@ def explained(
     changes, seen = changes_of(differences), changes_of(differences[i] for i in attribution.seen)
     if not changes or deadline.over(PROOF):
         return Explanation(attribution)
-    whole = _proved(torques, b, changes, paths, read)
+    whole = _proved(torques, b, changes, paths, read, written)
     if not whole.agrees and 0 < len(seen) < len(changes):  # what no torque shows may stand in the way
-        alone = _proved(torques, b, seen, paths, read)
+        alone = _proved(torques, b, seen, paths, read, written)
         whole = alone if alone.agrees else whole
     return Explanation(attribution, whole if seen else None, whole)
 
@@ -77,10 +79,11 @@ def _proved(
     changes: Sequence[Change],
     paths: tuple[Path | None, Path | None],
     read: Callable[[Path], Reading],
+    written: Reading | None,
 ) -> Backfill:
     """Proof by backfill, in the reading where both are of one file: no change of it makes two loaders agree."""
     if paths[0] is None or paths[0] != paths[1]:
-        return backfill(torques, b, changes, paths[1], read)
+        return backfill(torques, b, changes, paths[1], read, written)
     proof = backfill(torques, b, changes, None, read)
     return replace(proof, why_not=("A and B are one file, which two libraries read differently",))
 

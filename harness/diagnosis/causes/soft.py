@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.asked import ASKED, CLOSING, joint_states
 from screwgauge.diagnosis.causes.attribution import Attribution, Torques, attribute, changes_of
 from screwgauge.diagnosis.causes.backfill import reread
 from screwgauge.diagnosis.causes.grouping import Group
@@ -20,6 +19,7 @@ from screwgauge.diagnosis.compare import components
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Change, Difference
 from screwgauge.diagnosis.files.patch import patched
+from screwgauge.diagnosis.library_dynamics import ASKED, CLOSING, joint_states
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import counterpart, states_of_b, velocity_map
 from screwgauge.diagnosis.pairing.mapping import Pairing

@@ -23,7 +23,7 @@ from screwgauge.models.shapes import (
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.pose import Pose
 from screwgauge.reference.rotations import Array
-from screwgauge.study.motion import Motion
+from screwgauge.study.motion import DrawnMotion
 
 WIDE, TALL, EDGE, FONT = 640.0, 400.0, 52.0, 11.0  # of the drawing, at most; its margin; of letters [pixels]
 MOST_NAMES = 45  # beyond, only joints that are driven or independent are named
@@ -54,7 +54,7 @@ path,line{{fill:none}}.mark *{{fill:#fff;stroke:#222;stroke-width:1.5}}.driven *
 .other{{stroke:{DOUBT};stroke-width:1.6;stroke-dasharray:5 3}}"""
 
 
-def frames(motion: Motion) -> list[str]:
+def frames(motion: DrawnMotion) -> list[str]:
     """A drawing for each sample of a motion, all alike in scale and without names, which would jump."""
     mechanism, poses = motion.lay.mechanism, [motion.at.rows([k]) for k in range(len(motion.t))]
     cloud = np.concatenate([_cloud(mechanism, placed(mechanism, at), joint_marks(mechanism, at)) for at in poses])

@@ -24,7 +24,7 @@ from screwgauge.solution import REFERENCE, Cost, Failure, Solution
 from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.leaving_out import table as leaving_out
 from screwgauge.study.bench.registry import simulators
-from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
+from screwgauge.study.bench.rows import CUT, FAILED, OK, BenchRow
 from screwgauge.study.bench.run import BESIDE, Bench, Plan, check_generated, models_of
 from screwgauge.study.bench.slopes import Rule, fits
 from screwgauge.study.executors import Executor, Report, Task
@@ -82,7 +82,7 @@ def contest(
     waiting = _chosen(short, contestants, quick=plan.quick)
     slow = find_spec("llvmlite") is None and _stiff(short, lay)  # machine code takes very many steps in no time
     late = {f"screw-{name}" for name in EXPLICIT} if slow else set[str]()
-    rows: list[Row] = []
+    rows: list[BenchRow] = []
     with generated(scene) as folder:
         progress(REFERENCE, 0.0)
         posed = simulated(short, folder)
@@ -115,7 +115,7 @@ def _shortest_first(
     waiting: list[Contestant],
     late: Collection[str],
     end: float,
-    rows: list[Row],
+    rows: list[BenchRow],
     progress: Report,
 ) -> None:
     """Adds the rows of all contestants, the shortest first, as far as the family's last one tells.
@@ -134,14 +134,14 @@ def _shortest_first(
 
 def _by_family(
     posed: PreparedScene, plan: Plan, chosen: Sequence[Contestant], end: float, execute: Executor, progress: Report
-) -> list[Row]:
+) -> list[BenchRow]:
     """The rows of all contestants, family by family."""
     families: dict[str, list[Contestant]] = {}
     for contestant in chosen:
         families.setdefault(contestant.family, []).append(contestant)
-    until, rows = time() + end - perf_counter(), dict[str, list[Row]]()
+    until, rows = time() + end - perf_counter(), dict[str, list[BenchRow]]()
 
-    def keep(name: str, found: list[Row] | Failure) -> None:
+    def keep(name: str, found: list[BenchRow] | Failure) -> None:
         if isinstance(found, Failure):
             found = [row for one in families[name] for row in _lost(one, found.reason, FAILED)]
         rows[name] = found
@@ -153,16 +153,16 @@ def _by_family(
 
 def _family(
     posed: PreparedScene, plan: Plan, family: Sequence[Contestant], until: float, progress: Progress
-) -> list[Row]:
-    rows = list[Row]()
+) -> list[BenchRow]:
+    rows = list[BenchRow]()
     for contestant in family:
         rows += _turn(posed, plan, contestant, rows, until - time())
     return rows
 
 
-def _lost(contestant: Contestant, reason: str, status: str = CUT) -> tuple[Row, Row]:
+def _lost(contestant: Contestant, reason: str, status: str = CUT) -> tuple[BenchRow, BenchRow]:
     """The rows of a contestant without numbers."""
-    row = Row(contestant, "observable", NAN, NAN, 0, (), status, reason)
+    row = BenchRow(contestant, "observable", NAN, NAN, 0, (), status, reason)
     return row, replace(row, quantity="energy")
 
 
@@ -211,7 +211,7 @@ def simulated(scene: Scene, folder: Path) -> PreparedScene:
     return PreparedScene(scene, scene, folder, Reference.by_size(name, scene.mechanism, values))
 
 
-def _foreseen(contestant: Contestant, before: Sequence[Row]) -> float:
+def _foreseen(contestant: Contestant, before: Sequence[BenchRow]) -> float:
     """How long it will last [s]: from the setting before it of its family, or the first of its engine."""
     same = [row for row in before if row.contestant.family == contestant.family]
     if not same:
@@ -228,8 +228,8 @@ def _foreseen(contestant: Contestant, before: Sequence[Row]) -> float:
 
 
 def _turn(
-    posed: PreparedScene, plan: Plan, contestant: Contestant, before: Sequence[Row], left: float
-) -> tuple[Row, Row]:
+    posed: PreparedScene, plan: Plan, contestant: Contestant, before: Sequence[BenchRow], left: float
+) -> tuple[BenchRow, BenchRow]:
     """The rows of a contestant, unless the budget is spent or it would take too long anyway.
 
     Args:
@@ -259,7 +259,7 @@ def _turn(
 
 def _scored(
     posed: PreparedScene, contestant: Contestant, problem: Problem, solution: Solution, costs: Sequence[Cost]
-) -> tuple[Row, Row]:
+) -> tuple[BenchRow, BenchRow]:
     """The rows of an answer, as far as it came: the observables, and the energy that is not accounted for.
 
     Args:
@@ -274,6 +274,8 @@ def _scored(
     cost, seconds = replace(costs[-1], wall_s=wall_s, cpu_s=cpu_s), (wall_s,) if np.isfinite(wall_s) else ()
     rest = m, seconds, FAILED if reason else OK, reason
     return (
-        Row(contestant, "observable", error.max_scaled, error.rms_scaled, *rest, error.largest, cost),
-        Row(contestant, "energy", energy.get("max_scaled", NAN), NAN, *rest, {"J": energy.get("max_abs", NAN)}, cost),
+        BenchRow(contestant, "observable", error.max_scaled, error.rms_scaled, *rest, error.largest, cost),
+        BenchRow(
+            contestant, "energy", energy.get("max_scaled", NAN), NAN, *rest, {"J": energy.get("max_abs", NAN)}, cost
+        ),
     )

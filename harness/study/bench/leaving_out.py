@@ -14,7 +14,7 @@ from screwgauge.models.mjcf import PARTS
 from screwgauge.quantities import GIVEN, SOLVED
 from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.questions import Asked
-from screwgauge.study.bench.rows import FAILED, Row
+from screwgauge.study.bench.rows import FAILED, BenchRow
 from screwgauge.study.methods import Method
 from screwgauge.study.prepared_scene import PreparedScene
 from screwgauge.study.reference import Reference, sizes
@@ -102,9 +102,9 @@ def contestants() -> Iterator[Contestant]:
             yield any_engine("full cut instead of minimal", cut, less, same, series="cut")
 
 
-def table(rows: Sequence[Row]) -> pd.DataFrame:
+def table(rows: Sequence[BenchRow]) -> pd.DataFrame:
     """The rows of ``leaving_out.csv``, from one for each quantity that must not change."""
-    groups: dict[Contestant, list[Row]] = {}
+    groups: dict[Contestant, list[BenchRow]] = {}
     for row in rows:
         groups.setdefault(row.contestant, []).append(row)
     whole = {c.method.engine: same[0].time_s for c, same in groups.items() if c.setting == EVERYTHING}

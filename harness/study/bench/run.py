@@ -26,7 +26,7 @@ from screwgauge.study.bench.contestant import NOTHING, Contestant
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
 from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.registry import choose
-from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
+from screwgauge.study.bench.rows import CUT, FAILED, OK, BenchRow
 from screwgauge.study.bench.stamp import stamp
 from screwgauge.study.completeness import check_whole
 from screwgauge.study.executors import Executor, Report, Task
@@ -80,8 +80,8 @@ class Bench:
 
     scene: Scene
     plan: Plan
-    rows: Sequence[Row]
-    fits: Sequence[slopes.Fit]
+    rows: Sequence[BenchRow]
+    fits: Sequence[slopes.SlopeFit]
     leaving_out: pd.DataFrame
     reference: str
     notes: tuple[str, ...]
@@ -156,7 +156,7 @@ def bench(
         progress("reference", 0.0)
         posed = pose_scene(scene, Path(folder), samples=plan.samples)
         if execute is None:
-            _Work(posed, kept, protocol, progress).all(chosen)
+            _Measurements(posed, kept, protocol, progress).all(chosen)
         else:
             _elsewhere(posed, kept, protocol, chosen, execute, progress)
         judged = provenance(posed.scene, models_of(chosen, posed))
@@ -225,7 +225,7 @@ def _measured(
     kept.results = {key: result for key, (result, _) in known.items() if result is not None}
     kept.times = {key: [*times] for key, (_, times) in known.items() if times}
     deadline = perf_counter_ns() + (end - time()) * 1e9
-    _Work(posed, kept, timing.Protocol(rounds, deadline), silent).all(group)
+    _Measurements(posed, kept, timing.Protocol(rounds, deadline), silent).all(group)
     return kept.results, kept.times
 
 
@@ -244,7 +244,7 @@ def _present(group: list[Contestant]) -> list[Contestant]:
     return group
 
 
-class _Work:
+class _Measurements:
     """All measurements. What is loaded for the first of a contestant waits for the rounds that follow."""
 
     def __init__(self, posed: PreparedScene, kept: Journal, protocol: timing.Protocol, progress: Report) -> None:
@@ -312,7 +312,7 @@ def _group(contestant: Contestant) -> tuple[str, str]:
 
 
 def fits(result: Mapping[str, Any]) -> bool:
-    """Whether what a journal has of a contestant is what `_Work` keeps: a failure with its reason, or numbers."""
+    """Whether what a journal has of a contestant is what was kept of it: a failure with its reason, or numbers."""
     if result.get("status") == FAILED:
         return isinstance(result.get("reason"), str)
     n, first, scores = (result.get(key) for key in ("n_sample", "first", "scores"))
@@ -328,7 +328,7 @@ def _is_score(score: object) -> bool:
     return False
 
 
-def _rows(contestant: Contestant, kept: Journal) -> Iterator[Row]:
+def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
     """The rows of one contestant, whatever has become of it."""
     result = kept.results.get(contestant.key, {"status": CUT, "reason": "the budget was spent before its turn"})
     seconds, n = tuple(kept.times.get(contestant.key, ())), int(result.get("n_sample", 0))
@@ -339,4 +339,4 @@ def _rows(contestant: Contestant, kept: Journal) -> Iterator[Row]:
             status, reason = FAILED, lost
         elif status == OK and not seconds:
             status, reason = CUT, "the budget was spent before it could be timed"
-        yield Row(contestant, quantity, float(largest), float(rms), n, seconds, status, reason)
+        yield BenchRow(contestant, quantity, float(largest), float(rms), n, seconds, status, reason)

@@ -21,8 +21,8 @@ from screwgauge.reference.files import digest, files_read, is_file
 from screwgauge.scene.read import load_scene
 from screwgauge.study.executors import Executor, InTurn, Task
 from screwgauge.study.gate.items import Item
-from screwgauge.study.gate.measure import Settings, files_of, measured
-from screwgauge.study.gate.row import Row, row_from
+from screwgauge.study.gate.measure import GateSettings, files_of, measured
+from screwgauge.study.gate.row import GateRow, row_from
 from screwgauge.study.journal import Journal
 from screwgauge.study.provenance import built_in
 from screwgauge.study.runner import run_tasks
@@ -32,12 +32,12 @@ NAME = "check.partial.jsonl"
 
 def check_items(
     items: Sequence[Item],
-    settings: Settings,
+    settings: GateSettings,
     *,
     execute: Executor | None = None,
     progress: Callable[[str, float], None] = lambda step, share: None,
     journal: Path | None = None,
-) -> list[Row]:
+) -> list[GateRow]:
     """A row for each item, in their order.
 
     Args:
@@ -54,7 +54,7 @@ def check_items(
         tasks,
         execute or InTurn(),
         kept,
-        lost=lambda name, reason: Row(name, "failed", f"{name}: {reason}"),
+        lost=lambda name, reason: GateRow(name, "failed", f"{name}: {reason}"),
         record=asdict,
         restored=row_from,
         progress=progress,
@@ -71,7 +71,7 @@ def _is_row(record: object) -> bool:
         return False
 
 
-def _timed(item: Item, settings: Settings, progress: Callable[..., None]) -> Row:
+def _timed(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
     begin = perf_counter()
     row = measured(item, settings, progress)
     return replace(row, seconds=perf_counter() - begin)

@@ -23,7 +23,7 @@ from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError, OutputError, UnknownNameError
 from screwgauge.reference.files import parse_json, replace_file, why
 from screwgauge.scene.columns import read_parquet
-from screwgauge.study.gate.row import EXIT, Row
+from screwgauge.study.gate.row import EXIT, GateRow
 
 #: Of the columns.
 SCHEMA = 1
@@ -86,7 +86,7 @@ def check_store(store: Path) -> None:
         raise OutputError("is no folder", str(store), "name another folder by --store")
 
 
-def keep(store: Path, rows: Sequence[Row], smoke: bool, date: datetime | None = None) -> Path:
+def keep(store: Path, rows: Sequence[GateRow], smoke: bool, date: datetime | None = None) -> Path:
     """Adds the rows of a check, as a file of its own that is there in whole or not at all.
 
     Raises:
