@@ -46,8 +46,8 @@ def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Ar
         Wrenches, shape (n, n_body, 6), and the largest force and moment among the terms of each, shape (n_body, 2).
     """
     tree, applied = answer.tree, answer.applied
-    reported = (_vectors(answer[name]) if answer.has(name) else body_motion(answer, name) for name in BODY_MOTION)
-    terms = body_equations(tree.matter, answer.motion.com.R, *reported, applied.g)
+    w, b, a = (_vectors(answer[name]) if answer.has(name) else body_motion(answer, name) for name in BODY_MOTION)
+    terms = body_equations(tree.matter, answer.motion.com.R, w, b, a, applied.g)
     wrenches, sizes = terms.wrenches, np.zeros((len(tree.matter.mass), 2))
     for k, parts in enumerate(
         ((terms.inertial[..., :3], terms.gravity[None]), (terms.inertial[..., 3:], terms.gyroscopic))

@@ -65,7 +65,9 @@ def _leads(one: CoupledColumn, states: TreeStates) -> tuple[Array, Array, Array]
         zero = np.zeros(len(states.q))
         return zero + one.polynomial[0], zero, zero
     q, v, a = states.q[:, one.of[0]], states.qd[:, one.of[1]], states.qdd[:, one.of[1]]
-    value, slope, bend = (polynomial.polyval(q, polynomial.polyder(one.polynomial, k)) for k in range(3))
+    value, slope, bend = (
+        np.asarray(polynomial.polyval(q, polynomial.polyder(one.polynomial, k)), float) for k in range(3)
+    )
     return value, slope * v, slope * a + bend * v**2
 
 

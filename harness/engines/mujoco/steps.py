@@ -90,7 +90,9 @@ class MujocoStepper:
         self.data = mujoco.MjData(self.model)
         self.base, self.tau = np.zeros(self.model.nv), np.zeros(self.model.nv)
         self.mover, self.work, self.closing = MujocoMover(tree), settings.work, _closing(self.model)
-        self.notes = ("some forces vary with time or pose and are held over each step",) if held.elements else ()
+        self.notes: tuple[str, ...] = (
+            ("some forces vary with time or pose and are held over each step",) if held.elements else ()
+        )
         self.advance = mujoco.mj_Euler if settings.integrator == "Euler" else mujoco.mj_implicit
         for motor in applied.motors:
             if motor not in sprung.left.motors:
