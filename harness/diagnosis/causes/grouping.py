@@ -137,7 +137,7 @@ class Grouping:
         masses = {i: group for i, group in enumerate(groups) if self._first(group).what == "mass"}
         for i, one in masses.items():
             for k, two in masses.items():
-                pairs = [_values(self._first(each)) for each in (one, two)]
+                pairs = [(self._first(each).whole or (self._first(each).a, self._first(each).b)) for each in (one, two)]
                 if k <= i or any(None in pair for pair in pairs):
                     continue
                 (a, b), (c, d) = ((float(x), float(y)) for x, y in pairs)  # type: ignore[arg-type]
@@ -202,11 +202,10 @@ class Grouping:
         unit = UNITS.get(what, {}).get(value, "")
         percent = f"{100.0 * (value - 1.0):+.2f} %" if 0.0 < value < 10.0 else f"x {value:g}"
         meant = f", as if written {unit}" if unit else ""
-        said = {
-            "is": f"{value:g} {ones[0].unit} in B, 0 in A ({names})",
-            "times": f"{value:g} times those of A in B ({percent}{meant}: {names})",
-        }[how]
-        said = f"0 in B, not in A ({names})" if (how, value) == ("times", 0.0) else said
+        said = (
+            f"{value:g} times those of A in B ({percent}{meant}: {names})" if value else f"0 in B, not in A ({names})"
+        )
+        said = f"{value:g} {ones[0].unit} in B, 0 in A ({names})" if how == "is" else said
         sentence = f"{noun} of {who}: {said}"
         return Group(f"{noun} of {who}", sentence, _numbers(members), sentence, members[0].family)
 
@@ -254,7 +253,7 @@ class Grouping:
             if one.sentence != group.sentence or one.what not in (*SCALED, "limits", "rest", *PLACES):
                 return None
             scalar = one.what in SCALED and one.what != "inertia" and one.kind == "model"
-            return one.what, str(_values(one)) if scalar else _words(one)
+            return one.what, str(one.whole or (one.a, one.b)) if scalar else _words(one)
 
         def told(members: list[Group]) -> Group:
             members = self._heaviest(members)
@@ -366,11 +365,6 @@ def _item(one: Difference) -> str:
 def _words(one: Difference) -> str:
     """Its sentence without its item."""
     return one.sentence.removeprefix(f"{_item(one)}: ").removeprefix(f"{one.item_b}: ")
-
-
-def _values(one: Difference) -> tuple[object, object]:
-    """Of the body as a whole, where it is a share of one."""
-    return one.whole or (one.a, one.b)
 
 
 def _factor(each: Difference) -> tuple[str, float] | None:
