@@ -180,7 +180,8 @@ in the scenes. What every engine reaches on the benchmark problems, and what oth
 
 COMPARED = """# What a diagnosis compares, and what it does not
 
-`screwgauge diagnose A B` calls two models the same only if nothing is present that could make them differ and
+`screwgauge diagnose A B` tells differences by cause, the one with the largest share of the torque difference first; with
+`--all` it prints each difference, too, and `diagnosis.json` has all. It calls two models the same only if nothing is present that could make them differ and
 is not compared; else it says **not all compared** with the list (exit status 1). Beside all that is compared,
 the torques that the libraries themselves compute as they load the two files have to agree, passive forces
 included, contacts and limits off, along the motions that loops leave; a description, and a URDF whose

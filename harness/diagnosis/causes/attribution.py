@@ -251,7 +251,9 @@ def _rows(
     seen.sort(key=lambda cause: (cause.share < most, -abs(cause.share)))
     others.sort(key=lambda group: -max(found[i].size for i in group.differences))
     rest = [_cause(group) for group in _few(others)]
-    return [*seen, *rest, *digits, *_folded(unseen, found, alone=not (seen or rest))]
+    alone = not (seen or rest)
+    folded = _folded(unseen, found, alone=alone)
+    return [*seen, *rest, *(folded if alone else ()), *digits, *(() if alone else folded)]
 
 
 def _few(groups: Sequence[Group]) -> list[Group]:

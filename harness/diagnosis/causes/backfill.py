@@ -115,7 +115,7 @@ def _stands(change: Change, b: Reading, written: Reading) -> bool:
     if change.item not in getattr(written, ROOMS[owner]):
         return False
     parts = (getattr(each, ROOMS[owner])[change.item] for each in (b, written))
-    return all(np.allclose(*pair, rtol=1e-12, atol=1e-15) for pair in zip(*map(_kept, parts), strict=True))
+    return all(np.allclose(x, y, rtol=1e-12, atol=1e-15) for x, y in zip(*map(_kept, parts), strict=True))
 
 
 def _kept(part: Any) -> list[Any]:

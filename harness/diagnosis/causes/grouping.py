@@ -12,7 +12,7 @@ import numpy as np
 
 from screwgauge.diagnosis.causes.slips import INERTIAL, UNITS, Edit, Files, word
 from screwgauge.diagnosis.differences.change import Difference, applied
-from screwgauge.diagnosis.differences.digits import longest
+from screwgauge.diagnosis.differences.digits import rounded
 from screwgauge.diagnosis.files.opened import Opened
 from screwgauge.diagnosis.mechanics.matter import Matter, combined, of_body, steps_of
 from screwgauge.models.content import kinds
@@ -39,8 +39,6 @@ PLACES = ("placement", "axis", "centre", "sign", "zero")
 BODIES, JOINTS = "mass properties of bodies", "places of joints"
 #: From how many places on a factor, or what has no relation, is one row; and how far each may be from it, relative.
 SEVERAL, FACTOR = 3, 1e-5
-#: Numbers of fewer digits are meant so, those of more are exact; and rounding is seen in several places.
-FEWEST, MOST, PLACES_OF_DIGITS = 5, 12, 4
 #: What a factor or a swap leaves of a difference.
 LEFT = 1e-6
 #: What is said of one subtree -> of several alike.
@@ -92,7 +90,8 @@ class Grouping:
 
     def groups(self) -> list[Group]:
         """All differences, each in one group."""
-        digits = rounded(self.found, self.files)
+        texts = [file.xml.text() for file in (self.files.a, self.files.b) if file]
+        digits = rounded(self.found, texts)
         same_sentence: dict[str, list[int]] = defaultdict(list)  # shares of one body have that of the whole
         for i, each in enumerate(self.found):
             if i not in digits:
@@ -127,10 +126,9 @@ class Grouping:
             by_reason[each.sentence.rpartition(": ")[2] if each.kind == "digits" else "one file has few"].append(i)
         for reason, some in by_reason.items():
             largest = max((self.found[i] for i in some), key=lambda one: one.size)
-            whose = f"{_item(largest)}: {word(largest.what)}" if _item(largest) else word(largest.what)
             why = reason.removeprefix("rounding, ")
             sentence = f"{len(some)} values differ only in rounding of printed digits ({why})"
-            sentence += f", at most {largest.size:.1g} of the value ({whose})"
+            sentence += f", at most {largest.size:.1g} of the value ({titled(largest)})"
             sentence = self.found[some[0]].sentence if len(some) == 1 else sentence
             yield Group("digits that are printed in a file", sentence, tuple(some), sentence, "digits")
 
@@ -139,7 +137,7 @@ class Grouping:
         masses = {i: group for i, group in enumerate(groups) if self._first(group).what == "mass"}
         for i, one in masses.items():
             for k, two in masses.items():
-                pairs = [_values(self._first(each)) for each in (one, two)]
+                pairs = [(self._first(each).whole or (self._first(each).a, self._first(each).b)) for each in (one, two)]
                 if k <= i or any(None in pair for pair in pairs):
                     continue
                 (a, b), (c, d) = ((float(x), float(y)) for x, y in pairs)  # type: ignore[arg-type]
@@ -204,11 +202,10 @@ class Grouping:
         unit = UNITS.get(what, {}).get(value, "")
         percent = f"{100.0 * (value - 1.0):+.2f} %" if 0.0 < value < 10.0 else f"x {value:g}"
         meant = f", as if written {unit}" if unit else ""
-        said = {
-            "is": f"{value:g} {ones[0].unit} in B, 0 in A ({names})",
-            "times": f"{value:g} times those of A in B ({percent}{meant}: {names})",
-        }[how]
-        said = f"0 in B, not in A ({names})" if (how, value) == ("times", 0.0) else said
+        said = (
+            f"{value:g} times those of A in B ({percent}{meant}: {names})" if value else f"0 in B, not in A ({names})"
+        )
+        said = f"{value:g} {ones[0].unit} in B, 0 in A ({names})" if how == "is" else said
         sentence = f"{noun} of {who}: {said}"
         return Group(f"{noun} of {who}", sentence, _numbers(members), sentence, members[0].family)
 
@@ -256,7 +253,7 @@ class Grouping:
             if one.sentence != group.sentence or one.what not in (*SCALED, "limits", "rest", *PLACES):
                 return None
             scalar = one.what in SCALED and one.what != "inertia" and one.kind == "model"
-            return one.what, str(_values(one)) if scalar else _words(one)
+            return one.what, str(one.whole or (one.a, one.b)) if scalar else _words(one)
 
         def told(members: list[Group]) -> Group:
             members = self._heaviest(members)
@@ -290,20 +287,18 @@ class Grouping:
         """What differs alike on the left and on the right."""
 
         def key(group: Group) -> Hashable:
-            ones = [self.found[i] for i in group.differences]
-            items = {_item(one) for one in ones}
-            item = items.pop()
-            if items or (sideless := _sideless(item)) == item.lower():
+            ones = {self.found[i].what: self.found[i] for i in group.differences}
+            item, *others = {_item(self.found[i]) for i in group.differences}
+            if others or (sideless := _sideless(item)) == item.lower():
                 return None
-            whats = tuple(sorted({one.what for one in ones}))
-            mass = next((one for one in ones if one.what == "mass"), None)
-            size = ones[0].size if mass is None else mass.size
-            return sideless, whats, f"{size:.1e}"
+            largest = ones.get("mass", self._first(group))
+            return sideless, tuple(sorted(ones)), f"{largest.size:.1e}"
 
         def told(members: list[Group]) -> Group:
             first, *others = self._heaviest(members)
             also = f"; {self._names(others)} likewise"
-            return replace(first, sentence=first.sentence + also, differences=_numbers((first, *others)))
+            told = first.sentence + also, first.short + also
+            return replace(first, sentence=told[0], short=told[1], differences=_numbers((first, *others)))
 
         return _merged(groups, key, told)
 
@@ -319,10 +314,10 @@ class Grouping:
 
 def together(members: Sequence[Group]) -> Group:
     """Groups of one family that differ in unlike ways, of which the first is told."""
-    first, parts = members[0], len(_numbers(members))
-    name = f"{first.family}, {parts} differences"
-    sentence = f"{name}: {first.short}; and {parts - len(first.differences)} more"
-    return Group(name, sentence, _numbers(members), sentence, first.family)
+    first, numbers = members[0], _numbers(members)
+    name = f"{first.family}, {len(numbers)} differences"
+    sentence = f"{name}: {first.short}; and {len(numbers) - len(first.differences)} more"
+    return Group(name, sentence, numbers, sentence, first.family)
 
 
 def titled(one: Difference) -> str:
@@ -336,24 +331,6 @@ def family(one: Difference) -> str:
     if one.what in INERTIAL or one.what in PLACES:
         return BODIES if one.what in INERTIAL else JOINTS
     return PLURALS.get(one.what, word(one.what))
-
-
-def rounded(found: Sequence[Difference], files: Files) -> tuple[int, ...]:
-    """Numbers of all differences that are rounding of printed digits."""
-    numbers = tuple(i for i, each in enumerate(found) if each.kind == "digits")
-    if len(numbers) >= PLACES_OF_DIGITS:  # zeros, too, are then where rounding puts them
-        most = max(found[i].size for i in numbers)
-        zeros = (i for i, each in enumerate(found) if each.what == "zero" and each.size <= most)
-        return tuple(sorted({*numbers, *zeros}))
-    texts = [file.xml.text() for file in (files.a, files.b) if file]
-    return numbers or (_cut(found, *map(longest, texts)) if len(texts) == 2 else ())
-
-
-def _cut(found: Sequence[Difference], a: int, b: int) -> tuple[int, ...]:
-    """All differences, if one file has no number with more than a few digits and none of them is larger than these."""
-    digits, real = min(a, b), [i for i, each in enumerate(found) if each.change is not None]
-    small = all(found[i].size <= 5.0 * 10.0 ** (1 - digits) for i in real)
-    return tuple(real) if a != b and FEWEST <= digits <= MOST and len(real) >= PLACES_OF_DIGITS and small else ()
 
 
 def _merged(
@@ -388,11 +365,6 @@ def _item(one: Difference) -> str:
 def _words(one: Difference) -> str:
     """Its sentence without its item."""
     return one.sentence.removeprefix(f"{_item(one)}: ").removeprefix(f"{one.item_b}: ")
-
-
-def _values(one: Difference) -> tuple[object, object]:
-    """Of the body as a whole, where it is a share of one."""
-    return one.whole or (one.a, one.b)
 
 
 def _factor(each: Difference) -> tuple[str, float] | None:

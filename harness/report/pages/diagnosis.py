@@ -13,7 +13,7 @@ from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.static import sorted_by_size
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.record import summary
-from screwgauge.report.blocks import Banner, Heading, Items
+from screwgauge.report.blocks import Banner, Block, Heading, Items
 from screwgauge.report.figures.diagnosis import make_plots
 from screwgauge.report.formatting import Row, number, size, unit_text
 from screwgauge.report.layout import Report
@@ -115,7 +115,8 @@ def _file(model: Model) -> str:
 def every_difference(found: Diagnosis) -> str:
     """What is printed, and each difference."""
     said = Items(tuple(each.sentence for each in sorted_by_size(found.differences)))
-    return terminal([*PAGE.terminal(found), *([Heading("All differences"), said] if found.differences else [])])
+    more: list[Block] = [Heading("All differences"), said] if found.differences else []
+    return terminal([*PAGE.terminal(found), *more])
 
 
 PAGE = Report(
