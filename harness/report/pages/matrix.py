@@ -9,7 +9,7 @@ import pandas as pd
 from screwgauge.casebook.book import CASES
 from screwgauge.report.blocks import Banner, Block, Folded, Items
 from screwgauge.report.formatting import Row, listed, rows
-from screwgauge.report.study import study
+from screwgauge.report.layout import study
 from screwgauge.study.matrix import COLUMNS
 
 ENGINES = {"pin": "pinocchio", "mujoco": "mujoco"}
