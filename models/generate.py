@@ -9,8 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from screwgauge.models.layout import CUTS
-from screwgauge.models.loops import write_loops
-from screwgauge.models.loops_yaml import PART, write_loops_yaml
+from screwgauge.models.loops import PART, write_loops, write_loops_yaml
 from screwgauge.models.mjcf import PARTS, write_mjcf
 from screwgauge.models.urdf import write_urdf
 from screwgauge.reference.applied import GRAVITY
@@ -32,7 +31,7 @@ def model_texts(
 
     Args:
         gravity: World axes [m/s^2], written to the MJCF. Shape (3,).
-        include: Parts beyond the mechanics, see `screwgauge.models.mjcf.PARTS`; ``yaml``: see `models.loops_yaml`.
+        include: Parts beyond the mechanics, see `screwgauge.models.mjcf.PARTS`; ``yaml``: see `write_loops_yaml`.
 
     Raises:
         UnknownNameError: There is no such part.

@@ -1,8 +1,9 @@
-"""The loops file: what a URDF cannot say. Closures, composite joints, what is driven, what is independent."""
+"""The loops file: what a URDF cannot express. Closures, composite joints, actuators, independent coordinates."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sized
+import json
+from collections.abc import Mapping, Sequence, Sized
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -202,3 +203,39 @@ def _check_names(file: LoopsFile, where: str) -> None:
         if name not in coordinates:
             raise UnknownNameError("coordinate", str(name), coordinates, where)
     check_couplings(file.couplings, file.tree)
+
+
+#: Part of model files that brings it, see `screwgauge.models.generate`.
+PART = "yaml"
+
+
+def closure_frames(closure: Closure) -> list[tuple[tuple[str, str, Frame], tuple[str, str, Frame]]]:
+    """Pairs of frames that coincide: name, link that it is fixed to, placement there. Two of an R joint's axis."""
+    sides = (closure.parent, "parent"), (closure.child, "child")
+    if closure.type == "weld":
+        frames = [[closure.parent_frame], [closure.child_frame]]
+    else:
+        frames = [[Frame(p) for p in points] for points in (closure.parent_points, closure.child_points)]
+    numbers = [""] if len(frames[0]) == 1 else ["1", "2"]
+    named = [
+        [(f"{closure.joint}@{side}{number}", link, frame) for number, frame in zip(numbers, placed, strict=True)]
+        for (link, side), placed in zip(sides, frames, strict=True)
+    ]
+    return list(zip(*named, strict=True))
+
+
+def write_loops_yaml(mechanism: Mechanism, cut: str) -> str:
+    """The loops and motors of a cut mechanism; its URDF has the frames as links, see `closure_frames`."""
+    pairs, types = list[list[str]](), list[str]()
+    for closure in lay_out(mechanism, cut).closures:
+        for first, second in closure_frames(closure):
+            pairs.append([first[0], second[0]])
+            types.append("6d" if closure.type == "weld" else "3d")
+    motors = [joint.coordinates[0] for joint in mechanism.actuators]
+    lines = ["# Written by screwgauge models.", f"closed_loop: {_flow(pairs)}", f"type: {_flow(types)}"]
+    return "\n".join([*lines, f"name_mot: {_flow(motors)}"]) + "\n"
+
+
+def _flow(value: Sequence[object]) -> str:
+    """A list in YAML, of which JSON is a part."""
+    return json.dumps(value, ensure_ascii=False)

@@ -10,7 +10,7 @@ import numpy as np
 from screwgauge.models.layout import Closure, Freedom, Link, Tree, lay_out
 from screwgauge.models.placement import compose, inverse, quaternion, vector_text
 from screwgauge.models.principal import inertial, stand_ins
-from screwgauge.models.view import add_contact_pairs, add_geoms, add_sensors
+from screwgauge.models.shapes import add_contact_pairs, add_geoms, add_sensors
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import GROUND, Frame, Mechanism

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from screwgauge.models.layout import Freedom, Link, lay_out
-from screwgauge.models.loops_yaml import PART, closure_frames
+from screwgauge.models.loops import PART, closure_frames
 from screwgauge.models.placement import inverse, number_text, rpy, vector_text
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Mechanism
 from screwgauge.reference.rotations import Array

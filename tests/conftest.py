@@ -151,7 +151,7 @@ def bench_of_all() -> Bench:
 @pytest.fixture
 def no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     """Long work says nothing of its progress, however slow the machine is."""
-    monkeypatch.setattr("screwgauge.report.progress.QUIET", float("inf"))
+    monkeypatch.setattr("screwgauge.report.console.QUIET", float("inf"))
 
 
 @pytest.fixture(scope="session")

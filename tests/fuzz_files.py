@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 import screwgauge
-from screwgauge.report.manifest import MANIFEST
+from screwgauge.report.folder import MANIFEST
 from support.bench import Journal
 from support.gate import PAGE, GateSettings, items, keep, told
 from support.gate import gate_run as gate

@@ -14,7 +14,7 @@ import pytest
 
 from screwgauge import commands
 from screwgauge.commands.ended import ENDED
-from screwgauge.report.progress import QUIET, Progress
+from screwgauge.report.console import QUIET, Progress
 from screwgauge.study.bench import forward_run
 from screwgauge.study.bench import run as bench_run
 from support.command import main

@@ -131,7 +131,7 @@ def test_a_stopped_command_says_what_is_left_and_cleans_up(arguments, tmp_path, 
     def stopped(*given, **more):
         os.kill(os.getpid(), signal.SIGTERM)
 
-    for place in ("report.results.run", "study.bench.run.bench"):
+    for place in ("api.run", "study.bench.run.bench"):
         monkeypatch.setattr(f"screwgauge.{place}", stopped)
     out = tmp_path / "out"
     assert main([*arguments, "--out", str(out)]) == 143

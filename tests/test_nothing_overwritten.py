@@ -13,7 +13,7 @@ import pytest
 
 import screwgauge
 from screwgauge.reference.files import is_as_written, stamped
-from screwgauge.report.lock import locked
+from screwgauge.report.folder import locked
 from support.command import main
 from support.errors import OutputError
 from support.repository import repository, scene
@@ -174,7 +174,7 @@ def test_the_second_command_into_a_folder_is_refused(capsys):
 
 
 def test_a_folder_is_free_when_who_held_it_is_killed():
-    code = "from pathlib import Path; from screwgauge.report.lock import locked\n"
+    code = "from pathlib import Path; from screwgauge.report.folder import locked\n"
     code += "with locked(Path('out')): print(flush=True); input()"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}

@@ -63,7 +63,7 @@ def test_a_plot_goes_beside_a_file_of_the_users_own(out):
 
 @pytest.mark.parametrize("name", ["report.md", "report.html", "errors.csv", MANIFEST, "samples.parquet"])
 def test_a_file_of_the_users_own_in_the_way_is_refused_before_any_work(name, out, command, capfd, monkeypatch):
-    monkeypatch.setattr("screwgauge.report.results.run", None)
+    monkeypatch.setattr("screwgauge.api.run", None)
     out.mkdir()
     (out / name).write_text("mine", encoding="utf-8")
     assert command("--samples") == 2
@@ -240,7 +240,7 @@ def test_stopped_while_the_pages_are_made_says_what_is_there(out, command, capfd
 
 @pytest.mark.parametrize("name", ["x" * 300, "x/" * 3000, "a\0b"])
 def test_a_folder_that_no_disk_takes_is_bad_input(name, tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr("screwgauge.report.results.run", None)
+    monkeypatch.setattr("screwgauge.api.run", None)
     assert main(["run", "3ups-upu-s", "--out", str(tmp_path / name)]) == 2
     said = capfd.readouterr().err
     assert "the folder cannot be written (" in said

@@ -214,8 +214,7 @@ def _models(options: argparse.Namespace) -> list[Path]:
 def casebook(options: argparse.Namespace) -> int:
     """Shows a named discrepancy with the installed engines, or lists them."""
     from screwgauge.casebook.book import reproduce
-    from screwgauge.report.casebook import blocks
-    from screwgauge.report.listing import listing
+    from screwgauge.report.listing import blocks, listing
     from screwgauge.report.terminal import terminal
 
     if options.id is None:

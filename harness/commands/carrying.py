@@ -12,7 +12,7 @@ from screwgauge.reference.errors import OutputError, ScrewgaugeError
 from screwgauge.report.console import say
 
 if TYPE_CHECKING:
-    from screwgauge.report.progress import Progress
+    from screwgauge.report.console import Progress
 
 
 def carry_out(
@@ -39,9 +39,8 @@ def carry_out(
     Returns:
         What was found.
     """
-    from screwgauge.report.folder import PAGES, SAMPLES, check_writable
-    from screwgauge.report.lock import locked
-    from screwgauge.report.progress import Progress
+    from screwgauge.report.console import Progress
+    from screwgauge.report.folder import PAGES, SAMPLES, check_writable, locked
 
     names = [*page.DATA, *([again] if again else []), *([SAMPLES] if writing.get("samples") else [])]
     with locked(out):

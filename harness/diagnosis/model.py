@@ -15,7 +15,7 @@ from screwgauge.diagnosis.machine.normal_form import Machine, at_closed_pose, ma
 from screwgauge.diagnosis.pairing.common import STANDARD
 from screwgauge.diagnosis.pairing.mapping import Found, Pairing, coincident, congruent, paired
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.expected import expected_reading
+from screwgauge.models.check import expected_reading
 from screwgauge.models.importing import is_model
 from screwgauge.models.loops import read_loops
 from screwgauge.models.readings.loops import OWN, loops_for, with_loops

@@ -12,7 +12,7 @@ from screwgauge.diagnosis.compare import STATES, components
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, weighed
 from screwgauge.diagnosis.pairing.mapping import Pairing
-from screwgauge.models.expected import expected_reading
+from screwgauge.models.check import expected_reading
 from screwgauge.models.importing.convert import Imported
 from screwgauge.models.kinematics import draw, plant
 from screwgauge.models.readings.order import by_name, in_file

@@ -35,8 +35,7 @@ from screwgauge.truth.exact import LONG
 from screwgauge.truth.forces import RoutesDisagree
 from screwgauge.truth.kinematics import LoopsOpen
 from screwgauge.truth.linkage import Linkage
-from screwgauge.truth.samples import Balls, Sampler, centred, enclosed, ruled
-from screwgauge.truth.table import Table, enclosures
+from screwgauge.truth.samples import Balls, Sampler, Table, centred, enclosed, enclosures, ruled
 
 BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are asked for
 MOST = 201

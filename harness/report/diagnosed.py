@@ -6,8 +6,8 @@ from pathlib import Path
 
 from screwgauge.diagnosis.diagnose import Diagnosis
 from screwgauge.reference.errors import OutputError
+from screwgauge.report.folder import locked
 from screwgauge.report.html import fragment, page
-from screwgauge.report.lock import locked
 from screwgauge.report.pages.diagnosis import PAGE
 from screwgauge.report.terminal import screenful
 from screwgauge.report.write import save_page

@@ -1,20 +1,28 @@
-"""A folder that reports are written into: what in it is theirs, and how files get there, all or none."""
+"""The folder of a report: one command at a time writes into it, and replaces only what reports wrote.
+
+A list of names and digests says which files these are. Anybody can have written such a list, and anybody can have
+changed a file since: a file whose digest does not prove it to be as a report wrote it is the user's own, and is neither
+replaced nor removed. Of the files of a report all get into the folder or none.
+"""
 
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from importlib.util import find_spec
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import Any
 from uuid import uuid4
 
 import pandas as pd
 
-from screwgauge.reference.errors import OutputError
-from screwgauge.reference.files import digest, why
-from screwgauge.report.manifest import MANIFEST, manifest, written
+from screwgauge.environment import json_text
+from screwgauge.reference.errors import DescriptionError, OutputError
+from screwgauge.reference.files import digest, read_json, why
 
 SAMPLES = "samples.parquet"
 _ELSEWHERE = "move it, or choose another folder with --out"
@@ -131,3 +139,104 @@ def _move(stage: Path, out: Path) -> None:
 
 def _cannot(out: Path, error: OSError | ValueError) -> OutputError:
     return OutputError(f"the folder cannot be written ({why(error)})", str(out), "choose another with --out")
+
+
+MANIFEST = "report-files.json"
+#: Endings of what reports consist of.
+ENDINGS = (".md", ".html", ".svg", ".csv", ".json", ".parquet", ".pdf")
+_REMEDY = "move it, or choose another folder with --out"
+
+
+def written(out: Path) -> set[str]:
+    """Names of the files in a folder that a report wrote and nobody has changed since; none if there is no report.
+
+    Raises:
+        OutputError: There is something else in the place of the list.
+    """
+    return {name for name, digests in _listed(out).items() if _digest(out / name) in digests}
+
+
+def manifest(out: Path, fresh: Mapping[str, str], others: Iterable[str]) -> str:
+    """The list of a report that is about to be written.
+
+    Where a file is replaced, the digest of the old one stays in the list beside the new one: whenever the writing is
+    cut off, each file has one of the two.
+
+    Args:
+        fresh: Name -> SHA-256 of what will be there.
+        others: Further files of the report; those that are there count as they are.
+    """
+    listed, entries = _listed(out), dict[str, list[str]]()
+    for name in sorted({*fresh, *others}):
+        old = _digest(out / name)
+        ours = name not in fresh or old in listed.get(name, ())
+        entries[name] = [*dict.fromkeys([*filter(None, [fresh.get(name), old if ours else ""])])]
+    return json_text({"files": entries})
+
+
+def _listed(out: Path) -> dict[str, list[Any]]:
+    """Name -> digests, as the list says, of names that a report could have."""
+    if not os.path.lexists(out / MANIFEST):
+        return {}
+    try:
+        files = read_json(out / MANIFEST, "list of a report's files", _REMEDY).get("files")
+    except DescriptionError:
+        files = None
+    if not isinstance(files, dict | list):
+        raise OutputError(f"{MANIFEST} is no list of a report's files", str(out), _REMEDY)
+    # the lists of earlier versions have names only, which prove nothing
+    named = files.items() if isinstance(files, dict) else ()
+    return {name: digests for name, digests in named if _is_ours(name) and isinstance(digests, list)}
+
+
+def _is_ours(name: str) -> bool:
+    """Whether a report could have written a file of that name, in its folder and nowhere else."""
+    path = PurePosixPath(name)
+    inside = str(path) == name and str(path.parent) in (".", "plots") and path.name not in ("", "..", MANIFEST)
+    return inside and path.suffix in ENDINGS
+
+
+def _digest(path: Path) -> str:
+    """SHA-256 of a regular file that is no link, as its folder is none; empty for anything else."""
+    if os.path.islink(path) or os.path.islink(path.parent):
+        return ""
+    try:
+        return digest(path, "MB of a report's file")
+    except DescriptionError:
+        return ""
+
+
+#: What systems say whose folders cannot be locked, such as some network file systems.
+_UNABLE = {errno.EBADF, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL}
+
+
+@contextmanager
+def locked(out: Path) -> Iterator[None]:
+    """Holds a folder, made if need be, as long as the context lasts; the system lets it go if the process is killed.
+
+    A folder that was made and stayed empty goes away.
+
+    Raises:
+        OutputError: Another command holds it, or it cannot be made.
+    """
+    made, place = list[Path](), -1
+    try:
+        made = [folder for folder in (out, *out.parents) if not folder.exists()]
+        out.mkdir(parents=True, exist_ok=True)
+        place = os.open(out, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(place)
+        what, remedy = "another command is writing into the folder", "wait for its end, or choose another with --out"
+        raise OutputError(what, str(out), remedy) from None
+    except (OSError, ValueError) as error:  # a path with a null byte
+        if place < 0 or getattr(error, "errno", None) not in _UNABLE:
+            what = f"the folder cannot be written ({why(error)})"
+            raise OutputError(what, str(out), "choose another with --out") from error
+    try:
+        yield
+    finally:
+        os.close(place)
+        with suppress(OSError):  # something is in it
+            for folder in made:
+                folder.rmdir()

@@ -24,7 +24,6 @@ from screwgauge.study.comparison import Comparison
 from screwgauge.study.executors import Executor
 from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
 from screwgauge.study.gate.items import items, read_tolerances, unread
-from screwgauge.study.gate.measure import GateSettings
 from screwgauge.study.gate.row import EXIT, JUDGE, GateRow
 from screwgauge.study.gate.run import check_items
 
@@ -37,7 +36,7 @@ SHOWN = 5
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Check:
-    """What a gate found.
+    """Result of a gate.
 
     Attributes:
         rows: One for each scene or pair of models.
@@ -146,32 +145,32 @@ class Check:
 _KINDS = {"unread": "failure", "differ": "failure", "failed": "error", "refused": "error"}
 
 
-def _banners(found: Check) -> list[Banner]:
+def _banners(check: Check) -> list[Banner]:
     """The verdict, and what no machine has."""
-    odd = [Banner(f"{row.scene}: {sentence}", "Warning") for row in found.rows for sentence in row.doubts]
-    return [_banner(found), *odd]
+    odd = [Banner(f"{row.scene}: {sentence}", "Warning") for row in check.rows for sentence in row.doubts]
+    return [_banner(check), *odd]
 
 
-def _banner(found: Check) -> Banner:
-    said = [f"{sum(row.ok for row in found.rows)} of {len(found.rows)} pass."]
-    agree = [row for row in found.rows if row.status == "agree"]
-    alone = [row.scene for row in found.rows if row.status == "judged"]
+def _banner(check: Check) -> Banner:
+    sentences = [f"{sum(row.ok for row in check.rows)} of {len(check.rows)} pass."]
+    agree = [row for row in check.rows if row.status == "agree"]
+    alone = [row.scene for row in check.rows if row.status == "judged"]
     judged = {any(error.b == JUDGE for error in row.errors) for row in agree}  # of a pair of models nobody is
-    if found.ok and judged == {True}:
+    if check.ok and judged == {True}:
         each = "In each of them" if not alone else "In the others" if len(agree) > 1 else f"In {agree[0].scene}"
-        said.append(f"{each} all engines agree within tolerance, and the equations of mechanics hold.")
-    elif found.ok and agree:
-        said.append(f"Models {'and engines ' * (True in judged)}agree within tolerance.")
-    if found.ok and alone:
+        sentences.append(f"{each} all engines agree within tolerance, and the equations of mechanics hold.")
+    elif check.ok and agree:
+        sentences.append(f"Models {'and engines ' * (True in judged)}agree within tolerance.")
+    if check.ok and alone:
         named = first_few(alone, SHOWN)
-        said.append(f"Nothing was compared in {named}: one engine ran, for which the equations of mechanics hold.")
-    said += filter(None, [_left_alone(found)])
-    return Banner.of(" ".join(said), found.ok, "OK, but" if alone or found.unread else "OK", "FAILED")
+        sentences.append(f"Nothing was compared in {named}: one engine ran, for which the equations of mechanics hold.")
+    sentences += filter(None, [_left_alone(check)])
+    return Banner.of(" ".join(sentences), check.ok, "OK, but" if alone or check.unread else "OK", "FAILED")
 
 
-def _left_alone(found: Check) -> str:
+def _left_alone(check: Check) -> str:
     """Which files of the folders were not read."""
-    return f"Not read, because no scene names them: {first_few(found.unread, SHOWN)}." if found.unread else ""
+    return f"Not read, because no scene names them: {first_few(check.unread, SHOWN)}." if check.unread else ""
 
 
 def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
@@ -185,34 +184,34 @@ def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
     return lines
 
 
-def _nearest(found: Check) -> list[dict[str, Any]]:
+def _nearest(check: Check) -> list[dict[str, Any]]:
     """The three that come nearest to their tolerance, or are farthest beyond it."""
-    sized = [(beyond(row.worst.error, row.worst.tolerance), row) for row in found.rows if row.worst is not None]
+    sized = [(beyond(row.worst.error, row.worst.tolerance), row) for row in check.rows if row.worst is not None]
     return _lines(row for _, row in sorted(sized, key=lambda pair: pair[0], reverse=True)[:3])
 
 
-def _about(found: Check) -> dict[str, Any]:
+def _about(check: Check) -> dict[str, Any]:
     """Facts of the first screen: how much was checked, by which engines, from which files and when."""
-    engines = dict.fromkeys(f"{name} {version}".strip() for row in found.rows for name, version in row.versions.items())
-    files = [f"{name} (SHA-256 {digest.removeprefix('SHA-256 ')[:8]})" for name, digest in _files(found).items()]
+    engines = dict.fromkeys(f"{name} {version}".strip() for row in check.rows for name, version in row.versions.items())
+    files = [f"{name} (SHA-256 {digest.removeprefix('SHA-256 ')[:8]})" for name, digest in _files(check).items()]
     return {
-        "scenes and pairs": len(found.rows),
-        "motion": "a few samples of an exciting one" if found.smoke else "its own",
+        "scenes and pairs": len(check.rows),
+        "motion": "a few samples of an exciting one" if check.smoke else "its own",
         "engines": ", ".join(engines),
         "files": first_few(files, SHOWN) + (", see Environment" if len(files) > SHOWN else ""),
-        "date": found.date,
+        "date": check.date,
     }
 
 
-def _files(found: Check) -> dict[str, str]:
+def _files(check: Check) -> dict[str, str]:
     """Whose file -> its hash."""
-    return {f"{row.scene}: {of}": f"SHA-256 {digest}" for row in found.rows for of, digest in row.files.items()}
+    return {f"{row.scene}: {of}": f"SHA-256 {digest}" for row in check.rows for of, digest in row.files.items()}
 
 
-def _tolerances(found: Check) -> list[str]:
+def _tolerances(check: Check) -> list[str]:
     """The largest of each quantity by where they come from."""
     by: dict[str, dict[str, float]] = {}
-    for one in (error for row in found.rows for error in row.errors):
+    for one in (error for row in check.rows for error in row.errors):
         sizes = by.setdefault(one.reason, {})
         sizes[one.quantity] = max(sizes.get(one.quantity, 0.0), one.tolerance)
     return [f"{why}: {', '.join(f'{name} {number(x, 2)}' for name, x in of.items())}" for why, of in by.items()]
@@ -221,22 +220,22 @@ def _tolerances(found: Check) -> list[str]:
 PAGE = Report(
     text="check",
     banner=_banners,
-    data={"check.json": lambda found: found.record},
+    data={"check.json": lambda check: check.record},
     values={
-        "title": lambda found: "Check",
+        "title": lambda check: "Check",
         "nearest": _nearest,
         "about": _about,
         "files": _files,
-        "rows": lambda found: _lines(sorted(found.rows, key=lambda row: row.ok)),
+        "rows": lambda check: _lines(sorted(check.rows, key=lambda row: row.ok)),
         "tolerances": _tolerances,
-        "unread": lambda found: [*found.unread],
-        "tested": lambda found: [f"{row.scene}: {row.coverage or row.sentence}" for row in found.rows if row.ok],
+        "unread": lambda check: [*check.unread],
+        "tested": lambda check: [f"{row.scene}: {row.coverage or row.sentence}" for row in check.rows if row.ok],
     },
 )
 
 
 def message(row: GateRow) -> str:
-    """What was found of a row: quantity, component, time, both values and tolerance of the worst, then the cause."""
+    """The outcome of a row: quantity, component, time, both values and tolerance of the worst, then the cause."""
     worst, unread = row.worst, "".join(f" {text}." for text in row.unread)
     if worst is None or worst.ok:
         rest = "all else agrees" if row.status == "unread" else row.sentence
@@ -245,16 +244,16 @@ def message(row: GateRow) -> str:
     when = f", t = {number(worst.t)} s" if math.isfinite(worst.t) else ""
     unit, pair = unit_text(worst.unit), zip((worst.a, worst.b), worst.values, strict=True)
     both = ", ".join(f"{name} {number(value, 10)} {unit}" for name, value in pair if math.isfinite(value))
-    said = f"{size(worst.error)} scaled, tolerance {number(worst.tolerance, 2)} ({worst.reason})"
+    scaled = f"{size(worst.error)} scaled, tolerance {number(worst.tolerance, 2)} ({worst.reason})"
     return (
-        f"{row.scene}: {worst.quantity}{at}{when}: {both or f'{worst.a} - {worst.b}'}; {said}. {row.sentence}{unread}"
+        f"{row.scene}: {worst.quantity}{at}{when}: {both or f'{worst.a} - {worst.b}'}; {scaled}. {row.sentence}{unread}"
     )
 
 
 def told(results: Comparison) -> str:
     """The verdict of a comparison."""
-    found = verdict(results)
-    return f"{found.word}: {found.text}"
+    banner = verdict(results)
+    return f"{banner.word}: {banner.text}"
 
 
 def check_with(
@@ -268,13 +267,13 @@ def check_with(
     journal: Path | None = None,
 ) -> Check:
     """What `screwgauge.check` does, wherever scenes are to be checked."""
-    asked = items(what)
-    settings = GateSettings(told, smoke, read_tolerances(tolerances))
+    requested = items(what)
+    settings = Settings(told, smoke, read_tolerances(tolerances))
     if baseline is not None:
-        read_baseline(Path(baseline), smoke, [item.name for item in asked])
-    rows = check_items(asked, settings, execute=execute, progress=progress, journal=journal)
+        read_baseline(Path(baseline), smoke, [item.name for item in requested])
+    rows = check_items(requested, settings, execute=execute, progress=progress, journal=journal)
     beside = [name for name in (tolerances, baseline) if isinstance(name, str | Path)]
-    read = [*(name for row in rows for name in row.read), *(name for item in asked for name in item.files)]
+    read = [*(name for row in rows for name in row.read), *(name for item in requested for name in item.files)]
     left = unread(what, [*read, *map(str, beside)])
     date = datetime.now(UTC).isoformat(timespec="seconds")
     return Check(rows, smoke, None if baseline is None else against(Path(baseline), rows, smoke), left, date)

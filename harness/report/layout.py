@@ -1,14 +1,17 @@
-"""What a kind of report is: a text of ``texts/``, the functions that fill it in, files beside it, and its pictures."""
+"""Kinds of reports: each a text of ``texts/``, functions that fill it in, data files beside it, and pictures."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, reduce
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 from screwgauge.environment import environment
 from screwgauge.reference.errors import ReportError
@@ -264,3 +267,37 @@ def _glossary() -> dict[str, str]:
     """Word -> what it means, from ``texts/glossary.md``."""
     lines = " ".join((TEXTS / "glossary.md").read_text(encoding="utf-8").split()).split(" - **")[1:]
     return {word: meaning for word, _, meaning in (line.partition("**: ") for line in lines)}
+
+
+def study(
+    file: str,
+    title: str,
+    banner: Callable[[pd.DataFrame], Banner],
+    kept: Collection[str] = (),
+    draw: Callable[[pd.DataFrame], Sequence[Picture]] = lambda found: (),
+    grown: bool = True,
+    texts: Path = TEXTS,
+    **values: Value,
+) -> Report:
+    """A report whose text, in the folder `texts`, has the name of the table's file.
+
+    Args:
+        kept: Columns of the file, all by default.
+    """
+    return Report(
+        text=str(texts / Path(file).stem),
+        banner=banner,
+        data={file: lambda found: found[[*kept]] if kept else found},
+        values={
+            "title": lambda found: title,
+            "about": lambda found: {"table": f"{file}, {len(found)} rows"},
+            **values,
+        },
+        draw=draw,
+        grown=grown,
+    )
+
+
+def counted(values: Iterable[Any]) -> str:
+    """``3 agree, 1 differ``, the most frequent first."""
+    return ", ".join(f"{count} {value}" for value, count in Counter(values).most_common())

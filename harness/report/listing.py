@@ -1,14 +1,15 @@
-"""What `screwgauge list` shows."""
+"""What `screwgauge list` and `screwgauge casebook` show on a terminal."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
+from screwgauge.casebook.book import CASES as CASEBOOK
+from screwgauge.casebook.case import CaseResult
 from screwgauge.engines.registry import engines
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.quantities import QUANTITIES
-from screwgauge.report.blocks import Table
-from screwgauge.report.casebook import discrepancies
+from screwgauge.report.blocks import Banner, Block, Items, Marked, Table
 from screwgauge.report.terminal import terminal
 from screwgauge.scene.read import load_scene, scene_names
 from screwgauge.study.cases.registry import CASES
@@ -26,7 +27,7 @@ _TABLES: dict[str, Callable[[], dict[str, str]]] = {
     "engines": lambda: {e.name: e.meaning + ("" if e.installed else " (not installed)") for e in engines().values()},
     "quantities": lambda: {name: quantity.meaning for name, quantity in QUANTITIES.items()},
     "cases": lambda: {name: f"{case.title} ({case.span})" for name, case in CASES.items()},
-    "discrepancies": discrepancies,
+    "discrepancies": lambda: {case.id: case.title for case in CASEBOOK.values()},
 }
 
 
@@ -36,3 +37,19 @@ def listing(what: str | None) -> str:
         name: terminal([Table(("", ""), tuple(_TABLES[name]().items()))]) for name in ([what] if what else _TABLES)
     }
     return tables[what] if what else "\n\n".join(f"{name}\n{text}" for name, text in tables.items())
+
+
+def blocks(result: CaseResult) -> list[Block]:
+    """A case with its sentence, its numbers, versions and links."""
+    case, numbers = result.case, result.numbers
+    rows = [(words, numbers[name]) for words, name in _NUMBERS if name in numbers]
+    rows += [(name, version) for name, version in result.versions.items()]
+    rows += [("seen with", case.versions)]
+    return [
+        Banner(Marked(result.sentence), f"{case.id}, {result.status}", "note" if result.ok else "failed"),
+        Table(("", ""), tuple(rows)),
+        *([Items(case.links)] if case.links else []),
+    ]
+
+
+_NUMBERS = (("as users get it", "symptom"), ("as it should be", "expected"), ("after the remedy", "mended"))

@@ -10,8 +10,8 @@ import pandas as pd
 
 from screwgauge.reference.errors import OutputError, UnknownNameError
 from screwgauge.report.blocks import Picture
+from screwgauge.report.folder import locked
 from screwgauge.report.html import fragment, page
-from screwgauge.report.lock import locked
 from screwgauge.report.pages import run as run_page
 from screwgauge.report.terminal import screenful
 from screwgauge.report.write import save_page

@@ -61,10 +61,10 @@ def _conclusion(results: Comparison) -> tuple[list[str], str, Status]:
 
 def _refused(results: Comparison) -> list[str]:
     """Samples without numbers, those of the same kind named once."""
-    said: dict[str, list[str]] = {}
+    engines_by_sentence: dict[str, list[str]] = {}
     for one in results.refusals:
-        said.setdefault(one.sentence, []).append(one.engine)
-    return [f"{listed(names)}: {sentence}." for sentence, names in said.items()]
+        engines_by_sentence.setdefault(one.sentence, []).append(one.engine)
+    return [f"{listed(names)}: {sentence}." for sentence, names in engines_by_sentence.items()]
 
 
 def _difference(results: Comparison, *, beside: bool) -> list[str]:
@@ -88,8 +88,8 @@ def _difference(results: Comparison, *, beside: bool) -> list[str]:
 
 def _otherwise(results: Comparison, *engines: str) -> list[str]:
     """Differences between the engines' model files and the description."""
-    said = dict.fromkeys(text for name in engines for text in results.solutions[name].otherwise)
-    return [f"The models differ, too: {first_few(said, DOUBTS, '; ')}."] if said else []
+    differences = dict.fromkeys(text for name in engines for text in results.solutions[name].otherwise)
+    return [f"The models differ, too: {first_few(differences, DOUBTS, '; ')}."] if differences else []
 
 
 def _fault(results: Comparison, *, beside: bool) -> list[str]:
@@ -99,8 +99,8 @@ def _fault(results: Comparison, *, beside: bool) -> list[str]:
         return []
     row = bad[0]
     at = f" at {row['worst_component']}, t = {number(row['worst_t'])} s" if row.get("worst_component") else ""
-    said = f"The judge faults {row['engine']}: {words(row['residual'])} residual {_amount(row)}{at}{_because(row)}."
-    return [said] if beside else [said, *_otherwise(results, row["engine"])]
+    sentence = f"The judge faults {row['engine']}: {words(row['residual'])} residual {_amount(row)}{at}{_because(row)}."
+    return [sentence] if beside else [sentence, *_otherwise(results, row["engine"])]
 
 
 def _amount(row: Row) -> str:

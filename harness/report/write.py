@@ -13,10 +13,9 @@ import pandas as pd
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError, ReportError
 from screwgauge.report.blocks import Block, Picture, changed, walk
-from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, put_files, write_files
+from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, put_files, write_files, written
 from screwgauge.report.formatting import free_name
 from screwgauge.report.html import page
-from screwgauge.report.manifest import written
 from screwgauge.report.markdown import markdown
 from screwgauge.report.pdf import PDF, print_page
 

@@ -20,8 +20,18 @@ from screwgauge.reference.files import beside, is_path
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.default import scene_file
-from screwgauge.scene.elements import read_load, read_motor, read_spring
-from screwgauge.scene.entries import check_name, positive, read_figure, read_grid, read_items, read_models, read_names
+from screwgauge.scene.entries import (
+    check_name,
+    positive,
+    read_figure,
+    read_grid,
+    read_items,
+    read_load,
+    read_models,
+    read_motor,
+    read_names,
+    read_spring,
+)
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.observables import read_known, read_observable, read_published
 from screwgauge.scene.recorded import read_tables

@@ -18,8 +18,7 @@ from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.expressions import vector
 from screwgauge.reference.mechanism import Mechanism, same_content
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.elements import read_load
-from screwgauge.scene.entries import check_name, read_times
+from screwgauge.scene.entries import check_name, read_load, read_times
 from screwgauge.scene.figures import Figure
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.observables import Known, Observable, Published

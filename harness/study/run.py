@@ -30,8 +30,7 @@ from screwgauge.reference.graph import Layout
 from screwgauge.reference.mobility import Mobility, mobility
 from screwgauge.reference.pose import pose
 from screwgauge.scene.motion import Sampled
-from screwgauge.scene.plausible import doubts
-from screwgauge.scene.preflight import check_actuation, check_scene, far_from_home
+from screwgauge.scene.preflight import check_actuation, check_scene, doubts, far_from_home
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Solution

@@ -19,7 +19,7 @@ from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, rows
-from screwgauge.report.study import study
+from screwgauge.report.layout import study
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.measure import GateSettings, compared
 

@@ -9,7 +9,7 @@ from campaigns.rows import TEXTS
 
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, rows
-from screwgauge.report.study import study
+from screwgauge.report.layout import study
 
 YES = "yes"
 #: What is wanted of the pairs: so many right, and no false verdict.

@@ -22,7 +22,7 @@ from campaigns.rows import TEXTS
 import screwgauge
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import rows
-from screwgauge.report.study import study
+from screwgauge.report.layout import study
 
 #: Package -> name of a model and its file.
 MODELS = {

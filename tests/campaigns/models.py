@@ -19,7 +19,7 @@ from screwgauge.models.importing.model import Options
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import rows
-from screwgauge.report.study import counted, study
+from screwgauge.report.layout import counted, study
 from screwgauge.scene.imported import write_imported
 from screwgauge.scene.read import load_scene
 from screwgauge.study.loading import import_isolated

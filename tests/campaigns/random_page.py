@@ -13,7 +13,7 @@ from campaigns.rows import TEXTS
 
 from screwgauge.report.blocks import Banner, Table, table
 from screwgauge.report.formatting import Row, grouped, rows
-from screwgauge.report.study import study
+from screwgauge.report.layout import study
 
 VERDICTS = ("agree", "estimated", "judged", "differ", "failed", "refused")
 

@@ -17,7 +17,7 @@ from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError, first_few
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, missing, number, rows, size
-from screwgauge.report.study import counted, study
+from screwgauge.report.layout import counted, study
 from screwgauge.solution import Failure
 from screwgauge.study.loading import read_isolated
 from screwgauge.study.table import columns_of, frame

@@ -13,8 +13,7 @@ from campaigns.selftest import ALIKE, CHANGED, CLOSE, VISIBLE
 
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, rows, words
-from screwgauge.report.layout import Value
-from screwgauge.report.study import counted, study
+from screwgauge.report.layout import Value, counted, study
 
 #: What is wanted: share detected of the changes that torques show, named right, magnitude right; time [s].
 WANTED = {"detected": 0.99, "named right": 0.95, "magnitude right": 0.95}

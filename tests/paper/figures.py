@@ -9,8 +9,7 @@ import numpy as np
 
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.chart import Curve, Spec, thin
-from screwgauge.report.figures.looks import DASHES, GREY, Look, numbered
+from screwgauge.report.figures.chart import DASHES, GREY, Curve, Look, Spec, numbered, thin
 
 if TYPE_CHECKING:
     from paper.page import Paper

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from screwgauge.models.check import check_file, check_models, check_table, installed_readers
-from screwgauge.models.expected import expected_reading, home_poses, joint_transform
+from screwgauge.models.check import (
+    check_file,
+    check_models,
+    check_table,
+    expected_reading,
+    home_poses,
+    installed_readers,
+    joint_transform,
+)
 from screwgauge.models.generate import model_texts, stem, write_models
 from screwgauge.models.importing.convert import Wanted
 from screwgauge.models.importing.model import Options, import_model, notes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.bench import _error_and_time, make_plots
-from screwgauge.report.figures.looks import CROSS, SHAPES, by_camp
+from screwgauge.report.figures.chart import CROSS, SHAPES, by_camp
 from screwgauge.report.figures.renderer import RENDERER, DrawingError, losses
 from screwgauge.report.figures.selection import default_figures
 from screwgauge.report.folder import MANIFEST, put_files

@@ -9,8 +9,7 @@ from screwgauge.problem import GivenMotion, InitialValue, Integration, States
 from screwgauge.quantities import FLOOR, GIVEN, SIMULATED, SOLVED, digits, natural_scales
 from screwgauge.scene.columns import read_columns
 from screwgauge.scene.observables import observe
-from screwgauge.scene.plausible import doubts
-from screwgauge.scene.preflight import check_actuation, check_home, check_scene, far_from_home
+from screwgauge.scene.preflight import check_actuation, check_home, check_scene, doubts, far_from_home
 from screwgauge.scene.read import FOLDER, scene_names
 from screwgauge.scene.simulation import check_start, eigenvalues
 from screwgauge.study.prepared_scene import QUANTITIES, pose_scene

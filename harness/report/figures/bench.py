@@ -10,8 +10,7 @@ import numpy as np
 
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.chart import Spec
-from screwgauge.report.figures.looks import INK, STAR, Look, by_camp, camp
+from screwgauge.report.figures.chart import INK, STAR, Look, Spec, by_camp, camp
 from screwgauge.study.bench.rows import LEVELS, OK
 from screwgauge.study.prepared_scene import QUANTITIES
 

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.chart import Spec
-from screwgauge.report.figures.looks import numbered
+from screwgauge.report.figures.chart import Spec, numbered
 from screwgauge.report.stage.machines import machines
 
 if TYPE_CHECKING:

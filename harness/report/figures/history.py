@@ -6,8 +6,7 @@ import pandas as pd
 
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.chart import Spec
-from screwgauge.report.figures.looks import numbered
+from screwgauge.report.figures.chart import Spec, numbered
 
 MOST = 7  # scenes that are drawn; all are in the table
 

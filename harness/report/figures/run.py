@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.chart import Curve, Spec, thin
-from screwgauge.report.figures.looks import CROSS, GREY, PLUS, SHAPES, Look, numbered
+from screwgauge.report.figures.chart import CROSS, GREY, PLUS, SHAPES, Curve, Look, Spec, numbered, thin
 from screwgauge.report.figures.selection import Drawing, drawings, short_labels
 from screwgauge.report.formatting import file_name, missing, number, unit_text, words
 from screwgauge.solution import common_rows

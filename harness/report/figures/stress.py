@@ -10,8 +10,7 @@ import numpy as np
 from screwgauge.quantities import digits
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.chart import Spec
-from screwgauge.report.figures.looks import Look, by_camp
+from screwgauge.report.figures.chart import Look, Spec, by_camp
 from screwgauge.study.cases.case import GOOD, VERDICTS, Case, Finding
 
 if TYPE_CHECKING:

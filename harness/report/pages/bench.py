@@ -27,20 +27,20 @@ DIGITS = {3: "three", 6: "six", 9: "nine"}
 
 def _banner(bench: Bench) -> Banner:
     good = bench.complete and all(fit.ok for fit in bench.fits)
-    found = _simulated_headline(bench) if bench.scene.simulated else headline(bench)
-    return Banner.of(found, good, "MEASURED", "NOT ALL MEASURED AS EXPECTED")
+    sentence = _simulated_headline(bench) if bench.scene.simulated else headline(bench)
+    return Banner.of(sentence, good, "MEASURED", "NOT ALL MEASURED AS EXPECTED")
 
 
 def _cheapest(bench: Bench, quantity: str) -> list[Row]:
     """For each error the quickest family that closes the loops itself."""
-    found = [row for row in rows(reach(bench.rows)) if row["quantity"] == quantity and not row["given"]]
-    said = [{**row, "cost": row["seconds_per_sample"]} for row in found]
-    return [line for level in LEVELS for line in _first(level, [row for row in said if row["error"] == level])]
+    reached = [row for row in rows(reach(bench.rows)) if row["quantity"] == quantity and not row["given"]]
+    priced = [{**row, "cost": row["seconds_per_sample"]} for row in reached]
+    return [line for level in LEVELS for line in _first(level, [row for row in priced if row["error"] == level])]
 
 
-def _quickest(found: Bench) -> list[Row]:
+def _quickest(bench: Bench) -> list[Row]:
     """Of a simulation: the quickest method for three, six and nine digits."""
-    done = [row for row, _ in pairs(found.rows) if row.status == OK]
+    done = [row for row, _ in pairs(bench.rows) if row.status == OK]
 
     def reached(level: float) -> list[Row]:
         who = ((row.contestant, row.work_s) for row in done if row.max_scaled <= level)
@@ -49,9 +49,9 @@ def _quickest(found: Bench) -> list[Row]:
     return [line for digits in DIGITS for line in _first(10.0**-digits, reached(10.0**-digits))]
 
 
-def _first(level: float, found: Sequence[Row]) -> list[Row]:
+def _first(level: float, candidates: Sequence[Row]) -> list[Row]:
     """Who of those that reach an error is the first, and how much longer the next family takes; none of none."""
-    order = sorted(found, key=lambda row: float(row["cost"]))
+    order = sorted(candidates, key=lambda row: float(row["cost"]))
     second = next((row for row in order if row["family"] != order[0]["family"]), None)
     times = number(second["cost"] / order[0]["cost"], 3) if second else ""
     lead = {"next": second["family"] if second else "none", "times_as_long": times}
@@ -60,7 +60,7 @@ def _first(level: float, found: Sequence[Row]) -> list[Row]:
 
 def headline(bench: Bench) -> str:
     """Which method is cheapest for which accuracy and by how much; slopes, what failed, what was cut short."""
-    found, parts = rows(bench_table(bench.rows)), list[str]()
+    table_rows, parts = rows(bench_table(bench.rows)), list[str]()
     for quantity in SHOWN:
         for best in (row for row in _cheapest(bench, quantity) if row["level"] == NINE):
             lead = f", then {best['next']} ({best['times_as_long']} times as long)" if best["times_as_long"] else ""
@@ -68,8 +68,8 @@ def headline(bench: Bench) -> str:
             parts.append(f"{what}, {duration(best['cost'])} a sample{lead}.")
     if bench.fits:
         parts.append(f"{sum(fit.ok for fit in bench.fits)} of {len(bench.fits)} slopes are as theory expects.")
-    parts.append(f"{count(len(found), 'row')} in {len(grouped(found, 'family'))} families of methods.")
-    if failed := [row["contestant"] for row in found if row["status"] == FAILED]:
+    parts.append(f"{count(len(table_rows), 'row')} in {len(grouped(table_rows, 'family'))} families of methods.")
+    if failed := [row["contestant"] for row in table_rows if row["status"] == FAILED]:
         parts.append(f"{count(len(failed), 'row')} failed: {listed(dict.fromkeys(failed))}.")
     if cut := _cut_short(bench):
         lost = f"{count(sum(row['rows'] for row in cut), 'row')} of: {listed(row['family'] for row in cut)}"
@@ -96,7 +96,7 @@ def _cut_short(bench: Bench) -> list[Row]:
 
 def _reach(bench: Bench) -> list[Block]:
     """A table for each quantity: families by the time to the strictest error that they reach."""
-    told: list[Block] = []
+    blocks: list[Block] = []
     head = ("family", *(f"to {level:.0e}" for level in LEVELS), "setting that reaches the smallest")
     for (quantity,), reached in reversed(grouped(rows(reach(bench.rows)), "quantity").items()):
         lines = []
@@ -106,8 +106,8 @@ def _reach(bench: Bench) -> list[Block]:
             times = [duration(at[x]["seconds_per_sample"]) + " †" * at[x]["given"] if x in at else "-" for x in LEVELS]
             lines.append((order, (family, *times, "{contestant}: {setting}".format(**at[min(at)]))))
         across, title = Table(head, tuple(line for _, line in sorted(lines))), words(quantity).capitalize()
-        told += [Folded(title, (across,))] if told else [Paragraph(Marked(f"**{title}**")), across]
-    return told
+        blocks += [Folded(title, (across,))] if blocks else [Paragraph(Marked(f"**{title}**")), across]
+    return blocks
 
 
 def _leaving(bench: Bench) -> list[Block]:
@@ -115,19 +115,19 @@ def _leaving(bench: Bench) -> list[Block]:
 
     def line(row: Row) -> Row:
         left = size(row["max_difference"]) if row["status"] == "ok" else row["status"]
-        said = {"asked": f"{row['group']} {row['setting']}".strip(), "largest_difference": left}
+        cells = {"asked": f"{row['group']} {row['setting']}".strip(), "largest_difference": left}
         share = "" if missing(row["ratio"]) else f"{row['ratio']:.2f}"
         same = f"✗ {row['reason']}" if row["reason"] else tick(row["unchanged"])
-        return {**row, **said, "share": share, "same": same}
+        return {**row, **cells, "share": share, "same": same}
 
     groups = grouped(rows(bench.leaving_out), "engine").items()
     return [table(map(line, group), f"{engine} = {LEFT_OUT}") for (engine,), group in groups]
 
 
-def _simulated_headline(found: Bench) -> str:
+def _simulated_headline(bench: Bench) -> str:
     """Who reaches six digits (or as many as anybody does) first and by how much; what failed."""
-    t, rows = found.scene.t, [row for row, _ in pairs(found.rows)]
-    parts, cheapest = list[str](), {row["digits"]: row for row in _quickest(found)}
+    t, rows = bench.scene.t, [row for row, _ in pairs(bench.rows)]
+    parts, cheapest = list[str](), {row["digits"]: row for row in _quickest(bench)}
     if best := cheapest.get("6", [*cheapest.values()][-1:][0] if cheapest else None):
         what = f"{DIGITS[int(best['digits'])].capitalize()} digits of the observables are cheapest with"
         lead = f"; {best['next']} takes {best['times_as_long']} times as long" if best["times_as_long"] else ""
@@ -139,22 +139,22 @@ def _simulated_headline(found: Bench) -> str:
     return " ".join(parts)
 
 
-def _measured(found: Bench) -> list[Row]:
-    """What was found of a simulation, and what others have published."""
-    told = list[Row]()
-    for row, energy in pairs(found.rows):
+def _measured(bench: Bench) -> list[Row]:
+    """Measurements of a simulation, and published ones."""
+    lines = list[Row]()
+    for row, energy in pairs(bench.rows):
         line: Row = {name: getattr(row.contestant, name) for name in ("family", "setting", "label")}
         line["observable"] = ", ".join(f"{size(value)} {unit}" for unit, value in row.largest.items())
         line["scaled"] = "" if missing(row.max_scaled) else size(row.max_scaled)
         line["energy"] = "".join(size(value) for value in energy.largest.values() if not missing(value))
         line |= {"cpu": row.cost.cpu_s, "wall": row.cost.wall_s, "status": row.status}
         line |= {"steps": row.cost.steps, "evaluations": row.cost.evaluations} if row.cost.steps else NO_STEPS
-        told.append({**line, "remark": "" if row.status == OK else f"✗ {row.status}: {row.reason}"})
-    for item in found.scene.published:
+        lines.append({**line, "remark": "" if row.status == OK else f"✗ {row.status}: {row.reason}"})
+    for item in bench.scene.published:
         line = theirs(item) | {"family": Marked("*published*"), "setting": item.who, "label": item.who[:18]}
         line |= {"scaled": line["observable"], "status": "other machine", "cpu": item.cpu_s}
-        told.append({**line, "remark": " - ".join(filter(None, (item.remark, item.source, "other machine")))})
-    return told
+        lines.append({**line, "remark": " - ".join(filter(None, (item.remark, item.source, "other machine")))})
+    return lines
 
 
 def _about(bench: Bench) -> dict[str, Any]:

@@ -33,7 +33,7 @@ def check_files(options: Namespace) -> None:
 
 
 def write(
-    found: Check,
+    check: Check,
     out: Path,
     *,
     junit: Path | None = None,
@@ -45,15 +45,15 @@ def write(
     The summary of a job is added to the file that ``GITHUB_STEP_SUMMARY`` names.
     """
     if junit is not None:
-        replace_file(junit, stamped(found.junit()))
+        replace_file(junit, stamped(check.junit()))
     if summary := os.environ.get("GITHUB_STEP_SUMMARY"):
         try:
             with Path(summary).open("a", encoding="utf-8") as file:
-                file.write(found.markdown())
+                file.write(check.markdown())
         except OSError as error:
             what = f"cannot be written ({why(error)})"
             raise OutputError(what, f"GITHUB_STEP_SUMMARY, {summary}", "unset it, or name a file") from error
-    PAGE.write(found, out, **writing)
+    PAGE.write(check, out, **writing)
     if baseline is not None:
-        found.write_baseline(baseline)
+        check.write_baseline(baseline)
     return out

@@ -9,7 +9,7 @@ import pandas as pd
 from screwgauge.casebook.book import CASES
 from screwgauge.report.blocks import Banner, Block, Folded, Items
 from screwgauge.report.formatting import Row, listed, rows
-from screwgauge.report.study import study
+from screwgauge.report.layout import study
 from screwgauge.study.matrix import COLUMNS
 
 ENGINES = {"pin": "pinocchio", "mujoco": "mujoco"}
@@ -17,26 +17,26 @@ ENGINES = {"pin": "pinocchio", "mujoco": "mujoco"}
 STATUS = {"shown": "shown", "not_shown": "-", "failed": "failed"}
 
 
-def _banner(found: pd.DataFrame) -> Banner:
-    bad = ["pin {pin}, mujoco {mujoco}".format(**row) for row in rows(found) if row["status"] != "agree"]
-    count, lost = f"{len(found) - len(bad)} of {len(found)}", f" Not on {listed(bad)}." * bool(bad)
+def _banner(table: pd.DataFrame) -> Banner:
+    bad = ["pin {pin}, mujoco {mujoco}".format(**row) for row in rows(table) if row["status"] != "agree"]
+    count, lost = f"{len(table) - len(bad)} of {len(table)}", f" Not on {listed(bad)}." * bool(bad)
     text = f"On {count} pairs of versions all built-in scenes pass.{lost}"
     return Banner.of(text, not bad)
 
 
-def _pairs(found: pd.DataFrame) -> list[Row]:
-    return [{**row, **{name: len(row[name].split()) for name in STATUS}} for row in rows(found)]
+def _pairs(table: pd.DataFrame) -> list[Row]:
+    return [{**row, **{name: len(row[name].split()) for name in STATUS}} for row in rows(table)]
 
 
-def _reasons(found: pd.DataFrame) -> list[Block]:
+def _reasons(table: pd.DataFrame) -> list[Block]:
     """What does not pass, in how many scenes which quantities differ."""
     where, amount = "pin {pin}, mujoco {mujoco}: ", "scenes out of tolerance in {differing}; the first: "
-    bad = [row for row in rows(found) if row["reason"]]
+    bad = [row for row in rows(table) if row["reason"]]
     told = tuple((where + amount * bool(row["differing"]) + "{reason}").format(**row) for row in bad)
     return [Folded("What does not pass", (Items(told),))] if told else []
 
 
-def _lost(found: pd.DataFrame) -> list[tuple[str, str]]:
+def _lost(table: pd.DataFrame) -> list[tuple[str, str]]:
     """Versions of which nothing works, because they cannot even be imported: every case of one alone has failed."""
 
     def broken(row: Row, package: str) -> bool:
@@ -44,16 +44,16 @@ def _lost(found: pd.DataFrame) -> list[tuple[str, str]]:
         failed, others = {*row["failed"].split()} & own, {*row["shown"].split(), *row["not_shown"].split()} & own
         return bool(failed) and not others
 
-    return sorted({(package, row[package]) for row in rows(found) for package in ENGINES if broken(row, package)})
+    return sorted({(package, row[package]) for row in rows(table) for package in ENGINES if broken(row, package)})
 
 
-def _cases(found: pd.DataFrame) -> Iterator[Row]:
+def _cases(table: pd.DataFrame) -> Iterator[Row]:
     """A row for each case that is not the same everywhere."""
-    lost = {*_lost(found)}
+    lost = {*_lost(table)}
     for name, case in CASES.items():
         packages = [package for package, engine in ENGINES.items() if engine in case.engines]
         by: dict[str, set[str]] = {}
-        for row in rows(found):
+        for row in rows(table):
             status = next((said for column, said in STATUS.items() if name in row[column].split()), None)
             if status and not lost & {(package, row[package]) for package in packages}:
                 by.setdefault(" / ".join(row[package] for package in packages), set()).add(status)
@@ -69,6 +69,6 @@ PAGE = study(
     COLUMNS,
     pairs=_pairs,
     reasons=_reasons,
-    lost=lambda found: [f"{name} {version}: no case runs at all." for name, version in _lost(found)],
-    cases=lambda found: [*_cases(found)],
+    lost=lambda table: [f"{name} {version}: no case runs at all." for name, version in _lost(table)],
+    cases=lambda table: [*_cases(table)],
 )

@@ -51,26 +51,26 @@ def _banners(results: Comparison) -> list[Banner]:
     return [headline, *(Banner(sentence, "Warning") for sentence in warnings if sentence not in known)]
 
 
-def _shown(found: Iterable[Row]) -> list[Row]:
+def _shown(errors: Iterable[Row]) -> list[Row]:
     """Rows with what tables say of them: where they are worst, signs for what is out of tolerance."""
     shown = []
-    for row in found:
+    for row in errors:
         component, t = row.get("worst_component"), row.get("worst_t")
         nowhere = missing(component) or not component
         at = "-" if nowhere else component if missing(t) else f"{component} @ {number(t)} s"
         digits, sign = digits_text(row["max_scaled"]), "" if row["ok"] else " ✗"
-        said: Row = {"reached": f"{digits.replace('NaN', 'no number')}{sign}", "digits": digits.replace("NaN", "-")}
-        said |= {"residue": f"{size(row['max_scaled'])}{sign}", "worst_at": at, "rule": row.get("rule") or "-"}
-        shown.append({"reason": "", **row, **said, "unique": "yes" if row.get("unique") else "no"})
+        cells: Row = {"reached": f"{digits.replace('NaN', 'no number')}{sign}", "digits": digits.replace("NaN", "-")}
+        cells |= {"residue": f"{size(row['max_scaled'])}{sign}", "worst_at": at, "rule": row.get("rule") or "-"}
+        shown.append({"reason": "", **row, **cells, "unique": "yes" if row.get("unique") else "no"})
     return shown
 
 
 def _worst_three(results: Comparison) -> list[Row]:
     """What comes nearest to its tolerance, or goes beyond it farthest."""
-    found = [{**row, "what": words(row["quantity"]), "who": row["pair"]} for row in compared(results)]
+    errors = [{**row, "what": words(row["quantity"]), "who": row["pair"]} for row in compared(results)]
     judged = (row for row in rows(results.judge) if row["engine"] not in results.failures)
-    found += [{**row, "what": f"judge: {words(row['residual'])}", "who": row["engine"]} for row in judged]
-    order = sorted(found, key=lambda row: beyond(row["max_scaled"], row["tolerance"]), reverse=True)
+    errors += [{**row, "what": f"judge: {words(row['residual'])}", "who": row["engine"]} for row in judged]
+    order = sorted(errors, key=lambda row: beyond(row["max_scaled"], row["tolerance"]), reverse=True)
     three = _shown(_least(group) for group in list(grouped(order, "what").values())[:3])
     return [{**row, "off": f"{size(row['max_abs'])} {unit_text(row['unit'])}"} for row in three]
 
@@ -88,12 +88,12 @@ def _what(results: Comparison) -> dict[str, Any]:
 
 def _overview(results: Comparison) -> list[Row]:
     """Digits of agreement of each pair, beside those that the tolerance asks for; what differs first."""
-    found, groups = list[Row](), grouped(compared(results), "quantity", "unit").values()
+    lines, groups = list[Row](), grouped(compared(results), "quantity", "unit").values()
     for group in sorted(groups, key=lambda group: all(row["ok"] for row in group)):
         tolerances = [row["tolerance"] for row in group]
         needed = span(digits_text(max(tolerances)), digits_text(min(tolerances)))
-        found += [{**row, "needed": needed} for row in _shown(group)]
-    return found
+        lines += [{**row, "needed": needed} for row in _shown(group)]
+    return lines
 
 
 def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
@@ -104,11 +104,11 @@ def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
         if picture and drawing and not drawing.unique:
             folds.append(Folded(picture.title, (picture,), "not compared"))
             continue
-        found = pairs.get((drawing.quantity, drawing.unit), []) if drawing and picture else []
-        note = f"agrees to {digits_text(max(row['max_scaled'] for row in found))} digits" if found else ""
-        if found and drawing.others:
+        errors = pairs.get((drawing.quantity, drawing.unit), []) if drawing and picture else []
+        note = f"agrees to {digits_text(max(row['max_scaled'] for row in errors))} digits" if errors else ""
+        if errors and drawing.others:
             note += f"; {drawing.others} components that are not unique are apart"
-        if not all(row["ok"] for row in found):
+        if not all(row["ok"] for row in errors):
             shown.append(picture)
         elif picture:
             folds.append(Folded(picture.title, (picture,), note))
@@ -117,8 +117,10 @@ def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
 
 def _parameters(results: Comparison) -> list[Row]:
     """From which error on parameters show."""
-    found = sorted(results.coverage.parameters, key=lambda row: -row["smallest"])
-    return [{**row, "shows": FORMS["percent"](row["smallest"]) if row["tested"] else "not tested"} for row in found]
+    parameters = sorted(results.coverage.parameters, key=lambda row: -row["smallest"])
+    return [
+        {**row, "shows": FORMS["percent"](row["smallest"]) if row["tested"] else "not tested"} for row in parameters
+    ]
 
 
 def estimates(results: Comparison) -> list[Row]:
@@ -170,7 +172,7 @@ def _times(results: Comparison) -> list[Row]:
 
 def published(results: Comparison) -> list[Row]:
     """Errors and times of this run beside those that others have published."""
-    theirs_, found = [*map(theirs, results.scene.published)], list[Row]()
+    theirs_, ours = [*map(theirs, results.scene.published)], list[Row]()
     pairs, judged = results.pairs, results.judge
     for engine, solution in results.solutions.items() if theirs_ else ():
         known = rows(pairs[(pairs["a"] == engine) & (pairs["b"] == REFERENCE)].dropna(subset="max_abs"))
@@ -181,8 +183,8 @@ def published(results: Comparison) -> list[Row]:
             "energy": "".join(map(size, balance["max_abs"])),
             "cpu_s": None if solution.cost is None else solution.cost.cpu_s,
         }
-        found += [{**row, "remark": "", "source": "this run"}] if engine != REFERENCE else []
-    return [*found, *theirs_]
+        ours += [{**row, "remark": "", "source": "this run"}] if engine != REFERENCE else []
+    return [*ours, *theirs_]
 
 
 def theirs(item: Published) -> Row:
@@ -193,9 +195,9 @@ def theirs(item: Published) -> Row:
     return {"who": item.who, **errors, "cpu_s": cpu_s, "remark": item.remark, "source": item.source}
 
 
-def _worst(found: Sequence[Row], key: str) -> list[Row]:
+def _worst(errors: Sequence[Row], key: str) -> list[Row]:
     """Of each key and unit: what is out of tolerance first, then the largest; a missing number is worse than any."""
-    return _shown(map(_least, grouped(found, key, "unit").values()))
+    return _shown(map(_least, grouped(errors, key, "unit").values()))
 
 
 def _least(group: Sequence[Row]) -> Row:

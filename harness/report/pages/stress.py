@@ -19,18 +19,18 @@ SHORT = {DEGRADED: " (degraded)", SILENT: " **silently wrong**"}
 COLUMNS = {DEGRADED: "degraded", REFUSED: "refused", SILENT: "silent"}
 
 
-def _rows(found: Stress) -> list[Row]:
-    told = rows(found.table.assign(error=[row.error for row in found.rows]))
-    return [{**row, "who": row["engine"].split()[0]} for row in told]
+def _rows(stress: Stress) -> list[Row]:
+    table = rows(stress.table.assign(error=[row.error for row in stress.rows]))
+    return [{**row, "who": row["engine"].split()[0]} for row in table]
 
 
-def _silent_rows(found: Stress) -> list[Row]:
-    return [row for row in _rows(found) if row["verdict"] == SILENT]
+def _silent_rows(stress: Stress) -> list[Row]:
+    return [row for row in _rows(stress) if row["verdict"] == SILENT]
 
 
-def _worst(found: Stress) -> Iterator[Row]:
+def _worst(stress: Stress) -> Iterator[Row]:
     """For each engine in how many cases it keeps its digits, says that it does not, or is wrong in silence."""
-    for (engine,), group in grouped(_rows(found), "who").items():
+    for (engine,), group in grouped(_rows(stress), "who").items():
         cases = grouped(group, "case").values()
         worst = [max((row["verdict"] for row in case), key=VERDICTS.index) for case in cases]
         counts = {"kept": worst.count(OK), "silent": worst.count(SILENT)}
@@ -38,42 +38,42 @@ def _worst(found: Stress) -> Iterator[Row]:
         yield {"engine": engine, **{k: f"{n} of {len(worst)} cases" if n else "none" for k, n in counts.items()}}
 
 
-def _banner(found: Stress) -> Banner:
+def _banner(stress: Stress) -> Banner:
     """Orange where anything is wrong without saying so, red where that is our own solver."""
-    if not found.ok:
-        return Banner(headline(found), "✗ OUR SOLVER IS SILENTLY WRONG", "failed")
-    silent = any(row.verdict == SILENT for row in found.rows)
-    return Banner.of(headline(found), not silent, "ALL SAY SO", "SILENTLY WRONG")
+    if not stress.ok:
+        return Banner(headline(stress), "✗ OUR SOLVER IS SILENTLY WRONG", "failed")
+    silent = any(row.verdict == SILENT for row in stress.rows)
+    return Banner.of(headline(stress), not silent, "ALL SAY SO", "SILENTLY WRONG")
 
 
-def headline(found: Stress) -> str:
+def headline(stress: Stress) -> str:
     """Who gives wrong numbers without a word and from where on, what our own solver does, and counts."""
-    known, parts = {case.name: case for case in found.cases}, list[str]()
-    asked, own = grouped(_rows(found), "who"), {row.engine.split()[0] for row in found.rows if row.own}
-    for (engine,), group in grouped(_silent_rows(found), "who").items():
+    known, parts = {case.name: case for case in stress.cases}, list[str]()
+    by_engine, own = grouped(_rows(stress), "who"), {row.engine.split()[0] for row in stress.rows if row.own}
+    for (engine,), group in grouped(_silent_rows(stress), "who").items():
         cases = grouped(group, "case")
         (case,), some = max(cases.items(), key=lambda item: np.nanmax([row["error"] for row in item[1]] + [-1.0]))
         where = f"worst in {case}, from {known[case].axis} = {_first(known[case], some)} on"
-        parts.append(f"{engine} in {len(cases)} of {len(grouped(asked[engine,], 'case'))} cases ({where})")
-    told = [f"Made extreme, these give wrong numbers without a word: {'; '.join(parts)}."] if parts else []
+        parts.append(f"{engine} in {len(cases)} of {len(grouped(by_engine[engine,], 'case'))} cases ({where})")
+    sentences = [f"Made extreme, these give wrong numbers without a word: {'; '.join(parts)}."] if parts else []
     if not parts:
-        told = ["Made extreme, no engine gives a wrong number without saying so."]
-    elif found.ok and own:
-        told.append(f"Our own solver ({listed(sorted(own))}) never does: it keeps its digits, warns or refuses.")
-    verdicts = [row.verdict for row in found.rows]
+        sentences = ["Made extreme, no engine gives a wrong number without saying so."]
+    elif stress.ok and own:
+        sentences.append(f"Our own solver ({listed(sorted(own))}) never does: it keeps its digits, warns or refuses.")
+    verdicts = [row.verdict for row in stress.rows]
     counts = listed(f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS if verdict in verdicts)
-    return " ".join([*told, f"Of {len(found.rows)} rows {counts}."])
+    return " ".join([*sentences, f"Of {len(stress.rows)} rows {counts}."])
 
 
-def _first(case: Case, found: Sequence[Row]) -> str:
+def _first(case: Case, group: Sequence[Row]) -> str:
     """The first rung of some rows."""
-    return number((max if case.falling else min)(row["severity"] for row in found), 3)
+    return number((max if case.falling else min)(row["severity"] for row in group), 3)
 
 
-def _engines(found: Stress) -> Iterator[Row]:
+def _engines(stress: Stress) -> Iterator[Row]:
     """For each case and engine digits; of each verdict but ok the first rung, and how many rows there are."""
-    known = {case.name: case for case in found.cases}
-    for (case, engine), group in grouped(_rows(found), "case", "engine").items():
+    known = {case.name: case for case in stress.cases}
+    for (case, engine), group in grouped(_rows(stress), "case", "engine").items():
         kept = [row["digits"] for row in group if np.isfinite(row["digits"])]
         line = {"case": case, "engine": engine, "digits": span(f"{min(kept):.1f}", f"{max(kept):.1f}") if kept else ""}
         for verdict, name in COLUMNS.items():
@@ -82,9 +82,9 @@ def _engines(found: Stress) -> Iterator[Row]:
         yield line
 
 
-def _silent(found: Stress) -> Iterator[Row]:
+def _silent(stress: Stress) -> Iterator[Row]:
     """Each engine of a case once for every cause."""
-    for group in grouped(_silent_rows(found), "case", "engine", "reason").values():
+    for group in grouped(_silent_rows(stress), "case", "engine", "reason").values():
         quantities = ", ".join(dict.fromkeys(words(row["quantity"]) for row in group))
         largest = size(np.max([row["error"] for row in group]))
         yield {**group[0], "quantities": quantities, "range": _range(group), "largest": largest}
@@ -95,10 +95,10 @@ def _range(group: Sequence[Row]) -> str:
     return span(low, high)
 
 
-def _cases(found: Stress) -> Iterator[Block]:
+def _cases(stress: Stress) -> Iterator[Block]:
     """Heading, words, and for each quantity a table: a line for each severity, a column for each engine."""
-    by_case = grouped(_rows(found), "case")
-    for case in found.cases:
+    by_case = grouped(_rows(stress), "case")
+    for case in stress.cases:
         rows = by_case.get((case.name,), [])
         yield from (Heading(f"{case.name}: {case.title}"), Paragraph(Marked(case.about)))
         for (quantity,), some in grouped(rows, "quantity").items():
@@ -121,18 +121,18 @@ def _digits(row: Row) -> str:
 PAGE = Report(
     text="stress",
     banner=_banner,
-    data={"stress.csv": lambda found: found.table},
+    data={"stress.csv": lambda stress: stress.table},
     values={
-        "title": lambda found: "Stiff and extreme: where it breaks, and whether it says so",
+        "title": lambda stress: "Stiff and extreme: where it breaks, and whether it says so",
         "headline": headline,
-        "about": lambda found: short(judged(found.provenance)),
-        "files": lambda found: judged(found.provenance),
-        "worst": lambda found: [*_worst(found)],
-        "engines": lambda found: [*_engines(found)],
-        "silent": lambda found: [*_silent(found)],
-        "cases": lambda found: [*_cases(found)],
+        "about": lambda stress: short(judged(stress.provenance)),
+        "files": lambda stress: judged(stress.provenance),
+        "worst": lambda stress: [*_worst(stress)],
+        "engines": lambda stress: [*_engines(stress)],
+        "silent": lambda stress: [*_silent(stress)],
+        "cases": lambda stress: [*_cases(stress)],
     },
     draw=make_plots,
-    plots=lambda found, pictures: list(pictures),
+    plots=lambda stress, pictures: list(pictures),
     figures=6,
 )
