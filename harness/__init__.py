@@ -11,22 +11,24 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
-    from screwgauge.engines.screw.compiled import compile
+    from screwgauge.api import check, compile, diagnose, run
+    from screwgauge.diagnosis.diagnose import Diagnosis
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
-    from screwgauge.report.gate import Check, check
-    from screwgauge.report.results import Results, run
+    from screwgauge.report.diagnosed import DiagnosisReport
+    from screwgauge.report.gate import Check
+    from screwgauge.report.results import Results
     from screwgauge.scene.exciting import exciting
     from screwgauge.scene.read import load_scene
     from screwgauge.scene.recorded import Recorded
     from screwgauge.scene.scene import Scene
-    from screwgauge.study.apart import Limits
+    from screwgauge.study.isolation import Limits
     from screwgauge.study.stream import stream
 
 __all__ = [
     "Check",
     "Diagnosis",
+    "DiagnosisReport",
     "Limits",
     "Recorded",
     "Results",
@@ -45,18 +47,19 @@ __all__ = [
 _HOMES = {
     "Check": "screwgauge.report.gate",
     "Diagnosis": "screwgauge.diagnosis.diagnose",
-    "Limits": "screwgauge.study.apart",
+    "DiagnosisReport": "screwgauge.report.diagnosed",
+    "Limits": "screwgauge.study.isolation",
     "Recorded": "screwgauge.scene.recorded",
     "Results": "screwgauge.report.results",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
-    "check": "screwgauge.report.gate",
-    "compile": "screwgauge.engines.screw.compiled",
-    "diagnose": "screwgauge.diagnosis.diagnose",
+    "check": "screwgauge.api",
+    "compile": "screwgauge.api",
+    "diagnose": "screwgauge.api",
     "exciting": "screwgauge.scene.exciting",
     "load_scene": "screwgauge.scene.read",
     "random": "screwgauge.families.draw",
-    "run": "screwgauge.report.results",
+    "run": "screwgauge.api",
     "stream": "screwgauge.study.stream",
 }
 

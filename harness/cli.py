@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,27 @@ from screwgauge.report.console import console, ended, say
 from screwgauge.threads import fix_threads
 
 DEFAULT_SCENE = "3ups-upu-s"
+PURPOSE = "Do two descriptions of a mechanism's motion agree, by how much, and if not, why?"
+GROUPS = {
+    "use": ("run", "diagnose", "casebook", "check", "import", "view"),
+    "study": ("bench", "stress", "history", "matrix"),
+    "export": ("models", "list"),
+}
+#: An example of each, after its name.
+EXAMPLES = {
+    "run": "slider-crank --quantities actuator_force,reaction",
+    "diagnose": "robot.urdf robot.xml --fix fixed.xml",
+    "casebook": "mj-soft-floor",
+    "check": "scenes/ --smoke --junit report.xml",
+    "import": "robot.urdf --floating --out robot.toml",
+    "view": "delta --video delta.gif",
+    "bench": "slider-crank --quick",
+    "stress": "wrist-chart --severity 1e-3,1e-6",
+    "history": "--store kept",
+    "matrix": "--pin 3.9.0,4.1.0 --mujoco 4.0.0",
+    "models": "delta --include geoms --check",
+    "list": "scenes",
+}
 EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance or nothing compared;
 2 bad input or usage; 3 an engine failed or is missing, or the report broke; 130, 143 stopped"""
 STRESS_STATUS = """exit status: 0 every row is there; 1 our own solver is silently wrong somewhere; 2 bad input;
@@ -40,8 +61,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _command(arguments: Sequence[str] | None) -> int:
     try:
-        check_current(sys.argv[1:] if arguments is None else arguments)
-        options = _parser().parse_args(arguments)
+        check_current(given := sys.argv[1:] if arguments is None else arguments)
+        if not given:
+            _parser().print_help()
+            return 2
+        options = _parser().parse_args(given)
     finally:
         say("", end="")  # what cannot be said is not begun
     fix_threads()
@@ -80,24 +104,24 @@ def _sides(text: str) -> str | list[str]:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="screwgauge",
-        description="Do two descriptions of a mechanism's motion agree, by how much, and if not, why?",
-        epilog=EXIT_STATUS,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        prog="screwgauge", usage="%(prog)s COMMAND ...", formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--version", action="version", version=f"screwgauge {__version__}")
-    subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
+    subparsers = parser.add_subparsers(prog="screwgauge", required=True, metavar="COMMAND", help=argparse.SUPPRESS)
+    known: dict[str, str] = {}
 
     def command(run: Callable[[argparse.Namespace], int], help: str, out: str = "", epilog: str = "") -> Any:
         """Adds a command; returns what adds an argument to it."""
-        added = subparsers.add_parser(
-            run.__name__.removesuffix("_"), help=help, epilog=epilog, formatter_class=parser.formatter_class
-        )
+        name = run.__name__.removesuffix("_")
+        known[name] = help
+        description = f"{help[0].upper()}{help[1:]}.\n\nexample: screwgauge {name} {EXAMPLES[name]}"
+        said: dict[str, Any] = {"description": description, "epilog": epilog}
+        added = subparsers.add_parser(name, formatter_class=parser.formatter_class, **said)
         added.add_argument("--debug", action="store_true", help="show the traceback of an error")
-        if run is not commands.list_:
+        if run not in (commands.list_, commands.casebook):
             added.add_argument("--force", action="store_true", help="overwrite inputs, and files of somebody's own")
         if out:
-            added.add_argument("--out", type=_path, metavar="DIR", help=f"default: screwgauge-out/{out}")
+            added.add_argument("-o", "--out", type=_path, metavar="DIR", help=f"default: screwgauge-out/{out}")
         added.set_defaults(command=run)
         return added.add_argument
 
@@ -109,6 +133,11 @@ def _parser() -> argparse.ArgumentParser:
             metavar="SCENE",
             help="built-in name, or path of a TOML, URDF or MJCF file",
         )
+
+    def executed(add: Any, what: str) -> None:
+        add("-j", "--jobs", type=int, metavar="N", help=f"{what} at a time (1)")
+        add("--cluster", metavar="ADDRESS|FILE", help="do them on a Dask cluster: its scheduler, or the file of that")
+        add("--insecure", action="store_true", help="let --cluster reach beyond this machine without TLS")
 
     add = command(commands.list_, "what there is to choose from")
     add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases", "discrepancies"])
@@ -152,7 +181,7 @@ def _parser() -> argparse.ArgumentParser:
     which = "built-in scene or mechanism, or path of a TOML, URDF or MJCF file"
     add("what", metavar="SCENE|MECHANISM|MODEL", help=which)
     add("other", nargs="?", metavar="OTHER", help="another one: what differs at home is drawn, too")
-    add("--out", type=_path, metavar="FILE.html", help="write the page and end")
+    add("-o", "--out", type=_path, metavar="FILE.html", help="write the page and end")
     add("--png", type=_path, metavar="FILE.png", help="write a picture of the home pose and end")
     video = "write the motion as a GIF or WebP and end (needs pillow)"
     add("--video", type=_path, metavar="FILE.gif", help=video)
@@ -163,8 +192,9 @@ def _parser() -> argparse.ArgumentParser:
     scene(add)
     add("--quick", action="store_true", help="fewer samples and rounds, the same columns")
     budget = "begin nothing after that (480, --quick 48; simulated scenes 90, --quick 25)"
-    add("--budget", type=float, metavar="SECONDS", help=budget)
+    add("--limit", type=float, metavar="SECONDS", help=budget)
     add("--contestants", metavar="A,B", help="families or contestants; default: all")
+    executed(add, "contestants")
 
     add = command(
         commands.stress,
@@ -175,14 +205,14 @@ def _parser() -> argparse.ArgumentParser:
     add("cases", nargs="*", metavar="CASE", help="default: all ('list' shows them)")
     add("--quick", action="store_true", help="fewer rungs, smaller scenes, the same columns")
     add("--severity", metavar="A,B", help="these rungs of the one case named")
+    executed(add, "rungs")
 
     add = command(
         commands.diagnose, "why two models of a machine differ, proved", out="diagnosis", epilog=DIAGNOSE_STATUS
     )
     which = "URDF, MJCF or description (built-in name or TOML); FILE@LIBRARY as pinocchio, mujoco or yourdfpy reads it"
-    add("a", nargs="?", type=_named, metavar="A", help=which)
-    add("b", nargs="?", type=_named, metavar="B", help="the same")
-    add("--case", metavar="ID", help="instead, show a discrepancy of the engines ('list discrepancies')")
+    add("a", type=_named, metavar="A", help=which)
+    add("b", type=_named, metavar="B", help="the same")
     add("--matrix", action="store_true", help="read both by all libraries: does a model, a loader or an engine differ?")
     add("--map", type=_path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
     add(
@@ -194,8 +224,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--meshes", action="store_true", help=meshes)
     add("--seed", type=_whole(0), default=0, metavar="N", help="of the random states (0)")
     add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")
+    add("--all", action="store_true", help="print each difference, too, not by cause alone")
     add("--fix", type=_path, metavar="FILE", help="write B as it would have to be to agree with A")
     add("--json", action="store_true", help="print the summary as JSON")
+
+    add = command(commands.casebook, "discrepancies of the engines that have a name: all of them, or one shown")
+    add("id", nargs="?", type=_named, metavar="ID", help="show this one with the installed engines")
 
     add = command(
         gate.check, "scenes or pairs of models against tolerances: a gate for CI", out="check", epilog=EXIT_STATUS
@@ -212,7 +246,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--baseline", type=_path, metavar="FILE", help="errors of a known state (JSON), which must not have grown")
     add("--update", action="store_true", help="make this the known state")
     add("--junit", type=_path, metavar="FILE", help="write JUnit XML, too")
-    add("-j", "--jobs", type=int, default=1, metavar="N", help="scenes at a time (1)")
+    executed(add, "scenes")
     add("--json", action="store_true", help="print all of it as JSON")
     add("--store", type=_path, metavar="DIR", help="keep errors and run times there, see 'history'")
     add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
@@ -229,7 +263,18 @@ def _parser() -> argparse.ArgumentParser:
     )
     add("--pin", metavar="A,B", help="versions of Pinocchio (that which is installed)")
     add("--mujoco", metavar="A,B", help="versions of MuJoCo (likewise)")
+    executed(add, "pairs")
+    parser.description = _overview(known)
+    parser.epilog = EXIT_STATUS
     return parser
+
+
+def _overview(known: Mapping[str, str]) -> str:
+    """The commands in their groups, a line each."""
+    lines = [PURPOSE]
+    for group, names in GROUPS.items():
+        lines += ["", f"{group}:", *(f"  {name:<10}{known[name]}" for name in names)]
+    return "\n".join([*lines, "", "screwgauge COMMAND --help says more."])
 
 
 if __name__ == "__main__":

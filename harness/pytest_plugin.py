@@ -57,7 +57,7 @@ class SceneItem(pytest.Item):
     """A scene, which the gate has to pass."""
 
     def runtest(self) -> None:
-        from screwgauge.report.gate import check
+        from screwgauge.api import check
 
         check(self.path).assert_ok()
 

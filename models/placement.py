@@ -78,12 +78,6 @@ def quaternion(R: Array) -> Array:
     return np.asarray(np.where(q[..., :1] < 0.0, -q, q))
 
 
-def quaternion_rotation(q: Array) -> Array:
-    """Rotation matrix of a unit quaternion (w, x, y, z). Shape (..., 4) -> (..., 3, 3)."""
-    w, K = q[..., :1, None], skew(q[..., 1:])
-    return np.asarray(np.eye(3) + 2.0 * (w * K + K @ K))
-
-
 def adjoint(T: Array) -> Array:
     """What a placement makes of twists ``[angular; linear]``. Shape (4, 4) -> (6, 6)."""
     R, out = T[:3, :3], np.zeros((6, 6))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -66,6 +67,10 @@ class JointSpring:
     def __post_init__(self) -> None:
         _check(f"spring at {self.coordinate}", self.stiffness, self.rest, self.damping)
 
+    def pull(self, q: Any, rate: Any) -> Any:
+        """Force against the coordinate, of numbers of any kind."""
+        return self.stiffness * (q - self.rest) + self.damping * rate
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointSpring:
@@ -95,6 +100,10 @@ class PointSpring:
             raise DescriptionError(f"rest length {self.rest:g} m is negative", self.where, "give a length")
         if self.first == self.second:
             raise DescriptionError("joins a body to itself", self.where, "name two bodies")
+
+    def pull(self, length: Any, rate: Any) -> Any:
+        """Tension, of numbers of any kind."""
+        return self.stiffness * (length - self.rest) + self.damping * rate
 
     @property
     def where(self) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -266,17 +266,21 @@ def _axial(table: Any, joints: dict[str, Any], where: str) -> tuple[str, Array] 
     return joint, unit_vector(required(table, "direction", where), where)
 
 
+def _check_sides(joint: Joint, bodies: Sequence[str]) -> None:
+    for side in (joint.parent, joint.child):
+        if side not in bodies:
+            raise UnknownNameError("body", side, bodies, joint.where)
+    if joint.parent == joint.child:
+        raise DescriptionError(f"joins '{joint.parent}' to itself", joint.where, "name two bodies")
+
+
 def _check_names(mechanism: Mechanism, where: str) -> None:
     bodies = [body.name for body in mechanism.bodies]
     for name, what in ((GROUND, "the fixed world"), ("environment", "who exerts the loads of a scene")):
         if name in bodies:
             raise DescriptionError(f"'{name}' is {what}", where, "name the body otherwise")
     for joint in mechanism.joints:
-        for side in (joint.parent, joint.child):
-            if side not in (GROUND, *bodies):
-                raise UnknownNameError("body", side, [GROUND, *bodies], joint.where)
-        if joint.parent == joint.child:
-            raise DescriptionError(f"joins '{joint.parent}' to itself", joint.where, "name two bodies")
+        _check_sides(joint, [GROUND, *bodies])
     for name in mechanism.coordinates:
         if mechanism.coordinates.count(name) > 1:
             raise DescriptionError(f"two coordinates are called '{name}'", where, "name them apart")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
+import re
 import warnings
 from collections.abc import Callable
 from functools import lru_cache
@@ -24,6 +25,8 @@ _CONSTANTS = {"pi": math.pi, "deg": math.pi / 180}
 #: Name -> function and number of arguments.
 _FUNCTIONS = {name: (getattr(math, name), 1) for name in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan")}
 _FUNCTIONS["atan2"] = math.atan2, 2
+#: Decimals that Python's grammar reads as `float` does, which takes a tenth of the time.
+_DECIMAL = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?(e[+-]?[0-9]+)?", re.ASCII)
 #: Squares and products of three numbers up to here stay finite; nothing that is built is larger.
 LARGEST = 1e100
 _REASONS = {ZeroDivisionError: "division by zero", OverflowError: "not finite", RecursionError: "too deeply nested"}
@@ -51,6 +54,8 @@ def _evaluate(node: ast.expr) -> float:
 @lru_cache(maxsize=4096)
 def _parsed(text: str) -> float:
     """A description says the same numbers again and again, and parsing one takes long."""
+    if _DECIMAL.fullmatch(text):
+        return float(text)
     with warnings.catch_warnings():  # the parser warns of "1if"
         warnings.simplefilter("ignore")
         return _evaluate(ast.parse(text, mode="eval").body)
@@ -66,7 +71,7 @@ def number(value: Any, where: str) -> float:
     try:
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             raise ValueError("not a number")
-        result = _parsed(str(value).strip())
+        result = _parsed(value.strip()) if isinstance(value, str) else float(value)
         if not (isinstance(result, float) and math.isfinite(result)):
             raise ValueError("not a finite real number")
         if abs(result) > LARGEST:

@@ -14,6 +14,7 @@ import re
 import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from io import BufferedReader
 from pathlib import Path
 from typing import Any
@@ -113,6 +114,20 @@ def digest(path: Path, most: str = "MB of CSV") -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+_READ: ContextVar[list[Path] | None] = ContextVar("_READ", default=None)
+
+
+@contextmanager
+def files_read() -> Iterator[list[Path]]:
+    """Paths of the files that are read meanwhile."""
+    paths = list[Path]()
+    token = _READ.set(paths)
+    try:
+        yield paths
+    finally:
+        _READ.reset(token)
+
+
 @contextmanager
 def _opened(path: Path, most: str) -> Iterator[BufferedReader]:
     """A regular file of such a size, open for reading; a DescriptionError if there is none."""
@@ -124,6 +139,8 @@ def _opened(path: Path, most: str) -> Iterator[BufferedReader]:
                 raise ValueError("it is no regular file")
             if found.st_size > LIMITS[most] * 10**6:
                 raise ValueError(_too_large(most))
+            if (read := _READ.get()) is not None:
+                read.append(path)
             yield file
     except FileNotFoundError:
         raise _unread(path, "it does not exist") from None

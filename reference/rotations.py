@@ -130,6 +130,12 @@ def _generator(axis: bytes, dtype: str) -> tuple[Array, Array, Array]:
     return K, K @ K, np.eye(3, dtype=K.dtype)
 
 
+def quaternion_rotation(q: Array) -> Array:
+    """Rotation matrix of a unit quaternion (w, x, y, z). Shape (..., 4) -> (..., 3, 3)."""
+    w, K = q[..., :1, None], skew(q[..., 1:])
+    return np.asarray(np.eye(3) + 2.0 * (w * K + K @ K))
+
+
 def triad_angles(R: Array, axes: Array, *, few: bool = False) -> Array:
     """Angles of ``R = Rot(axes[0], q1) Rot(axes[1], q2) Rot(axes[2], q3)``, for orthogonal axes.
 

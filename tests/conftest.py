@@ -25,7 +25,7 @@ import pytest
 import screwgauge
 from screwgauge import load_scene
 from screwgauge.engines.screw.integrate import integrate
-from screwgauge.study import apart
+from screwgauge.study import isolation
 from screwgauge.study.bench import timing
 from support.bench import LEAVING_OUT, Bench, Plan, bench, contestants
 from support.command import main
@@ -39,7 +39,7 @@ from support.solve import Layout, TracedForward, Trajectory, layout
 if TYPE_CHECKING:
     from screwgauge import Diagnosis
 
-IN_PROCESSES = apart.apart
+IN_PROCESSES = isolation.isolated
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -47,6 +47,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("campaigns", "campaigns (-m campaign)")
     group.addoption("--count", type=int, metavar="N", help="rows of each campaign (those of the report that is kept)")
     group.addoption("--models", type=Path, action="append", default=[], metavar="DIR", help="further public models")
+    where = "Dask cluster that makes the rows of random mechanisms; its workers need the folder tests on PYTHONPATH"
+    group.addoption("--cluster", metavar="ADDRESS|FILE", help=where)
     group.addoption("--reports", type=Path, metavar="DIR", help="folder of their reports (one that goes away)")
 
 
@@ -95,8 +97,8 @@ def here():
     with pytest.MonkeyPatch.context() as patch:
         # a check says what it is at, too
         patch.setattr(
-            apart,
-            "apart",
+            isolation,
+            "isolated",
             lambda works, limits, report, **more: in_turn(works, lambda name, share, *at: report(name, share)),
         )
         yield
@@ -105,7 +107,7 @@ def here():
 @pytest.fixture
 def isolated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Engines run in processes of their own, as the command line does it and other tests do not."""
-    monkeypatch.setattr(apart, "apart", IN_PROCESSES)
+    monkeypatch.setattr(isolation, "isolated", IN_PROCESSES)
 
 
 @pytest.fixture

@@ -31,7 +31,7 @@ from typing import Any
 from fuzz_files import KINDS, Case, drawn, whole
 
 from screwgauge.report import write as writing
-from screwgauge.study import apart
+from screwgauge.study import isolation
 from support.command import main as command
 from support.engines import in_turn
 
@@ -56,7 +56,7 @@ LIBRARY = re.compile(r"(yourdfpy|pinocchio|mujoco) refuses it \(.*?\);", re.DOTA
 
 
 def unwatched(works: Any, limits: Any, report: Any, **more: Any) -> Any:
-    """In the place of `apart.apart`: works in this process, as nobody else is to be protected."""
+    """In the place of `isolation.isolated`: works in this process, as nobody else is to be protected."""
     return in_turn(works, lambda name, share, *at: report(name, share))
 
 
@@ -86,7 +86,7 @@ def _child(case: Case, folder: Path, *, separate: bool, draws: bool) -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         _watch(folder)
         if not separate:
-            apart.apart = unwatched
+            isolation.isolated = unwatched
         if not draws:
             writing.page = lambda blocks: "<html></html>"
             writing.walk = lambda blocks: []

@@ -29,8 +29,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ("reference", "harness/engines", "harness/judging", "harness/truth", "harness/diagnosis/mechanics")
-ROOMS += ("models/kinematics",)
+ROOMS = ("reference", "harness/engines", "harness/judging", "harness/truth", "harness/witness")
 GOLDEN = "tests/golden/test_golden.py"
 SWAPS: dict[type[ast.AST], tuple[str, str]] = {
     ast.Add: ("+", "-"),
@@ -84,40 +83,54 @@ def mutants(file: Path) -> Iterator[Mutant]:
     def end(node: ast.expr) -> int:
         return starts[(node.end_lineno or 0) - 1] + (node.end_col_offset or 0)
 
-    def made(node: ast.expr, text: str) -> Mutant:
-        return Mutant(file, node.lineno, begin(node), end(node), text)
-
-    def between(left: ast.expr, op: ast.AST, right: ast.expr) -> Mutant:
-        old, new = SWAPS[type(op)]
-        return Mutant(
-            file, left.lineno, end(left), begin(right), code[end(left) : begin(right)].decode().replace(old, new)
-        )
-
     tree = ast.parse(code)
     quiet = {id(each.value) for each in ast.walk(tree) if isinstance(each, ast.keyword) and each.arg == "strict"}
     for function in (each for each in ast.walk(tree) if isinstance(each, ast.FunctionDef)):
         for node in (each for statement in function.body for each in ast.walk(statement) if id(each) not in quiet):
-            match node:
-                case ast.BinOp(left, op, right) if type(op) in SWAPS and not isinstance(
-                    left, ast.Constant | ast.JoinedStr
-                ):
-                    yield between(left, op, right)
-                case ast.Compare(left, [op], [right]) | ast.BoolOp(op, [left, right]) if type(op) in SWAPS:
-                    yield between(left, op, right)
-                case ast.UnaryOp(ast.USub() | ast.Not(), operand):
-                    yield made(node, ast.unparse(operand))
-                case ast.Constant(bool() as value):
-                    yield made(node, str(not value))
-                case ast.Constant(int() as value):
-                    yield made(node, str(value + 1))
-                case ast.Constant(float() as value) if value:
-                    yield made(node, repr(1.3 * value))
-                case ast.Attribute(value, "T") | ast.Call(ast.Attribute(value, "swapaxes")):
-                    yield made(node, ast.unparse(value))
-                case ast.Attribute(value, name) if name in WORDS:
-                    yield made(node, f"{ast.unparse(value)}.{WORDS[name]}")
-                case ast.Name(name, ast.Load()) if name in WORDS:
-                    yield made(node, WORDS[name])
+            if (sides := _swapped(node)) is not None:
+                left, (old, new), right = sides
+                text = code[end(left) : begin(right)].decode().replace(old, new)
+                yield Mutant(file, left.lineno, end(left), begin(right), text)
+            elif isinstance(node, ast.expr) and (text := _rewritten(node)) is not None:
+                yield Mutant(file, node.lineno, begin(node), end(node), text)
+
+
+def _swapped(node: ast.AST) -> tuple[ast.expr, tuple[str, str], ast.expr] | None:
+    """Left and right side of an operator that becomes another, and how both are written."""
+    match node:
+        case ast.BinOp(ast.Constant() | ast.JoinedStr()):
+            return None
+        case ast.BinOp(left, op, right) | ast.Compare(left, [op], [right]) | ast.BoolOp(op, [left, right]):
+            return (left, SWAPS[type(op)], right) if type(op) in SWAPS else None
+    return None
+
+
+def _rewritten(node: ast.expr) -> str | None:
+    """What an expression becomes."""
+    match node:
+        case ast.UnaryOp(ast.USub() | ast.Not(), operand):
+            return ast.unparse(operand)
+        case ast.Constant(value):
+            return _another(value)
+        case ast.Attribute(value, "T") | ast.Call(ast.Attribute(value, "swapaxes")):
+            return ast.unparse(value)
+        case ast.Attribute(value, name) if name in WORDS:
+            return f"{ast.unparse(value)}.{WORDS[name]}"
+        case ast.Name(name, ast.Load()) if name in WORDS:
+            return WORDS[name]
+    return None
+
+
+def _another(value: object) -> str | None:
+    """Another constant of the same type."""
+    match value:
+        case bool():
+            return str(not value)
+        case int():
+            return str(value + 1)
+        case float() if value:
+            return repr(1.3 * value)
+    return None
 
 
 def sources() -> list[Path]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from screwgauge import ScrewgaugeError, load_scene, run, stream
-from screwgauge.engines.screw.compiled import compile
+from screwgauge.api import compile
 from support.errors import DescriptionError
 from support.geometry import linear, number, rotation
 from support.mechanism import Body, load_mechanism

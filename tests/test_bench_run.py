@@ -15,6 +15,7 @@ from support.command import main
 from support.pages import terminal as text
 from support.report import BENCH_PAGE as PAGE
 from support.report import make_plots
+from support.tasks import Processes
 
 FEW = ["closed-form", "missing-jdotv", "mj-forward", "four-bar", "floor"]
 PLAN = Plan(samples=5, rounds=2, budget=1e9, quick=True)
@@ -147,9 +148,9 @@ def test_an_interrupted_bench_goes_on_where_it_stopped(scene, tmp_path, monkeypa
         with pytest.raises(KeyboardInterrupt):
             bench(scene, plan=PLAN, contestants=FEW, journal=tmp_path / NAME)
     scored: list[str] = []
-    scores = run_module._Work._scored
+    scores = run_module._Measurements._scored
     monkeypatch.setattr(
-        run_module._Work, "_scored", lambda self, c, *rest: scored.append(c.key) or scores(self, c, *rest)
+        run_module._Measurements, "_scored", lambda self, c, *rest: scored.append(c.key) or scores(self, c, *rest)
     )
     found = bench(scene, plan=PLAN, contestants=FEW, journal=tmp_path / NAME)
     assert not scored
@@ -189,8 +190,8 @@ def test_the_command_keeps_what_it_has_when_interrupted(tmp_path, capsys, monkey
     [
         (["--contestants", "nobody"], "unknown contestant 'nobody'"),
         (["--contestants", ","], "no contestant is named"),
-        (["--budget", "0"], "a budget of 0 s"),
-        (["--budget", "nan"], "a budget of nan s"),
+        (["--limit", "0"], "a limit of 0 s"),
+        (["--limit", "nan"], "a limit of nan s"),
         (["no-such-scene"], "unknown scene 'no-such-scene'"),
     ],
 )
@@ -199,3 +200,16 @@ def test_bad_input_is_one_sentence_and_status_2(tmp_path, command, arguments, me
     assert message in said.err
     assert said.err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_contestants_in_processes_of_their_own_have_the_same_errors(found, scene, isolated, tmp_path):
+    few, log = ["closed-form", "four-bar"], tmp_path / "x.jsonl"
+    there = bench(scene, plan=PLAN, contestants=few, execute=Processes(2), journal=log)
+    here = {(row.contestant.key, row.quantity): row for row in found.rows}
+    for row in there.rows:
+        same = here[row.contestant.key, row.quantity]
+        assert repr((row.max_scaled, row.status, row.reason)) == repr((same.max_scaled, same.status, same.reason))
+        assert bool(row.seconds) == bool(same.seconds)
+    assert there.notes[-1] == run_module.BESIDE
+    assert not log.exists()

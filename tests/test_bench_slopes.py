@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.bench import CUT, RULES, Contestant, Row, Rule, fit_slopes, motion, table
+from support.bench import CUT, RULES, BenchRow, Contestant, Rule, fit_slopes, motion, table
 from support.engines import Method
 
 
-def rows(points: list[tuple[float, float]]) -> list[Row]:
-    def row(x: float, error: float) -> Row:
+def rows(points: list[tuple[float, float]]) -> list[BenchRow]:
+    def row(x: float, error: float) -> BenchRow:
         contestant = Contestant("line", "line", f"{x}", Method("screw"), motion, ("q",), "", parameter=("h", x))
-        return Row(contestant, "q", error, error, 1, (1.0,), "ok", "")
+        return BenchRow(contestant, "q", error, error, 1, (1.0,), "ok", "")
 
     return [row(x, error) for x, error in points]
 

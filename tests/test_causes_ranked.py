@@ -51,7 +51,7 @@ def test_one_factor_on_many_parts_is_one_cause(changes, said, found):
     (cause,) = diagnosis.causes
     assert len(cause.differences) == len(diagnosis.differences) == 4
     assert cause.share == pytest.approx(1.0)
-    assert "; explains 100.0000 % of the torque difference" in diagnosis.verdict
+    assert " It explains 100.0000 % of the torque difference" in diagnosis.verdict
 
 
 def test_a_default_that_one_has_in_many_places_is_one_cause(write):
@@ -62,7 +62,8 @@ def test_a_default_that_one_has_in_many_places_is_one_cause(write):
 
 def test_the_cause_with_the_largest_share_leads_and_shares_add_up(found):
     diagnosis = found(damping=1.001, last=3.0)
-    assert diagnosis.verdict.startswith("l3: mass 2.400 kg in B, 0.8000 kg in A (+200.00 %); damping of all 4 joints")
+    assert diagnosis.headline == "l3: mass 2.400 kg in B, 0.8000 kg in A (+200.00 %), and 1 more cause."
+    assert diagnosis.causes[1].sentence.startswith("damping of all 4 joints: 1.001 times those of A in B")
     first, second = (cause.share for cause in diagnosis.causes)
     assert first > 0.99 > second > 0.0
     assert first + second == pytest.approx(1.0)

@@ -115,9 +115,9 @@ def test_no_warning_of_numpy_reaches_the_user(monkeypatch, capfd) -> None:
     assert capfd.readouterr().err == ""
 
 
-def test_a_budget_must_be_positive_for_every_bench(command) -> None:
+def test_a_limit_must_be_positive_for_every_bench(command) -> None:
     for scene in ("3ups-upu-s", "a01-pendulum"):
-        assert "a budget of -1 s" in command("bench", scene, "--budget", "-1", status=2).err
+        assert "a limit of -1 s" in command("bench", scene, "--limit", "-1", status=2).err
     assert forward_run.FULL.budget < bench_run.FULL.budget
 
 
@@ -126,4 +126,22 @@ def test_what_ended_says_where_it_went(words: str, capsys: pytest.CaptureFixture
     assert main(words.split()) == 2
     output = capsys.readouterr()
     assert output.out == ""
-    assert re.fullmatch(r"screwgauge: .* is no longer part of the package; run pytest .*\.\n", output.err)
+    ended = "is no longer part of the package; run pytest|has another name; write"
+    assert re.fullmatch(rf"screwgauge: .*: ({ended}) .*\.\n", output.err)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        (
+            "r.xacro",
+            '<robot xmlns:xacro="http://ros.org"><xacro:include filename="a"/></robot>',
+            "expand it first: xacro r.xacro > robot.urdf",
+        ),
+        ("m.sdf", '<sdf version="1.6"/>', "is no model: its root element is <sdf>; give a URDF"),
+    ],
+)
+@pytest.mark.parametrize("name_of_command", ["run", "view", "import"])
+def test_files_from_which_models_are_made_are_no_unknown_scenes(name_of_command, name, text, said, command, inside):
+    (inside / name).write_text(text, encoding="utf-8")
+    assert said in command(name_of_command, name, status=2).err

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import mujoco
 import pytest
@@ -14,7 +13,6 @@ from screwgauge.models.content import FATES, Content, kinds, table
 from support.diagnosis import in_process
 from support.models import MATTER
 
-README = Path(__file__).parents[1] / "models" / "README.md"
 INERTIAL = '<inertial pos="0.2 0 0.1" mass="{}" diaginertia="0.01 0.02 0.02"/>'
 
 
@@ -370,12 +368,6 @@ def test_every_array_of_a_compiled_model_is_of_some_kind():
     groups = ("body", "jnt", "dof", "geom", "tendon", "actuator", "eq", "pair", "exclude", "plugin", "wrap")
     arrays = {name for name in dir(model) if name.partition("_")[0] in groups and "_" in name}
     assert arrays - known == set()
-
-
-def test_the_readme_has_the_table():
-    text = README.read_text(encoding="utf-8")
-    for kind in kinds().values():
-        assert f"| {kind.name} | {kind.fate} | {kind.note} |" in text
 
 
 def test_shapes_of_meshes_which_are_not_read_are_contacts_all_the_same(diagnosed):

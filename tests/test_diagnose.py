@@ -155,7 +155,7 @@ def test_what_no_torque_shows_is_said_so(arms):
     found = screwgauge.diagnose(arms[1], changed(arms[1], 'range="-1.5 1.2"', 'range="-1 1.2"'))
     assert not found.same
     assert "joint0: limits" in found.verdict
-    assert "no torque shows it" in found.verdict
+    assert "No torque shows it" in found.verdict
 
 
 def test_the_loader_that_keeps_the_first_tree_is_named(tmp_path):
@@ -243,4 +243,4 @@ def test_of_many_causes_those_that_explain_the_most_are_named_first(tmp_path):
     found = screwgauge.diagnose(a, b)
     assert len(found.differences) == 5
     assert found.verdict.startswith("upper: mass 1.500 kg in B, 1.000 kg in A")
-    assert "and 2 more; together explain 100.0000 %" in found.verdict
+    assert ", and 2 more causes. Together they explain 100.0000 %" in found.verdict

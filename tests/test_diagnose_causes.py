@@ -8,7 +8,7 @@ from campaigns.lookalikes import renamed
 
 from screwgauge import diagnose
 from support.causes import (
-    Hypothesis,
+    Group,
     Torques,
     attribute,
     com_slips,
@@ -94,14 +94,15 @@ def models(folder, change, full=False):
     return a, b
 
 
-def test_two_causes_are_taken_one_after_the_other(tmp_path):
+def test_two_causes_share_the_torque_difference(tmp_path):
     parts = tree(0)
     damping, mass = f'damping="{parts[0].passive[0]!r}"', f'mass="{parts[1].mass!r}"'
     found = diagnose(*models(tmp_path, lambda text: text.replace(damping, 'damping="5"').replace(mass, 'mass="9"')))
     why = found.attribution
-    assert {step.hypothesis.name.split(" of ")[0] for step in why.steps} == {"damping", "mass"}
-    assert why.steps[0].share == why.steps[0].alone < 1.0
-    assert why.steps[1].share == pytest.approx(1.0, rel=1e-9, abs=0)
+    assert {cause.name.split(" of ")[0] for cause in why.causes} == {"damping", "mass properties"}
+    assert 1.0 > why.causes[0].share > why.causes[1].share > 0.0
+    assert sum(cause.share for cause in why.causes) == pytest.approx(1.0)
+    assert why.share == pytest.approx(1.0, rel=1e-9, abs=0)
     assert why.complete
     assert found.proof.on == "file"
     assert found.proof.agrees
@@ -110,15 +111,15 @@ def test_two_causes_are_taken_one_after_the_other(tmp_path):
 def test_a_base_that_stands_turned_cannot_be_told_from_gravity(tmp_path):
     g = 'gravity="0 0 -9.81"'
     found = diagnose(*models(tmp_path, lambda text: text.replace(g, 'gravity="9.81 0 0"'), full=True))
-    (step,) = found.attribution.steps
-    assert step.hypothesis.name == "gravity"
-    assert [other.name for other in step.alike] == ["turn of the base, which carries joint0"]
+    (cause,) = found.causes
+    assert cause.name == "gravity"
+    assert "gravity is that of a base, which carries joint0, that is turned" in cause.slips
 
 
 def test_a_difference_that_no_torque_shows_is_told_beside(tmp_path):
     found = diagnose(*models(tmp_path, lambda text: text.replace('range="-1.5 2"', 'range="-1.5 1"', 1)))
-    assert not found.attribution.steps
-    assert [difference.what for difference in found.attribution.unseen] == ["limits"]
+    assert not found.attribution.seen
+    assert [(cause.kind, cause.name) for cause in found.causes] == [("unseen", "limits of joint0")]
     assert not found.same
 
 
@@ -128,21 +129,24 @@ def test_masses_that_are_all_scaled_are_one_cause(tmp_path):
     for part in parts:
         text = text.replace(f'value="{part.mass!r}"', f'value="{1.25 * part.mass!r}"')
     (tmp_path / "b.urdf").write_text(text)
-    (step,) = diagnose(tmp_path / "a.urdf", tmp_path / "b.urdf").attribution.steps
-    assert "1.25 times those of A" in step.hypothesis.name
+    (cause,) = diagnose(tmp_path / "a.urdf", tmp_path / "b.urdf").causes
+    assert "1.25 times those of A" in cause.sentence
 
 
-def test_what_explains_nothing_is_not_taken():
-    """The one hypothesis changes nothing: no step, nothing explained."""
+def test_what_changes_nothing_has_no_share(tmp_path):
+    """The one difference has a change that no torque shows: nothing is explained."""
+    found = diagnose(*models(tmp_path, lambda text: text.replace('range="-1.5 2"', 'range="-1.5 1"', 1)))
     torques = Torques(np.ones((3, 2)), lambda reading: np.full((3, 2), 2.0), ("i", "j"), ("N m", "N m"))
-    why = attribute(torques, None, [], [Hypothesis("nothing", ())])
-    assert not why.steps
+    group = Group("limits", "limits differ", (0,), "limits differ", "limits")
+    why = attribute(torques, found.b.reading, found.differences, lambda weight: [group])
+    assert not why.seen
+    assert [cause.kind for cause in why.causes] == ["unseen"]
     assert (why.before.scaled, why.left.scaled, why.share) == (1.0, 1.0, 0.0)
 
 
 def test_what_is_not_a_number_is_a_difference():
     torques = Torques(np.ones((3, 1)), lambda reading: np.full((3, 1), np.nan), ("i",), ("N m",))
-    why = attribute(torques, None, [], [])
+    why = attribute(torques, None, [], lambda weight: [])
     assert why.before.scaled == np.inf
     assert not why.complete
 

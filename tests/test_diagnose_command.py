@@ -23,14 +23,16 @@ def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_pat
     said = command("diagnose", arms[0], other, "--out", out, "--fix", fix, "--matrix", status=1).out
     assert "joint4: damping 0.2400 N m s/rad in B, 0.1400 N m s/rad in A" in " ".join(said.split())
     assert {path.name for path in out.iterdir()} >= {"report.md", "report.html", "diagnosis.json", "plots"}
-    assert {path.name for path in (out / "plots").iterdir()} == {"torques-by-joint.svg", "torques-by-hypothesis.svg"}
+    assert {path.name for path in (out / "plots").iterdir()} == {
+        *("machines.svg", "torques-by-joint.svg", "torques-by-cause.svg")
+    }
     found = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
     assert found["differences"][0]["what"] == "damping"
     assert found["backfill"]["on"] == "file"
     assert found["models"]["B"]["sha256"]
     assert len(found["matrix"]["cells"]) >= 4
     report = (out / "report.md").read_text(encoding="utf-8")
-    for heading in ("What they say otherwise", "How they move", "Which joint is which", "What was not read", "Files"):
+    for heading in ("Causes", "All differences", "How they move", "Which joint is which", "What was not read", "Files"):
         assert f"## {heading}" in report
     assert json.loads(command("diagnose", arms[0], fix, "--json").out)["same"]
     said = command("diagnose", arms[0], other, "--json", "--fix", tmp_path / "again.xml", status=1)

@@ -11,11 +11,11 @@ from support import robots
 from support.diagnosis import answers, pairs
 from support.mechanics import (
     STANDARD,
+    admissible_projector,
     armature_force,
     closed,
     dynamics,
     inverse_dynamics,
-    left,
     not_modelled,
     passive_force,
 )
@@ -23,16 +23,16 @@ from support.mechanism import GROUND
 from support.readings import (
     ClosureReading,
     CouplingReading,
-    States,
-    constraint_rows,
+    TreeStates,
+    closure_gaps,
+    closure_rows,
     draw,
     equations,
-    gaps,
     move,
-    moved,
     plant,
     read,
     residual_at_home,
+    stepped,
 )
 from support.regressors import gravity_regressor, inertial_regressor, parameters, passive_regressor
 
@@ -86,7 +86,7 @@ def test_torques_are_linear_in_what_the_regressors_say(zoo):
     tree = plant(known(zoo, "mujoco"))
     states = draw(tree.reading, 6)
     motion = move(tree, states)
-    values = parameters(tree.mass, tree.com, tree.inertia)
+    values = parameters(tree.matter.mass, tree.matter.com, tree.matter.inertia)
     rigid = np.einsum("nibk,bk->ni", inertial_regressor(tree, motion), values)
     whole = inverse_dynamics(tree, states)
     others = armature_force(tree, states) + passive_force(tree, states)
@@ -103,7 +103,7 @@ def test_torques_are_linear_in_what_the_regressors_say(zoo):
 def test_the_mass_matrix_is_what_accelerations_cost(zoo):
     tree = plant(known(zoo, "mujoco"))
     states = draw(tree.reading, 4)
-    M, still = dynamics(tree, states).mass_matrix, States(states.q, 0.0 * states.qd, 0.0 * states.qdd)
+    M, still = dynamics(tree, states).mass_matrix, TreeStates(states.q, 0.0 * states.qd, 0.0 * states.qdd)
     for i, unit in enumerate(np.eye(M.shape[1])):
         column = inverse_dynamics(tree, replace(still, qdd=still.qdd + unit)) - inverse_dynamics(tree, still)
         assert np.abs(column - M[:, :, i]).max() <= 1e-13 * np.abs(M).max()
@@ -116,12 +116,12 @@ def test_rows_of_closures_are_rates_of_their_gaps(zoo):
     states = draw(reading, 1)
     home = np.array([[0, 0, 0, 1, 0, 0, 0, reading.joints["h"].home, 0, 1, 0, 0, 0, 0]], dtype=float)
     assert home.shape == states.q.shape
-    rows = constraint_rows(tree, move(tree, replace(states, q=home)))
+    rows = closure_rows(tree, move(tree, replace(states, q=home)))
     h = 1e-6
     for column, place in ((6, 7), (7, 8), (11, 13)):  # the hinge, the slide, the other hinge
         step = np.zeros_like(home)
         step[0, place] = h
-        ends = [gaps(tree, move(tree, replace(states, q=home + sign * step))) for sign in (1, -1)]
+        ends = [closure_gaps(tree, move(tree, replace(states, q=home + sign * step))) for sign in (1, -1)]
         for name, row in rows.items():
             assert np.abs((ends[0][name] - ends[1][name]) / (2 * h) - row[:, :, column]).max() < 1e-8, name
     assert max(residual_at_home(tree).values()) < 1e-15
@@ -136,13 +136,13 @@ def test_closed_states_are_closed_and_move_so_to_second_order(zoo):
     states, fits = closed(tree, draw(tree.reading, 12, seed=5))
     assert fits.sum() == len(states.q) >= 4
     assert np.abs(states.qd).max() > 0.1
-    projector, _ = left(equations(tree, states).rows, np.zeros(states.qd.shape[1], dtype=bool), 1.0)
+    projector, _ = admissible_projector(equations(tree, states).rows, np.zeros(states.qd.shape[1], dtype=bool), 1.0)
     assert np.trace(projector, axis1=1, axis2=2) == pytest.approx(2.0)  # of 12, less 3, 6 and 1
     h, free = 1e-3, tree.freedoms["f"]
     step = h * states.qd + 0.5 * h**2 * states.qdd
     w, v = states.qd[:, free][:, :3], states.qd[:, free][:, 3:]
     step[:, free.start + 3 : free.stop] += 0.5 * h**2 * np.cross(w, v)  # the axes turn with the body
-    gap = np.abs(equations(tree, replace(states, q=moved(tree, states.q, step))).gap).max()
+    gap = np.abs(equations(tree, replace(states, q=stepped(tree, states.q, step))).gap).max()
     assert gap <= 1e-6 * np.abs(states.qd).max() ** 3
     assert gap < 0.01 * h**2 * np.abs(equations(tree, states).bias).max()
 

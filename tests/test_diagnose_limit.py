@@ -44,8 +44,8 @@ def stopping(monkeypatch, work):
     [
         ("place of joint2", "which there was no time to explain", set()),
         ("motion at", "which there was no time to explain", {"differences"}),
-        ("hypothesis gravity", "without: hypothesis gravity, hypothesis damping", {"differences", "rows"}),
-        ("hypothesis damping", "without: hypothesis damping of joint4", {"differences", "rows", "attribution"}),
+        ("share of gravity", "without: share of gravity, share of damping", {"differences", "rows"}),
+        ("share of damping", "without: share of damping of joint4", {"differences", "rows", "attribution"}),
         ("proof", "after backfill of the reading", {"differences", "rows", "attribution"}),
         ("torques of", "after backfill", {"differences", "rows", "attribution", "proof"}),
         ("reading of B", "after backfill", {"differences", "rows", "attribution", "proof", "witnesses"}),
@@ -60,16 +60,16 @@ def test_what_is_there_is_reported_and_what_is_not_is_named(pair, monkeypatch, w
     assert not found.same
     assert found.left_out[0].startswith(work)
     has = {name for name in ("differences", "rows", "proof", "witnesses") if getattr(found, name)}
-    assert has | ({"attribution"} if found.attribution.steps else set()) == there
+    assert has | ({"attribution"} if found.attribution and found.attribution.seen else set()) == there
 
 
-def test_hypotheses_that_were_not_tried_are_named_and_no_others(pair, monkeypatch):
+def test_causes_whose_share_was_not_asked_for_are_named_and_no_others(pair, monkeypatch):
     whole = screwgauge.diagnose(*pair)
-    stopping(monkeypatch, "hypothesis damping")
+    stopping(monkeypatch, "share of damping")
     found = screwgauge.diagnose(*pair)
-    tried = {hypothesis.name for hypothesis, _ in found.attribution.ranking}
-    named = {name.removeprefix("hypothesis ") for name in found.left_out if name.startswith("hypothesis ")}
-    assert tried | named == {hypothesis.name for hypothesis, _ in whole.attribution.ranking}
+    tried = {cause.name for cause in found.causes if cause.share == cause.share}
+    named = {name.removeprefix("share of ") for name in found.left_out if name.startswith("share of ")}
+    assert tried | named == {cause.name for cause in whole.causes}
     assert not tried & named
     assert tried
     assert named

@@ -25,7 +25,7 @@ def bar(write):
 @pytest.mark.parametrize("sides", [("mujoco", "pinocchio"), ("pinocchio", "mujoco")])
 def test_a_loader_that_leaves_something_out_is_named_and_the_proof_agrees(bar, sides, tmp_path):
     found = screwgauge.diagnose(*(f"{bar}@{library}" for library in sides))
-    assert "together explain 100.0000 % of the torque difference; after backfill of the reading" in found.verdict
+    assert "Together they explain 100.0000 % of the torque difference; after backfill of the reading" in found.verdict
     assert "pinocchio does not use what the file says of " in found.verdict
     for what in ("gravity", "stiffness", "compensated share of weight"):
         assert what in found.verdict.partition("does not use what the file says of")[2]

@@ -38,7 +38,7 @@ def test_softness_explains_what_soft_equalities_exert(files, loop, gear, said, m
     assert "forces of soft equalities differ by" in found.verdict
     assert said in found.verdict
     assert found.soft.complete
-    assert {hypothesis.name for hypothesis, _ in found.soft.ranking} == {
+    assert {cause.name for cause in found.soft.causes} == {
         f"softness of {name}" for name, text in (("loop", loop), ("gear", gear)) if text
     }
     assert ("masses of all 4 bodies: 1.2 times those of A in B" in found.verdict) == (mass != 1)
@@ -51,7 +51,7 @@ def test_a_softness_that_is_not_the_cause_does_not_explain(files, monkeypatch):
     monkeypatch.setattr(soft, "patched", lambda text, reading, changes: patched(text, reading, []))
     found = screwgauge.diagnose(*files((1, "", ""), (1, STIFF, "")))
     assert "their softness does not explain it" in found.verdict
-    assert not found.soft.steps
+    assert not found.soft.seen
 
 
 def test_where_softness_does_not_differ_nothing_is_said_of_it(files):

@@ -68,7 +68,8 @@ def test_a_branch_that_one_lacks_changes_nothing_before_it(diagnosed):
     assert sentences(found) == [said]
     found = diagnosed(a=extra, b=right.replace('mass="1"', 'mass="1.1"', 1))
     assert sentences(found) == [said, "crank: mass 1.100 kg in B, 1.000 kg in A (+10.00 %)"]
-    assert "crank: mass 1.100 kg in B, 1.000 kg in A (+10.00 %); explains 100.0000 %" in found.verdict
+    assert found.headline == "crank: mass 1.100 kg in B, 1.000 kg in A (+10.00 %), and 1 more cause."
+    assert found.explanation.startswith("It explains 100.0000 % of the torque difference")
 
 
 def test_a_coupling_that_one_lacks(diagnosed):
@@ -82,7 +83,7 @@ def test_a_medium(diagnosed):
     assert sentences(found) == ["medium (1.2, 0.001) kg/m^3, Pa s in B, (0, 0) kg/m^3, Pa s in A"]
 
 
-OPEN = "torques are compared of the open tree, which cannot show it."
+OPEN = "Torques are compared of the open tree, which cannot show it."
 
 
 def test_an_anchor_elsewhere_is_said_with_what_it_opens(diagnosed):
@@ -241,7 +242,7 @@ def test_a_point_mass_on_its_axis_has_no_length_and_is_compared(tmp_path):
     for name, mass in (("a.urdf", 1), ("b.urdf", 1.5)):
         (tmp_path / name).write_text(text.format(mass), encoding="utf-8")
     found = screwgauge.diagnose(tmp_path / "a.urdf", tmp_path / "b.urdf")
-    assert "b: mass 1.500 kg in B, 1.000 kg in A (+50.00 %); explains 100.0000 %" in found.verdict
+    assert "b: mass 1.500 kg in B, 1.000 kg in A (+50.00 %). It explains 100.0000 %" in found.verdict
 
 
 def test_gravity_of_an_import_is_that_of_its_scene(inside):

@@ -34,6 +34,7 @@ from support.engines import ENGINES, Engine, Method, screw
 from support.models import write_models
 from support.report import SIMULATION, make_plots
 from support.scene import InitialValue
+from support.tasks import Processes
 
 PLAN = replace(QUICK_SIMULATIONS, share=0.05, samples=5)
 
@@ -189,3 +190,11 @@ def test_energy_of_a_first_order_stepper_falls_with_its_step(scene):
     found = contest(scene, plan=plan, contestants=["pinocchio-Euler"])
     (one,) = found.fits
     assert one.ok, one.slope
+
+
+@pytest.mark.slow
+def test_families_in_processes_of_their_own_have_the_same_errors(found, scene, isolated):
+    there = contest(scene, plan=PLAN, contestants=["screw"], execute=Processes(2))
+    here = {(row.contestant.setting, row.quantity): row.max_scaled for row in found.rows}
+    assert {(row.contestant.setting, row.quantity): row.max_scaled for row in there.rows} == here
+    assert there.notes[-1] == module.BESIDE

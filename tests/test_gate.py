@@ -17,7 +17,7 @@ import screwgauge
 from screwgauge import Limits
 from support import bad_engines
 from support.command import main
-from support.gate import NAME, Item, Settings, check_items, gate_run, told
+from support.gate import NAME, GateSettings, Item, Processes, check_items, gate_run, told
 from support.repository import edited, scene, tell
 
 pytestmark = pytest.mark.slow
@@ -204,7 +204,7 @@ def test_the_command_leaves_files_for_ci(theirs, monkeypatch, capsys):
 
 def test_an_interrupted_check_goes_on_where_it_stopped(theirs, monkeypatch):
     (theirs / "again.toml").write_text(scene())
-    items, settings = [Item(name, (f"{name}.toml",)) for name in ("turn", "again")], Settings(told)
+    items, settings = [Item(name, (f"{name}.toml",)) for name in ("turn", "again")], GateSettings(told)
     asked, measured = [], gate_run.measured
 
     def stops(item, settings, progress):
@@ -236,14 +236,14 @@ def test_a_crash_costs_one_row(theirs, isolated):
     for name in names:
         (theirs / f"{name}.toml").write_text(scene(quantities='["joint_position"]'))
     items = [Item(name, (f"{theirs}/{name}.toml",)) for name in names]
-    rows = check_items(items, Settings(tell), limits=Limits())
+    rows = check_items(items, GateSettings(tell), execute=Processes())
     assert [row.status for row in rows] == ["failed", "agree"]
     assert rows[0].sentence == "segfault: comparison: crashed: its process got SIGSEGV"
 
 
 @pytest.mark.slow
 def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs, isolated, monkeypatch):
-    monkeypatch.setattr("screwgauge.study.apart._EXECUTORS", {})  # older processes know nothing of the new engines
+    monkeypatch.setattr("screwgauge.study.isolation._EXECUTORS", {})  # older processes know nothing of the new engines
     monkeypatch.syspath_prepend(theirs)
     bad_engines.install(theirs)
     names = (*bad_engines.NAMES, "mujoco")
@@ -251,7 +251,7 @@ def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs
         text = scene(quantities='["joint_position"]').replace('"mujoco"', f'"{name}"')
         (theirs / f"with-{name}.toml").write_text(text)
     items = [Item(f"with-{name}", (f"{theirs}/with-{name}.toml",)) for name in names]
-    rows = check_items(items, Settings(told), jobs=2, limits=Limits(memory=0.75))
+    rows = check_items(items, GateSettings(told), execute=Processes(2, Limits(memory=0.75)))
     assert [row.status for row in rows] == ["failed", "failed", "agree"], [row.sentence for row in rows]
     assert rows[0].sentence == "with-segfault: segfault: crashed: its process got SIGSEGV"
     assert "An engine failed: hog: MemoryError: nothing more is said." in rows[1].sentence
@@ -260,7 +260,9 @@ def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs
 @pytest.mark.slow
 def test_what_hangs_costs_its_row(theirs, isolated):
     (theirs / "hang.toml").write_text(scene(quantities='["joint_position"]'))
-    rows = check_items([Item("hang", (f"{theirs}/hang.toml",))], Settings(tell), limits=Limits(seconds=0.5))
+    rows = check_items(
+        [Item("hang", (f"{theirs}/hang.toml",))], GateSettings(tell), execute=Processes(1, Limits(seconds=0.5))
+    )
     assert rows[0].status == "failed"
     assert "stopped after 0.5 s" in rows[0].sentence
 
@@ -279,7 +281,7 @@ BAD = {
     "two of one name": (["turn.toml", "other"], "", "two are called 'turn'"),
     "three models": (["four-bar.urdf", "four-bar.xml", "four-bar-full.xml"], "", "has no partner"),
     "update of nothing": (["turn.toml", "--update"], "", "--update does not know what"),
-    "no process": (["turn.toml", "-j", "0"], "", "0 scenes at a time"),
+    "no process": (["turn.toml", "-j", "0"], "", "0 tasks at a time"),
     "junit in no folder": (["turn.toml", "--junit", "no/j.xml"], "", "cannot be written"),
     "junit is a folder": (["turn.toml", "--junit", "other"], "", "is a folder"),
     "no baseline": (["turn.toml", "--baseline", "none.json"], "", "it does not exist"),

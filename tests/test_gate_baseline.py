@@ -15,13 +15,13 @@ import pytest
 from screwgauge import Check
 from support.command import main, replace_file
 from support.errors import DescriptionError, OutputError
-from support.gate import Error, Row, against, write_baseline
+from support.gate import GateRow, Residual, against, write_baseline
 
-USUAL = Error("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True, "leg1", 0.5)
+USUAL = Residual("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True, "leg1", 0.5)
 
 
-def rows(error: float, **changes: object) -> list[Row]:
-    row = Row("a", "agree", "they agree", (replace(USUAL, error=error),), "", {"mujoco": "1"}, {"mujoco": "0" * 64})
+def rows(error: float, **changes: object) -> list[GateRow]:
+    row = GateRow("a", "agree", "they agree", (replace(USUAL, error=error),), "", {"mujoco": "1"}, {"mujoco": "0" * 64})
     return [replace(row, **changes)]
 
 

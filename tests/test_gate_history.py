@@ -13,12 +13,12 @@ from datetime import UTC, datetime
 import pytest
 
 from support.errors import DescriptionError, OutputError, UnknownNameError
-from support.gate import Error, Row, against, history, keep, write_latest
+from support.gate import GateRow, Residual, against, history, keep, write_latest
 
 pytest.importorskip("duckdb", reason="duckdb is not installed")
 
-ERROR = Error("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True)
-ROW = Row("a", "agree", "they agree", (ERROR,), "", {"mujoco": "1"}, {"mujoco": "f" * 64}, seconds=2.0)
+ERROR = Residual("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True)
+ROW = GateRow("a", "agree", "they agree", (ERROR,), "", {"mujoco": "1"}, {"mujoco": "f" * 64}, seconds=2.0)
 DAYS = [datetime(2026, 1, day, tzinfo=UTC) for day in (1, 2, 3)]
 
 
@@ -63,8 +63,8 @@ def test_a_kill_and_a_full_disk_leave_the_store_as_it_was(store, monkeypatch):
     before = {path.name: path.read_bytes() for path in store.glob("*.parquet")}
     code = (
         "import os, pathlib, signal, sys\nos.replace = lambda *a: os.kill(os.getpid(), signal.SIGKILL)\n"
-        "from screwgauge.study.gate.row import Row\nfrom screwgauge.study.gate.store import keep\n"
-        "keep(pathlib.Path(sys.argv[1]), [Row('a', 'agree', '')], False)"
+        "from screwgauge.study.gate.row import GateRow\nfrom screwgauge.study.gate.store import keep\n"
+        "keep(pathlib.Path(sys.argv[1]), [GateRow('a', 'agree', '')], False)"
     )
     assert subprocess.run([sys.executable, "-c", code, store], check=False).returncode == -signal.SIGKILL
 
@@ -81,8 +81,9 @@ def test_a_kill_and_a_full_disk_leave_the_store_as_it_was(store, monkeypatch):
 @pytest.mark.slow
 def test_two_at_once_are_both_kept(store):
     code = (
-        "import pathlib, sys\nfrom screwgauge.study.gate.row import Row\nfrom screwgauge.study.gate.store import keep\n"
-        "for i in range(5): keep(pathlib.Path(sys.argv[1]), [Row('c', 'agree', '')], False)"
+        "import pathlib, sys\nfrom screwgauge.study.gate.row import GateRow\n"
+        "from screwgauge.study.gate.store import keep\n"
+        "for i in range(5): keep(pathlib.Path(sys.argv[1]), [GateRow('c', 'agree', '')], False)"
     )
     both = [subprocess.Popen([sys.executable, "-c", code, store]) for _ in range(2)]
     assert [process.wait() for process in both] == [0, 0]

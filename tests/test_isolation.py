@@ -13,7 +13,7 @@ import pytest
 import screwgauge
 from screwgauge import Limits, ScrewgaugeError
 from support import bad_works
-from support.engines import ENGINES, Failure, Values, apart, check_same, further_engines, silent
+from support.engines import ENGINES, Failure, Values, check_same, further_engines, isolated, silent
 from support.errors import ModelFileError, UnknownNameError
 
 pytestmark = pytest.mark.usefixtures("isolated")
@@ -24,7 +24,7 @@ def ended():
     """What became of works of all kinds, done at once."""
     names = ("fine", "segfault", "abort", "leave", "odd", "hog")
     works = {name: getattr(bad_works, name) for name in names}
-    return apart(works, Limits(memory=0.5), silent)
+    return isolated(works, Limits(memory=0.5), silent)
 
 
 @pytest.mark.slow
@@ -52,17 +52,17 @@ def test_the_others_go_on_in_the_order_asked_for(ended):
 
 
 def test_a_process_is_asked_again_and_one_that_crashed_is_made_anew(ended):
-    again = apart({"fine": bad_works.fine, "segfault": bad_works.fine}, Limits(), silent)
+    again = isolated({"fine": bad_works.fine, "segfault": bad_works.fine}, Limits(), silent)
     assert again["fine"] == ended["fine"]
     assert not isinstance(again["segfault"], Failure)
 
 
 @pytest.mark.slow
 def test_what_never_ends_is_stopped_and_the_next_one_is_not():
-    (found,) = apart({"fine": bad_works.hang}, Limits(seconds=0.3), silent).values()
+    (found,) = isolated({"fine": bad_works.hang}, Limits(seconds=0.3), silent).values()
     assert found.reason.startswith("stopped after 0.3 s, ")
     assert found.reason.endswith("of the way, the limit; --limit sets another")
-    (pid,) = apart({"fine": bad_works.fine}, Limits(), silent).values()
+    (pid,) = isolated({"fine": bad_works.fine}, Limits(), silent).values()
     assert not isinstance(pid, Failure)
 
 
@@ -76,7 +76,7 @@ def test_progress_is_that_of_all(tmp_path):
             seen.touch()
 
     works = {"fine": partial(bad_works.until_seen, seen=seen)}
-    assert apart(works, Limits(), report) == {"fine": "seen"}
+    assert isolated(works, Limits(), report) == {"fine": "seen"}
     assert said[-1] == ("fine", 0.5)
 
 
@@ -84,7 +84,7 @@ def test_bad_input_is_raised_as_it_is():
     with pytest.raises(
         UnknownNameError, match=r"own.xml: unknown leg 'leg5'; did you mean 'leg4'\? Known: leg4\.$"
     ) as caught:
-        apart({"fine": bad_works.refuse}, Limits(), silent)
+        isolated({"fine": bad_works.refuse}, Limits(), silent)
     assert caught.value.where == "own.xml"
 
 

@@ -13,9 +13,9 @@ from time import monotonic
 import pytest
 
 from screwgauge import Limits
-from screwgauge.study import apart as processes
+from screwgauge.study import isolation as processes
 from support import bad_works
-from support.engines import apart, silent
+from support.engines import isolated, silent
 
 #: A program that puts work into processes and waits for it.
 PARENT = """
@@ -37,10 +37,10 @@ if kind == "program":
         for _ in range(2):
             pool.submit(subprocess.run, [sys.executable, "-c", code], preexec_fn=tied())
 else:
-    from screwgauge.study.apart import Limits, apart
+    from screwgauge.study.isolation import Limits, isolated
 
     work = partial(getattr(bad_works, kind), folder=folder)
-    apart({"one": work, "two": work}, Limits(), lambda name, share: None)
+    isolated({"one": work, "two": work}, Limits(), lambda name, share: None)
 """
 
 
@@ -85,24 +85,24 @@ def test_a_thread_that_has_ended_takes_no_process_with_it():
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(1) as pool:
-        first = pool.submit(apart, {"thread": bad_works.fine}, Limits(), silent).result()
-    assert apart({"thread": bad_works.fine}, Limits(), silent) == first
+        first = pool.submit(isolated, {"thread": bad_works.fine}, Limits(), silent).result()
+    assert isolated({"thread": bad_works.fine}, Limits(), silent) == first
 
 
 @pytest.mark.slow
 def test_a_process_keeps_its_own_limit_of_time(monkeypatch):
     monkeypatch.setattr(processes, "GRACE", -59.9)  # long before the parent does
-    (found,) = apart({"own-limit": bad_works.spin_in_c}, Limits(seconds=60.0), silent).values()
+    (found,) = isolated({"own-limit": bad_works.spin_in_c}, Limits(seconds=60.0), silent).values()
     assert found.reason == "stopped after 60 s, the limit; --limit sets another"
 
 
 def test_the_limit_of_a_work_does_not_outlast_it():
     works = {"early": bad_works.fine}
-    first = apart(works, Limits(seconds=1e300), silent)
-    assert apart(works, Limits(), silent) == first
-    assert apart({"early": bad_works.timer}, Limits(seconds=7.0), silent)["early"] > 7.0
+    first = isolated(works, Limits(seconds=1e300), silent)
+    assert isolated(works, Limits(), silent) == first
+    assert isolated({"early": bad_works.timer}, Limits(seconds=7.0), silent)["early"] > 7.0
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 
 
 def test_progress_that_cannot_be_written_costs_no_result(monkeypatch):
-    assert apart({"fine": bad_works.says_where_nothing_can_be_written}, Limits(), silent) == {"fine": "done"}
+    assert isolated({"fine": bad_works.says_where_nothing_can_be_written}, Limits(), silent) == {"fine": "done"}

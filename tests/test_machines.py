@@ -107,3 +107,16 @@ def test_friction_in_a_joint_that_the_other_model_closes_by_points_is_a_differen
     assert said.what == "damping"
     assert said.sentence.startswith("d: damping 0 N m s/rad in B, 0.3 N m s/rad in A (none in B)")
     assert not found.same
+
+
+def test_a_fix_of_a_model_that_is_cut_elsewhere_is_proved_in_its_file(tmp_path):
+    write_models(load_mechanism("five-bar"), tmp_path)
+    a, b = (tmp_path / f"five-bar{cut}.xml" for cut in ("", "-full"))
+    text, heavier = b.read_text(encoding="utf-8"), tmp_path / "heavier.xml"
+    heavier.write_text(text.replace('mass="0.5"', 'mass="0.65"', 1), encoding="utf-8")
+    found = screwgauge.diagnose(a, heavier)
+    assert found.b.cut is not None
+    assert (found.proof.on, found.proof.agrees) == ("file", True)
+    found.write_fix(tmp_path / "fixed.xml")
+    assert 'mass="0.65"' not in (tmp_path / "fixed.xml").read_text(encoding="utf-8")
+    assert screwgauge.diagnose(a, tmp_path / "fixed.xml").same

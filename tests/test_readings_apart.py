@@ -6,12 +6,12 @@ import os
 
 import pytest
 
-from screwgauge.study import apart, loading
+from screwgauge.study import isolation, loading
 from support.errors import LoaderError, ModelFileError
 
 pytestmark = pytest.mark.slow
 
-REAL = apart.apart
+REAL = isolation.isolated
 INERTIAL = '<inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/>'
 ROOTS = "".join(f'<body name="{name}"><joint name="{name}j"/>{INERTIAL}</body>' for name in "abc")
 MATTER = '<inertial><mass value="1"/><inertia ixx="5" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -26,17 +26,17 @@ def test_a_crash_costs_one_reading(write, monkeypatch):
     def crashing(path, library, **more):  # goes to its process by value, being of no module
         return os.abort() if library == "pinocchio" else read(path, library, **more)
 
-    monkeypatch.setattr(apart, "apart", REAL)
+    monkeypatch.setattr(isolation, "isolated", REAL)
     monkeypatch.setattr(loading, "read", crashing)
     with pytest.raises(LoaderError, match=r"pinocchio does not survive it \(crashed: its process got SIGABRT\)"):
-        loading.read_apart(roots, "pinocchio")
-    assert list(loading.read_apart(roots, "mujoco").bodies) == ["a", "b", "c"]
+        loading.read_isolated(roots, "pinocchio")
+    assert list(loading.read_isolated(roots, "mujoco").bodies) == ["a", "b", "c"]
 
 
 @pytest.mark.slow
 def test_a_refusal_has_its_reason(write, monkeypatch):
     path = write("arm.urdf", ARM)
-    monkeypatch.setattr(apart, "apart", REAL)
+    monkeypatch.setattr(isolation, "isolated", REAL)
     with pytest.raises(ModelFileError, match=r"MuJoCo refuses it \("):
-        loading.read_apart(path, "mujoco")
-    assert list(loading.read_apart(path, "pinocchio").bodies) == ["b"]
+        loading.read_isolated(path, "mujoco")
+    assert list(loading.read_isolated(path, "pinocchio").bodies) == ["b"]

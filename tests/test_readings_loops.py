@@ -14,7 +14,7 @@ import screwgauge
 from screwgauge import ScrewgaugeError
 from support.mechanism import GROUND, load_mechanism
 from support.models import MATTER, write_models
-from support.readings import Reading, States, collapsed, move, plant, read, read_loops_yaml, with_loops
+from support.readings import Reading, TreeStates, collapsed, move, plant, read, read_loops_yaml, with_loops
 
 
 def joint(name: str, kind: str, parent: str, child: str, xyz: str) -> str:
@@ -114,11 +114,11 @@ def test_a_universal_joint_turns_about_two_axes_of_the_frame_of_its_link(turned,
     still, rest = model.createData(), np.zeros((1, 4))
     pinocchio.forwardKinematics(model, still, rest[0])
     tree = plant(reading)
-    motion = move(tree, States(q[None], rest, rest))
+    motion = move(tree, TreeStates(q[None], rest, rest))
     i = list(reading.bodies).index("palm")
     expected = (data.oMi[last] * still.oMi[last].inverse()).homogeneous @ reading.bodies["palm"].pose
-    np.testing.assert_allclose(motion.R[0, i], expected[:3, :3], rtol=0, atol=1e-14)
-    np.testing.assert_allclose(motion.p[0, i], expected[:3, 3], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(motion.bodies.R[0, i], expected[:3, :3], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(motion.bodies.p[0, i], expected[:3, 3], rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("name", ["shoulder", "elbow", "grip"])

@@ -294,7 +294,7 @@ def test_report_puts_the_verdict_first(make: Make, tmp_path: Path) -> None:
     heads = re.findall(r"^## (.*)$", text, flags=re.MULTILINE)
     assert heads[:5] == ["Out of tolerance", "Digits of agreement", "Judge", "Plots", "Coverage"]
     appendix = ["Scene", "Engines", "Pairs", "Residuals", "Estimated errors", "Parameters", "Mechanism"]
-    assert heads[5:] == [*appendix, "How it was compared", "Run times", "Environment", "Known limitations", "Words"]
+    assert heads[5:] == [*appendix, "How it was compared", "Run times", "Environment", "Known limitations", "Glossary"]
     assert "a note of beta" in text
 
 

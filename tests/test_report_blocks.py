@@ -280,7 +280,17 @@ def test_a_text_says_what_there_is_none_of(monkeypatch, tmp_path) -> None:
     assert terminal(report.terminal("found")) == "In a word.\n\n- Always.\n- Only of few.\n- After all."
 
 
-def test_a_terminal_says_where_it_cuts_a_line() -> None:
-    long, short = terminal([Table(("what",), (("x" * 150,), ("y" * 100,)))]).splitlines()[1:]
-    assert long == "x" * 96 + " ..."
-    assert short == "y" * 100
+def test_a_terminal_wraps_text_that_is_too_wide_and_cuts_no_number() -> None:
+    said = " ".join(["word"] * 40)
+    body = (("a", "1.234567890123e-12", said), ("b", "2", "x"))
+    lines = terminal([Table(("what", "value", "of"), body)]).splitlines()
+    assert max(map(len, lines)) <= 100
+    assert lines[1].startswith("a     1.234567890123e-12  word word")
+    assert " ".join(lines).count("word") == 40
+
+
+def test_a_terminal_names_the_columns_that_it_has_no_room_for() -> None:
+    head, numbers = [f"n{i}" for i in range(12)], [f"{i}.123456789" for i in range(12)]
+    lines = terminal([Table(tuple(head), (tuple(numbers),))]).splitlines()
+    assert lines[1].split() == numbers[:7]
+    assert lines[-1] == f"(in the report only: {', '.join(head[7:])})"

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import pytest
 
 import screwgauge
 from support.browser import Opened, open_page
 from support.errors import OutputError
-from support.pages import Heading, Paragraph, Picture
+from support.pages import Heading, Paragraph, Picture, stage, three_js
 from support.pages import page as page_of
 from support.report import print_page, run_page
 
@@ -111,7 +112,7 @@ def test_links_lead_to_what_is_then_open(opened: Opened) -> None:
     word = opened.page.locator("a.word").first
     word.focus()
     opened.page.keyboard.press("Enter")
-    opened.page.wait_for_function("document.getElementById('words').closest('details').open")
+    opened.page.wait_for_function("document.getElementById('glossary').closest('details').open")
 
 
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (1280, "dark"), (390, "light"), (390, "dark")])
@@ -150,6 +151,31 @@ def test_a_page_of_paper_is_written_whole_or_not_at_all(
     monkeypatch.setenv("PATH", "")
     with pytest.raises(OutputError, match="none is found"):
         print_page(html, tmp_path / "other.pdf")
+
+
+def test_three_js_is_cut_whole_out_of_what_carries_it(opened: Opened) -> None:
+    opened.ask(f"new Function({json.dumps(three_js())}).call(window)")
+    assert opened.ask("THREE.REVISION") == "140"
+    assert opened.ask("typeof THREE.WebGLRenderer") == "function"
+
+
+def test_a_page_with_three_js_holds_its_licence(opened: Opened) -> None:
+    text = opened.path.read_text(encoding="utf-8")
+    for said in ("The MIT License", "three.js authors", "Permission is hereby granted", 'PROVIDED "AS IS"'):
+        assert said in text
+
+
+@pytest.mark.parametrize("content", [None, "a page without it"])
+def test_without_three_js_the_still_picture_stays(
+    content: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    archive = tmp_path / "viewer.zip"
+    if content:
+        with ZipFile(archive, "w") as viewer:
+            viewer.writestr("viewer.html.template", content)
+    monkeypatch.setattr("screwgauge.report.libraries.viewer_archive", lambda: archive)
+    assert three_js() == ""
+    assert "carries no three.js" in stage()
 
 
 def test_only_what_a_page_needs_is_put_in(monkeypatch: pytest.MonkeyPatch) -> None:

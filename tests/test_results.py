@@ -30,7 +30,7 @@ def test_it_shows_itself_in_one_screen(results):
 
 
 def test_a_long_one_says_that_there_is_more(results, monkeypatch):
-    monkeypatch.setattr("screwgauge.report.results.LINES", 5)
+    monkeypatch.setattr("screwgauge.report.terminal.LINES", 5)
     assert len(repr(results).splitlines()) == 5
     assert repr(results).splitlines()[-1] == "... `write` leaves the whole report"
 
@@ -63,8 +63,49 @@ def test_an_empty_path_is_not_the_current_folder(results):
         screwgauge.check("")
 
 
+def test_a_frame_has_times_engines_and_components(results):
+    frame = results.frame("actuator_force")
+    assert frame.index.name == "t"
+    assert frame.index.tolist() == [0.0, 0.5, 1.0]
+    assert frame.columns.names == ["engine", "component"]
+    for engine in ("screw", "pinocchio"):
+        assert (frame[engine].to_numpy() == results.values("actuator_force", engine)).all()
+        assert tuple(frame[engine].columns) == results.components("actuator_force")
+    with pytest.raises(UnknownNameError, match="did you mean 'actuator_force'"):
+        results.frame("actuator_forces")
+
+
+@pytest.mark.slow
+def test_the_page_is_text_without_a_path(results, inside):
+    assert results.to_html().startswith("<!DOCTYPE html>")
+    assert [*inside.iterdir()] == []
+
+
+def test_a_scene_shows_itself_in_one_screen():
+    for name in ("3ups-upu-s", "a02-fourbar-40", "3ups-upu-s-fast"):
+        scene = screwgauge.load_scene(name)
+        lines = repr(scene).splitlines()
+        assert lines[0] == f"Scene {name}"
+        assert len(lines) <= LINES
+        assert max(map(len, lines)) <= 100 + len(str(scene.file))
+        assert f"<caption>Scene {name}</caption>" in scene._repr_html_()
+
+
+@pytest.mark.slow
+def test_a_diagnosis_shows_itself_in_one_screen_and_can_be_written(tmp_path):
+    found = screwgauge.diagnose("slider-crank", "slider-crank")
+    assert isinstance(found, screwgauge.Diagnosis)
+    assert repr(found).startswith("✓ SAME")
+    assert len(repr(found).splitlines()) <= LINES
+    assert "<table>" in found._repr_html_()
+    assert found.to_html().startswith("<!DOCTYPE html>")
+    found.write(tmp_path / "out")
+    assert {"diagnosis.json", "report.html"} <= {path.name for path in (tmp_path / "out").iterdir()}
+
+
 @pytest.mark.slow
 def test_a_figure_is_found_by_its_name(results):
+    assert {picture.of for picture in results.figure("joint_position")} == {"joint_position"}
     assert [picture.name for picture in results.figure("mechanism")] == ["mechanism"]
     assert [picture.name for picture in results.figure("condition")] == ["04-condition"]
     with pytest.raises(UnknownNameError, match=r"unknown figure 'conditions'.*did you mean '04-condition'"):
@@ -115,7 +156,7 @@ def test_arguments_of_another_type_are_refused(wrong, said):
 
 
 def test_a_scene_in_the_place_of_its_name_is_refused():
-    with pytest.raises(screwgauge.ScrewgaugeError, match=r"check: Scene\(.* is no name or path"):
+    with pytest.raises(screwgauge.ScrewgaugeError, match=r"check: Scene .* is no name or path"):
         screwgauge.check(screwgauge.load_scene("slider-crank"))
 
 

@@ -93,10 +93,12 @@ def test_the_default_scene_is_small() -> None:
 def test_words_say_what_the_paper_begins_with() -> None:
     """Section 2.2: freedoms, constraints of each chain, and what redundant actuation leaves open."""
     first, second, third, *_ = data_of(solved()[1])["words"]
-    assert "leg1 (UPU) takes one force along y through (-0.4, 0, 0) m" in first
-    assert "leg2 (UPS), leg3 (UPS) and leg4 (UPS) take nothing; s (S) takes three forces through s" in first
-    assert second == "That leaves platform two rotations through s, about x and y."
-    assert third.startswith("4 actuators for two degrees of freedom: two combinations of their forces move nothing")
+    assert first.startswith(
+        "Forces on platform that each leg constrains: leg1 (UPU): one force along y through (-0.4, 0, 0)"
+    )
+    assert "leg2 (UPS), leg3 (UPS) and leg4 (UPS): none; s (S): three forces through s" in first
+    assert second == "Remaining freedoms of platform: two rotations through s, about x and y."
+    assert third.startswith("4 actuators for two degrees of freedom: two combinations of their forces do no work")
 
 
 @pytest.mark.slow
@@ -114,7 +116,9 @@ def test_words_say_what_the_paper_begins_with() -> None:
     ],
 )
 def test_what_a_platform_or_hand_is_left_is_said(name: str, said: str) -> None:
-    (leaves,) = [text for text in data_of(stage(load_mechanism(name)))["words"] if text.startswith("That leaves")]
+    (leaves,) = [
+        text for text in data_of(stage(load_mechanism(name)))["words"] if text.startswith("Remaining freedoms")
+    ]
     assert said in leaves
 
 

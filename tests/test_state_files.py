@@ -17,11 +17,13 @@ from screwgauge import ScrewgaugeError
 from support.bench import Journal
 from support.command import LIMITS, digest, main, read_json
 from support.errors import DescriptionError, OutputError, printable
-from support.gate import Error, Row, against, history, keep, row_from, rows_in, write_baseline
+from support.gate import GateRow, Residual, against, history, keep, row_from, rows_in, write_baseline
 from support.scene import read_columns
 
-ERROR = Error("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True, "leg1", 0.5)
-ROW = Row("a", "agree", "they agree", (ERROR,), "", {"mujoco": "1"}, {"mujoco": "0" * 64}, unread=("x",), read=("y",))
+ERROR = Residual("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True, "leg1", 0.5)
+ROW = GateRow(
+    "a", "agree", "they agree", (ERROR,), "", {"mujoco": "1"}, {"mujoco": "0" * 64}, unread=("x",), read=("y",)
+)
 BRACKETS = "[" * 100_000
 
 

@@ -46,12 +46,6 @@ def everything(lay):
     )
 
 
-def slope(programs, t, *state):
-    """Derivative of one state, or None."""
-    found = programs.slope(t, np.array(state)[:, None])
-    return None if found is None else found[:, 0]
-
-
 def traced(lay, applied, start, backend, near=1e5):
     task = InitialValue(start, np.zeros_like(start), 0.0, np.array([0.0, 1.0]), Integration(near=near))
     return TracedForward(lay, Problem(applied, task, MOTION), task, backend)
@@ -68,7 +62,7 @@ def test_slopes_are_those_of_the_arrays(name, backend):
     yd = np.sin(1.0 + np.arange(len(y)))
     near = y[:, None] + 1e-3 * np.arange(11)  # more than a register holds
     states = np.concatenate([near, np.repeat(yd[:, None], 11, axis=1), np.zeros((1, 11))])
-    found, two, one = programs.slope(t, states), programs.slope(t, states[:, :2]), slope(programs, t, *states[:, 0])
+    found, two, one = programs.slopes(t, states), programs.slopes(t, states[:, :2]), programs.slope(t, states[:, 0])
     at = moved(lay, near.T, states[len(y) : -1].T, applied=applied, t=t)
     right = np.concatenate([states[len(y) : -1], at.ydd.T, at.input_power[None]])
     assert np.abs(found / right - 1.0).max() < 1e-10
@@ -109,7 +103,7 @@ def test_next_to_a_singular_pose_no_digit_is_lost_on_the_way(backend):
     distance = 1e-4 * np.linspace(1.0, 1.2, 6)
     for y in np.pi / 2.0 - distance:
         programs = traced(lay, scene.applied, np.array([y - 1e-8]), backend, near=1e9)
-        found = slope(programs, 0.0, y, 3.0, 0.0)
+        found = programs.slope(0.0, np.array([y, 3.0, 0.0]))
         assert abs(found[1] - kappa * np.sin(y)) < 1e-5
 
 
@@ -118,15 +112,26 @@ def test_a_doubtful_state_is_left_to_the_array_solver(backend):
     scene = screwgauge.load_scene("a02-fourbar-2")
     lay, y = layout(scene.mechanism), np.array([0.3])
     programs = traced(lay, scene.applied, y, backend)
-    state = 0.31, 1.0, 0.0
-    assert slope(programs, 0.0, *state) is not None
-    assert slope(programs, 0.0, np.pi / 2.0 - 1e-6, 1.0, 0.0) is None  # nearly singular, and far
-    assert slope(programs, 0.0, np.nan, 1.0, 0.0) is None
-    assert programs.slope(0.0, np.array([[0.31, 9.0], [1.0, 1.0], [0.0, 0.0]])) is None
+    state = np.array([0.31, 1.0, 0.0])
+    assert programs.slope(0.0, state) is not None
+    assert programs.slope(0.0, np.array([np.pi / 2.0 - 1e-6, 1.0, 0.0])) is None  # nearly singular, and far
+    assert programs.slope(0.0, np.array([np.nan, 1.0, 0.0])) is None
+    assert programs.slopes(0.0, np.array([[0.31, 90.0], [1.0, 1.0], [0.0, 0.0]])) is None
     strict = traced(lay, scene.applied, y, backend, near=5.0)
-    assert slope(strict, 0.0, *state) is None
+    assert strict.slope(0.0, state) is None
     programs.pose[0] += 0.2  # another branch is no place to predict from
-    assert slope(programs, 0.0, 0.3, 1.0, 0.0) is None
+    assert programs.slope(0.0, np.array([0.3, 1.0, 0.0])) is None
+
+
+@pytest.mark.parametrize("backend", backends())
+def test_a_state_too_far_for_one_prediction_is_reached_by_shorter_ways(backend):
+    scene = screwgauge.load_scene("a03-andrews-ivp")
+    lay = layout(scene.mechanism)
+    y = scene.start.start
+    programs, far = traced(lay, scene.applied, y, backend), y + 1.0
+    found = programs.slope(0.0, np.array([*far, 2.0, 0.0]))
+    at = moved(lay, far[None], np.array([[2.0]]), applied=scene.applied, t=0.0)
+    assert found[1] == pytest.approx(at.ydd[0, 0], rel=1e-9, abs=0)
 
 
 def test_angles_of_joints_that_close_loops_are_followed_over_whole_turns():

@@ -16,11 +16,10 @@ from screwgauge.report.console import complain, say
 
 if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
-    from screwgauge.study.apart import Limits
+    from screwgauge.study.executors import Executor
+    from screwgauge.study.isolation import Limits
 
 OUT = Path("screwgauge-out")
-#: What every command takes.
-ALWAYS = ("command", "debug", "force")
 
 
 def list_(options: argparse.Namespace) -> int:
@@ -65,14 +64,14 @@ def import_(options: argparse.Namespace) -> int:
     from screwgauge.models.importing.convert import Wanted
     from screwgauge.models.importing.model import Options, notes
     from screwgauge.scene.imported import write_imported
-    from screwgauge.study.loading import import_apart
+    from screwgauge.study.loading import import_isolated
 
     independent, actuated = _names(options.independent), _names(options.actuated)
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
     choice = Options(options.loops, options.reader or "", options.floating, options.meshes, wanted)
     out = options.out or Path(f"{options.file.stem}.toml")
     check_free(out, filter(None, (options.file, options.loops)), force=options.force)
-    found = import_apart(options.file, choice)
+    found = import_isolated(options.file, choice)
     written = write_imported(found, out, force=options.force)
     for said in (*map(str, written), *notes(found), *indexed(options.file, found, meshes=options.meshes)):
         say(said)
@@ -84,18 +83,18 @@ def imported(name: str) -> None:
     if is_model(name):
         from screwgauge.models.importing.model import keep, notes
         from screwgauge.reference.files import beside
-        from screwgauge.study.loading import import_apart
+        from screwgauge.study.loading import import_isolated
 
-        for sentence in notes(keep(path := beside(Path(), name), import_apart(path))[1]):
+        for sentence in notes(keep(path := beside(Path(), name), import_isolated(path))[1]):
             complain(f"screwgauge: {sentence}")
 
 
 def run(options: argparse.Namespace) -> int:
     """Drives the engines with a scene and writes the report."""
+    from screwgauge.api import run
     from screwgauge.environment import json_text
     from screwgauge.report.pages import run as page
     from screwgauge.report.pdf import browser
-    from screwgauge.report.results import run
     from screwgauge.scene.read import load_scene
 
     imported(options.scene)
@@ -145,9 +144,11 @@ def bench(options: argparse.Namespace) -> int:
     out = options.out or OUT / scene.name / "bench"
     study = forward_run if scene.simulated else given_run
     plan = study.QUICK if options.quick else study.FULL
-    if options.budget is not None:
-        plan = replace(plan, budget=given_run.check_budget(options.budget))
+    if options.limit is not None:
+        plan = replace(plan, budget=given_run.check_budget(options.limit))
     more: dict[str, Any] = {"plan": plan, "contestants": _names(options.contestants)}
+    if options.jobs is not None or options.cluster is not None:
+        more["execute"] = executor(options)
     if scene.simulated:
         contest = forward_run.contest
         carry_out(SIMULATION, out, lambda progress: contest(scene, progress=progress, **more), force=options.force)
@@ -162,14 +163,14 @@ def stress(options: argparse.Namespace) -> int:
     """Climbs the ladders of severity."""
     from screwgauge.reference.expressions import number
     from screwgauge.report.pages.stress import PAGE as page
-    from screwgauge.study.stress import stress
+    from screwgauge.study.stress import NAME, stress
 
     texts = _names(options.severity)
     severities = None if texts is None else [number(text, "--severity") for text in texts]
     out = options.out or OUT / "stress"
-    more = {"quick": options.quick, "severities": severities}
+    more = {"quick": options.quick, "severities": severities, "execute": executor(options), "journal": out / NAME}
     asked = partial(stress, options.cases or None, **more)
-    found = carry_out(page, out, lambda progress: asked(progress=progress), force=options.force)
+    found = carry_out(page, out, lambda progress: asked(progress=progress), again=NAME, force=options.force)
     if found.broken:
         complain(f"screwgauge: a rung broke: {found.broken[0]}")
         return 3
@@ -177,26 +178,23 @@ def stress(options: argparse.Namespace) -> int:
 
 
 def diagnose(options: argparse.Namespace) -> int:
-    """Compares two models, says why they differ and proves it; or shows a named discrepancy."""
-    if options.case is not None:
-        return _case(options)
+    """Compares two models, says why they differ and proves it."""
     from screwgauge.diagnosis.diagnose import diagnose
     from screwgauge.diagnosis.record import summary
     from screwgauge.environment import json_text
-    from screwgauge.report.pages.diagnosis import PAGE as page
-    from screwgauge.study.loading import read_apart, sides
+    from screwgauge.report.pages.diagnosis import PAGE, every_difference
+    from screwgauge.study.loading import read_isolated, sides
 
-    if options.b is None:
-        raise DescriptionError("needs two models or a case", "diagnose", "write A B or --case ID")
     more = {name: getattr(options, name) for name in ("map", "seed", "matrix", "loops")}
     more |= {} if options.limit is None else {"limit": options.limit}
     if options.fix is not None:
         check_free(options.fix, _models(options), force=options.force)
+    tell = (lambda found: json_text(summary(found), escaped=True)) if options.json else None
     found = carry_out(
-        page,
+        PAGE,
         options.out or OUT / "diagnosis",
-        lambda progress: diagnose(*sides(options.a, options.b, options.meshes), load=read_apart, **more),
-        tell=(lambda found: json_text(summary(found), escaped=True)) if options.json else None,
+        lambda progress: diagnose(*sides(options.a, options.b, options.meshes), load=read_isolated, **more),
+        tell=tell or (every_difference if options.all else None),
         inputs=_models(options),
         force=options.force,
     )
@@ -213,30 +211,34 @@ def _models(options: argparse.Namespace) -> list[Path]:
     return [Path(name) for name in named if name]
 
 
-def _case(options: argparse.Namespace) -> int:
-    """Shows a named discrepancy with the installed engines."""
+def casebook(options: argparse.Namespace) -> int:
+    """Shows a named discrepancy with the installed engines, or lists them."""
     from screwgauge.casebook.book import reproduce
     from screwgauge.report.casebook import blocks
+    from screwgauge.report.listing import listing
     from screwgauge.report.terminal import terminal
 
-    check_taken(options, "a case", "diagnose --case", "case")
-    result = reproduce(options.case)
+    if options.id is None:
+        say(listing("discrepancies"))
+        return 0
+    result = reproduce(options.id)
     say(terminal(blocks(result)))
     return 0 if result.ok else 3
 
 
-def check_taken(options: argparse.Namespace, what: str, where: str, *taken: str) -> None:
-    """Refuses options that something does not take by a DescriptionError."""
-    if given := [name for name, value in vars(options).items() if value and name not in (*taken, *ALWAYS)]:
-        raise DescriptionError(f"{what} takes no {', '.join(given)}", where, "leave that out")
-
-
 def limits(options: argparse.Namespace) -> Limits:
     """What a process may take, as options say."""
-    from screwgauge.study.apart import Limits
+    from screwgauge.study.isolation import Limits
 
     given = {"seconds": options.limit, "memory": options.memory}
     return Limits(**{name: value for name, value in given.items() if value is not None})
+
+
+def executor(options: argparse.Namespace, limits: Limits | None = None) -> Executor:
+    """Where tasks run, as options say."""
+    from screwgauge.study.executors import executor
+
+    return executor(options.jobs, options.cluster, limits, insecure=options.insecure)
 
 
 def _names(text: str | None) -> list[str] | None:

@@ -7,7 +7,7 @@ import os
 from functools import partial
 from pathlib import Path
 
-from screwgauge.commands import OUT, limits
+from screwgauge.commands import OUT, executor, limits
 from screwgauge.commands.carrying import carry_out
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.report.console import say
@@ -15,24 +15,23 @@ from screwgauge.report.console import say
 
 def check(options: argparse.Namespace) -> int:
     """Checks scenes and pairs of models; what CI services read of it is left where they look for it."""
-    from screwgauge.report.gate import check
+    from screwgauge.report.gate import check_with
     from screwgauge.report.pages import check as page
     from screwgauge.study.gate.run import NAME
     from screwgauge.study.gate.store import check_store, keep
 
     if options.update and options.baseline is None:
         raise DescriptionError("--update does not know what", "check", "name a file by --baseline")
-    if options.jobs < 1:
-        raise DescriptionError(f"{options.jobs} scenes at a time", "-j", "give a positive number")
     page.check_files(options)
     if options.store is not None:
         check_store(options.store)
     out, old = options.out or OUT / "check", None if options.update else options.baseline
-    more = {"smoke": options.smoke, "tolerances": options.tolerances, "baseline": old, "jobs": options.jobs}
+    more = {"smoke": options.smoke, "tolerances": options.tolerances, "baseline": old}
+    execute = executor(options, limits(options))
     found = carry_out(
         page,
         out,
-        lambda progress: check(*options.what, **more, limits=limits(options), progress=progress, journal=out / NAME),
+        lambda progress: check_with(execute, options.what, **more, progress=progress, journal=out / NAME),
         tell=(lambda found: found.json) if options.json else None,
         again=NAME,
         inputs=map(Path, options.what),
@@ -75,7 +74,7 @@ def matrix(options: argparse.Namespace) -> int:
     named = {"pin": options.pin, "mujoco": options.mujoco}
     versions = [check_versions((text or version(package)).split(","), package) for package, text in named.items()]
     out, pairs = options.out or OUT / "matrix", [(pin, mujoco) for pin, mujoco in product(*versions)]
-    asked = partial(matrix, pairs, out / page.NAME)
+    asked = partial(matrix, pairs, out / page.NAME, execute=executor(options))
     found = carry_out(page, out, lambda progress: asked(progress=progress), again=page.NAME, force=options.force)
     statuses = {*found["status"]}
     return 0 if statuses == {"agree"} else 1 if statuses <= {"agree", "differ"} else 3

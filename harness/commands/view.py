@@ -134,7 +134,9 @@ def _video(file: Path, what: Scene | Mechanism, other: Mechanism | None) -> int:
         raise DescriptionError("shows one scene in motion", "view --video", "name a scene alone, or use --png")
     _kind(file, "video", *kinds)
     if find_spec("PIL") is None:
-        raise OutputError("--video needs pillow, which is not installed", "view", "run pip install 'screwgauge[video]'")
+        raise OutputError(
+            "--video needs pillow, which is not installed", "view", "run pip install '.[video]' in the checkout"
+        )
     from PIL import Image
 
     from screwgauge.report.stage.drawing import frames

@@ -8,15 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.diagnosis.causes.attribution import Torques
-from screwgauge.diagnosis.mechanics.dynamics import dynamics, inverse_dynamics
 from screwgauge.diagnosis.pairing.common import Common, brought, states_of_b, velocity_map
 from screwgauge.diagnosis.pairing.mapping import Pairing
-from screwgauge.models.kinematics.closing import constraint_rows
-from screwgauge.models.kinematics.tree import Motion, States, move, plant
+from screwgauge.models.kinematics import plant
 from screwgauge.models.readings.reading import Reading
-from screwgauge.reference.equations.screws import acceleration_at, velocity_at
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
+from screwgauge.witness.constraints import closure_rows
+from screwgauge.witness.dynamics import dynamics, inverse_dynamics
+from screwgauge.witness.kinematics import TreeMotion, move
+from screwgauge.witness.tree import FixedFrames, TreeStates
 
 #: How many states are drawn: more than the ten inertial parameters of a body need to be told apart.
 STATES = 40
@@ -51,7 +52,7 @@ def components(reading: Reading) -> list[tuple[str, str]]:
     ]
 
 
-def torques(common: Common, pairing: Pairing, states: States) -> Torques:
+def torques(common: Common, pairing: Pairing, states: TreeStates) -> Torques:
     """Inverse dynamics of A, and of whatever B becomes, at the same states."""
     a = plant(common.a)
 
@@ -66,7 +67,7 @@ def torques(common: Common, pairing: Pairing, states: States) -> Torques:
     return Torques(inverse_dynamics(a, states), of, names, units)
 
 
-def table(common: Common, states: States) -> list[Row]:
+def table(common: Common, states: TreeStates) -> list[Row]:
     """All quantities."""
     a, b = plant(common.a), plant(common.b)
     theirs, C = states_of_b(a, b, states), velocity_map(a, b)
@@ -80,13 +81,13 @@ def table(common: Common, states: States) -> list[Row]:
         ("bias", one.bias, two.bias @ C, force),
         ("gravity", one.gravity, two.gravity @ C, force),
         *_bodies(common, (first, second)),
-        *_closures(common, (constraint_rows(a, first), constraint_rows(b, second)), C),
+        *_closures(common, (closure_rows(a, first), closure_rows(b, second)), C),
     ]
     return [row_of(*pair, one.tau if pair[3] is force else pair[1]) for pair in pairs if pair[1].size]
 
 
 def _bodies(
-    common: Common, motions: tuple[Motion, Motion]
+    common: Common, motions: tuple[TreeMotion, TreeMotion]
 ) -> Iterator[tuple[str, Array, Array, list[tuple[str, str]]]]:
     """Motion of the origin of A's frame in each body, as A and as B move it."""
     both = [name for name in common.a.bodies if name in common.b.bodies]
@@ -95,13 +96,9 @@ def _bodies(
         order = {name: i for i, name in enumerate(reading.bodies)}
         numbers = np.array([order[name] for name in both], dtype=int)
         back = [np.linalg.inv(reading.bodies[name].pose) @ common.a.bodies[name].pose for name in both]
-        r = np.array([T[:3, 3] for T in back]).reshape(-1, 3)
-        at = (motion.R[:, numbers] @ r[:, :, None])[..., 0] + motion.p[:, numbers]
-        twist, change = motion.twist[:, numbers], motion.acceleration[:, numbers]
-        linear = velocity_at(twist, at), acceleration_at(twist, change, at)
-        values.append(
-            (np.concatenate([twist[..., :3], linear[0]], -1), np.concatenate([change[..., :3], linear[1]], -1))
-        )
+        R, p = (np.array([T[:3, part] for T in back]) for part in (slice(3), 3))
+        at = motion.bodies.frames(FixedFrames(numbers, R.reshape(-1, 3, 3), p.reshape(-1, 3)))
+        values.append((at.velocity, at.acceleration))
     for k, (what, unit) in enumerate((("velocity", "s"), ("acceleration", "s^2"))):
         names = [(f"{name}.{axis}", f"{length}/{unit}") for name in both for length in ("rad", "m") for axis in "xyz"]
         yield f"body {what}", values[0][k], values[1][k], names

@@ -8,21 +8,21 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.attribution import Attribution, Torques, changes_of
+from screwgauge.diagnosis.causes.attribution import Attribution, Cause, Torques
 from screwgauge.diagnosis.causes.backfill import Backfill, write_fix
-from screwgauge.diagnosis.causes.explain import PROOF, Explanation, explained, proved
-from screwgauge.diagnosis.causes.growth import SPEEDS, Growth, growth
-from screwgauge.diagnosis.causes.ranking import Cause, ranked
+from screwgauge.diagnosis.causes.explanation import explained
+from screwgauge.diagnosis.causes.fitting import SPEEDS, Growth, growth
 from screwgauge.diagnosis.causes.soft import softness
 from screwgauge.diagnosis.compare import STATES, Row, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
-from screwgauge.diagnosis.differences.change import Change, Difference, applied
+from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.content import beyond
 from screwgauge.diagnosis.differences.digits import marked
 from screwgauge.diagnosis.differences.loops import Loops, at_home, loops
 from screwgauge.diagnosis.differences.static import differences, distinct
 from screwgauge.diagnosis.differences.static_loops import cut_joints
 from screwgauge.diagnosis.known import compiled
+from screwgauge.diagnosis.library_dynamics import Witness, witnesses
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Loops as Beside
 from screwgauge.diagnosis.model import Model, Read, Weighed, alike, cut_alike, each_loops, in_process, loaded
@@ -33,8 +33,7 @@ from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
 from screwgauge.diagnosis.together import ELSEWHERE, Together, elsewhere, together
 from screwgauge.diagnosis.verdict import BINDING, RESTATED, SAME, partly, stopped, strange, verdict
-from screwgauge.diagnosis.witness import Witness, witnesses
-from screwgauge.models.kinematics.tree import draw
+from screwgauge.models.kinematics import draw
 from screwgauge.models.readings.plausible import implausible
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.urdf import WIDE
@@ -46,7 +45,8 @@ class Diagnosis:
     """What was found.
 
     Attributes:
-        verdict: In one sentence or two.
+        headline: What differs, or that nothing does, in one sentence of at most `verdict.WORDS` words.
+        explanation: In further sentences: what that explains, what is left, and what else is to be said.
         same: Whether nothing differs.
         pairing: Of joints and bodies; `differences`: static ones, from the ground outwards.
         rows: Differences at `seed`'s random states by quantity; none between different machines.
@@ -70,7 +70,8 @@ class Diagnosis:
     a: Model
     b: Model
     seed: int
-    verdict: str
+    headline: str
+    explanation: str
     same: bool
     pairing: Pairing
     differences: tuple[Difference, ...]
@@ -91,6 +92,11 @@ class Diagnosis:
     undecided: bool = False
     order: Order | None = None
     causes: tuple[Cause, ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        """Headline and explanation."""
+        return f"{self.headline} {self.explanation}".strip()
 
     def __bool__(self) -> bool:
         """So that an assertion of it alone says what it seems to."""
@@ -165,20 +171,25 @@ def diagnose(
     sides = at_home(alike(loaded(a, load, first), loaded(b, load, second), load))
     one, two, pairing = cut_alike(*sides, given)
     if not pairing.alike:
-        found = Diagnosis(one, two, seed, strange((one, two), pairing), False, pairing, ())
+        found = Diagnosis(one, two, seed, *strange((one, two), pairing), False, pairing, ())
     else:
         found = _compared(one, two, pairing, seed, load, deadline)
         if order := between((one, two), pairing, seed):
-            found = replace(found, order=order, verdict=f"{found.verdict} {order.sentence}")
+            found = replace(_and(found, order.sentence), order=order)
         if not pairing.one_machine:
-            found = replace(found, verdict=f"{partly((one, two), pairing)} {found.verdict}")
+            found = replace(found, explanation=f"{partly((one, two), pairing)} {found.explanation}".strip())
         if elsewhere(one) or elsewhere(two):
             found = replace(found, notes=(*found.notes, ELSEWHERE))
     found = replace(found, matrix=matrix_of(one, two, given, seed, load, deadline)) if matrix else found
     if not deadline.left_out:
         return found
-    said = f"{found.verdict} {stopped(limit, deadline.left_out)}"
-    return replace(found, verdict=said, same=False, left_out=tuple(deadline.left_out))
+    said = _and(found, stopped(limit, deadline.left_out))
+    return replace(said, same=False, left_out=tuple(deadline.left_out))
+
+
+def _and(found: Diagnosis, sentence: str) -> Diagnosis:
+    """With another sentence at the end of its explanation."""
+    return replace(found, explanation=f"{found.explanation} {sentence}".strip())
 
 
 def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadline: Deadline) -> Diagnosis:
@@ -196,8 +207,10 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     stated = _stated(found, (a, b), bound)
     restated = bound is not None and bound.alike and any(each.what in BINDING for each in found)
     found = [*compiled((a, b), marked(stated, (a.digits, b.digits))), *content.differences]
-    why = _explained(asked, found, (a, b), load, deadline)
-    why = why if deadline.over("shares of causes") else replace(why, causes=ranked(found, asked, b.reading))
+    paths = [None if model.library == "screwgauge" else model.file for model in (a, b)]
+    read = (a.reading, b.reading), (paths[0], paths[1])
+    written = b.as_read if b.cut is not None else None
+    why = explained(asked, *read, found, lambda file: b.read_again(file, load), deadline, written)
     cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
     if cause.before.scaled > SAME and not deadline.over("growth of the torque difference with speed"):
         why = replace(why, growth=_grown([torques(common, pairing, each) for each in faster], b.reading))
@@ -216,7 +229,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         a,
         b,
         seed,
-        verdict((a, b), found, why, seen, (bound, restated), replace(content, withheld=withheld), both, late=late),
+        *verdict((a, b), found, why, seen, (bound, restated), replace(content, withheld=withheld), both, late=late),
         alike and not withheld,
         pairing,
         tuple(distinct(found)),
@@ -229,46 +242,26 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         fix=why.fix,
         witnesses=seen,
         notes=(*notes((a, b), common, seen, of_loops, seed, compared=bound is not None), *outside(content)),
-        by_joint=_by_joint(asked, b.reading, cause.changes if cause.complete else changes_of(found)),
+        by_joint=cause.by_joint,
         together=both,
         not_compared=withheld,
         undecided=alike and bool(withheld),
-        causes=why.causes,
+        causes=_numbered(cause.causes, found),
+    )
+
+
+def _numbered(causes: Sequence[Cause], found: Sequence[Difference]) -> tuple[Cause, ...]:
+    """With numbers of distinct differences."""
+    numbers = {each.sentence: i for i, each in enumerate(distinct(found))}
+    return tuple(
+        replace(cause, differences=tuple(dict.fromkeys(numbers[found[i].sentence] for i in cause.differences)))
+        for cause in causes
     )
 
 
 def _grown(asked: Sequence[Torques], b: Reading) -> Growth | None:
     """Of torques at `SPEEDS`."""
     return growth([each.of(b) for each in asked], [each.a for each in asked])
-
-
-def _explained(
-    asked: Torques, found: Sequence[Difference], models: tuple[Model, Model], load: Read, deadline: Deadline
-) -> Explanation:
-    """Attribution and proof; backfill of all differences where steps taken one by one do not get through.
-
-    What no torque shows is put right, too, in the file that is written.
-    """
-    a, b = models
-    first, second = (None if model.library == "screwgauge" else model.file for model in models)
-
-    def read(file: Path) -> Reading:
-        return b.read_again(file, load)
-
-    why = explained(asked, (a.reading, b.reading), (first, second), found, read, deadline)
-    everything, proof = changes_of(found), why.proof
-    if len(everything) == len(why.attribution.changes) or deadline.over(PROOF):
-        return replace(why, fix=proof)
-    whole = proved(asked, b.reading, everything, (first, second), read)
-    if not why.attribution.complete and why.attribution.before.scaled > SAME:
-        return replace(why, proof=whole, fix=whole)
-    worse = proof is not None and proof.agrees and not whole.agrees
-    return replace(why, fix=proof if worse or (proof is not None and not whole.text) else whole)
-
-
-def _by_joint(asked: Torques, b: Reading, changes: Sequence[Change]) -> tuple[tuple[str, float, float], ...]:
-    before, after = (np.abs(asked.left(applied(b, each))).max(axis=0) for each in ((), changes))
-    return tuple(zip(asked.names, before.tolist(), after.tolist(), strict=True))
 
 
 def _stated(found: Sequence[Difference], models: tuple[Model, Model], bound: Loops | None) -> list[Difference]:

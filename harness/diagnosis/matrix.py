@@ -10,11 +10,11 @@ from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.static import differences, distinct, sorted_by_size
 from screwgauge.diagnosis.differences.words import with_sides
+from screwgauge.diagnosis.library_dynamics import Witness, witnesses
 from screwgauge.diagnosis.model import Model, Read
 from screwgauge.diagnosis.pairing.branches import missing
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, paired
-from screwgauge.diagnosis.witness import Witness, witnesses
 from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError, first_few

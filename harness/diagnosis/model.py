@@ -236,8 +236,8 @@ def cut_alike(a: Model, b: Model, given: Mapping[str, str] | None) -> tuple[Mode
     if same and coincident(a.reading, b.reading, pairing):
         return a, b, pairing
     named = {name: other for name, other in pairing.joints.items() if pairing.how[name] != "geometry"}
-    match = pairing.match or matched(a.reading, b.reading, named)
-    if not match.whole:
+    match = pairing.match or matched(a.reading, b.reading, named, full=True)
+    if match is None or not match.whole:
         return a, b, pairing
     one, two, alignment = match.a, match.b, match.alignment
     looped = a.reading.closures or b.reading.closures

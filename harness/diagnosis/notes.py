@@ -10,16 +10,16 @@ from screwgauge.diagnosis.compare import STATES, components
 from screwgauge.diagnosis.differences.content import Beyond
 from screwgauge.diagnosis.differences.geometry import amount
 from screwgauge.diagnosis.differences.words import turn_and_way
-from screwgauge.diagnosis.mechanics.dynamics import not_modelled, passive_parts
-from screwgauge.diagnosis.mechanics.lines import CLOSE, size
+from screwgauge.diagnosis.library_dynamics import Witness
+from screwgauge.diagnosis.mechanics.lines import CLOSE
 from screwgauge.diagnosis.mechanics.matter import Matter, combined, displaced, of_body
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, Common
-from screwgauge.diagnosis.witness import Witness
-from screwgauge.models.kinematics.tree import draw, plant
+from screwgauge.models.kinematics import draw, not_modelled, plant, size
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.rotations import Array
+from screwgauge.witness.dynamics import passive_parts
 
 #: Things that a note names, others being counted.
 NAMED = 3

@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.compare import STATES, components
-from screwgauge.diagnosis.mechanics.dynamics import inverse_dynamics
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, weighed
 from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.models.expected import expected_reading
 from screwgauge.models.importing.convert import Imported
-from screwgauge.models.kinematics.tree import draw, plant
+from screwgauge.models.kinematics import draw, plant
 from screwgauge.models.readings.order import by_name, in_file
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import first_few
+from screwgauge.witness.dynamics import inverse_dynamics
 
 _NAMED = 3
 #: A sentence has the permutation of so many joints; `Order.permutation` and ``diagnosis.json`` have all.

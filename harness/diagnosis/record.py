@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from datetime import UTC, datetime
 from typing import Any
 
-from screwgauge.diagnosis.causes.attribution import Attribution
+from screwgauge.diagnosis.causes.attribution import Attribution, Cause
 from screwgauge.diagnosis.diagnose import Diagnosis
 from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.model import Model
 
-SCHEMA = 1
+SCHEMA = 2
+#: What shares of causes are of.
+SCALE = "projection on the torque difference at random states, torques of each unit over the largest of it"
 
 
 def summary(found: Diagnosis) -> dict[str, Any]:
@@ -18,6 +21,8 @@ def summary(found: Diagnosis) -> dict[str, Any]:
     why, proof = found.attribution, found.proof
     return {
         "schema": SCHEMA,
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "headline": found.headline,
         "verdict": found.verdict,
         "same": found.same,
         "not_all_compared": found.undecided,
@@ -27,12 +32,13 @@ def summary(found: Diagnosis) -> dict[str, Any]:
         "map": {"joints": found.pairing.joints, "how": found.pairing.how, "bodies": found.pairing.bodies},
         "missing": {"in_b": found.pairing.only_a, "in_a": found.pairing.only_b},
         "differences": [_difference(each) for each in found.differences],
-        "causes": [asdict(cause) for cause in found.causes],
+        "causes": [_cause(cause) for cause in found.causes],
         "dynamics": [asdict(row) for row in found.rows],
         "loops": found.loops and asdict(found.loops),
         "order": found.order and asdict(found.order),
         "growth": found.growth and asdict(found.growth),
         "attribution": why and _attribution(why),
+        "torque_by_joint": [dict(zip(("component", "before", "after"), each, strict=True)) for each in found.by_joint],
         "soft_equalities": found.soft and _attribution(found.soft),
         "backfill": proof and {"on": proof.on, "left": asdict(proof.left), "why_not": proof.why_not},
         "libraries_together": found.together and asdict(found.together),
@@ -63,12 +69,15 @@ def _attribution(why: Attribution) -> dict[str, Any]:
         "before": asdict(why.before),
         "left": asdict(why.left),
         "share": why.share,
-        "steps": [
-            {"hypothesis": step.hypothesis.name, "share": step.share, "alike": [h.name for h in step.alike]}
-            for step in why.steps
-        ],
-        "ranking": [{"hypothesis": hypothesis.name, "share": share} for hypothesis, share in why.ranking],
+        "scale": SCALE,
+        "causes": [_cause(cause) for cause in why.causes],
     }
+
+
+def _cause(cause: Cause) -> dict[str, Any]:
+    """`differences` are numbers of those in the list of all."""
+    names = ("name", "sentence", "short", "kind", "share", "differences", "slips")
+    return {name: getattr(cause, name) for name in names}
 
 
 def _difference(each: Difference) -> dict[str, Any]:

@@ -12,21 +12,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.diagnosis.asked import ASKED, answers
 from screwgauge.diagnosis.compare import Row, components, row_of
-from screwgauge.diagnosis.mechanics.closed import CLOSED, DEPENDENT, FAR, STEPS, closed, left, near_home
-from screwgauge.diagnosis.mechanics.dynamics import dynamics, passive_parts
-from screwgauge.diagnosis.mechanics.lines import size
+from screwgauge.diagnosis.library_dynamics import ASKED, answers
 from screwgauge.diagnosis.mechanics.reshape import ordered
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map, weighed
-from screwgauge.models.kinematics.closing import equations
-from screwgauge.models.kinematics.tree import States, Tree, draw, home, moved, plant
-from screwgauge.models.placement import adjoint, quaternion, quaternion_rotation
+from screwgauge.models.kinematics import ReadingTree, draw, home, near_home, plant, size
+from screwgauge.models.placement import adjoint, quaternion
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import FREEDOMS
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, quaternion_rotation
+from screwgauge.witness.constraints import (
+    CLOSED,
+    DEPENDENT,
+    FAR,
+    STEPS,
+    admissible_projector,
+    closed,
+    equations,
+    stepped,
+)
+from screwgauge.witness.dynamics import dynamics, passive_parts
+from screwgauge.witness.tree import TreeStates
 
 #: States at which libraries are asked.
 STATES = 12
@@ -74,8 +82,8 @@ class _Side:
     """
 
     model: Model
-    common: Tree
-    own: Tree
+    common: ReadingTree
+    own: ReadingTree
     turned: Array
     placed: tuple[tuple[slice, slice, Array, Array], ...]
 
@@ -173,13 +181,13 @@ def _torques(first: _Side, second: _Side, seed: int) -> tuple[Array, Array, Arra
         return None
     here, there, ours, theirs = (each.at(found) for each in (here, there, ours, theirs))
     rows = equations(first.common, here).rows, equations(second.common, there).rows @ C
-    P, sure = left(np.concatenate(rows, axis=1), slides, size(first.common.reading))
+    P, sure = admissible_projector(np.concatenate(rows, axis=1), slides, size(first.common.reading))
     taus = _tau(first, ours), _tau(second, theirs) @ C
     mine, other = (sure[:, None] * (P @ (length * tau)[..., None])[..., 0] / length for tau in taus)
     return mine, other, taus[0]
 
 
-def _tau(side: _Side, states: States) -> Array:
+def _tau(side: _Side, states: TreeStates) -> Array:
     """All that motors have to give, along the velocities of the common joints. Shape (n, n_freedom)."""
     tree, model = side.own, side.model
     if model.library in ASKED and model.file is not None and not model.retyped:
@@ -196,16 +204,16 @@ def _tau(side: _Side, states: States) -> Array:
     return np.asarray(tau @ side.turned)
 
 
-def _common_part(side: _Side, states: States) -> States:
+def _common_part(side: _Side, states: TreeStates) -> TreeStates:
     """In common terms, of a model that has no other joints."""
     back, q = np.linalg.inv(side.turned), home(side.common.reading).q.repeat(len(states.q), axis=0)
     for there, own, before, after in side.placed:
         inverse = (np.asarray(np.linalg.inv(T)) for T in (before, after))
         q[:, there] = _replaced(states.q[:, own], *inverse)
-    return States(q, states.qd @ back.T, states.qdd @ back.T)
+    return TreeStates(q, states.qd @ back.T, states.qdd @ back.T)
 
 
-def _own_part(side: _Side, states: States) -> tuple[States, NDArray[np.bool_]]:
+def _own_part(side: _Side, states: TreeStates) -> tuple[TreeStates, NDArray[np.bool_]]:
     """As the model counts and turns, and which states its loops close at: joints that are cut follow the others."""
     tree, n = side.own, len(side.turned)
     q = home(tree.reading).q.repeat(len(states.q), axis=0)
@@ -213,7 +221,7 @@ def _own_part(side: _Side, states: States) -> tuple[States, NDArray[np.bool_]]:
         q[:, own] = _replaced(states.q[:, there], before, after)
     qd, qdd = (np.zeros((len(q), len(tree.before))) for _ in range(2))
     qd[:, :n], qdd[:, :n] = states.qd @ side.turned.T, states.qdd @ side.turned.T
-    out = States(q, qd, qdd)
+    out = TreeStates(q, qd, qdd)
     if len(tree.before) == n:
         return out, np.ones(len(q), dtype=bool)
     for _ in range(STEPS):
@@ -222,7 +230,7 @@ def _own_part(side: _Side, states: States) -> tuple[States, NDArray[np.bool_]]:
         step = np.zeros_like(qd)
         step[:, n:] = -(back @ at.gap[..., None])[..., 0]
         step *= np.minimum(1.0, FAR / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
-        out = replace(out, q=moved(tree, out.q, step))
+        out = replace(out, q=stepped(tree, out.q, step))
     at = equations(tree, out)
     qd[:, n:] = -(back @ at.rows[..., :n] @ qd[:, :n, None])[..., 0]
     rest = at.rows[..., :n] @ qdd[:, :n, None] + equations(tree, out).bias[..., None]

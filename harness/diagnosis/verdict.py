@@ -1,21 +1,22 @@
-"""The verdict of a diagnosis in words."""
+"""The verdict of a diagnosis in words: its first sentence is the headline, the rest says how sure that is."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 
-from screwgauge.diagnosis.causes.attribution import Attribution, Largest
+from screwgauge.diagnosis.causes.attribution import Attribution, Cause, Largest
 from screwgauge.diagnosis.causes.backfill import Backfill
-from screwgauge.diagnosis.causes.explain import Explanation
+from screwgauge.diagnosis.causes.explanation import Explanation
 from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.content import Beyond
 from screwgauge.diagnosis.differences.loops import ALIKE, Loops
-from screwgauge.diagnosis.differences.static import distinct, sorted_by_size
+from screwgauge.diagnosis.differences.static import distinct
 from screwgauge.diagnosis.known import does_not_use, one_file, unused
+from screwgauge.diagnosis.library_dynamics import Witness
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.diagnosis.together import Together
-from screwgauge.diagnosis.witness import Witness
 from screwgauge.models.content import kinds
 from screwgauge.reference.errors import first_few
 
@@ -30,8 +31,19 @@ RESTATED = {"closure"}
 APART = {"medium", *kinds()}
 #: Content that acts by friction, stops or contacts, which all torques leave out.
 RESISTING = {"fixed tendons", "range of rotation", "softness of stops", "softness of friction", "contact pairs"}
+#: Of parts that one model alone has, without which torques are compared.
+MISSING = {"branch", "kind", "body"}
 #: Quantity whose velocity products a library has wrong -> case of the casebook.
 CASES = {"Jdot v": "mj-jdotv-before-3.7", "acceleration": "spatial-or-classical"}
+#: Words of a headline at most.
+WORDS = 30
+#: What a sentence can do without, the least needed first.
+_DETAILS = (
+    r", with (?!all )[^;]*",
+    r", (?:turned|off) by [^;]*",
+    r", each in the frame of its own file",
+    r" \((?:[^()]|\([^()]*\))*\)$",
+)
 _NAMED = 3
 
 
@@ -45,8 +57,8 @@ def verdict(
     both: Together | None,
     *,
     late: bool = False,
-) -> str:
-    """What differs, what it explains, and what is left.
+) -> tuple[str, str]:
+    """The headline, and further sentences: what the causes explain, and what is left.
 
     Args:
         loops: What loops leave, and whether the two state the same in different ways.
@@ -54,31 +66,56 @@ def verdict(
         both: The libraries' own torques of both models.
         late: There was no time for some of it.
     """
-    cause, proof, grown, (bound, restated) = why.attribution, why.proof, why.growth, loops
+    cause, proof, (bound, restated) = why.attribution, why.proof, loops
     apart = [_witness(witness) for witness in seen if not witness.agrees]
     unlike = any(model.never_closed for model in models) or (bound is not None and not bound.closes_alike)
-    if found or cause.before.scaled > SAME:
-        unexplained = f"nothing that the two say explains{f'; {grown.sentence}' if grown else ''}"
-        seen_by_libraries = both is not None and not both.agrees
-        if seen_by_libraries and found:
-            said = [f"{_listed(_causes(why, found))}."]
+    if found:
+        said = [headline(cause.causes)]
+        if both is None or both.agrees:
+            said += _explains(found, why, both, late=late)
         else:
-            said = [_differs(found, why, proof, both, "there was no time to explain" if late else unexplained)]
-        said += [_as_loaded(both)] if both and seen_by_libraries else []
+            said.append(_as_loaded(both))
+    elif cause.before.scaled > SAME:
+        unexplained = "there was no time to explain" if late else "nothing that the two say explains"
+        said = [f"Torques differ by {_largest(cause.before)}, which {unexplained}."]
+        said += [_as_growth(why)] if why.growth else []
     elif late:
         said = ["Nothing differs in what was compared."]
     else:
-        said = [_alike(models, cause, beyond, both, alone=not (apart or unlike))]
+        said = _alike(models, cause, beyond, both, alone=not (apart or unlike))
     first, second = models
     if first.file is not None and one_file(models) and found:
-        said.insert(0, f"{first.file.name} is read differently by {first.library} (A) and {second.library} (B).")
+        said.append(f"{first.file.name} is read differently by {first.library} (A) and {second.library} (B).")
         said += unused(models, found)
     elif proof is not None and proof.unheard:
         said.append(does_not_use(second.library, [change.what for change in proof.unheard]))
     said += [_soft(why.soft)] if why.soft else []
     said += _bound(bound, restated=restated) if bound else []
     said += [f"In {side} {m.never_closed}." for side, m in zip("AB", models, strict=True) if m.never_closed]
-    return " ".join([*said, *apart])
+    return said[0], " ".join([*said[1:], *apart])
+
+
+def headline(causes: Sequence[Cause]) -> str:
+    """The first cause in a sentence of at most `WORDS` words, and how many more there are."""
+    first, others = causes[0], sum(cause.kind == "cause" for cause in causes[1:])
+    more = f", and {others} more cause{'s' * (others > 1)}" if others else ""
+    room = WORDS - len(more.split())
+    slip = f" ({first.slips[0]})" if first.slips and first.slips[0] not in first.sentence else ""
+    for text in (f"{first.sentence}{slip}", f"{first.short}{slip}", first.sentence, *_shorter(first.short)):
+        if text and len(text.split()) <= room:
+            return f"{text}{more}."
+    return f"{' '.join(text.split()[:room])} ...{more}."
+
+
+def _shorter(text: str) -> Iterator[str]:
+    """A sentence, then without its details, one after the other."""
+    yield text
+    for detail in _DETAILS:
+        text = re.sub(detail, "", text)
+        yield text
+    while ", " in text:
+        text = text.rpartition(", ")[0]
+        yield text
 
 
 def _bound(bound: Loops, *, restated: bool) -> list[str]:
@@ -100,7 +137,7 @@ def _soft(soft: Attribution) -> str:
     """What softness changes, all else being equal."""
     if soft.before.scaled <= SAME:
         return "Near closed states, too, forces of soft equalities are the same."
-    names = [step.hypothesis.name for step in soft.steps]
+    names = [cause.name for cause in soft.causes if {*cause.differences} & {*soft.seen}]
     verb = f"explain{'s' * (len(names) == 1)} {_percent(soft.share)} of that"
     left = f"after backfill {_largest(soft.left)} are left"
     why = f"{first_few(names, _NAMED)} {verb}; {left}" if names else "their softness does not explain it"
@@ -128,31 +165,34 @@ def _pairs(pairing: Pairing) -> str:
     return f"{pairs}{', ...' if len(pairing.joints) > _NAMED else ''}"
 
 
-def strange(models: tuple[Model, Model], pairing: Pairing) -> str:
+def strange(models: tuple[Model, Model], pairing: Pairing) -> tuple[str, str]:
     """Of two models that are not of one machine."""
     a, b = (len(model.reading.joints) for model in models)
-    more = f" ({_pairs(pairing)})" if pairing.joints else ""
+    more = f" Partners are {_pairs(pairing)}." if pairing.joints else ""
     return (
         f"A and B are models of different machines: of {a} joints of A and {b} of B, {len(pairing.joints)} have a "
-        f"partner{more}. If they are the same machine, name the partners with --map."
+        "partner.",
+        f"If they are the same machine, name the partners with --map.{more}",
     )
 
 
-def _alike(models: tuple[Model, Model], why: Attribution, beyond: Beyond, both: Together | None, *, alone: bool) -> str:
+def _alike(
+    models: tuple[Model, Model], why: Attribution, beyond: Beyond, both: Together | None, *, alone: bool
+) -> list[str]:
     """That all that is compared is the same; `alone`: and nothing else differs."""
     reading = models[0].reading
     joints, bodies = len(reading.joints), len(reading.bodies)
     count = f"{joints} joint{'s' * (joints != 1)} and {bodies} bod{'y' if bodies == 1 else 'ies'}"
     agree = f"{count} say the same, and torques agree to {why.before.scaled:.1g} of the largest"
-    outside = f" No part of that: {_listed(beyond.aside)}." if beyond.aside else ""
+    outside = [f"No part of that: {_listed(beyond.aside)}."] if beyond.aside else []
     if both is not None and not both.agrees:
-        suspects = f" What is not compared could be the cause: {_listed(beyond.withheld)}." if beyond.withheld else ""
-        return f"{_as_loaded(both)}{suspects} All else is the same: {agree}.{outside}"
+        suspects = [f"What is not compared could be the cause: {_listed(beyond.withheld)}."] if beyond.withheld else []
+        return [_as_loaded(both), *suspects, f"All else is the same: {agree}.", *outside]
     if both is not None and any(both.calls):
         agree += f", those of the libraries as loaded to {both.row.scaled:.1g}"
     if beyond.withheld:
-        return f"Not all compared: {_listed(beyond.withheld)}. All else is the same: {agree}.{outside}"
-    return f"{'The same' if alone else 'The models are the same'}: {agree}.{outside}"
+        return [f"Not all compared: {_listed(beyond.withheld)}.", f"All else is the same: {agree}.", *outside]
+    return [f"{'The same' if alone else 'The models are the same'}: {agree}.", *outside]
 
 
 def _as_loaded(both: Together) -> str:
@@ -164,50 +204,35 @@ def _as_loaded(both: Together) -> str:
     )
 
 
-def _differs(
-    found: Sequence[Difference], of: Explanation, proof: Backfill | None, both: Together | None, unexplained: str
-) -> str:
-    why, rows = of.attribution, _causes(of, found)
+def _explains(found: Sequence[Difference], of: Explanation, both: Together | None, *, late: bool) -> list[str]:
+    """What the causes explain of the torque difference, what is left, and what no torque shows."""
+    why, proof = of.attribution, of.proof
     if why.before.scaled <= SAME:
-        return f"{_listed(rows)}; {_unseen(found, why.before.scaled, both)}."
-    if not why.steps:
-        rest = f" {_listed(rows)}." if found else ""
-        return f"Torques differ by {_largest(why.before)}, which {unexplained}.{rest}"
-    numbers = list(dict.fromkeys(number for step in why.steps for number in step.hypothesis.differences))
-    named = distinct(found[number] for number in numbers)
-    many = len(named) > _NAMED
-    seen = _causes(of, found, {*numbers})
-    causes = _listed(seen)
-    slips = [] if many else [slip for step in why.steps for slip in step.hypothesis.slips[:1]]
-    slip = f" ({_listed(slips)})" if slips else ""
-    alike = [other.name for step in why.steps for other in step.alike]
-    doubt = f", as would {_listed(alike)}" if alike else ""
-    several, share = len(seen) > 1, why.share
-    beside = distinct(each for i, each in enumerate(found) if i not in numbers) if why.complete else []
+        return [f"{_capital(_unseen(found, why.before.scaled, both))}."]
+    if not why.seen:
+        said = "there was no time to explain" if late else "nothing that the two say explains"
+        return [f"Torques differ by {_largest(why.before)}, which {said}.", *([_as_growth(of)] if of.growth else [])]
+    many = sum({*cause.differences} & {*why.seen} != set() for cause in why.causes) > 1
+    share = 1.0 if proof is not None and proof.agrees else why.share
+    explains = f"{'Together they explain' if many else 'It explains'} {_percent(share)} of the torque difference"
+    beside = distinct(each for i, each in enumerate(found) if i not in why.seen and each.what not in MISSING)
     apart = sum(each.what in APART for each in beside)
-    others, more = len(beside) - apart, ""
+    others, more = len(beside) - apart, list[str]()
     if others:
-        more = f" {others} other difference{'s' if others > 1 else ''} no torque{_of_tree(found, numbers)} shows."
+        which = f"other difference{'s' * (others > 1)}"
+        more.append(f"{others} {which} no torque{_of_tree(found, why.seen)} shows.")
     if apart:
-        more += f" {apart} other difference{'s are' if apart > 1 else ' is'} in forces that these torques leave out."
-    if not why.complete and proof is not None and proof.agrees:
-        # one by one they do not get there, all at once they do
-        causes, share, several, slip, doubt = _listed(rows), 1.0, True, "", ""
-    verb = "together explain" if several else "explains"
-    return f"{causes}{slip}; {verb} {_percent(share)} of the torque difference{doubt}; {_left(why, proof)}.{more}"
+        which = f"other difference{'s are' if apart > 1 else ' is'}"
+        more.append(f"{apart} {which} in forces that these torques leave out.")
+    return [f"{explains}; {_left(why, proof)}.", *more]
 
 
-def _causes(why: Explanation, found: Sequence[Difference], numbers: Collection[int] | None = None) -> list[str]:
-    """Sentences of causes, the one with the largest share first.
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
-    Args:
-        numbers: Of the differences that are meant; all by default.
-    """
-    if not why.causes:
-        some = found if numbers is None else [found[number] for number in numbers]
-        return _largest_first(some)
-    meant = [each for each in why.causes if numbers is None or {*each.differences} & {*numbers}]
-    return list(dict.fromkeys(each.sentence for each in meant))
+
+def _as_growth(why: Explanation) -> str:
+    return f"{_capital(why.growth.sentence)}." if why.growth else ""
 
 
 def _of_tree(found: Sequence[Difference], seen: Sequence[int]) -> str:
@@ -234,10 +259,6 @@ def _unseen(found: Sequence[Difference], off: float, both: Together | None) -> s
     which = "it" if all(closed) else "what differs in closures and couplings"
     rest = "" if all(closed) else f", and no torque shows the rest ({off:.1g})"
     return f"torques are compared of the open tree, which cannot show {which}{rest}"
-
-
-def _largest_first(found: Iterable[Difference]) -> list[str]:
-    return [each.sentence for each in sorted_by_size(distinct(found))]
 
 
 def _left(why: Attribution, proof: Backfill | None) -> str:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.models.placement import adjoint, quaternion_rotation
+from screwgauge.models.placement import adjoint
 from screwgauge.models.readings.reading import FREEDOMS
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, quaternion_rotation
 
 
 @dataclass(frozen=True, slots=True, eq=False)

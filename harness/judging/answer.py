@@ -8,14 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.judging.kinetics import Motions, walk
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Rows, States
 from screwgauge.quantities import FLOOR, SOLVED, arm, natural_scales
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.graph import Layout, spanning_tree
+from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values
+from screwgauge.witness.joints import MechanismTree, mechanism_tree
+from screwgauge.witness.kinematics import TreeMotion, move
+from screwgauge.witness.tree import TreeStates
 
 Row = dict[str, Any]
 COLUMNS = [
@@ -36,7 +38,7 @@ class Answer:
         values: Quantity -> values.
         work: What motors, loads and dampers have put in [J], shape (n,); None if it is not known.
         joints: All joint coordinates and two derivatives; those that it lacks count as zero. Shape (3, n, n_q).
-        motions: What these make of the mechanism.
+        motion: What these make of the mechanism.
         scales: Natural scale of each unit.
         tolerance: Scaled residual up to which an equation holds.
         tolerances: Errors that the engine admits, see `Solution`.
@@ -47,12 +49,12 @@ class Answer:
     mechanism: Mechanism
     applied: Applied
     rule: str
-    tree: Layout
+    tree: MechanismTree
     t: Array
     values: Mapping[str, Values]
     work: Array | None
     joints: Array
-    motions: Motions
+    motion: TreeMotion
     scales: Mapping[str, float]
     tolerance: float
     tolerances: Mapping[str, Mapping[str, float]]
@@ -67,6 +69,11 @@ class Answer:
         """All joint coordinates [rad or m]. Shape (n, n_q)."""
         return np.asarray(self.joints[0])
 
+    @property
+    def states(self) -> TreeStates:
+        """Joint coordinates and their derivatives."""
+        return TreeStates(*self.joints)
+
     def has(self, *quantities: str) -> bool:
         """Whether it has all of these quantities."""
         return set(quantities) <= set(self.values)
@@ -80,7 +87,7 @@ class Answer:
 
     def moving(self, joints: Array) -> Answer:
         """The same with other joint coordinates and derivatives. Shape (3, n, n_q)."""
-        return replace(self, joints=joints, motions=walk(self.mechanism, self.tree, *joints))
+        return replace(self, joints=joints, motion=move(self.tree, TreeStates(*joints)))
 
     def residual(
         self, name: str, unit: str, components: Sequence[str], missing: Array, size: float | Array, of: Sequence[str]
@@ -128,7 +135,8 @@ def answer_at(
 ) -> Answer:
     """The answer at some samples. Its joint positions, or else its assembly, have to be known."""
     values = {name: values.at(rows) for name, values in solution.values.items()}
-    tree, scales = spanning_tree(mechanism), natural_scales(mechanism)
+    scales = natural_scales(mechanism)
+    tree = mechanism_tree(mechanism, spanning_tree(mechanism), scales["m"])
     joints = np.zeros((3, len(rows), len(mechanism.coordinates)))
     if solution.assembly is not None:
         joints[0] = solution.assembly[rows]
@@ -145,7 +153,7 @@ def answer_at(
         values=values,
         work=None if solution.work is None else solution.work[rows],
         joints=joints,
-        motions=walk(mechanism, tree, *joints),
+        motion=move(tree, TreeStates(*joints)),
         scales={**scales, "J": scales["N m"]},
         tolerance=tolerance,
         tolerances=solution.tolerances,

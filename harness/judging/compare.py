@@ -66,33 +66,26 @@ def compare(
         having = [solution for solution in ordered if quantity in solution.values]
         rules = _rules(quantity, problem.rule, mobility)
         for a, b in combinations(having, 2):
+            if not _comparable(quantity, a, b):
+                continue
             names, others = (one.values[quantity].components for one in (a, b))
-            tree, shared = quantity.startswith("tree_force"), {*names} & {*others}
-            if tree and ({*names} < {*others} or {*others} < {*names}):
-                continue  # joint forces of an open tree have a meaning only for that tree: other cuts have others
-            if not tree and not shared:
-                continue  # two tables of other parts of a quantity; an engine has all of it
-            differ = "the components differ" if tree and names != others else ""
+            differ = "the components differ" if names != others and quantity.startswith("tree_force") else ""
             lost = apart.get(frozenset((a.engine, b.engine)), differ)
             if lost or not common_rows(len(t), a, b).size:
                 row = nothing(quantity, a.engine, b.engine, lost or "no sample in common", tolerance_of(quantity))
                 pairs.append({**row, "worst_component": min({*names} ^ {*others}, default="")})
                 continue
             # measured by the first engine of the run that has these components: one scale for all pairs
-            reference = next(v for s in having if {*(v := s.values[quantity]).components} >= shared)
+            reference = next(v for s in having if {*(v := s.values[quantity]).components} >= {*names} & {*others})
             for unit in dict.fromkeys(reference.units):
-                scale = reference_scale(reference, unit, scales[unit])
-                limit, why = _limit(quantity, unit, (a, b), scale, tolerance_of(quantity))
-                limits = np.maximum(limit, _conditioned(quantity, (a, b), tolerance_of(quantity), len(t)))
+                scale, asked = reference_scale(reference, unit, scales[unit]), tolerance_of(quantity)
+                limit, why = _limit(quantity, unit, (a, b), scale, asked)
+                limits = np.maximum(limit, _conditioned(quantity, (a, b), asked, len(t)))
                 grown = left(quantity, unit, (a, b), scale, binding=quantity in binding)
                 rows = [_held(row, rules) for row in _components(quantity, unit, a, b, t, limits, grown)]
                 errors += rows
                 if compared := [row for row in rows if row["ok"] is not pd.NA]:
-                    row = _pair(compared)
-                    within = f"within {row['tolerance']:.2g}, rounding times the condition there"
-                    if row["ok"] and row["max_scaled"] > tolerance_of(quantity):
-                        row["reason"] = row["integration"] or (within if row["max_scaled"] > limit else why)
-                    pairs.append(_explained(row, a, b, refusals))
+                    pairs.append(_explained(_within(_pair(compared), asked, limit, why), a, b, refusals))
     for solution in solutions.values():
         for failure in failures.values():
             for name in solution.values:
@@ -100,6 +93,21 @@ def compare(
     # of what has no unique value nothing is said, neither true nor false
     found = pd.DataFrame(errors, columns=ERROR_COLUMNS).astype({"ok": "boolean", "tolerance": float})
     return found, pd.DataFrame(pairs, columns=PAIR_COLUMNS)
+
+
+def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
+    """Whether a quantity of two solutions is one: joint forces of an open tree have a meaning only for that tree, and
+    of another quantity both may have other parts."""
+    names, others = ({*one.values[quantity].components} for one in (a, b))
+    return not (names < others or others < names) if quantity.startswith("tree_force") else bool(names & others)
+
+
+def _within(row: Row, asked: float, limit: float, why: str) -> Row:
+    """A pair that agrees by more than what was asked for, with the reason."""
+    if row["ok"] and row["max_scaled"] > asked:
+        conditioned = f"within {row['tolerance']:.2g}, rounding times the condition there"
+        row["reason"] = row["integration"] or (conditioned if row["max_scaled"] > limit else why)
+    return row
 
 
 def reference_scale(values: Values, unit: str, natural: float) -> float:

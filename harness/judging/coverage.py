@@ -13,8 +13,7 @@ import numpy as np
 
 from screwgauge.judging.answer import Row, largest
 from screwgauge.judging.assembly import assembly_of
-from screwgauge.judging.regressor import BRACKET, moved, parameters, terms
-from screwgauge.judging.visible import Visible
+from screwgauge.judging.identifiability import BRACKET, Visible, moved, parameters, terms
 from screwgauge.problem import GivenMotion, Problem
 from screwgauge.quantities import FLOOR, natural_scales
 from screwgauge.reference.closed_motion import ClosedMotion

@@ -8,17 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from screwgauge.judging import balance, redundant
-from screwgauge.judging.allowed import Allowed, allowed_motions, completed
+from screwgauge.judging import residuals
 from screwgauge.judging.answer import COLUMNS, Answer, Row, answer_at, largest, timed
-from screwgauge.judging.coupled import coupled, coupling_residual
-from screwgauge.judging.energy import energy_balance
-from screwgauge.judging.open_tree import TREE_FORCES, tree_forces
 from screwgauge.judging.refusals import Refusal
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import QUANTITIES, SOLVED, arm, integrated_tolerance
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.solution import Solution, common_rows
+from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
 
 MOST = 201  # samples of what takes a walk for every joint coordinate, or has to be solved for
 _MOTION = ("joint_velocity", "joint_acceleration")
@@ -74,11 +71,11 @@ def judge(
         whole, some = (answer_at(mechanism, problem, solution, part, tolerance) for part in (rows, rows[few]))
         table = [*closure(whole)]
         if whole.has(*_MOTION):
-            table += balance.virtual_work(some, allowed_motions(some), *balance.required_wrenches(some))
+            table += residuals.virtual_work(some, admitted_by(some), *residuals.required_wrenches(some))
         grown = integrated_tolerance(task.integration.rtol, task.integration.atol)
         as_far = [one for one in again if np.isin(rows, common_rows(len(task), one)).all()]
         others = [answer_at(mechanism, problem, one, rows, tolerance) for one in as_far]
-        table += energy_balance(replace(whole, tolerance=grown), others)
+        table += residuals.energy_balance(replace(whole, tolerance=grown), others)
     return pd.DataFrame(table, columns=COLUMNS)
 
 
@@ -89,34 +86,34 @@ def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Iterator[Row]:
         whole, some: The answer at all samples and at a few. The first is judged if it has what is needed.
         motion: What was asked at these few.
     """
-    tree, forces = (any(some.has(name) for name in names) for names in (TREE_FORCES, _FORCES))
+    tree, forces = (any(some.has(name) for name in names) for names in (residuals.TREE_FORCES, _FORCES))
     lacking = not some.has(*_MOTION)
-    if lacking or tree or forces:
-        allowed = allowed_motions(some)
+    if lacking or forces:
+        admissible = admitted_by(some)
     if lacking:
-        whole = some = completed(some, allowed, motion)
+        whole = some = completed(some, admissible, motion)
         if not some.has("joint_velocity"):
             yield from closure(some, motion, [2])
     yield from body_motions(whole)
     if forces:
-        yield from _forces(whole, some, allowed)
+        yield from _forces(whole, some, admissible)
     if tree:
-        yield from tree_forces(some, allowed)
+        yield from residuals.tree_forces(some)
 
 
-def _forces(whole: Answer, some: Answer, allowed: Allowed) -> Iterator[Row]:
+def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Iterator[Row]:
     """Residuals of forces of the closed mechanism; where some of them were not asked for, of a few samples."""
-    required = balance.required_wrenches(some)
-    full = redundant.balanced(some, required[0])
-    every, needed = (whole, balance.required_wrenches(whole)) if some.has("actuator_force") else (full, required)
+    required = residuals.required_wrenches(some)
+    full = residuals.balanced(some, required[0])
+    every, needed = (whole, residuals.required_wrenches(whole)) if some.has("actuator_force") else (full, required)
     if some.has("reaction"):
-        yield from balance.newton_euler(every, *needed)
+        yield from residuals.newton_euler(every, *needed)
     if some.has("actuator_force"):
-        yield from balance.power_balance(every, needed[0])
+        yield from residuals.power_balance(every, needed[0])
     if full.has("actuator_force"):
-        yield from redundant.force_rule(full, allowed)
+        yield from residuals.force_rule(full, admissible)
     if some.has("actuator_force") or some.has("generalized_force"):
-        yield from balance.virtual_work(some, allowed, *required)
+        yield from residuals.virtual_work(some, admissible, *required)
 
 
 def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[int] = range(3)) -> Iterator[Row]:
@@ -127,20 +124,22 @@ def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[i
         orders: Of the derivatives, as far as the answer has them.
     """
     mechanism = answer.mechanism
-    names = [f"{joint.name}.{axis}" for joint in answer.tree.cuts for axis in "xyz"]
-    tied = mechanism.columns(coupled(mechanism))
+    names = [f"{joint}.{axis}" for joint in answer.tree.closures for axis in "xyz"]
+    tied = [one.column for one in answer.tree.couplings.values()]
     given = () if asked is None else (asked.y, asked.yd, asked.ydd)
     for order in orders:
         name, quantity, per = _CLOSURE[order]
         if order and not answer.has(quantity):
             continue
-        values, missing = answer.joints[order], answer.motions.closure_residual(order)
+        values, gaps = answer.joints[order], residual(answer.tree, answer.states, answer.motion, order)
+        loops, coupled = np.split(gaps, [6 * len(answer.tree.closures)], axis=1)
+        missing = loops.reshape(len(loops), -1, 2, 3)
         for part, unit in enumerate((f"rad{per}", f"m{per}")):
             components, columns = [*names], [missing[:, :, part].reshape(len(missing), -1)]
             for k, (coupling, column) in enumerate(zip(mechanism.couplings, tied, strict=True)):
                 if f"{mechanism.units[column]}{per}" == unit:
                     components.append(f"{coupling.name}.coupling")
-                    columns.append(coupling_residual(mechanism, answer.joints, order)[:, [k]])
+                    columns.append(coupled[:, [k]])
             for k, (label, column) in enumerate(zip(mechanism.independent, mechanism.independent_columns, strict=True)):
                 if given and f"{mechanism.units[column]}{per}" == unit:
                     components.append(f"{label} as asked")
@@ -160,10 +159,28 @@ def _largest(answer: Answer, order: int, unit: str) -> float:
 
 def body_motions(answer: Answer) -> Iterator[Row]:
     """Reported motions of the bodies less those that follow from the joint coordinates."""
-    for quantity in balance.BODY_MOTION:
+    for quantity in residuals.BODY_MOTION:
         if answer.has(quantity):
             values = answer.values[quantity]
-            walked = balance.walked(answer, quantity).reshape(values.array.shape)
+            walked = residuals.body_motion(answer, quantity).reshape(values.array.shape)
             missing, size = values.array - walked, largest(values.array)
             about = (quantity, *_MOTION)
             yield answer.residual("body_motion", values.units[0], values.components, missing, size, about)
+
+
+def admitted_by(answer: Answer) -> AdmissibleMotion:
+    """The motions that the loops admit at the poses of an answer."""
+    mechanism = answer.mechanism
+    return admissible_motion(answer.motion, answer.q, mechanism.units, mechanism.independent_columns)
+
+
+def completed(answer: Answer, admissible: AdmissibleMotion, asked: GivenMotion) -> Answer:
+    """The answer with the joint velocities and accelerations that it lacks, as its poses and the motion have them."""
+    joints = answer.joints.copy()
+    if not answer.has("joint_velocity"):
+        joints[1] = admissible.joints(asked.yd)
+    if not answer.has("joint_acceleration"):
+        joints[2] = 0.0
+        still = answer.moving(joints)
+        joints[2] = admissible.joints(asked.ydd, residual(still.tree, still.states, still.motion, 2))
+    return answer.moving(joints)

@@ -87,6 +87,7 @@ class Picture:
         chart: The same to zoom and ask, as JSON of Vega-Lite; empty if there is none.
         stage: The same in space, as JSON of what ``stage.js`` draws; empty if there is none.
         lost: Why it could not be drawn; empty if it was.
+        of: Quantity that it shows; empty if it shows something else.
     """
 
     name: str
@@ -95,6 +96,7 @@ class Picture:
     chart: str = ""
     stage: str = ""
     lost: str = ""
+    of: str = ""
 
     def __post_init__(self) -> None:
         for part in ("svg", "chart", "stage"):

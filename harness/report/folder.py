@@ -20,7 +20,7 @@ SAMPLES = "samples.parquet"
 _ELSEWHERE = "move it, or choose another folder with --out"
 PAGES = ("report.md", "report.html")
 #: Grow before there is a report; who adds to them looks whose they are.
-WORKING = ("matrix.csv", "bench.partial.jsonl", "check.partial.jsonl")
+WORKING = ("matrix.csv", *(f"{name}.partial.jsonl" for name in ("bench", "check", "matrix", "stress")))
 
 
 def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False) -> None:

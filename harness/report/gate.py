@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +15,17 @@ from screwgauge.environment import json_text
 from screwgauge.reference.errors import first_few, printable
 from screwgauge.report.blocks import Banner, Heading
 from screwgauge.report.formatting import beyond, digits_text, number, size, unit_text
+from screwgauge.report.html import fragment
 from screwgauge.report.layout import Report
 from screwgauge.report.markdown import markdown
 from screwgauge.report.terminal import terminal
 from screwgauge.report.verdict import verdict
-from screwgauge.study.apart import Limits
 from screwgauge.study.comparison import Comparison
+from screwgauge.study.executors import Executor
 from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
 from screwgauge.study.gate.items import items, read_tolerances, unread
-from screwgauge.study.gate.measure import Settings
-from screwgauge.study.gate.row import EXIT, JUDGE, Row
+from screwgauge.study.gate.measure import GateSettings
+from screwgauge.study.gate.row import EXIT, JUDGE, GateRow
 from screwgauge.study.gate.run import check_items
 
 SCHEMA = 1  #: Of the JSON.
@@ -42,12 +44,14 @@ class Check:
         smoke: Whether a few samples were looked at only.
         against: What has become of a known state; None without a baseline.
         unread: Descriptions, scenes and models in the folders that were named, of which nothing was read.
+        date: When it was made, ISO 8601 in UTC.
     """
 
-    rows: Sequence[Row]
+    rows: Sequence[GateRow]
     smoke: bool = False
     against: Against | None = None
     unread: Sequence[str] = ()
+    date: str = ""
 
     @property
     def ok(self) -> bool:
@@ -55,7 +59,7 @@ class Check:
         return self.exit_status == 0
 
     def __bool__(self) -> bool:
-        """So that an assertion of it alone says what it seems to."""
+        """Truthiness: ``assert check`` passes only if the check is ok."""
         return self.ok
 
     @property
@@ -88,6 +92,9 @@ class Check:
 
     def __repr__(self) -> str:
         return terminal(PAGE.terminal(self))
+
+    def _repr_html_(self) -> str:
+        return fragment(PAGE.terminal(self))
 
     def markdown(self) -> str:
         """The summary of a job."""
@@ -164,10 +171,10 @@ def _banner(found: Check) -> Banner:
 
 def _left_alone(found: Check) -> str:
     """Which files of the folders were not read."""
-    return f"Not read, as no scene names them: {first_few(found.unread, SHOWN)}." if found.unread else ""
+    return f"Not read, because no scene names them: {first_few(found.unread, SHOWN)}." if found.unread else ""
 
 
-def _lines(rows: Iterable[Row]) -> list[dict[str, Any]]:
+def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
     """What tables say of rows: status and worst error."""
     nothing = dict.fromkeys(("quantity", "error", "digits", "tolerance", "reason"))
     lines = []
@@ -182,6 +189,24 @@ def _nearest(found: Check) -> list[dict[str, Any]]:
     """The three that come nearest to their tolerance, or are farthest beyond it."""
     sized = [(beyond(row.worst.error, row.worst.tolerance), row) for row in found.rows if row.worst is not None]
     return _lines(row for _, row in sorted(sized, key=lambda pair: pair[0], reverse=True)[:3])
+
+
+def _about(found: Check) -> dict[str, Any]:
+    """Facts of the first screen: how much was checked, by which engines, from which files and when."""
+    engines = dict.fromkeys(f"{name} {version}".strip() for row in found.rows for name, version in row.versions.items())
+    files = [f"{name} (SHA-256 {digest.removeprefix('SHA-256 ')[:8]})" for name, digest in _files(found).items()]
+    return {
+        "scenes and pairs": len(found.rows),
+        "motion": "a few samples of an exciting one" if found.smoke else "its own",
+        "engines": ", ".join(engines),
+        "files": first_few(files, SHOWN) + (", see Environment" if len(files) > SHOWN else ""),
+        "date": found.date,
+    }
+
+
+def _files(found: Check) -> dict[str, str]:
+    """Whose file -> its hash."""
+    return {f"{row.scene}: {of}": f"SHA-256 {digest}" for row in found.rows for of, digest in row.files.items()}
 
 
 def _tolerances(found: Check) -> list[str]:
@@ -200,10 +225,8 @@ PAGE = Report(
     values={
         "title": lambda found: "Check",
         "nearest": _nearest,
-        "about": lambda found: {
-            "scenes and pairs": len(found.rows),
-            "motion": "a few samples of an exciting one" if found.smoke else "its own",
-        },
+        "about": _about,
+        "files": _files,
         "rows": lambda found: _lines(sorted(found.rows, key=lambda row: row.ok)),
         "tolerances": _tolerances,
         "unread": lambda found: [*found.unread],
@@ -212,7 +235,7 @@ PAGE = Report(
 )
 
 
-def message(row: Row) -> str:
+def message(row: GateRow) -> str:
     """What was found of a row: quantity, component, time, both values and tolerance of the worst, then the cause."""
     worst, unread = row.worst, "".join(f" {text}." for text in row.unread)
     if worst is None or worst.ok:
@@ -234,37 +257,24 @@ def told(results: Comparison) -> str:
     return f"{found.word}: {found.text}"
 
 
-def check(
-    *what: str | Path,
+def check_with(
+    execute: Executor,
+    what: Sequence[str | Path],
+    *,
     smoke: bool = False,
     tolerances: str | Path | Mapping[str, float] | None = None,
     baseline: str | Path | None = None,
-    jobs: int = 1,
-    limits: Limits | None = None,
     progress: Callable[[str, float], None] = lambda step, share: None,
     journal: Path | None = None,
 ) -> Check:
-    """Compares engines on scenes, or pairs of model files, with tolerances.
-
-    Args:
-        what: Built-in scenes, files, folders of TOML; two model files are a pair. All built-in scenes by default.
-        smoke: A few samples of an exciting motion in place of a scene's own.
-        tolerances: Quantity -> scaled error that is admitted, or a TOML file of them; scenes' own come first.
-        baseline: File of a known state, whose errors must not have grown.
-        jobs: Processes at a time, if there are limits.
-        limits: What each scene may take in a process of its own; by default all are checked in this process.
-        progress: Called as work goes on, with what is under way and the share of all that is done.
-        journal: File from which an interrupted check goes on.
-
-    Raises:
-        ScrewgaugeError: Bad input. What is wrong with one scene is no error but a row.
-    """
+    """What `screwgauge.check` does, wherever scenes are to be checked."""
     asked = items(what)
-    settings = Settings(told, smoke, read_tolerances(tolerances))
+    settings = GateSettings(told, smoke, read_tolerances(tolerances))
     if baseline is not None:
         read_baseline(Path(baseline), smoke, [item.name for item in asked])
-    rows = check_items(asked, settings, jobs=jobs, limits=limits, progress=progress, journal=journal)
+    rows = check_items(asked, settings, execute=execute, progress=progress, journal=journal)
     beside = [name for name in (tolerances, baseline) if isinstance(name, str | Path)]
     read = [*(name for row in rows for name in row.read), *(name for item in asked for name in item.files)]
     left = unread(what, [*read, *map(str, beside)])
-    return Check(rows, smoke, None if baseline is None else against(Path(baseline), rows, smoke), left)
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    return Check(rows, smoke, None if baseline is None else against(Path(baseline), rows, smoke), left, date)

@@ -102,10 +102,8 @@ def _block(block: Block) -> str:
         case b.Banner(text, word, status):
             lead = f"<strong>{_text(word)}</strong> " if word else ""
             return f'<div class="banner {status}">{lead}{_text(text)}</div>'
-        case b.Front(inside):
-            return _front(inside)
-        case b.Appendix(inside):
-            return _folded_sections(fragment(inside))
+        case b.Front() | b.Appendix() | b.Folded():
+            return _room(block)
         case b.Glossary(entries):
             terms = (f'<dt id="word-{file_name(x)}">{_text(x)}</dt><dd>{_text(y)}</dd>' for x, y in entries)
             return f"<dl>{''.join(terms)}</dl>"
@@ -115,6 +113,15 @@ def _block(block: Block) -> str:
             return _table(block)
         case b.Picture():
             return f"<figure>{_inline(block)}</figure>"
+
+
+def _room(block: b.Front | b.Appendix | b.Folded) -> str:
+    """Blocks that have others inside."""
+    match block:
+        case b.Front(inside):
+            return _front(inside)
+        case b.Appendix(inside):
+            return _folded_sections(fragment(inside))
         case b.Folded(title, inside, note):
             lead = f"<b>{_text(title)}</b><span>{_text(note)}</span>" if note else _text(title)
             return f"<details>\n<summary>{lead}</summary>\n{fragment(inside)}\n</details>"

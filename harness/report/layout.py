@@ -138,7 +138,7 @@ class Report:
         blocks += (block for title, text in sections if title != TERMINAL for block in filled.section(title, text))
         last = [block for title, text in appendix for block in filled.section(title, text)]
         words = _used(markdown([*blocks, *last]))
-        last += [Heading("Words"), Glossary(words)] if words else []
+        last += [Heading("Glossary"), Glossary(words)] if words else []
         return changed([*blocks, Appendix(tuple(last))], told)
 
     def terminal(self, found: Any) -> list[Block]:

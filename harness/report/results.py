@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable
-from dataclasses import fields
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from screwgauge.reference.errors import OutputError, UnknownNameError
 from screwgauge.report.blocks import Picture
-from screwgauge.report.folder import write_files
 from screwgauge.report.html import fragment, page
 from screwgauge.report.lock import locked
 from screwgauge.report.pages import run as run_page
-from screwgauge.report.terminal import terminal
-from screwgauge.scene.scene import Scene
-from screwgauge.study import run as study
+from screwgauge.report.terminal import screenful
+from screwgauge.report.write import save_page
 from screwgauge.study.comparison import Comparison
-
-if TYPE_CHECKING:
-    from screwgauge.study.apart import Limits
-
-LINES = 24  # of one screen
 
 
 class Results(Comparison):
-    """A comparison with its report."""
+    """A comparison with its report; a notebook shows it."""
 
     __slots__ = ()
 
@@ -54,32 +45,51 @@ class Results(Comparison):
         """The pictures of the report; a notebook shows them."""
         return Pictures(run_page.pictures(self))
 
+    def frame(self, quantity: str) -> pd.DataFrame:
+        """A quantity over time as all engines give it: index t [s], columns engine and component.
+
+        Raises:
+            UnknownNameError: No engine has it; it lists those that there are.
+        """
+        if not (having := self._having(quantity)):
+            raise UnknownNameError("quantity", quantity, {*chain(*(s.values for s in self.solutions.values()))})
+        values = {solution.engine: solution.values[quantity] for solution in having}
+        columns = [(engine, component) for engine, each in values.items() for component in each.components]
+        return pd.DataFrame(
+            np.hstack([each.array for each in values.values()]),
+            index=pd.Index(self.times, name="t"),
+            columns=pd.MultiIndex.from_tuples(columns, names=["engine", "component"]),
+        )
+
     def figure(self, name: str) -> Pictures:
-        """Those of `plot` that have a name, or all whose names end with it: ``actuator-force``.
+        """Those of `plot` that show a quantity, such as ``actuator_force``, or have a name, such as ``mechanism``.
 
         Raises:
             UnknownNameError: None has; it lists the names there are.
         """
         every = self.plot()
-        found = [picture for picture in every if picture.name == name or picture.name.partition("-")[2] == name]
+        found = [picture for picture in every if name in (picture.of, picture.name, picture.name.partition("-")[2])]
         if not found:
             raise UnknownNameError("figure", name, [picture.name for picture in every])
         return Pictures(found)
 
-    def to_html(self, path: str | Path) -> Path:
-        """Writes the report as one page that opens offline.
+    def to_html(self, path: str | Path | None = None) -> str | Path:
+        """The report as one page that opens offline.
+
+        Args:
+            path: File that it is written to.
+
+        Returns:
+            The path, or the text of the page without one.
 
         Raises:
             OutputError: The file cannot be written.
         """
-        if os.path.isdir(path := Path(path)):
-            raise OutputError("is a folder", str(path), "name a file, such as report.html, or use `write`")
-        write_files(path.parent, {path.name: page(run_page.report(self, self.plot()))})
-        return path
+        text = page(run_page.report(self, self.plot()))
+        return text if path is None else save_page(Path(path), text)
 
     def __repr__(self) -> str:
-        lines = terminal(run_page.terminal(self, judge=False)).splitlines()
-        return "\n".join(lines if len(lines) <= LINES else [*lines[: LINES - 1], "... `write` leaves the whole report"])
+        return screenful(run_page.terminal(self, judge=False))
 
     def _repr_html_(self) -> str:
         return fragment(run_page.terminal(self, judge=False))
@@ -93,32 +103,3 @@ class Pictures(list[Picture]):
 
     def _repr_html_(self) -> str:
         return fragment(self)
-
-
-def run(
-    scene: Scene,
-    engines: Iterable[str] | None = None,
-    quantities: Iterable[str] | None = None,
-    *,
-    progress: Callable[[str, float], None] = lambda step, share: None,
-    warn: Callable[[str], None] = lambda sentence: None,
-    limits: Limits | None = None,
-) -> Results:
-    """Compares engines on a scene: each reads its own model file and answers alone; all pairs, and a judge for each.
-
-    Args:
-        engines: Names; those of the scene by default.
-        quantities: Names; those of the scene by default. Nothing else is computed.
-        progress: Called as work goes on, with the name of a step and the share of it that is done, 0 to 1.
-        warn: Called with a sentence on what may take long or go wrong, before it begins.
-
-        limits: What each engine may take in a process of its own, as on the command line: one that crashes or hangs is
-            a row, too. By default engines run in this process, where a small scene takes less time than to start others
-            and a debugger sees all.
-
-    Raises:
-        ScrewgaugeError: Bad input. An engine that fails is no error but a row of the results.
-    """
-    with np.errstate(all="ignore"):  # what is not a number is a row with its reason
-        found = study.run(scene, engines, quantities, progress=progress, warn=warn, limits=limits)
-    return Results(**{item.name: getattr(found, item.name) for item in fields(found)})

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import zip_longest
 
 from screwgauge.report import blocks as b
 from screwgauge.report.blocks import Block, plain
 
 COLUMNS = 100
+LINES = 24  # of one screen
+NARROW = 12  # a column of text is made no narrower, nor than its longest word
 
 
 def terminal(blocks: Iterable[Block]) -> str:
     """The text, with an empty line between blocks; plots are left out."""
     parts = (_lines(block) for block in blocks)
-    return "\n\n".join("\n".join(map(_cut, lines)) for lines in parts if lines)
+    return "\n\n".join("\n".join(map(str.rstrip, lines)) for lines in parts if lines)
+
+
+def screenful(blocks: Iterable[Block]) -> str:
+    """As much of the text as a screen shows."""
+    lines = terminal(blocks).splitlines()
+    return "\n".join(lines if len(lines) <= LINES else [*lines[: LINES - 1], "... `write` leaves the whole report"])
 
 
 def _lines(block: Block) -> list[str]:
@@ -35,13 +44,33 @@ def _lines(block: Block) -> list[str]:
             return []
 
 
-def _cut(line: str) -> str:
-    line = line.rstrip()
-    return line if len(line) <= COLUMNS else f"{line[: COLUMNS - 4]} ..."
-
-
 def _table(lines: list[list[str]], block: b.Table) -> list[str]:
-    """Columns side by side, numbers at their right ends."""
-    right, widths = block.right, [max(map(len, column)) for column in zip(*lines, strict=True)]
-    forms = [f"{'>' if i in right else '<'}{width}" for i, width in enumerate(widths)]
-    return ["  ".join(map(format, line, forms)) for line in lines]
+    """Columns side by side, numbers at their right ends. Text that is too wide is wrapped between words; columns for
+    which there is no room even so are left out, and named."""
+    columns = dict(enumerate(zip(*lines, strict=True)))
+    left_out = list[str]()
+    while _excess(widths := _widths(columns, block)) > 0 and len(columns) > 1:
+        left_out.insert(0, columns.pop(max(columns))[0])
+    shown = [line for cells in lines for line in _wrapped(cells, widths, block)]
+    return shown + (textwrap.wrap(f"(in the report only: {', '.join(left_out)})", COLUMNS) if left_out else [])
+
+
+def _excess(widths: Mapping[int, int]) -> int:
+    """Signs by which a line is too long."""
+    return sum(widths.values()) + 2 * (len(widths) - 1) - COLUMNS
+
+
+def _widths(columns: Mapping[int, Sequence[str]], block: b.Table) -> dict[int, int]:
+    """Widths of columns; where a line would be too long, the widest ones of text give way."""
+    widths = {i: max(map(len, cells)) for i, cells in columns.items()}
+    for i in sorted({*columns} - block.right, key=widths.__getitem__, reverse=True):
+        least = max(NARROW, *(len(word) for cell in columns[i] for word in cell.split()))
+        widths[i] -= max(0, min(_excess(widths), widths[i] - least))
+    return widths
+
+
+def _wrapped(cells: Sequence[str], widths: Mapping[int, int], block: b.Table) -> list[str]:
+    """The lines of one line of a table."""
+    columns = [textwrap.wrap(cells[i], max(width, 1), break_on_hyphens=False) or [""] for i, width in widths.items()]
+    forms = [f"{'>' if i in block.right else '<'}{width}" for i, width in widths.items()]
+    return ["  ".join(map(format, line, forms)) for line in zip_longest(*columns, fillvalue="")]

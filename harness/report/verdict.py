@@ -1,4 +1,4 @@
-"""The verdict of a run in one sentence, and the first difference."""
+"""The verdict of a run: a headline of one sentence, remarks, and the first difference."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from screwgauge.judging.integration import WITHIN
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import first_few
-from screwgauge.report.blocks import Banner
+from screwgauge.report.blocks import Banner, Status
 from screwgauge.report.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.question import DOUBTS
+from screwgauge.study.methods import DOUBTS
 
 
 def compared(results: Comparison) -> list[Row]:
@@ -27,70 +27,80 @@ def first_difference(results: Comparison) -> Row | None:
 
 
 def verdict(results: Comparison) -> Banner:
-    """What a run found, worst news first."""
+    """Headline and remarks in one text."""
+    headline, remarks = conclusion(results)
+    return Banner(" ".join([headline.text, *remarks]), headline.word, headline.status)
+
+
+def conclusion(results: Comparison) -> tuple[Banner, list[str]]:
+    """The headline of a run in one sentence, worst news first, and what else has to be known, sentence by sentence."""
+    sentences, word, status = _conclusion(results)
+    return Banner(sentences[0], word, status), sentences[1:]
+
+
+def _conclusion(results: Comparison) -> tuple[list[str], str, Status]:
     refused = _refused(results)
     difference = _difference(results, beside=bool(refused))
-    fault = _fault(results, beside=bool(difference))
-    rest = " ".join(part for part in (refused, difference, fault) if part)
+    wrong = [*refused, *difference, *_fault(results, beside=bool(difference))]
     if results.failures:
         failed = "; ".join(f"{name}: {f.reason.rstrip('.')}" for name, f in results.failures.items())
         head = "An engine failed" if len(results.failures) == 1 else f"{len(results.failures)} engines failed"
-        return Banner(f"{head}: {failed}. {rest or _agreement(results)}", "✗ FAILED", "failed")
-    if rest:
-        word = "✗ DIFFER" if difference else "✗ NO NUMBER" if refused else "✗ OUT OF TOLERANCE"
-        return Banner(rest, word, "differ")
+        return [f"{head}: {failed}.", *(wrong or _agreement(results))], "✗ FAILED", "failed"
+    if wrong:
+        return wrong, "✗ DIFFER" if difference else "✗ NO NUMBER" if refused else "✗ OUT OF TOLERANCE", "differ"
+    agreement = _agreement(results)
     if not results.ok:
-        return Banner(_agreement(results), "✗ NOTHING COMPARED", "differ")
+        return agreement, "✗ NOTHING COMPARED", "differ"
     word = "✓ AGREE" if compared(results) else "✓ WITHIN TOLERANCE"
     warned = (text for solution in results.solutions.values() for text in solution.warnings)
     if doubts := [*dict.fromkeys(f"{text.rstrip('.')}." for text in (*results.doubts, *warned))]:
-        more = f" All {len(doubts)} are listed below." if len(doubts) > DOUBTS else ""
-        return Banner(f"{' '.join(doubts[:DOUBTS])}{more} {_agreement(results)}", f"{word}, but", "note")
-    return Banner(_agreement(results), word, "agree")
+        more = [f"All {len(doubts)} are listed below."] if len(doubts) > DOUBTS else []
+        return [*doubts[:DOUBTS], *more, *agreement], f"{word}, but", "note"
+    return agreement, word, "agree"
 
 
-def _refused(results: Comparison) -> str:
+def _refused(results: Comparison) -> list[str]:
     """Samples without numbers, those of the same kind named once."""
     said: dict[str, list[str]] = {}
     for one in results.refusals:
         said.setdefault(one.sentence, []).append(one.engine)
-    return " ".join(f"{listed(names)}: {sentence}." for sentence, names in said.items())
+    return [f"{listed(names)}: {sentence}." for sentence, names in said.items()]
 
 
-def _difference(results: Comparison, *, beside: bool) -> str:
+def _difference(results: Comparison, *, beside: bool) -> list[str]:
     """The first difference; `beside`: other than by missing numbers, which are explained already."""
     pairs = compared(results)
     bad = [row for row in pairs if not row["ok"] and not (beside and missing(row["max_scaled"]))]
     if not bad:
-        return ""
+        return []
     row = bad[0]
-    more = f" {len(bad)} of {len(pairs)} comparisons are out of tolerance." if len(bad) > 1 else ""
+    more = [f"{len(bad)} of {len(pairs)} comparisons are out of tolerance."] if len(bad) > 1 else []
     where = f"{row['quantity']}" + (f" at {row['worst_component']}" if row["worst_component"] else "")
     if missing(row["max_scaled"]):
         reason = str(row.get("reason") or "not a number").rstrip(".")
         if not row["b"]:  # an engine that stopped, and nobody beside it
-            return f"{reason}.{more}"
-        return f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).{more}"
+            return [f"{reason}.", *more]
+        return [f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).", *more]
     at = f" at t = {number(row['worst_t'])} s"
     differ = f"{row['a']} and {row['b']} differ: first in {where}, by {_amount(row)}{at}{_because(row)}."
-    return " ".join([f"{differ}{_otherwise(results, row['a'], row['b'])}{more}", *results.known])
+    return [differ, *_otherwise(results, row["a"], row["b"]), *more, *results.known]
 
 
-def _otherwise(results: Comparison, *engines: str) -> str:
-    """What the models of engines say otherwise than the description."""
+def _otherwise(results: Comparison, *engines: str) -> list[str]:
+    """Differences between the engines' model files and the description."""
     said = dict.fromkeys(text for name in engines for text in results.solutions[name].otherwise)
-    return f" The models differ, too: {first_few(said, DOUBTS, '; ')}." if said else ""
+    return [f"The models differ, too: {first_few(said, DOUBTS, '; ')}."] if said else []
 
 
-def _fault(results: Comparison, *, beside: bool) -> str:
+def _fault(results: Comparison, *, beside: bool) -> list[str]:
     """The first judge residual out of tolerance; `beside`: of a difference, which says how models differ."""
     bad = [row for row in rows(results.judge) if not row["ok"] and row["engine"] not in results.failures]
     if not bad:
-        return ""
+        return []
     row = bad[0]
     at = f" at {row['worst_component']}, t = {number(row['worst_t'])} s" if row.get("worst_component") else ""
     said = f"The judge faults {row['engine']}: {words(row['residual'])} residual {_amount(row)}{at}{_because(row)}."
-    return said if beside else f"{said}{_otherwise(results, row['engine'])}"
+    return [said] if beside else [said, *_otherwise(results, row["engine"])]
 
 
 def _amount(row: Row) -> str:
@@ -128,30 +138,27 @@ def not_unique(results: Comparison) -> Iterator[str]:
         yield f"{count} components of {quantity} have no unique value: they are not compared{others}."
 
 
-def _integrated(pairs: list[Row]) -> str:
+def _integrated(pairs: list[Row]) -> list[str]:
     """How many pairs agree within the error of integration only."""
     n = sum(row["reason"].startswith(WITHIN) for row in pairs)
-    said = f" {n} of them differ by more than their usual tolerance, but not by more than integration leaves."
-    return said if n else ""
+    sentence = f"{n} of them differ by more than their usual tolerance, but not by more than integration leaves."
+    return [sentence] if n else []
 
 
-def _agreement(results: Comparison) -> str:
+def _agreement(results: Comparison) -> list[str]:
     engines, pairs = list(results.solutions), compared(results)
     if not engines:
-        return "No engine ran."
+        return ["No engine ran."]
     if pairs:
-        unseen = " ".join(["", *not_unique(results), *_alone(results), *filter(None, [results.coverage.poor])])
+        untested = [*not_unique(results), *_alone(results), *filter(None, [results.coverage.poor])]
         # what is zero within rounding has no digits
         counted = [row for row in pairs if not row["reason"] or results.scene.simulated]
         least = min(counted or pairs, key=lambda row: digits(row["max_scaled"]))
         every = "the one comparison is" if len(pairs) == 1 else f"all {len(pairs)} comparisons are"
-        return (
-            f"{listed(engines)} agree: {every} within tolerance, "
-            f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']}).{_integrated(pairs)}"
-            f"{unseen}"
-        )
+        fewest = f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']})"
+        return [f"{listed(engines)} agree: {every} within tolerance, {fewest}.", *_integrated(pairs), *untested]
     residuals = "its residuals are" if len(engines) == 1 else "their residuals are"
     judged = f"{residuals} within tolerance" if len(results.judge) else "nothing was judged"
     if len(engines) == 1:
-        return f"Only {engines[0]} ran, so there is nothing to compare it with; {judged}."
-    return f"{listed(engines)} ran, but have no quantity in common: nothing was compared; {judged}."
+        return [f"Only {engines[0]} ran, so there is nothing to compare it with; {judged}."]
+    return [f"{listed(engines)} ran, but have no quantity in common: nothing was compared; {judged}."]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,7 @@ import pandas as pd
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError, ReportError
 from screwgauge.report.blocks import Block, Picture, changed, walk
-from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, put_files
+from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, put_files, write_files
 from screwgauge.report.formatting import free_name
 from screwgauge.report.html import page
 from screwgauge.report.manifest import written
@@ -71,6 +72,18 @@ def write_report(
         what = f"the report could not be made ({type(error).__name__}: {error})"
         raise ReportError(what, str(out), "its numbers are there; --debug shows where it broke") from error
     return out
+
+
+def save_page(path: Path, text: str) -> Path:
+    """Writes one page, whatever else is in its folder.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    if os.path.isdir(path):
+        raise OutputError("is a folder", str(path), "name a file, such as report.html, or use `write`")
+    write_files(path.parent, {path.name: text})
+    return path
 
 
 def _named(blocks: Iterable[Block], taken: set[str]) -> list[Block]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from screwgauge.scene.observables import Known, Observable, Published
 from screwgauge.scene.recorded import Recorded, merged
 
 RULES = ("min_norm", "spherical_axial")
+LINE = 85  #: Signs of a longer list, which is counted where a scene shows itself.
 DEFAULT_ENGINES = ("screw", "pinocchio", "mujoco")
 
 
@@ -70,6 +72,35 @@ class Scene:
     known: Known | None = None
     published: tuple[Published, ...] = ()
     tables: Mapping[str, Recorded] = field(default_factory=dict, repr=False)
+
+    def __repr__(self) -> str:
+        facts = self._facts
+        return "\n".join([f"Scene {self.name}", *(f"  {name:<12}{text}" for name, text in facts.items() if text)])
+
+    def _repr_html_(self) -> str:
+        rows = (f"<tr><th>{name}</th><td>{escape(text)}</td></tr>" for name, text in self._facts.items() if text)
+        return f"<table><caption>{escape(f'Scene {self.name}')}</caption>{''.join(rows)}</table>"
+
+    @property
+    def _facts(self) -> dict[str, str]:
+        """What a screen shows."""
+        mechanism, t = self.mechanism, self.t
+        freedoms = ", ".join(f"{label} = {name}" for label, name in mechanism.independent.items())
+        acting = {name: getattr(self.applied, name) for name in ("loads", "springs", "motors")}
+        said = [f"{len(some)} {name[: -1 if len(some) == 1 else None]}" for name, some in acting.items() if some]
+        g = self.applied.gravity
+        wanted = ", ".join(self.quantities)
+        return {
+            "title": self.title,
+            "mechanism": f"{mechanism.name}: {len(mechanism.bodies)} bodies, {len(mechanism.joints)} joints",
+            "independent": freedoms if len(freedoms) < LINE else f"{len(mechanism.independent)} coordinates",
+            "motion": f"{'integrated' if self.simulated else 'given'}, {len(t)} times from {t[0]:g} to {t[-1]:g} s",
+            "acting": ", ".join([*([] if g is None else [f"gravity {np.asarray(g).tolist()} m/s^2"]), *said]),
+            "engines": ", ".join(self.engines),
+            "quantities": wanted if len(wanted) < LINE else f"{len(self.quantities)}, see scene.quantities",
+            "models": ", ".join(f"{engine}: {file.name}" for engine, file in self.models.items()),
+            "file": "" if self.file is None else str(self.file),
+        }
 
     @property
     def t(self) -> Array:

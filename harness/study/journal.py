@@ -1,20 +1,34 @@
-"""Keeps every finished piece of long work on disk, so that interrupted work goes on where it stopped."""
+"""Keeps every finished piece of long work on disk, so that interrupted work goes on where it stopped.
+
+A journal is a log of JSON lines. Where pyarrow is installed, each thousand results are moved into a Parquet file of
+their own, in a folder beside the log; it is there in whole or not at all.
+"""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from importlib.util import find_spec
+from io import BytesIO
 from math import inf
 from pathlib import Path
 from typing import Any
 
 from screwgauge.reference.errors import DescriptionError, OutputError
-from screwgauge.reference.files import parse_json, read_bytes
+from screwgauge.reference.files import parse_json, read_bytes, replace_file, why
+
+#: Results of a part.
+SEAL = 1000
+_ELSEWHERE = "move it, or choose another --out"
+_CHANGED = "Pieces of earlier work were not used: scene, settings or environment have changed."
+#: Goes with a table that Parquet keeps: stamp, and columns whose values are JSON.
+_STAMP, _ENCODED = b"screwgauge.stamp", b"screwgauge.json"
 
 
 class Journal:
-    """Lines of JSON: a stamp, then results and measured times as they come.
+    """A stamp, then results and measured times as they come.
 
     Attributes:
         results: Key -> result of the first call.
@@ -34,55 +48,78 @@ class Journal:
         Raises:
             ScrewgaugeError: The file cannot be read, or is no journal.
         """
-        self.path, self.results, self.note = path, dict[str, Any](), ""
+        self.path, self.stamp, self.results, self.note = path, stamp, dict[str, Any](), ""
         self.times: dict[str, list[float]] = {}
+        self._loose = dict[str, Any]()  # in the log alone
         if path is None:
             return
+        self._parts = path.with_suffix(".parts")
         # a line that was cut off may end within a character
         text = read_bytes(path, "MB of CSV").decode(errors="replace") if os.path.lexists(path) else ""
         records = list(filter(None, map(_parse, text.splitlines())))
         if text.strip() and not (records and "stamp" in records[0]):
-            raise OutputError("is no journal of interrupted work", str(path), "move it, or choose another --out")
+            raise OutputError("is no journal of interrupted work", str(path), _ELSEWHERE)
         if not records or records[0]["stamp"] != stamp:
-            if records:
-                self.note = "Pieces of earlier work were not used: scene, settings or environment have changed."
-            self._write("w", stamp=stamp)
+            self.note = _CHANGED if records else ""
+            shutil.rmtree(self._parts, ignore_errors=True)
+            self._write("w", {"stamp": stamp})
             return
+        self.results = {key: result for key, result in self._sealed() if fits(result)}
         for record in records[1:]:
             key, result, seconds = (record.get(name) for name in ("key", "result", "time"))
             if isinstance(key, str) and isinstance(result, dict) and fits(result):
-                self.results[key] = result
+                self.results[key] = self._loose[key] = result
             elif isinstance(key, str) and isinstance(seconds, float) and 0.0 <= seconds < inf:
                 self.times.setdefault(key, []).append(seconds)
         taken = f"Resumed: {len(self.results)} results of interrupted work were taken over."
         self.note = taken if self.results else ""
 
     def keep(self, key: str, result: Mapping[str, Any]) -> None:
-        """Adds the result of a first call."""
-        self.results[key] = dict(result)
-        self._write("a", key=key, result=self.results[key])
+        """Adds the result of a first call.
+
+        Raises:
+            OutputError: There is no room, say; all results before are there.
+        """
+        self.results[key] = self._loose[key] = dict(result)
+        self._write("a", {"key": key, "result": self.results[key]})
+        if len(self._loose) >= SEAL and self.path is not None and find_spec("pyarrow"):
+            self._seal(self.path)
 
     def time(self, key: str, seconds: float) -> None:
         """Adds one measurement."""
         self.times.setdefault(key, []).append(seconds)
-        self._write("a", key=key, time=seconds)
+        self._write("a", {"key": key, "time": seconds})
 
     def remove(self) -> None:
         """The work is complete: the next starts afresh."""
         if self.path is not None:
             self.path.unlink(missing_ok=True)
+            shutil.rmtree(self._parts, ignore_errors=True)
 
-    def _write(self, mode: str, **record: Any) -> None:
-        """A line of its own, even after one that was cut off while it was written."""
+    def _write(self, mode: str, *records: Mapping[str, Any]) -> None:
+        """Lines of their own, even after one that was cut off while it was written."""
         if self.path is None:
             return
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with self.path.open(mode, encoding="utf-8") as file:
-                file.write(f"\n{json.dumps(record)}\n")
+                file.write("".join(f"\n{json.dumps(record)}\n" for record in records))
         except OSError as error:
-            text = f"cannot be written ({error.strerror})"
-            raise OutputError(text, str(self.path), "choose another --out") from None
+            remedy = "make room and run the same command again: it goes on from the rows that are there"
+            raise OutputError(f"cannot be written ({why(error)})", str(self.path), remedy) from None
+
+    def _seal(self, log: Path) -> None:
+        """Moves what the log has into a part. What is in both, having been stopped in between, has one key."""
+        self._parts.mkdir(exist_ok=True)
+        part = self._parts / f"{len([*self._parts.glob('*.parquet')]):06d}.parquet"
+        replace_file(part, _parquet(self._loose, self.stamp))
+        self._loose.clear()
+        rest = [{"key": key, "time": seconds} for key, times in self.times.items() for seconds in times]
+        replace_file(log, "".join(f"\n{json.dumps(record)}\n" for record in ({"stamp": self.stamp}, *rest)))
+
+    def _sealed(self) -> Iterator[tuple[str, dict[str, Any]]]:
+        for part in sorted(self._parts.glob("*.parquet")):
+            yield from _of_parquet(part, self.stamp)
 
 
 def _parse(line: str) -> dict[str, Any]:
@@ -92,3 +129,47 @@ def _parse(line: str) -> dict[str, Any]:
     except DescriptionError:
         return {}
     return record if isinstance(record, dict) else {}
+
+
+def _parquet(results: Mapping[str, Mapping[str, Any]], stamp: str) -> bytes:
+    """Results as a table: a column for each entry, as JSON where values are of several types or have parts."""
+    import pyarrow as pa
+    from pyarrow.parquet import write_table
+
+    columns: dict[str, list[Any]] = {"key": [*results]}
+    encoded = list[str]()
+    for name in dict.fromkeys(name for result in results.values() for name in result):
+        values = [result.get(name) for result in results.values()]
+        if len({type(value) for value in values}) == 1 and isinstance(values[0], str | bool | int | float):
+            columns[f"result.{name}"] = values
+        else:
+            encoded.append(name)
+            texts = [json.dumps(result[name]) if name in result else None for result in results.values()]
+            columns[f"result.{name}"] = texts
+    table = pa.table(columns).replace_schema_metadata({_STAMP: stamp, _ENCODED: json.dumps(encoded)})
+    write_table(table, text := BytesIO())
+    return text.getvalue()
+
+
+def _of_parquet(part: Path, stamp: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """What `_parquet` has made of results.
+
+    Raises:
+        OutputError: It is something else, or was not written in whole.
+    """
+    import pyarrow as pa
+    from pyarrow.parquet import read_table
+
+    try:
+        table = read_table(part)
+        said = table.schema.metadata or {}
+        if said.get(_STAMP) != stamp.encode():
+            raise ValueError("its stamp is another")
+        encoded = {*json.loads(said[_ENCODED])}
+        rows = table.to_pylist()
+        for row in rows:
+            entries = {name.removeprefix("result."): value for name, value in row.items() if value is not None}
+            key = entries.pop("key")
+            yield key, {name: json.loads(value) if name in encoded else value for name, value in entries.items()}
+    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
+        raise OutputError(f"is no part of a journal ({error})", str(part), _ELSEWHERE) from None

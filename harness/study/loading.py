@@ -15,13 +15,13 @@ from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import LoaderError, ModelFileError
 from screwgauge.solution import Failure
-from screwgauge.study.apart import Limits, unwatched_apart
+from screwgauge.study.isolation import Limits, isolated_calls
 
 #: Of one reading: the largest models take a second. Of one import: the largest public models take a few.
 LOADING, IMPORTING = Limits(seconds=60.0), Limits(seconds=120.0)
 
 
-def read_apart(path: Path, library: str, floating: bool = False) -> Reading:
+def read_isolated(path: Path, library: str, floating: bool = False) -> Reading:
     """Reads a file in the process of its library.
 
     Raises:
@@ -29,7 +29,7 @@ def read_apart(path: Path, library: str, floating: bool = False) -> Reading:
         LoaderError: The library crashed or met a limit.
     """
     process = f"{library}-reading"
-    found = unwatched_apart({process: partial(read, path, library, floating=floating)}, LOADING)[process]
+    found = isolated_calls({process: partial(read, path, library, floating=floating)}, LOADING)[process]
     if isinstance(found, Failure):
         raise LoaderError(f"{library} does not survive it ({found.reason})", str(path), "let another library read it")
     return found
@@ -46,7 +46,7 @@ def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
         return a, b
     found = list[Weighed]()
     for each in (a, b):
-        one = unwatched_apart({"meshes": partial(weighed, each, scratch_folder())}, LOADING)["meshes"]
+        one = isolated_calls({"meshes": partial(weighed, each, scratch_folder())}, LOADING)["meshes"]
         if isinstance(one, Failure):
             what = f"mujoco does not survive its meshes ({one.reason})"
             raise LoaderError(what, each, "give its bodies an <inertial>")
@@ -54,13 +54,13 @@ def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
     return found[0], found[1]
 
 
-def import_apart(path: Path, options: Options | None = None) -> Imported:
+def import_isolated(path: Path, options: Options | None = None) -> Imported:
     """What `import_model` gives.
 
     Raises:
         ScrewgaugeError: It is no model, or one that a description cannot hold; or whoever reads it fails.
     """
-    found = unwatched_apart({"import": partial(import_model, path, options or Options())}, IMPORTING)["import"]
+    found = isolated_calls({"import": partial(import_model, path, options or Options())}, IMPORTING)["import"]
     if isinstance(found, Failure):
         remedy = "let another library read it (--reader), or give a smaller model"
         raise ModelFileError(f"cannot be read: {found.reason}", str(path), remedy)

@@ -25,11 +25,14 @@ import pandas as pd
 
 import screwgauge
 from screwgauge.casebook.book import CASES, reproduce
+from screwgauge.problem import Progress
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError
+from screwgauge.study.executors import Executor, InTurn, Report, Task
 from screwgauge.study.gate.row import EXIT, JUDGE
 from screwgauge.study.lifeline import tied
-from screwgauge.study.table import added_to, columns_of, rows_in
+from screwgauge.study.runner import grow_table, silent
+from screwgauge.study.table import TableFile, columns_of
 
 #: What pin before 4 was built with and asks for in any version: newer ones have no libtinyxml2.so.10 or
 #: liburdfdom_sensor.so.4.0 (pin 3.4.0 and 3.9.0 were tried), and it cannot be imported.
@@ -40,7 +43,7 @@ CRASHED = "crashed"
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class VersionRow:
     """A pair of versions.
 
     Attributes:
@@ -66,7 +69,7 @@ class Row:
     failed: str = ""
 
 
-COLUMNS = tuple(columns_of(Row))
+COLUMNS = tuple(columns_of(VersionRow))
 
 
 class CannotError(Exception):
@@ -84,30 +87,37 @@ def matrix(
     make: Maker | None = None,
     scenes: Sequence[str] = (),
     cases: Sequence[str] = tuple(CASES),
-    progress: Callable[[str, float], None] = lambda step, share: None,
+    progress: Report = silent,
+    execute: Executor | None = None,
 ) -> pd.DataFrame:
     """Checks scenes with each pair of versions.
 
     Args:
         pairs: Versions of pin and of mujoco.
-        file: CSV file that rows are added to as they come; those that it has already are kept.
+        file: CSV file that rows are added to; those that it has already are kept. A journal beside it has the others.
         make: Makes an environment, by uv or pip.
         scenes: As `screwgauge check` takes them; all built-in ones by default.
         cases: Names of discrepancies that are looked at.
+        execute: Where pairs are checked; in this process by default.
 
     Returns:
         The table, columns `COLUMNS`.
     """
-    done = {(row["pin"], row["mujoco"]) for row in rows_in(file, COLUMNS, "versions", ["passing", "scenes"])}
-    todo = [pair for pair in pairs if pair not in done]
-    with added_to(file, COLUMNS) as add:
-        for i, (pin, mujoco) in enumerate(todo):
-            progress(f"pin {pin}, mujoco {mujoco}", i / len(todo))
-            with TemporaryDirectory(prefix="screwgauge-") as folder:
-                add(asdict(_row(pin, mujoco, Path(folder), make or fresh, (scenes, cases))))
+    named = {_name(pin, mujoco): (pin, mujoco) for pin, mujoco in pairs}
+    grow_table(
+        TableFile(file, COLUMNS, "versions", lambda row: _name(row["pin"], row["mujoco"]), ["passing", "scenes"]),
+        [Task(name, partial(_row, *pair, make or fresh, (scenes, cases))) for name, pair in named.items()],
+        execute or InTurn(),
+        lambda name, reason: asdict(VersionRow(*named[name], "failed", reason=reason)),
+        progress,
+    )
     return pd.read_csv(
         file, dtype={"pin": str, "mujoco": str}, keep_default_na=False, na_values={"digits": ["nan", ""]}
     )
+
+
+def _name(pin: str, mujoco: str) -> str:
+    return f"pin {pin}, mujoco {mujoco}"
 
 
 def check_versions(names: Sequence[str], package: str) -> Sequence[str]:
@@ -118,12 +128,21 @@ def check_versions(names: Sequence[str], package: str) -> Sequence[str]:
     return names
 
 
-def _row(pin: str, mujoco: str, folder: Path, make: Maker, what: tuple[Sequence[str], Sequence[str]]) -> Row:
+def _row(
+    pin: str, mujoco: str, make: Maker, what: tuple[Sequence[str], Sequence[str]], progress: Progress
+) -> list[dict[str, Any]]:
+    with TemporaryDirectory(prefix="screwgauge-") as folder:
+        return [asdict(_checked_in(Path(folder), pin, mujoco, make, what))]
+
+
+def _checked_in(
+    folder: Path, pin: str, mujoco: str, make: Maker, what: tuple[Sequence[str], Sequence[str]]
+) -> VersionRow:
     scenes, cases = what
     try:
         python = make(folder / "environment", requirements(pin=pin, mujoco=mujoco))
     except CannotError as error:
-        return Row(pin, mujoco, "not installed", reason=str(error))
+        return VersionRow(pin, mujoco, "not installed", reason=str(error))
     lay_out(folder / "package")
     try:
         found = _checked(python, folder, scenes)
@@ -134,7 +153,7 @@ def _row(pin: str, mujoco: str, folder: Path, make: Maker, what: tuple[Sequence[
         by.setdefault(status, []).append(case)
     shown, not_shown = (" ".join(by.get(status, ())) for status in ("shown", "not shown"))
     failed = " ".join([*by.get("failed", ()), *by.get(CRASHED, ())])
-    return Row(pin, mujoco, **found, shown=shown, not_shown=not_shown, failed=failed)
+    return VersionRow(pin, mujoco, **found, shown=shown, not_shown=not_shown, failed=failed)
 
 
 def requirements(**pinned: str) -> list[str]:

@@ -23,7 +23,7 @@ FRAMES = 120  # pictures of a motion, at most
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+class DrawnMotion:
     """Some samples of a motion; the home pose alone where there is none.
 
     Attributes:
@@ -58,13 +58,13 @@ class Arrow:
     turns: bool = False
 
 
-def still(mechanism: Mechanism) -> Motion:
+def still(mechanism: Mechanism) -> DrawnMotion:
     """The home pose."""
     lay = layout(mechanism)
-    return Motion(lay, pose(lay, mechanism.home[None]), np.zeros(1), "home pose")
+    return DrawnMotion(lay, pose(lay, mechanism.home[None]), np.zeros(1), "home pose")
 
 
-def followed(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAMES) -> Motion:
+def followed(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAMES) -> DrawnMotion:
     """The motion of a scene as the first engine says that knows all joints; else closed anew where it is given."""
     lay = layout(scene.mechanism)
     for name, found in solutions.items():
@@ -76,14 +76,14 @@ def followed(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAM
             rows = finite[spread(len(finite), frames)]
             if len(rows):
                 values = {quantity: one.at(rows) for quantity, one in found.values.items()}
-                return Motion(lay, pose(lay, q[rows]), scene.t[rows], name, values, _loads(scene, rows))
+                return DrawnMotion(lay, pose(lay, q[rows]), scene.t[rows], name, values, _loads(scene, rows))
     if isinstance(scene.task, GivenMotion):
         rows = spread(len(scene.t), frames)
         try:
             q = positions(lay, scene.task.y[rows], scene.t[rows])
         except ScrewgaugeError:  # the report says what no engine could follow
             return still(scene.mechanism)
-        return Motion(lay, pose(lay, q), scene.t[rows], "screw", loads=_loads(scene, rows))
+        return DrawnMotion(lay, pose(lay, q), scene.t[rows], "screw", loads=_loads(scene, rows))
     return still(scene.mechanism)
 
 
@@ -96,7 +96,7 @@ def _loads(scene: Scene, rows: Rows) -> tuple[Load, ...]:
     return tuple(Load(one.body, one.point, at_rows(one.force), at_rows(one.torque)) for one in scene.applied.loads)
 
 
-def arrows(motion: Motion) -> list[Arrow]:
+def arrows(motion: DrawnMotion) -> list[Arrow]:
     """Loads, forces of actuators and reactions of joints."""
     mechanism, found = motion.lay.mechanism, list[Arrow]()
     index = mechanism.body_index

@@ -43,10 +43,14 @@ def provenance(
     return {**found, "schema": SCHEMA}
 
 
+def built_in(path: Path) -> bool:
+    """Whether a file comes with this package."""
+    return any(path.is_relative_to(folder) for folder in _BUILT_IN)
+
+
 def _file(path: Path, *, generated: bool = False) -> dict[str, str | None]:
     """Name and SHA-256; none where the file has gone since."""
-    built_in = any(path.is_relative_to(folder) for folder in _BUILT_IN)
-    name = f"generated {path.name}" if generated else f"built-in {path.name}" if built_in else str(path)
+    name = f"generated {path.name}" if generated else f"built-in {path.name}" if built_in(path) else str(path)
     try:
         return {"file": name, "sha256": digest(path)}
     except DescriptionError:

@@ -35,8 +35,11 @@ from screwgauge.scene.preflight import check_actuation, check_scene, far_from_ho
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Solution
-from screwgauge.study.ask import (
-    Report,
+from screwgauge.study.comparison import Comparison
+from screwgauge.study.completeness import left_out, without
+from screwgauge.study.executors import Report
+from screwgauge.study.provenance import provenance
+from screwgauge.study.runner import (
     ask_engines,
     description_file,
     generated,
@@ -44,14 +47,11 @@ from screwgauge.study.ask import (
     model_files,
     silent,
 )
-from screwgauge.study.comparison import Comparison
-from screwgauge.study.provenance import provenance
-from screwgauge.study.recorded import check_tables, judge_table, recorded, with_factors
 from screwgauge.study.simulated import MOTION, asked_of_engines, doubtful, ends, loosened, observed
-from screwgauge.study.whole import left_out, without
+from screwgauge.study.user_data import check_tables, judge_table, recorded, with_factors
 
 if TYPE_CHECKING:
-    from screwgauge.study.apart import Limits
+    from screwgauge.study.isolation import Limits
 
 
 _Checked = tuple[Mobility, Names, Layout | None, tuple[str, ...], tuple[str, ...]]

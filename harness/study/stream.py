@@ -14,7 +14,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.preflight import Walk, check_home, delivered
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.solution import Solution
-from screwgauge.study.ask import solve
+from screwgauge.study.runner import solve
 
 PART = 4096  # samples: walking along them takes some 50 MB, and preparing a part a twentieth of its time
 

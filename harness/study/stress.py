@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -12,21 +13,26 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from screwgauge.environment import environment
+from screwgauge.environment import environment, json_text
+from screwgauge.problem import Progress
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.study.ask import Report, silent
 from screwgauge.study.cases.case import SILENT, Case, Finding
 from screwgauge.study.cases.question import findings
 from screwgauge.study.cases.registry import choose
+from screwgauge.study.executors import Executor, InTurn, Report, Task
+from screwgauge.study.journal import Journal
+from screwgauge.study.methods import missing
 from screwgauge.study.provenance import provenance
-from screwgauge.study.question import missing
-from screwgauge.study.table import frame
+from screwgauge.study.runner import run_tasks, silent
+from screwgauge.study.table import columns_of, frame
 
 #: Column of ``stress.csv`` -> attribute of a `Finding`.
 COLUMNS = {
     **{name: name for name in ("case", "severity", "engine", "quantity", "digits", "condition", "time_s", "verdict")},
     "reason": "told",
 }
+#: File of rungs that interrupted stress goes on from.
+NAME = "stress.partial.jsonl"
 #: Stands for the engines of a rung that broke before it could ask them one by one.
 ALL = "all"
 
@@ -70,12 +76,16 @@ def stress(
     quick: bool = False,
     severities: Sequence[float] | None = None,
     progress: Report = silent,
+    execute: Executor | None = None,
+    journal: Path | None = None,
 ) -> Stress:
     """Climbs the ladders of the named cases, all by default.
 
     Args:
         quick: Fewer rungs and smaller scenes.
         severities: Rungs in place of the case's own; for one case only.
+        execute: Where rungs are climbed; in this process by default.
+        journal: File of rungs that interrupted stress goes on from; it goes away when all are there.
 
     Raises:
         ScrewgaugeError: An unknown case, or a severity outside its range.
@@ -83,16 +93,36 @@ def stress(
     chosen = choose(cases)
     if severities is not None and len(chosen) != 1:
         raise DescriptionError("severities are given", "--severity", "name the one case that they are of")
-    ladders = [(case, case.rungs(quick=quick, severities=severities)) for case in chosen]
-    rows: list[Finding] = []
-    seconds: dict[str, float] = {}
-    for case, rungs in ladders:
-        start = perf_counter()
-        for i, severity in enumerate(rungs):
-            progress(case.name, i / len(rungs))
-            rows += [replace(found, case=case.name, severity=severity) for found in climb(case, severity, quick=quick)]
-        seconds[case.name] = perf_counter() - start
+    ladders = [(case, severity) for case in chosen for severity in case.rungs(quick=quick, severities=severities)]
+    kept = Journal(journal, json_text([environment(), quick]), _is_rung)
+    rungs = run_tasks(
+        [Task(f"{case.name} {severity:g}", partial(_rung, case, severity, quick)) for case, severity in ladders],
+        execute or InTurn(),
+        kept,
+        lost=lambda name, reason: {"seconds": 0.0, "rows": [asdict(Finding(ALL, "", reason=reason))]},
+        progress=progress,
+    )
+    rows, seconds = list[Finding](), dict.fromkeys((case.name for case in chosen), 0.0)
+    for (case, severity), rung in zip(ladders, rungs, strict=True):
+        rows += [Finding(**{**row, "case": case.name, "severity": severity}) for row in rung["rows"]]
+        seconds[case.name] += rung["seconds"]
+    kept.remove()
     return Stress(tuple(chosen), tuple(rows), seconds, quick, environment(), provenance(None, {}))
+
+
+def _rung(case: Case, severity: float, quick: bool, progress: Progress) -> dict[str, Any]:
+    """What is found on a rung, as plain data, and how long it took."""
+    begin = perf_counter()
+    rows = [asdict(finding) for finding in climb(case, severity, quick=quick)]
+    return {"rows": rows, "seconds": perf_counter() - begin}
+
+
+def _is_rung(record: Mapping[str, Any]) -> bool:
+    """Whether a record is what `_rung` makes."""
+    known = columns_of(Finding)
+    rows, seconds = record.get("rows"), record.get("seconds")
+    sound = isinstance(rows, list) and all(isinstance(row, dict) and row.keys() == known.keys() for row in rows)
+    return sound and isinstance(seconds, float)
 
 
 def climb(case: Case, severity: float, *, quick: bool = False) -> list[Finding]:

@@ -1,26 +1,22 @@
-"""Tidy tables: one row for each item, columns as data; and CSV files of them to which long studies add."""
+"""Tidy tables: one row for each item, columns as data; and CSV files of them that later studies add to."""
 
 from __future__ import annotations
 
 import csv
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import fields
-from errno import ENOSPC
-from io import SEEK_END, StringIO
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
 from itertools import repeat
 from math import inf
 from operator import attrgetter
-from os import strerror
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from screwgauge.reference.errors import OutputError
-from screwgauge.reference.files import read_file, why
+from screwgauge.reference.files import read_file
 
 
 def frame(items: Iterable[Any], columns: Mapping[str, str]) -> pd.DataFrame:
@@ -37,6 +33,28 @@ def frame(items: Iterable[Any], columns: Mapping[str, str]) -> pd.DataFrame:
 def columns_of(row: type[Any]) -> dict[str, str]:
     """Columns of a dataclass: its fields, by their own names."""
     return {field.name: field.name for field in fields(row)}
+
+
+@dataclass(frozen=True, slots=True)
+class TableFile:
+    """A CSV file that rows are added to.
+
+    Attributes:
+        what: It is the table of, for complaints.
+        key: Makes the name of the task of a row.
+        whole, sizes: See `rows_in`.
+    """
+
+    file: Path
+    columns: Sequence[str]
+    what: str
+    key: Callable[[Mapping[str, Any]], str]
+    whole: Sequence[str] = ()
+    sizes: Sequence[str] = ()
+
+    def rows(self) -> list[dict[str, str]]:
+        """Those that it has already."""
+        return rows_in(self.file, self.columns, self.what, self.whole, self.sizes)
 
 
 def rows_in(
@@ -84,39 +102,3 @@ def _is_size(text: str) -> bool:
         return not text or 0.0 <= float(text) < inf
     except ValueError:
         return False
-
-
-@contextmanager
-def added_to(file: Path, columns: Sequence[str]) -> Iterator[Callable[[Mapping[str, Any]], None]]:
-    """What adds rows to a CSV file, begun if there is none; each is there, in whole, as soon as it is added.
-
-    Raises:
-        OutputError: There is no room, say; all rows before are there.
-    """
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        stream = file.open("ab", buffering=0)
-    except OSError as error:
-        raise _full(file, error) from None
-    with stream:
-
-        def add(row: Mapping[str, Any]) -> None:
-            text, size = StringIO(newline=""), stream.seek(0, SEEK_END)
-            writer = csv.DictWriter(text, columns, lineterminator="\n")
-            if not size:
-                writer.writeheader()
-            writer.writerow(row)
-            data = text.getvalue().encode()
-            try:
-                if stream.write(data) < len(data):
-                    raise OSError(ENOSPC, strerror(ENOSPC))
-            except OSError as error:
-                stream.truncate(size)
-                raise _full(file, error) from None
-
-        yield add
-
-
-def _full(file: Path, error: OSError) -> OutputError:
-    remedy = "make room and run the same command again: it goes on from the rows that are there"
-    return OutputError(f"cannot be written ({why(error)})", str(file), remedy)

@@ -6,8 +6,10 @@ from pathlib import Path
 
 #: How the names of model files end.
 SUFFIXES = (".urdf", ".xml", ".mjcf")
+#: And those of files from which models are made: who names one is told so.
+SOURCES = (".xacro", ".sdf")
 
 
 def is_model(path: Path | str) -> bool:
     """Whether a name means a model file, as its ending says."""
-    return str(path).lower().endswith(SUFFIXES)
+    return str(path).lower().endswith((*SUFFIXES, *SOURCES))

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 from screwgauge.models.importing.closing import CLOSED, Loops
 from screwgauge.models.importing.homes import OWN, Home, chosen, limits, some
-from screwgauge.models.kinematics.home import rehomed
-from screwgauge.models.kinematics.tree import plant
+from screwgauge.models.kinematics import plant, rehomed
 from screwgauge.models.readings.reading import Reading
 
 #: Limits of a joint that has none.

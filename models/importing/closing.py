@@ -7,10 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
-from screwgauge.models.kinematics.closing import equations
-from screwgauge.models.kinematics.tree import States, Tree, home, moved
+from screwgauge.models.kinematics import ReadingTree, home
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array
+from screwgauge.witness.constraints import equations, stepped
+from screwgauge.witness.tree import TreeStates
 
 #: Residual that counts as closed [rad or lengths of the model]; descriptions are held to 1e-9.
 CLOSED = 1e-11
@@ -31,7 +32,7 @@ def length_of(reading: Reading) -> float:
 class Loops:
     """The loop equations of a tree, lengths counted in lengths of the model; coordinates have shape (n_coordinate,)."""
 
-    tree: Tree
+    tree: ReadingTree
 
     @property
     def reading(self) -> Reading:
@@ -106,12 +107,12 @@ class Loops:
     def system(self, q: Array) -> tuple[Array, Array]:
         """All residuals and their derivative by the velocities, without dimension. Shapes (m,), (m, n_freedom)."""
         rest, unit = np.zeros((1, len(self.size))), np.concatenate([np.zeros(0), *self.units.values()])
-        at = equations(self.tree, States(q[None], rest, rest))
+        at = equations(self.tree, TreeStates(q[None], rest, rest))
         return at.gap[0] / unit, at.rows[0] / unit[:, None] * self.size
 
     def stepped(self, q: Array, step: Array) -> Array:
         """Coordinates after a step of all velocities without dimension, shape (n_freedom,)."""
-        return np.asarray(moved(self.tree, q[None], (step * self.size)[None])[0])
+        return np.asarray(stepped(self.tree, q[None], (step * self.size)[None])[0])
 
     def newton(self, q: Array) -> tuple[Array, float]:
         """Closes the loops from coordinates by the shortest steps (Levenberg-Marquardt).

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -39,6 +39,24 @@ def as_file(root: ET.Element) -> Iterator[str]:
         yield str(path)
 
 
+def _numbered(root: ET.Element, known: Collection[str], found: list[Content]) -> list[tuple[str, str]]:
+    """Gives closures between frames that are known names in their order, and removes the others.
+
+    Returns:
+        Kind and former name of each.
+    """
+    named = list[tuple[str, str]]()
+    for section in root.iterfind("equality"):
+        for row in [row for row in section if row.tag in _KINDS]:
+            if missing := [row.get(side, "") for side in _JOINED if side in row.attrib and row.get(side) not in known]:
+                section.remove(row)
+                found.append(Content(_LOST, f"{row.tag} {row.get('name')}: Pinocchio cannot place {missing[0]}"))
+            else:
+                named.append((_KINDS[row.tag], row.get("name", "")))
+                row.set("name", f"{len(named):06}")
+    return named
+
+
 def closures(model: Any, assembly: Assembly, root: ET.Element, found: list[Content]) -> dict[str, ClosureReading]:
     """Closures by name.
 
@@ -47,18 +65,8 @@ def closures(model: Any, assembly: Assembly, root: ET.Element, found: list[Conte
     """
     import pinocchio
 
-    known = {frame.name for frame in model.frames}
     root = copy.deepcopy(root)
-    named = []
-    for section in root.iterfind("equality"):
-        for row in [row for row in section if row.tag in _KINDS]:
-            if missing := [row.get(side, "") for side in _JOINED if side in row.attrib and row.get(side) not in known]:
-                section.remove(row)
-                said = f"{row.tag} {row.get('name')}: Pinocchio cannot place {missing[0]}"
-                found.append(Content(_LOST, said))
-            else:
-                named.append((_KINDS[row.tag], row.get("name", "")))
-                row.set("name", f"{len(named):06}")
+    named = _numbered(root, {frame.name for frame in model.frames}, found)
     build = getattr(pinocchio, "buildModelAndLegacyConstraintsFromMJCF", None)
     if build is None:  # before Pinocchio 4
         found += [Content(_LOST, f"closure {name}") for _, name in named]

@@ -67,12 +67,7 @@ def _mjcf(root: ET.Element, where: str, moving: Collection[str]) -> list[Content
         shape.parent.remove(shape.geom)
         said.append(Content("contacts of geoms", "contacts of geoms"))
     for default in root.iter("default"):
-        for child in list(default):
-            if child.tag in ("mesh", "material"):
-                default.remove(child)
-            elif child.tag == "geom" and (child.get("type") in _FROM_FILES or "mesh" in child.attrib):
-                child.attrib.pop("type", None)
-                child.attrib.pop("mesh", None)
+        _without_files(default)
     for element in root.iter():
         element.attrib.pop("material", None)
         for child in [child for child in element if "file" in child.attrib or child.tag in _READERS]:
@@ -80,6 +75,16 @@ def _mjcf(root: ET.Element, where: str, moving: Collection[str]) -> list[Content
             said.append(Content(kind_of(child.tag), f"{child.tag} {child.get('name', '')}".rstrip()))
     said += _pairs(root)
     return list(dict.fromkeys(said))
+
+
+def _without_files(default: ET.Element) -> None:
+    """Takes meshes and materials out of a default class."""
+    for child in list(default):
+        if child.tag in ("mesh", "material"):
+            default.remove(child)
+        elif child.tag == "geom" and (child.get("type") in _FROM_FILES or "mesh" in child.attrib):
+            child.attrib.pop("type", None)
+            child.attrib.pop("mesh", None)
 
 
 def _pairs(root: ET.Element) -> Iterator[Content]:

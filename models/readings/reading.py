@@ -18,10 +18,7 @@ from screwgauge.models.content import Content, phrases
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
-
-#: Kind of a joint -> its velocities. The rates of ``ball`` and ``free`` are the angular velocity of the body that the
-#: joint carries, then the velocity of its origin, both in the axes of that body.
-FREEDOMS = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
+from screwgauge.witness.tree import FREEDOMS as FREEDOMS
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -86,11 +86,9 @@ def _bare(root: ET.Element, kept: set[int], path: Path, folder: Path) -> tuple[E
             shape.parent.remove(shape.geom)
     for element in bare.iter():
         element.attrib.pop("material", None)
-        for child in [child for child in element if child.tag in _JOINTS and element.tag != "default"]:
+        unused = ("material",) if element.tag == "default" else _JOINTS
+        for child in [child for child in element if child.tag in unused]:
             element.remove(child)
-    for default in bare.iter("default"):
-        for child in default.findall("material"):
-            default.remove(child)
     return bare, dict(_meshes(bare, used, path, folder))
 
 

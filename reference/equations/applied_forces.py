@@ -74,11 +74,14 @@ def distance(at: Dynamics, spring: PointSpring) -> Any:
     return at.ops.sqrt(dot(b - a, b - a))
 
 
+def spring_length(at: Dynamics, spring: Spring) -> Any:
+    """Length of a spring between two points, or the coordinate that it acts along [m or rad]. Shape (...)."""
+    return distance(at, spring) if isinstance(spring, PointSpring) else at.joint_coordinate(spring.coordinate)
+
+
 def stretch(at: Dynamics, spring: Spring) -> Any:
     """By how much a spring is longer than at rest, ``q - q0`` or ``l - l0`` [rad or m]. Shape (...)."""
-    if isinstance(spring, PointSpring):
-        return distance(at, spring) - spring.rest
-    return at.joint_coordinate(spring.coordinate) - spring.rest
+    return spring_length(at, spring) - spring.rest
 
 
 def stretch_rate(at: Dynamics, spring: Spring) -> Any:
@@ -92,8 +95,7 @@ def stretch_rate(at: Dynamics, spring: Spring) -> Any:
 
 def tension(at: Dynamics, spring: Spring) -> Any:
     """Pull of a spring and damper, ``k (l - l0) + c ld``; of one at a joint against its coordinate. Shape (...)."""
-    pull = spring.stiffness * stretch(at, spring)
-    return pull + spring.damping * stretch_rate(at, spring)
+    return spring.pull(spring_length(at, spring), stretch_rate(at, spring))
 
 
 def motor_force(at: Dynamics, motor: Motor) -> Any:

@@ -94,7 +94,12 @@ def _none(at: JointPose) -> Array:
 
 
 def _world(at: JointPose) -> Array:
-    return np.eye(3, dtype=at.joint.axes.dtype)
+    return _unit(at.joint.axes.dtype)
+
+
+@lru_cache
+def _unit(dtype: np.dtype[Any]) -> Array:
+    return np.eye(3, dtype=dtype)
 
 
 def _child(at: JointPose) -> Array:

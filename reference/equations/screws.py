@@ -11,16 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.reference.rotations import cross as cross  # the vector product, for who works with screws
+
 Array = NDArray[Any]
 """Floats of any precision, or objects that compute."""
 
 _NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
 _SWAPPED = [3, 4, 5, 0, 1, 2]
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Vector product. Shape (..., 3)."""
-    return np.asarray(a[..., _NEXT] * b[..., _AFTER] - a[..., _AFTER] * b[..., _NEXT])
 
 
 def dot(a: Array, b: Array) -> Any:
@@ -45,20 +42,26 @@ def transpose(M: Array) -> Array:
 
 def join(*parts: Array) -> Array:
     """Vectors of different lengths, one after the other. Shapes (..., m_i) -> (..., sum m_i)."""
-    lead = {x.shape[:-1] for x in parts}
-    if len(lead) > 1:
-        wide = np.broadcast_shapes(*lead)
-        parts = tuple(np.broadcast_to(x, wide + x.shape[-1:]) for x in parts)
-    return np.concatenate(parts, axis=-1)
+    return _joined(parts, ())
 
 
 def stack(*parts: Array) -> Array:
     """Rows of matrices, one below the other. Shapes (..., m_i, n) -> (..., sum m_i, n)."""
-    lead = {x.shape[:-2] for x in parts}
-    if len(lead) > 1:
-        wide = np.broadcast_shapes(*lead)
-        parts = tuple(np.broadcast_to(x, wide + x.shape[-2:]) for x in parts)
-    return np.concatenate(parts, axis=-2)
+    return _joined(parts, (slice(None),))
+
+
+def _joined(parts: tuple[Array, ...], after: tuple[slice, ...]) -> Array:
+    """Arrays one after the other, leading shapes broadcast. `after`: a slice for each axis behind that one."""
+    axis = -1 - len(after)
+    leads = {x.shape[:axis] for x in parts}
+    if len(leads) == 1:
+        return np.concatenate(parts, axis=axis)
+    ends = np.cumsum([x.shape[axis] for x in parts]).tolist()
+    shape = (*np.broadcast_shapes(*leads), ends[-1], *parts[0].shape[parts[0].ndim - len(after) :])
+    whole = np.empty(shape, dtype=np.result_type(*parts))
+    for x, end in zip(parts, ends, strict=True):
+        whole[(..., slice(end - x.shape[axis], end), *after)] = x
+    return whole
 
 
 def rotation(axis: Array, sine: Any, cosine: Any) -> Array:

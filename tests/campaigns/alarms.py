@@ -21,7 +21,7 @@ from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, rows
 from screwgauge.report.study import study
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.gate.measure import Settings, compared
+from screwgauge.study.gate.measure import GateSettings, compared
 
 NAME = "alarms.csv"
 COLUMNS = ("family", "seed", "quiet", "parameter", "share", "caught", "error", "tolerance", "reason")
@@ -35,7 +35,7 @@ def measured(item: tuple[int, str]) -> dict[str, Any]:
     """The row of one mechanism, by seed and family: whether the gate is quiet, and whether a change is caught."""
     seed, family = item
     row: dict[str, Any] = {**dict.fromkeys(COLUMNS, ""), "family": family, "seed": seed}
-    settings = Settings(lambda results: "")
+    settings = GateSettings(lambda results: "")
     with TemporaryDirectory(prefix="screwgauge-") as name:
         scene = screwgauge.random(seed, family, Path(name))
         try:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -30,7 +31,9 @@ from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.study.table import added_to, rows_in
+from screwgauge.study.executors import InTurn, Task
+from screwgauge.study.runner import grow_table
+from screwgauge.study.table import TableFile
 
 COLUMNS = (
     *("case", "seed", "backend", "samples", "by_program", "worst", "quantity", "certified", "true_worst"),
@@ -200,10 +203,15 @@ def measured(case: str, seed: int, backends: Sequence[str], count: int) -> list[
 
 def compiled(file: Path, count: int | None) -> pd.DataFrame:
     """Adds the rows that a file has not, see `cases`, and returns all."""
-    done = {(row["case"], int(row["seed"]), row["backend"]) for row in rows_in(file, COLUMNS, "programs", ["seed"])}
-    with added_to(file, COLUMNS) as add:
-        for case, seed in cases(count):
-            left = [backend for backend in BACKENDS if (case, seed, backend) not in done]
-            for row in measured(case, seed, left, STATES * (count or DRAWN)) if left else ():
-                add(row)
+    states = STATES * (count or DRAWN)
+    grow_table(
+        TableFile(file, COLUMNS, "programs", lambda row: f"{row['case']} {row['seed']}", ["seed"]),
+        [Task(f"{case} {seed}", partial(_rows, case, seed, states)) for case, seed in cases(count)],
+        InTurn(),
+        lambda name, reason: {**dict.fromkeys(COLUMNS, ""), "case": name, "ok": "failed", "reason": reason},
+    )
     return pd.read_csv(file, dtype=str, keep_default_na=False)
+
+
+def _rows(case: str, seed: int, states: int, progress: Any) -> list[dict[str, Any]]:
+    return measured(case, seed, BACKENDS, states)

@@ -16,10 +16,11 @@ from typing import Any
 import pytest
 
 from screwgauge.commands.carrying import carry_out
-from screwgauge.study import apart
+from screwgauge.study import isolation
+from screwgauge.study.executors import Executor, executor
 
 #: Before tests put another in its place, see the fixture `here`.
-IN_PROCESSES = apart.apart
+IN_PROCESSES = isolation.isolated
 
 
 @dataclass(frozen=True)
@@ -29,11 +30,13 @@ class Campaign:
     Attributes:
         count: Rows asked for by ``--count``, None for those that the kept report has.
         reports: Folder of all reports: that of ``--reports``, else one that goes away.
+        execute: Where rows are made: two processes, or the cluster of ``--cluster``.
         models: Folders of models, those of ``--models``.
     """
 
     count: int | None
     reports: Path
+    execute: Executor
     models: tuple[Path, ...] = ()
 
     def carry_out(self, page: Any, name: str, work: Callable[[Any], Any], again: str = "") -> Any:
@@ -50,6 +53,7 @@ class Campaign:
 @pytest.fixture
 def campaign(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Campaign:
     """What the command line asks of a campaign. Its engines run in processes of their own: those of users do."""
-    monkeypatch.setattr(apart, "apart", IN_PROCESSES)
+    monkeypatch.setattr(isolation, "isolated", IN_PROCESSES)
     option = request.config.getoption
-    return Campaign(option("--count"), (option("--reports") or tmp_path).absolute(), tuple(option("--models")))
+    reports = (option("--reports") or tmp_path).absolute()
+    return Campaign(option("--count"), reports, executor(2, option("--cluster")), tuple(option("--models")))

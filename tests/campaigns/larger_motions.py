@@ -8,14 +8,18 @@ the two engines is off from the truth, too.
 from __future__ import annotations
 
 import tomllib
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import pandas as pd
 import tomli_w
 
 import screwgauge
-from screwgauge.study.table import added_to, rows_in
+from screwgauge.study.executors import InTurn, Task
+from screwgauge.study.runner import grow_table
+from screwgauge.study.table import TableFile
 
 FACTORS = (3.0, 2.0, 1.5)
 FIRST = 2000  # seed
@@ -77,10 +81,16 @@ def row(seed: int, folder: Path) -> dict[str, object]:
 
 def rows_of_larger_motions(count: int, file: Path) -> list[dict[str, str]]:
     """Rows until so many mechanisms are not refused; those that the CSV file has already are kept."""
-    table = rows_in(file, COLUMNS, "larger motions")
-    seed = max((int(each["seed"]) + 1 for each in table), default=FIRST)
-    with added_to(file, COLUMNS) as add, TemporaryDirectory() as folder:
-        while sum(each["verdict"] != "refused" for each in table) < count:
-            add(row(seed, Path(folder)))
-            table, seed = rows_in(file, COLUMNS, "larger motions"), seed + 1
+    kept = TableFile(file, COLUMNS, "larger motions", lambda each: each["seed"])
+    table = kept.rows()
+    while (left := count - sum(each["verdict"] != "refused" for each in table)) > 0:
+        first = max((int(each["seed"]) + 1 for each in table), default=FIRST)
+        tasks = [Task(f"{seed}", partial(_rows, seed)) for seed in range(first, first + left)]
+        grow_table(kept, tasks, InTurn(), lambda seed, why: dict.fromkeys(COLUMNS, "") | {"seed": seed, "reason": why})
+        table = kept.rows()
     return table
+
+
+def _rows(seed: int, progress: Any) -> list[dict[str, Any]]:
+    with TemporaryDirectory() as folder:
+        return [row(seed, Path(folder))]

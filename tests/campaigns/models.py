@@ -22,7 +22,7 @@ from screwgauge.report.formatting import rows
 from screwgauge.report.study import counted, study
 from screwgauge.scene.imported import write_imported
 from screwgauge.scene.read import load_scene
-from screwgauge.study.loading import import_apart
+from screwgauge.study.loading import import_isolated
 from screwgauge.study.run import run
 from screwgauge.study.table import columns_of, frame
 
@@ -75,7 +75,7 @@ def import_row(model: Public) -> ImportRow:
     row = ImportRow(model.name, model.source, "URDF" if model.file.suffix == ".urdf" else "MJCF")
     begin = process_time()
     try:
-        imported = import_apart(model.file, Options(floating=model.floating))
+        imported = import_isolated(model.file, Options(floating=model.floating))
     except ScrewgaugeError as error:
         return replace(row, reason=error.what)
     row = replace(_counted(row, imported), import_s=round(process_time() - begin, 2))

@@ -11,7 +11,7 @@ from campaigns.public import Public, by_source
 from campaigns.rows import TEXTS
 from campaigns.two_readers import SAME, compared
 
-from screwgauge.diagnosis.asked import ASKED
+from screwgauge.diagnosis.library_dynamics import ASKED
 from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError, first_few
@@ -19,7 +19,7 @@ from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, grouped, missing, number, rows, size
 from screwgauge.report.study import counted, study
 from screwgauge.solution import Failure
-from screwgauge.study.loading import read_apart
+from screwgauge.study.loading import read_isolated
 from screwgauge.study.table import columns_of, frame
 
 #: Causes that are named; the others are counted.
@@ -79,7 +79,7 @@ def reader_rows(model: Public) -> list[ReaderRow]:
 
 def _reading(model: Public, library: str) -> Reading | Failure:
     try:
-        return read_apart(model.file, library, model.floating)
+        return read_isolated(model.file, library, model.floating)
     except ScrewgaugeError as error:
         return Failure(library, str(error))
 

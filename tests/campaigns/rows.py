@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from screwgauge.families.draw import families
-from screwgauge.study.lifeline import hold, lifeline
-from screwgauge.study.table import added_to, rows_in
+from screwgauge.study.executors import Executor, Processes, Task
+from screwgauge.study.runner import grow_table
+from screwgauge.study.table import TableFile
 
 TEXTS = Path(__file__).with_name("texts")
 
@@ -23,28 +23,36 @@ def rows_of_mechanisms(
     work: Callable[[tuple[int, str]], dict[str, Any]],
     columns: Sequence[str],
     progress: Callable[[str, float], None] = lambda step, share: None,
+    execute: Executor | None = None,
 ) -> pd.DataFrame:
     """Works on so many mechanisms, two at a time, family by family, seed 0 of all of them first.
 
     Args:
-        file: CSV file that rows are added to as they come; those that it has already are kept.
+        file: CSV file that rows are added to; those that it has already are kept. A journal beside it has the others.
         work: Makes a row of seed and family. It pickles.
+        execute: Where that is done; in two processes by default.
 
     Returns:
         The table, sorted.
     """
     names = families()
-    items = {(i // len(names), names[i % len(names)]) for i in range(count)}
-    done = {(int(row["seed"]), row["family"]) for row in rows_in(file, columns, "random mechanisms")}
-    with (
-        added_to(file, columns) as add,
-        ProcessPoolExecutor(2, get_context("spawn"), hold, (lifeline(),)) as pool,
-    ):
-        futures = [pool.submit(work, item) for item in sorted(items - done)]
-        try:
-            for i, future in enumerate(as_completed(futures), 1):
-                add(row := future.result())
-                progress(f"{row['family']} {row['seed']}", i / len(futures))
-        finally:
-            pool.shutdown(cancel_futures=True)
+    items = sorted((i // len(names), names[i % len(names)]) for i in range(count))
+    named = {f"{family} {seed}": (seed, family) for seed, family in items}
+
+    def lost(name: str, reason: str) -> dict[str, Any]:
+        seed, family = named[name]
+        known = {"family": family, "seed": seed, "verdict": "failed", "reason": reason}
+        return {name: known.get(name, "") for name in columns}
+
+    grow_table(
+        TableFile(file, columns, "random mechanisms", lambda row: f"{row['family']} {row['seed']}"),
+        [Task(name, partial(_rows, work, item)) for name, item in named.items()],
+        execute or Processes(2),
+        lost,
+        progress,
+    )
     return pd.read_csv(file, keep_default_na=False).sort_values(["family", "seed"], ignore_index=True)
+
+
+def _rows(work: Callable[[Any], dict[str, Any]], item: Any, progress: Any) -> list[dict[str, Any]]:
+    return [work(item)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
@@ -16,15 +17,17 @@ from campaigns.changes import CannotError
 from campaigns.lookalikes import REWRITES
 from campaigns.mutations import EVERYWHERE, KINDS, LOST, TRANSPOSED, Expected, mutated
 
-from screwgauge.diagnosis.causes.attribution import Step
-from screwgauge.diagnosis.causes.hypothesis import Hypothesis, Value
+from screwgauge.diagnosis.causes.attribution import Cause
+from screwgauge.diagnosis.causes.slips import Value
 from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.mjcf import write_mjcf
 from screwgauge.models.urdf import write_urdf
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import rotation_vector
-from screwgauge.study.table import added_to, rows_in
+from screwgauge.study.executors import InTurn, Task
+from screwgauge.study.runner import grow_table
+from screwgauge.study.table import TableFile
 from support.robots import arm, mjcf, tree, urdf
 
 #: Changes, and pairs that are alike for each.
@@ -125,15 +128,24 @@ def selftest(count: int, file: Path, progress: Callable[[str, float], None]) -> 
         The table, sorted, columns `COLUMNS`.
     """
     of = {CHANGED: (count, [*KINDS]), ALIKE: (round(PAIRS * count), [*REWRITES])}
-    done = {(row["group"], int(row["number"])) for row in rows_in(file, COLUMNS, "a self-test", ["number"], SIZES)}
-    todo = [(group, i, kinds[i % len(kinds)]) for group, (n, kinds) in of.items() for i in range(n)]
-    todo = [item for item in todo if item[:2] not in done]
-    with TemporaryDirectory(prefix="screwgauge-") as folder, added_to(file, COLUMNS) as add:
+    items = {f"{group} {i}": (group, i, kinds[i % len(kinds)]) for group, (n, kinds) in of.items() for i in range(n)}
+    with TemporaryDirectory(prefix="screwgauge-") as folder:
         known = machines(Path(folder))
-        for i, (group, number, kind) in enumerate(todo):
-            add({"group": group, "number": number, **row(kind, known, Path(folder), [0, group == ALIKE, number])})
-            progress(f"{kind} {number}", (i + 1) / len(todo))
+        grow_table(
+            TableFile(
+                file, COLUMNS, "a self-test", lambda row: f"{row['group']} {row['number']}", ["number"], [*SIZES]
+            ),
+            [Task(name, partial(_rows, item, known, Path(folder))) for name, item in items.items()],
+            InTurn(),
+            lambda name, reason: {**dict.fromkeys(COLUMNS, ""), "verdict": "failed", "first": reason},
+            progress,
+        )
     return pd.read_csv(file, keep_default_na=False).sort_values(["group", "number"], ignore_index=True)
+
+
+def _rows(item: tuple[str, int, str], known: Sequence[Machine], folder: Path, progress: Any) -> list[dict[str, Any]]:
+    group, number, kind = item
+    return [{"group": group, "number": number, **row(kind, known, folder, [0, group == ALIKE, number])}]
 
 
 def row(kind: str, known: Sequence[Machine], folder: Path, seed: Sequence[int]) -> dict[str, Any]:
@@ -195,10 +207,10 @@ def judged(answer: Diagnosis, expected: Sequence[Expected]) -> dict[str, Any]:
         Columns: detected; first, what it names first; right, whether that, or something that it cannot tell from it, is
         what was changed; error of the magnitude, relative; what backfill leaves; verdict.
     """
-    steps = answer.attribution.steps if answer.attribution else ()
+    named = [cause for cause in answer.causes if cause.share == cause.share and cause.kind != "unseen"]
     detected = not (answer.same or answer.undecided)
-    right, error = _right(answer, expected, steps) if detected else (False, np.nan)
-    name = steps[0].hypothesis.name if steps else answer.differences[0].sentence if answer.differences else ""
+    right, error = _right(answer, expected, named) if detected else (False, np.nan)
+    name = answer.causes[0].name if answer.causes else ""
     good = "wrong" if not right else "imprecise" if error > CLOSE else "ok"
     return {
         "detected": detected,
@@ -210,17 +222,16 @@ def judged(answer: Diagnosis, expected: Sequence[Expected]) -> dict[str, Any]:
     }
 
 
-def _right(answer: Diagnosis, expected: Sequence[Expected], steps: Sequence[Step]) -> tuple[bool, float]:
+def _right(answer: Diagnosis, expected: Sequence[Expected], causes: Sequence[Cause]) -> tuple[bool, float]:
     """Whether each change is named, as the slip that it is, and by how much the worst magnitude is off."""
-    named = [cause for step in steps[: len(expected)] for cause in (step.hypothesis, *step.alike)]
+    named = causes[: len(expected)]
     if expected[0].what == ("digits",):
         rounded = answer.differences and all(difference.kind == "digits" for difference in answer.differences)
-        return rounded or any("digits" in slip for cause in named[:1] for slip in cause.slips), np.nan
-    values = _values(answer, named, len(expected) - len(steps))
+        return rounded or any(cause.kind == "digits" for cause in named[:1]), np.nan
+    values = _values(answer, named, len(expected) - len(causes))
     carriers = {link: name for name, body in answer.b.reading.bodies.items() for link in body.fixed}
     fitting = [[value for value in values if _fits(value, each, carriers)] for each in expected]
-    thought = answer.attribution.ranking if answer.attribution and not steps else ()
-    slips = {slip for cause in (*named, *(cause for cause, _ in thought)) for slip in cause.slips}
+    slips = {slip for cause in (named or answer.causes) for slip in cause.slips}
     slipped = all(not each.slip or any(each.slip in slip for slip in slips) for each in expected)
     errors = [
         min(_error(value, each.magnitude, answer) for value in some)
@@ -230,9 +241,10 @@ def _right(answer: Diagnosis, expected: Sequence[Expected], steps: Sequence[Step
     return all(fitting) and slipped, max(errors, default=np.nan)
 
 
-def _values(answer: Diagnosis, named: Sequence[Hypothesis], missing: int) -> list[Value]:
+def _values(answer: Diagnosis, named: Sequence[Cause], missing: int) -> list[Value]:
     """Values that causes are named with, or, of what no torque shows, differences; of these as many as are missing."""
-    unseen = answer.attribution.unseen if answer.attribution else answer.differences
+    seen = {i for cause in named for i in cause.differences}
+    unseen = [each for i, each in enumerate(answer.differences) if i not in seen]
     static = [*(d for d in answer.differences if d.what == "branch"), *unseen[: max(missing, 0)]]
     nothing = np.array(np.nan)
     sides = [(d, *(nothing if side is None else side for side in (d.a, d.b))) for d in static]

@@ -23,7 +23,7 @@ def test_engines_agree_on_random_mechanisms(campaign):
     table = campaign.carry_out(
         PAGE,
         "random",
-        lambda progress: rows_of_mechanisms(count, file, measured, COLUMNS, progress),
+        lambda progress: rows_of_mechanisms(count, file, measured, COLUMNS, progress, campaign.execute),
         again=PAGE.NAME,
     )
     assert {*table["verdict"]} <= {"agree", "estimated"}

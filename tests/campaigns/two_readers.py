@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.asked import answers
 from screwgauge.diagnosis.compare import STATES
 from screwgauge.diagnosis.differences.words import with_sides
+from screwgauge.diagnosis.library_dynamics import answers
 from screwgauge.diagnosis.matrix import differences_between
 from screwgauge.diagnosis.pairing.common import counterpart, states_of_b, velocity_map, weighed
 from screwgauge.diagnosis.pairing.mapping import paired
 from screwgauge.engines.plain import Answers
-from screwgauge.models.kinematics.tree import draw, plant
+from screwgauge.models.kinematics import draw, plant
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array

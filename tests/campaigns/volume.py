@@ -12,9 +12,9 @@ from time import thread_time_ns
 import numpy as np
 import pinocchio as pin
 
+from screwgauge.api import compile
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.pinocchio.tree import PinocchioTree
-from screwgauge.engines.screw.compiled import compile
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.generate import write_models
 from screwgauge.models.loops import loops_of

@@ -112,8 +112,9 @@ def _parts(answer: Any) -> Iterator[Row]:
     for name in ("attribution", "soft"):
         if (part := getattr(answer, name)) is not None:
             yield name, _size([*_numbers(part.before), *_numbers(part.left)])
-            for step in part.steps:
-                yield f"{name} {step.hypothesis.name}", Fact((float(step.share),), SIZE)
+            for cause in part.causes:
+                if np.isfinite(cause.share):
+                    yield f"{name} {cause.name}", Fact((float(cause.share),), SIZE)
     for witness in answer.witnesses:
         yield f"library {witness.library}", text(witness.agrees)
 

@@ -8,7 +8,7 @@ from screwgauge.study.bench.forward_run import QUICK as QUICK_SIMULATIONS
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
 from screwgauge.study.bench.questions import motion, simulation
 from screwgauge.study.bench.registry import contestants, simulators
-from screwgauge.study.bench.rows import ABSOLUTE, COLUMNS, CUT, FAILED, OK, Row, absolute_table, bench_table, reach
+from screwgauge.study.bench.rows import ABSOLUTE, COLUMNS, CUT, FAILED, OK, BenchRow, absolute_table, bench_table, reach
 from screwgauge.study.bench.run import QUICK, Bench, Plan, bench, fits
 from screwgauge.study.bench.slopes import RULES, Rule, table
 from screwgauge.study.bench.slopes import fits as fit_slopes

@@ -5,7 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from screwgauge.cli import main
+from screwgauge.cli import GROUPS, main
+from screwgauge.cli import _parser as parser
 from screwgauge.reference.files import LIMITS, beside, digest, read_file, read_json, replace_file
 
 

@@ -30,7 +30,7 @@ def load(files):
 
 
 class DrakeTree:
-    """See `screwgauge.engines.tree.protocol.Tree`. Drake, too, has [angular; linear], and bodies at their joints."""
+    """See `screwgauge.engines.tree.protocol.OpenTree`. Drake has [angular; linear], too, and bodies at their joints."""
 
     engine, version = "drake", version("drake")
 

@@ -22,10 +22,10 @@ from screwgauge.problem import ModelFiles, Problem, Progress, Task, quiet
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import REFERENCE, Clock, Cost, Failure, Solution, Timing, Values, common_rows
-from screwgauge.study.apart import apart
-from screwgauge.study.ask import ask as put
-from screwgauge.study.ask import in_turn, silent, solve
-from screwgauge.study.method import Method
+from screwgauge.study.isolation import isolated
+from screwgauge.study.methods import Method
+from screwgauge.study.runner import ask as put
+from screwgauge.study.runner import in_turn, silent, solve
 
 #: All that compute in doubles, of both cuts.
 IN_DOUBLES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")

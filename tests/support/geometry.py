@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from screwgauge.models.placement import number_text, quaternion, quaternion_rotation, rpy
+from screwgauge.models.placement import number_text, quaternion, rpy
 from screwgauge.reference import linear
 from screwgauge.reference.equations import screws
 from screwgauge.reference.equations.screws import couple, force, prismatic, revolute
@@ -11,6 +11,7 @@ from screwgauge.reference.linear import EPS, SINGULAR, condition
 from screwgauge.reference.rotations import (
     MIDDLE,
     Array,
+    quaternion_rotation,
     rotation,
     sequence_angles,
     skew,

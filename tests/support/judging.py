@@ -12,10 +12,10 @@ from screwgauge.judging.charts import in_one_chart
 from screwgauge.judging.compare import compare
 from screwgauge.judging.conditioning import LIMIT, flagged
 from screwgauge.judging.coverage import NOTHING, coverage
-from screwgauge.judging.exerted import held as exerted
 from screwgauge.judging.judge import judge
 from screwgauge.solution import Solution
 from screwgauge.study.reference import Reference, reference_values, score
+from screwgauge.witness.wrenches import held as exerted
 from support.freedoms import mobility_at_home
 
 

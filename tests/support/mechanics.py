@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from screwgauge.diagnosis.mechanics.closed import closed, left
-from screwgauge.diagnosis.mechanics.dynamics import (
-    armature_force,
-    dynamics,
-    inverse_dynamics,
-    not_modelled,
-    passive_force,
-)
 from screwgauge.diagnosis.mechanics.matter import Matter
 from screwgauge.diagnosis.mechanics.reshape import held, placed
 from screwgauge.diagnosis.pairing.branches import missing
 from screwgauge.diagnosis.pairing.common import STANDARD, brought, weighed
 from screwgauge.diagnosis.pairing.mapping import paired
+from screwgauge.models.kinematics import not_modelled
+from screwgauge.witness.constraints import admissible_projector, closed
+from screwgauge.witness.dynamics import armature_force, dynamics, inverse_dynamics, passive_force

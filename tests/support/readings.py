@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from screwgauge.models.kinematics.closing import constraint_rows, equations, gaps, residual_at_home
-from screwgauge.models.kinematics.home import rehomed
-from screwgauge.models.kinematics.tree import States, draw, move, moved, plant
+from screwgauge.models.kinematics import draw, plant, rehomed, residual_at_home
 from screwgauge.models.readings.assemble import matrix, steiner
 from screwgauge.models.readings.collapse import collapsed
 from screwgauge.models.readings.compiler import warned
@@ -15,3 +13,6 @@ from screwgauge.models.readings.read import LIBRARIES, libraries_for, read, read
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, JointReading, Reading
 from screwgauge.models.readings.renamed import renamed
 from screwgauge.models.readings.source import prepare
+from screwgauge.witness.constraints import closure_gaps, closure_rows, equations, stepped
+from screwgauge.witness.kinematics import move
+from screwgauge.witness.tree import TreeStates

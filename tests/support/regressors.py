@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.diagnosis.mechanics.dynamics import deflection, downwards, rotor_acceleration
-from screwgauge.models.kinematics.tree import Motion, States, Tree
+from screwgauge.models.kinematics import ReadingTree
 from screwgauge.models.placement import TENSOR
-from screwgauge.reference.equations.screws import acceleration_at, velocity_at
-from screwgauge.reference.rotations import Array, cross, skew
+from screwgauge.reference.rotations import Array, skew
+from screwgauge.witness.dynamics import deflection, rotor_acceleration
+from screwgauge.witness.kinematics import TreeMotion
+from screwgauge.witness.tree import TreeStates
 
 PARAMETERS = 10
 
@@ -35,29 +36,24 @@ def parameters(mass: Array, com: Array, inertia: Array) -> Array:
     return np.concatenate([mass[..., None], first, entries], axis=-1)
 
 
-def inertial_regressor(tree: Tree, motion: Motion) -> Array:
+def inertial_regressor(tree: ReadingTree, motion: TreeMotion) -> Array:
     """Forces of unit parameters.
 
     Returns:
         Shape (n, n_freedom, n_body, 10).
     """
-    inwards = np.swapaxes(motion.R, -1, -2)
-    linear = acceleration_at(motion.twist, motion.acceleration, motion.p) - tree.weight[:, None] * downwards(
-        tree.reading
-    )
-    a, w, beta = (
-        (inwards @ each[..., None])[..., 0] for each in (linear, motion.twist[..., :3], motion.acceleration[..., :3])
-    )
+    inwards = np.swapaxes(motion.bodies.R, -1, -2)
+    bodies = motion.bodies
+    linear = bodies.a - np.reshape(tree.weight, (-1, 1)) * tree.gravity
+    a, w, beta = ((inwards @ each[..., None])[..., 0] for each in (linear, bodies.w, bodies.b))
     W = np.zeros((*a.shape[:2], 6, PARAMETERS))  # [moment about the body's origin; force], body axes
     S = skew(w)
     W[..., 3:, 0] = a
     W[..., 3:, 1:4] = skew(beta) + S @ S
     W[..., :3, 1:4] = -skew(a)
     W[..., :3, 4:] = _tensor(beta) + S @ _tensor(w)
-    screws = motion.screws[:, None]  # each velocity's, at each body's origin, in its axes
-    at = velocity_at(screws, motion.p[:, :, None])
-    inside = np.concatenate([screws[..., :3] + 0.0 * at, at], axis=-1) * tree.moves[..., None]
-    local = np.concatenate([inside[..., :3] @ motion.R, inside[..., 3:] @ motion.R], axis=-1)
+    inside = np.swapaxes(motion.jacobian(tree.bodies, bodies.p), 2, 3)  # each velocity's, at each body's origin
+    local = np.concatenate([inside[..., :3] @ bodies.R, inside[..., 3:] @ bodies.R], axis=-1)
     return np.swapaxes(local @ W, 1, 2)
 
 
@@ -70,7 +66,7 @@ def _tensor(w: Array) -> Array:
     return out
 
 
-def passive_regressor(tree: Tree, states: States) -> dict[str, Array]:
+def passive_regressor(tree: ReadingTree, states: TreeStates) -> dict[str, Array]:
     """Forces of unit entries, by entry: of each velocity's own joint alone. Shape (n, n_freedom) each."""
     return {
         "armature": rotor_acceleration(tree, states),
@@ -80,11 +76,8 @@ def passive_regressor(tree: Tree, states: States) -> dict[str, Array]:
     }
 
 
-def gravity_regressor(tree: Tree, motion: Motion) -> Array:
+def gravity_regressor(tree: ReadingTree, motion: TreeMotion) -> Array:
     """Forces of unit gravity along the world axes. Shape (n, n_freedom, 3)."""
-    r = (motion.R @ tree.com[:, :, None])[..., 0] + motion.p
-    share = -(tree.weight * tree.mass)[:, None, None]
-    f = np.broadcast_to(share * np.eye(3), (*r.shape, 3))  # rows are forces of unit gravity along x, y, z
-    wrenches = np.concatenate([cross(r[:, :, None] + 0.0 * f, f + 0.0 * r[:, :, None]), f], axis=-1)
-    carried = np.einsum("bi,nbkj->nikj", tree.moves, wrenches, optimize=True)
-    return np.asarray(np.einsum("nij,nikj->nik", motion.screws, carried, optimize=True))
+    share = -(tree.weight * tree.matter.mass)
+    rates = motion.jacobian(tree.bodies, motion.com.p)[:, :, 3:]
+    return np.asarray(np.einsum("b,nbkj->njk", share, rates))

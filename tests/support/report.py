@@ -14,6 +14,6 @@ from screwgauge.report.pages.bench import SIMULATION
 from screwgauge.report.pages.run import estimates, report, summary
 from screwgauge.report.pages.run import terminal as run_in_terminal
 from screwgauge.report.pdf import print_page
-from screwgauge.report.results import LINES
+from screwgauge.report.terminal import LINES
 from screwgauge.report.verdict import first_difference, verdict
 from screwgauge.report.write import write_report

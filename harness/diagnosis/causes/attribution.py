@@ -1,27 +1,32 @@
-"""Which differences between two models make their torques differ, and by what share."""
+"""Why the torques of two models differ: their differences by cause, each with its share of the torque difference."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.hypothesis import Hypothesis
+from screwgauge.diagnosis.causes.grouping import SEVERAL, Group, titled, together
+from screwgauge.diagnosis.causes.slips import Edit, Value
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Change, Difference, applied
 from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array
 
 #: Scaled torques that differ by less are the same: own dynamics of two readings leave 1e-14, MuJoCo's tensors 5e-14.
 ROUNDING = 1e-12
-#: A hypothesis explains as much as another one if it leaves no more than this share of the difference beside it.
-ALIKE = 1e-6
-#: A step that takes away less than this share of what is left is none.
-LEAST = 1e-3
-#: Combinations that are tried; models that differ everywhere have no cause that could be told in a sentence.
-MOST = 150
+#: A difference whose change moves scaled torques by no more is one that no torque shows.
+UNSEEN = 1e-11
+#: Causes with less than this share of the torque difference are one row with those of their kind.
+SMALL = 1e-2
+#: What no torque shows and still is no detail: of closures and couplings, of what is there at all, of the medium.
+WEIGHTY = {
+    *("closure", "first_frame", "second_frame", "coupling", "polynomial", "leading joint", "softness"),
+    *("branch", "kind", "body", "medium", "gravity"),
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,15 +48,23 @@ class Torques:
     @property
     def scale(self) -> Array:
         """Of each component: its largest magnitude, at least a thousandth of that of any of the same unit. (m,)."""
-        most = np.abs(self.a).max(axis=0, initial=0.0)
-        units = np.array(self.unit)
-        floor = np.array([most[units == unit].max() for unit in self.unit])
+        most, floor = np.abs(self.a).max(axis=0, initial=0.0), self.largest
         return np.asarray(np.maximum(np.maximum(most, 1e-3 * floor), 1e-300))
 
-    def left(self, b: Reading) -> Array:
-        """Difference to A, scaled; infinite where there is no number. Shape (n, m)."""
-        left = (self.of(b) - self.a) / self.scale
+    @property
+    def largest(self) -> Array:
+        """Largest magnitude of any component of the same unit. Shape (m,)."""
+        most, units = np.abs(self.a).max(axis=0, initial=0.0), np.array(self.unit)
+        return np.array([most[units == unit].max() for unit in self.unit])
+
+    def scaled(self, b: Array) -> Array:
+        """Difference of torques to A's, scaled; infinite where there is no number. Shape (n, m)."""
+        left = (b - self.a) / self.scale
         return np.asarray(np.where(np.isfinite(left), left, np.inf))
+
+    def left(self, b: Reading) -> Array:
+        """The same of a reading."""
+        return self.scaled(self.of(b))
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,19 +78,28 @@ class Largest:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Step:
-    """A hypothesis that was taken.
+class Cause:
+    """One or several differences with one cause: a row.
 
     Attributes:
-        alone: Share of the torque difference that it explains by itself.
-        share: Share explained by it and all before it.
-        alike: Others that explain as much and cannot be told from it by torques.
+        name: What of which parts; `sentence`: how it differs; `short`: the same of the part that counts most alone.
+        differences: Numbers of them.
+        share: Of the torque difference, the projection of what it makes on all of that, one scale a unit; the shares of
+            all causes add up to 1 where they do not depend on each other, and what makes up for others has a negative
+            one. NaN where no change of B is known, or torques agree.
+        kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, what no torque shows.
+        slips: What B's values would be made from A's by, of convention or unit; any of them.
+        values: In both models.
     """
 
-    hypothesis: Hypothesis
-    alone: float
-    share: float
-    alike: tuple[Hypothesis, ...] = ()
+    name: str
+    sentence: str
+    differences: tuple[int, ...]
+    share: float = math.nan
+    kind: str = "cause"
+    short: str = ""
+    slips: tuple[str, ...] = ()
+    values: tuple[Value, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,29 +108,188 @@ class Attribution:
 
     Attributes:
         before: Largest torque difference, scaled, then where and how large: component, value and its unit.
-        ranking: All hypotheses with the share that each explains alone, the best first.
-        steps: Those that together explain the most, in the order in which they were taken.
-        changes: Of all steps, in the order in which they are to be made.
-        left: As `before`, after all steps.
-        unseen: Differences that no torque shows.
+        left: The same after all changes.
+        share: Of the torque difference that all changes explain, by the root of the mean square.
+        causes: The one with the largest share first; then what torques do not tell, rounding, and what none shows.
+        seen: Numbers of the differences that torques show; none where these agree.
+        by_joint: Component, and its largest scaled difference before and after all changes.
     """
 
     before: Largest
-    ranking: tuple[tuple[Hypothesis, float], ...]
-    steps: tuple[Step, ...]
-    changes: tuple[Change, ...]
     left: Largest
-    unseen: tuple[Difference, ...]
-
-    @property
-    def share(self) -> float:
-        """Of the torque difference that all steps explain."""
-        return self.steps[-1].share if self.steps else 0.0
+    share: float
+    causes: tuple[Cause, ...]
+    seen: tuple[int, ...]
+    by_joint: tuple[tuple[str, float, float], ...] = ()
 
     @property
     def complete(self) -> bool:
         """Whether nothing but rounding is left."""
         return self.left.scaled <= ROUNDING
+
+
+#: How much each difference counts -> groups of them.
+Groups = Callable[[Callable[[int], float]], Sequence[Group]]
+
+
+def attribute(
+    torques: Torques,
+    b: Reading,
+    differences: Sequence[Difference],
+    groups: Groups,
+    edits: Sequence[Edit] = (),
+    deadline: Deadline | None = None,
+) -> Attribution:
+    """Puts right each difference alone, each group of them, and all of them.
+
+    What there is no time for has no share.
+
+    Args:
+        b: The reading that changes are made in.
+        differences: All of them, in the order in which their changes are to be made.
+        groups: Makes rows of them. `edits`: what they are made by.
+    """
+    effects = _Effects(torques, b, differences, deadline or Deadline())
+    alone = {i: effects.of((i,)) for i, each in enumerate(differences) if each.change and each.kind != "digits"}
+
+    def weight(i: int) -> float:
+        effect = alone.get(i)
+        share = abs(effects.share(effect)) if effect is not None else 0.0
+        return share if share > 0.0 else 1e-12 * min(differences[i].size, 1.0)
+
+    rows = [(group, effects.of(group.differences)) for group in groups(weight)]
+    before, left = torques.scaled(effects.start), torques.left(applied(b, changes_of(differences)))
+    agree = float(np.abs(before).max(initial=0.0)) <= UNSEEN
+    seen = tuple(sorted(i for group, effect in rows if not agree and effects.seen(effect) for i in group.differences))
+    gone = 1.0 - size(left) / size(before) if size(before) > 0.0 and not agree else 0.0
+    most = [np.abs(each).max(axis=0, initial=0.0).tolist() for each in (before, left)]
+    return Attribution(
+        largest(torques, before),
+        largest(torques, left),
+        gone,
+        tuple(_told(cause, edits) for cause in _rows(rows, effects, differences, agree=agree)),
+        seen,
+        tuple(zip(torques.names, *most, strict=True)),
+    )
+
+
+class _Effects:
+    """What changes make of torques, each asked for once.
+
+    Attributes:
+        start: Torques of B. Shape (n, m).
+    """
+
+    def __init__(self, torques: Torques, b: Reading, differences: Sequence[Difference], deadline: Deadline) -> None:
+        self.torques, self.b, self.differences, self.deadline = torques, b, differences, deadline
+        self.start = torques.of(b)
+        self._off = self._weighed(self.start - torques.a)
+        self._total = float(np.vdot(self._off, self._off))
+        self._known: dict[tuple[int, ...], Array | None] = {}
+
+    def of(self, numbers: tuple[int, ...]) -> Array | None:
+        """By which torques of B differ from those after changes; None where there is no number. Shape (n, m)."""
+        if numbers not in self._known:
+            self._known[numbers] = self._asked(numbers)
+        return self._known[numbers]
+
+    def _asked(self, numbers: tuple[int, ...]) -> Array | None:
+        some = [self.differences[i] for i in sorted(numbers)]
+        changes = changes_of(some)
+        first = some[0]
+        if not changes or self.deadline.over(f"share of {titled(first)}"):
+            return None
+        try:
+            effect = self.start - self.torques.of(applied(self.b, changes))
+        except UnknownNameError:  # of a part that another change brings
+            return None
+        return effect if np.all(np.isfinite(effect)) else None
+
+    def share(self, effect: Array | None) -> float:
+        """Of the torque difference; NaN where that is nothing."""
+        if effect is None or not 0.0 < self._total < math.inf:
+            return math.nan
+        return float(np.vdot(self._off, self._weighed(effect))) / self._total
+
+    def seen(self, effect: Array | None) -> bool:
+        """Whether a torque shows it."""
+        return effect is not None and bool(np.any(np.abs(effect) > UNSEEN * self.torques.scale))
+
+    def _weighed(self, off: Array) -> Array:
+        """A difference over the largest torque of the same unit."""
+        most = self.torques.largest
+        return np.asarray(off / np.where(most > 0.0, most, 1.0))
+
+
+def _rows(
+    rows: Sequence[tuple[Group, Array | None]], effects: _Effects, found: Sequence[Difference], *, agree: bool
+) -> list[Cause]:
+    """Groups as causes, small ones and what no torque shows together with those of their kind."""
+    seen, others, digits, unseen = list[Cause](), list[Group](), list[Cause](), list[Group]()
+    small: dict[str, list[Cause]] = {}
+    groups = {group.differences: group for group, _ in rows}
+    for group, effect in rows:
+        share = math.nan if agree else effects.share(effect)
+        hidden = effect is not None and not effects.seen(effect)
+        if group.family == "digits":
+            digits.append(_cause(group, share, "digits"))
+        elif hidden and not {found[i].what for i in group.differences} & WEIGHTY:
+            unseen.append(group)
+        elif math.isnan(share) or hidden:
+            others.append(group)
+        elif abs(share) < SMALL:
+            small.setdefault(group.family, []).append(_cause(group, share))
+        else:
+            seen.append(_cause(group, share))
+    for some in small.values():
+        some.sort(key=lambda cause: -abs(cause.share))
+        if len(some) >= SEVERAL:
+            share = sum(cause.share for cause in some)
+            some = [_cause(together([groups[cause.differences] for cause in some]), share)]
+        seen += some
+    most = max((cause.share for cause in seen), default=0.0)  # that leads, be what makes up for others larger
+    seen.sort(key=lambda cause: (cause.share < most, -abs(cause.share)))
+    others.sort(key=lambda group: -max(found[i].size for i in group.differences))
+    rest = [_cause(group) for group in _few(others)]
+    return [*seen, *rest, *digits, *_folded(unseen, found, alone=not (seen or rest))]
+
+
+def _few(groups: Sequence[Group]) -> list[Group]:
+    """Those of one family as one, where they are several."""
+    families: dict[str, list[Group]] = {}
+    for group in groups:
+        families.setdefault(group.family, []).append(group)
+    return [each for some in families.values() for each in ([together(some)] if len(some) >= SEVERAL else some)]
+
+
+def _folded(groups: Sequence[Group], found: Sequence[Difference], *, alone: bool) -> list[Cause]:
+    """What no torque shows: in one line beside other rows, else by what it is."""
+    if alone or len(groups) < 2:
+        largest_first = sorted(groups, key=lambda group: -max(found[i].size for i in group.differences))
+        return [_cause(group, kind="unseen") for group in _few(largest_first)]
+    numbers = tuple(i for group in groups for i in group.differences)
+    counts: dict[str, int] = {}
+    for group in groups:
+        counts[group.family] = counts.get(group.family, 0) + len(group.differences)
+    kinds = ", ".join(f"{name} ({count})" for name, count in counts.items())
+    sentence = f"{len(numbers)} further differences do not affect torques: {kinds}"
+    return [Cause("what no torque shows", sentence, numbers, 0.0, "unseen", sentence)]
+
+
+def _cause(group: Group, share: float = math.nan, kind: str = "cause") -> Cause:
+    return Cause(group.name, group.sentence, group.differences, share, kind, group.short)
+
+
+def _told(cause: Cause, edits: Sequence[Edit]) -> Cause:
+    """With slips and values of what it is made by."""
+    own = [edit for edit in edits if {*edit.differences} & {*cause.differences}]
+    if cause.kind != "cause" or not own:
+        return cause
+    first = next((edit for edit in own if cause.differences[0] in edit.differences), own[0])
+    common = [slip for slip in first.slips if all(slip in edit.slips for edit in own)]
+    slips = tuple(common) if len(own) > 1 else first.slips
+    values = tuple(value for edit in own for value in edit.values)
+    return Cause(cause.name, cause.sentence, cause.differences, cause.share, cause.kind, cause.short, slips, values)
 
 
 def largest(torques: Torques, left: Array) -> Largest:
@@ -120,45 +301,6 @@ def largest(torques: Torques, left: Array) -> Largest:
     return Largest(scaled, float(scaled * torques.scale[j]), torques.names[j], torques.unit[j])
 
 
-def attribute(
-    torques: Torques,
-    b: Reading,
-    differences: Sequence[Difference],
-    hypotheses: Sequence[Hypothesis],
-    deadline: Deadline | None = None,
-) -> Attribution:
-    """Takes hypotheses one by one, each time the one that then explains most, until rounding is left.
-
-    What there is no time to try is no hypothesis.
-
-    Args:
-        b: The reading that changes are made in.
-        differences: All of them, in the order in which their changes are to be made; `Hypothesis.differences` are
-            numbers in it.
-    """
-    start = torques.left(b)
-    before = size(start)
-
-    def left(numbers: Collection[int]) -> Array:
-        return torques.left(applied(b, changes_of(differences[i] for i in sorted(numbers))))
-
-    def together(numbers: Collection[int]) -> float:
-        return math.inf if over("combinations of hypotheses") else size(left(numbers))
-
-    over = (deadline or Deadline()).over
-    tried = [(each, size(left(each.differences))) for each in hypotheses if not over(f"hypothesis {each.name}")]
-    hypotheses, alone = [hypothesis for hypothesis, _ in tried], [each for _, each in tried]
-    shares = [_share(before, each) for each in alone]
-    order = sorted(range(len(shares)), key=lambda i: (-round(shares[i], 9), hypotheses[i].numbers))
-    steps = _steps(together, hypotheses, alone, before)
-    used = {number for step in steps for number in step.hypothesis.differences}
-    after = largest(torques, left(used))
-    unseen = tuple(difference for i, difference in enumerate(differences) if i not in used)
-    ranking = tuple((hypotheses[i], shares[i]) for i in order)
-    changes = changes_of(differences[i] for i in sorted(used))
-    return Attribution(largest(torques, start), ranking, steps, changes, after, unseen)
-
-
 def changes_of(differences: Iterable[Difference]) -> tuple[Change, ...]:
     """What makes B as A, of those differences that have it."""
     return tuple(each.change for each in differences if each.change is not None)
@@ -168,60 +310,3 @@ def size(left: Array) -> float:
     """Root of the mean square over samples and components; squares must not overflow."""
     most = float(np.abs(left).max(initial=0.0))
     return most * float(np.sqrt(np.mean((left / most) ** 2))) if 0.0 < most < np.inf else most
-
-
-def _share(before: float, left: float) -> float:
-    return 1.0 - left / before if before > 0.0 else 0.0
-
-
-def _steps(
-    left: Callable[[Collection[int]], float], hypotheses: Sequence[Hypothesis], alone: Sequence[float], before: float
-) -> tuple[Step, ...]:
-    """The greedy combination.
-
-    What each took away when it was last tried tells which to try first, and when none of the rest can be better.
-    """
-    taken, steps, now, asked = set[int](), list[Step](), before, 0
-    gains = {i: before - each for i, each in enumerate(alone)}
-    while now > ROUNDING and gains:
-        if asked > MOST:
-            return (*steps, *_rest(left, hypotheses, taken, before))
-        tried = dict[int, float]()
-        for i in sorted(gains, key=lambda i: -gains[i]):
-            gain = now - min(tried.values(), default=now)
-            if gain > LEAST * now and gains[i] < gain * (1.0 - ALIKE):
-                break
-            tried[i] = left(taken | {*hypotheses[i].differences}) if steps else alone[i]
-            asked += len(steps) > 0
-        best = min(tried.values())
-        if best > (1.0 - LEAST) * now:
-            return (*steps, *_rest(left, hypotheses, taken, before))
-        equal = [i for i in tried if tried[i] <= max(best + ALIKE * now, ROUNDING)]
-        chosen = min(equal, key=lambda i: (hypotheses[i].numbers, -len(hypotheses[i].differences), tried[i]))
-        own = {*hypotheses[chosen].differences}
-        alike = tuple(hypotheses[i] for i in equal if _another(hypotheses[i], hypotheses[chosen]))
-        share = _share(before, tried[chosen])
-        steps.append(Step(hypotheses[chosen], _share(before, alone[chosen]), share, alike))
-        gains |= {i: now - each for i, each in tried.items()}
-        now, taken = tried[chosen], taken | own
-        gains = {i: gain for i, gain in gains.items() if not {*hypotheses[i].differences} <= taken}
-    return tuple(steps)
-
-
-def _rest(
-    left: Callable[[Collection[int]], float], hypotheses: Sequence[Hypothesis], taken: set[int], before: float
-) -> Iterator[Step]:
-    """All that is left at once, where no part of it helps alone."""
-    numbers = {number for hypothesis in hypotheses for number in hypothesis.differences} - taken
-    rest = Hypothesis("all other differences together", tuple(sorted(numbers)), (), len(numbers))
-    share, gone = _share(before, left(taken | numbers)), _share(before, left(taken))
-    if share - gone > LEAST * (1.0 - gone):
-        yield Step(rest, _share(before, left(numbers)), share)
-
-
-def _another(hypothesis: Hypothesis, chosen: Hypothesis) -> bool:
-    """Whether it is of something else, and not the chosen one with more beside it or in other words."""
-    if hypothesis is chosen or {*chosen.differences} < {*hypothesis.differences}:
-        return False
-    items = [{(value.item, value.what) for value in each.values} for each in (hypothesis, chosen)]
-    return not items[0] <= items[1]

@@ -8,12 +8,14 @@ import shutil
 import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
+
+import numpy as np
 
 from screwgauge.diagnosis.causes.attribution import ROUNDING, Largest, Torques, largest
-from screwgauge.diagnosis.differences.change import Change, applied
+from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, applied
 from screwgauge.diagnosis.files.patch import patched
 from screwgauge.diagnosis.known import unheard
 from screwgauge.models.elements import FORMATS
@@ -24,6 +26,10 @@ from screwgauge.reference.files import is_file, read_file, replace_file, stamped
 
 #: A file that is read again leaves at most so much, scaled: numbers of 17 digits, MuJoCo's principal axes.
 RELOADED = 10 * ROUNDING
+#: Properties that a file says in the same numbers, wherever its loops are cut; and why others are not written.
+PASSIVE = ("armature", "damping", "friction", "stiffness")
+KEPT = {"mass", "com", "inertia", "gravcomp", *PASSIVE, "rest", "limits", "gravity", "medium"}
+RECUT = "loops of B are cut elsewhere than in its file, in other numbers"
 #: Files that an MJCF includes or attaches.
 _NAMED = r"<(include|model)\s[^>]*file\s*=\s*[\"']([^\"']*)[\"']"
 
@@ -55,20 +61,29 @@ class Backfill:
 
 
 def backfill(
-    torques: Torques, b: Reading, changes: Sequence[Change], file: Path | None, read: Callable[[Path], Reading]
+    torques: Torques,
+    b: Reading,
+    changes: Sequence[Change],
+    file: Path | None,
+    read: Callable[[Path], Reading],
+    written: Reading | None = None,
 ) -> Backfill:
     """Makes changes in a copy of B's file, or, where that cannot be, in its reading.
 
     Args:
         file: B's, if it has one.
-        read: B's library.
+        read: B's library; loops are cut as in `b` again.
+        written: What the file says, where loops of `b` are cut elsewhere; `b` by default.
     """
     on_reading = largest(torques, torques.left(applied(b, changes)))
     if file is None:
         return Backfill("reading", ("B has no file of a format that is changed here",), on_reading, "")
-    why, best = list[str](), Backfill("reading", (), on_reading, "")
+    why, best, said = list[str](), Backfill("reading", (), on_reading, ""), written or b
+    elsewhere = tuple((change, RECUT) for change in changes if said is not b and not _stands(change, b, said))
+    here = [change for change in changes if all(change is not other for other, _ in elsewhere)]
     for plain in (False, True):
-        patch = patched(read_file(file), b, changes, plain=plain)
+        patch = patched(read_file(file), said, here, plain=plain)
+        patch = replace(patch, left=(*elsewhere, *patch.left))
         why = list(dict.fromkeys(reason for _, reason in patch.left))
         done = [change for change in changes if all(change is not other for other, _ in patch.left)]
         if not done:
@@ -88,6 +103,25 @@ def backfill(
         if best.agrees:
             return best
     return best if best.on == "file" else Backfill("reading", tuple(why), on_reading, "")
+
+
+def _stands(change: Change, b: Reading, written: Reading) -> bool:
+    """Whether a file has the part and the value that a change is of where loops are cut as in the file, too."""
+    owner, what = PROPERTIES[change.what].owner, change.what
+    if what not in KEPT:
+        return False
+    if owner == "model":
+        return np.array_equal(np.asarray(getattr(b, what)), np.asarray(getattr(written, what)))
+    if change.item not in getattr(written, ROOMS[owner]):
+        return False
+    parts = (getattr(each, ROOMS[owner])[change.item] for each in (b, written))
+    return all(np.allclose(*pair, rtol=1e-12, atol=1e-15) for pair in zip(*map(_kept, parts), strict=True))
+
+
+def _kept(part: Any) -> list[Any]:
+    """Values of a body or joint that do not depend on where loops are cut, as long as it is the same one."""
+    names = ("mass", "com", "inertia", "gravcomp") if hasattr(part, "mass") else ("home", "limits", *PASSIVE, "rest")
+    return [getattr(part, name) for name in names]
 
 
 def reread(file: Path, text: str, read: Callable[[Path], T]) -> T:

@@ -1,25 +1,79 @@
-"""What a model would have to say for its torques to be those of a black box: one cause at a time, fitted.
+"""What a difference to a black box looks like: how it grows with speed, and what the model would have to say for it.
 
 A black box is an engine whose own torques are not those of what it has read, or torques of a user.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.attribution import ALIKE, ROUNDING, size
-from screwgauge.diagnosis.causes.hypotheses import word
+from screwgauge.diagnosis.causes.attribution import ROUNDING, size
+from screwgauge.diagnosis.causes.slips import word
 from screwgauge.diagnosis.differences.change import Change, applied, axis
-from screwgauge.diagnosis.mechanics.dynamics import downwards, inverse_dynamics
-from screwgauge.models.kinematics.tree import States, plant
+from screwgauge.models.kinematics import downwards, plant
 from screwgauge.models.placement import TENSOR
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.rotations import Array, rotation, triad
+from screwgauge.witness.dynamics import inverse_dynamics
+from screwgauge.witness.tree import TreeStates
 
+#: Times the speeds at which a difference is measured, accelerations being the same.
+SPEEDS = (0.0, 1.0, 2.0)
+#: Share of a difference that may be there at rest as well, and how far a power may be from a whole one.
+RESTS, WHOLE = 1e-3, 0.01
+#: Power of speed -> what goes with it.
+MEANING = {0: "dry friction", 1: "damping"}
+
+
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """Of a difference that vanishes at rest.
+
+    Attributes:
+        power: Of speed.
+        share: How much of the velocity products (Coriolis and centrifugal terms, Jdot v) is there: 0 if they are
+            missing; NaN where the difference is none of a share of them.
+    """
+
+    power: float
+    share: float = math.nan
+
+    @property
+    def products(self) -> bool:
+        """Whether it grows as velocity products do."""
+        return abs(self.power - 2.0) < WHOLE
+
+    @property
+    def sentence(self) -> str:
+        """In words."""
+        said = f"it vanishes at rest and grows with speed to the power {self.power:.3f}"
+        if not self.products:
+            meaning = MEANING.get(round(self.power)) if abs(self.power - round(self.power)) < WHOLE else None
+            return f"{said}, as {meaning} does" if meaning else said
+        if math.isnan(self.share):
+            return f"{said}: velocity products (Coriolis and centrifugal terms, Jdot v of loops) are wrong"
+        fate = f"are {self.share:.6g} times what they should be" if abs(self.share) > RESTS else "are missing"
+        return f"{said}: velocity products (Coriolis and centrifugal terms, Jdot v of loops) {fate}"
+
+
+def growth(said: Sequence[Array], ours: Sequence[Array]) -> Growth | None:
+    """Of the difference of two quantities, each at `SPEEDS`; None where it does not vanish at rest."""
+    rest, once, twice = (float(np.abs(x - y).max(initial=0.0)) for x, y in zip(said, ours, strict=True))
+    if not (0.0 < once < math.inf and 0.0 < twice < math.inf and rest <= RESTS * once):
+        return None
+    one, two = (each[2] - 2.0 * each[1] + each[0] for each in (said, ours))  # what is of second order in speed
+    share = float(np.vdot(one, two) / max(float(np.vdot(two, two)), 1e-300))
+    fits = float(np.abs(one - share * two).max()) <= RESTS * float(np.abs(one - two).max())
+    return Growth(math.log2(twice / once), share if fits else math.nan)
+
+
+#: A fit explains as much as another one if it leaves no more than this share of the difference beside it.
+ALIKE = 1e-6
 #: Entries of joints that are one number each.
 PASSIVE = ("armature", "damping", "friction", "stiffness")
 #: Step of derivatives by central differences, of a number's own size: leaves about 1e-10 of them.
@@ -128,7 +182,7 @@ def _of_joint(reading: Reading, name: str) -> Iterator[Family]:
     yield Family(f"placement of {name}", np.concatenate([np.ones(3), np.full(3, 0.1)]), displaced)
 
 
-def fitted(reading: Reading, states: States, torques: Array, causes: Sequence[Family] | None = None) -> list[Fit]:
+def fitted(reading: Reading, states: TreeStates, torques: Array, causes: Sequence[Family] | None = None) -> list[Fit]:
     """Causes for which the torques of a reading are not those of a black box, the one that explains most first.
 
     Args:

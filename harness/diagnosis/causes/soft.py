@@ -12,23 +12,24 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.asked import ASKED, CLOSING, joint_states
 from screwgauge.diagnosis.causes.attribution import Attribution, Torques, attribute, changes_of
 from screwgauge.diagnosis.causes.backfill import reread
-from screwgauge.diagnosis.causes.hypothesis import Hypothesis
+from screwgauge.diagnosis.causes.grouping import Group
 from screwgauge.diagnosis.compare import components
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Change, Difference
 from screwgauge.diagnosis.files.patch import patched
-from screwgauge.diagnosis.mechanics.closed import closed
+from screwgauge.diagnosis.library_dynamics import ASKED, CLOSING, joint_states
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import counterpart, states_of_b, velocity_map
 from screwgauge.diagnosis.pairing.mapping import Pairing
-from screwgauge.models.kinematics.tree import States, Tree, draw, moved, plant
+from screwgauge.models.kinematics import ReadingTree, draw, plant
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.files import read_file
 from screwgauge.reference.rotations import Array
+from screwgauge.witness.constraints import closed, stepped
+from screwgauge.witness.tree import TreeStates
 
 #: States that are drawn, and how far they then are from closed [rad or m]: impedances change within a millimetre.
 DRAWN, OPEN = 10, 1e-3
@@ -69,22 +70,24 @@ def softness(
     except _REFUSED:  # which is said where it is asked for torques
         return None
     names, units = zip(*components(a.reading), strict=True)
-    each_alone = [Hypothesis(f"softness of {found[i].item_b}", (i,)) for i in numbers]
-    return attribute(Torques(force, of, names, units), b.reading, found, each_alone, deadline)
+    soft = [found[i] for i in numbers]
+    named = [(f"softness of {each.item_b}", each.sentence) for each in soft]
+    groups = [Group(name, said, (i,), said, "softness") for i, (name, said) in enumerate(named)]
+    return attribute(Torques(force, of, names, units), b.reading, soft, lambda _: groups, deadline=deadline)
 
 
 def _softness(reading: Reading) -> dict[str, tuple[float, ...]]:
     return {name: each.softness for part in (reading.closures, reading.couplings) for name, each in part.items()}
 
 
-def _near(tree: Tree, seed: int) -> States:
+def _near(tree: ReadingTree, seed: int) -> TreeStates:
     """Random states, near closed ones where there are such."""
     drawn = draw(tree.reading, DRAWN, seed)
     there, fits = closed(tree, drawn)
     drawn, q = (drawn.at(fits), there.q) if fits.any() else (drawn, drawn.q)
-    return replace(drawn, q=moved(tree, q, OPEN * np.random.default_rng(seed).normal(size=drawn.qd.shape)))
+    return replace(drawn, q=stepped(tree, q, OPEN * np.random.default_rng(seed).normal(size=drawn.qd.shape)))
 
 
-def _force(file: Path, model: Model, tree: Tree, states: States) -> Array:
+def _force(file: Path, model: Model, tree: ReadingTree, states: TreeStates) -> Array:
     force: Array = import_module(ASKED[model.library]).closing(file, joint_states(tree, states), model.floating).force
     return force

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from screwgauge.models.kinematics.home import moved
+from screwgauge.models.kinematics import moved
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array, cross

@@ -16,9 +16,9 @@ from scipy.optimize import least_squares
 
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Change, applied, axis, outwards
-from screwgauge.diagnosis.mechanics.lines import apart, size
+from screwgauge.diagnosis.mechanics.lines import apart
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common, owned
-from screwgauge.models.kinematics.home import moved, rehomed
+from screwgauge.models.kinematics import moved, rehomed, size
 from screwgauge.models.readings.assemble import exponential
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, rotation_vector
@@ -115,16 +115,22 @@ def _of_joint(a: Reading, common: Common, name: str, length: float) -> Iterator[
         b = rehomed(
             applied(b, [Change(name, "zero", np.asarray(b.joints[name].home - along))]), {name: b.joints[name].home}
         )[0]
-    theirs = b.joints[name]
+    yield from _of_axis(ours, b.joints[name], common.rounding, length)
+
+
+def _of_axis(
+    ours: JointReading, theirs: JointReading, rounding: float, length: float
+) -> Iterator[tuple[str, Array | float, Array]]:
+    """Deviations of the axis of a hinge or slide that points the same way at the same coordinate."""
     off = math.atan2(float(np.linalg.norm(np.cross(axis(theirs), axis(ours)))), float(axis(theirs) @ axis(ours)))
-    if off > common.rounding:
+    if off > rounding:
         across = np.cross(axis(ours), axis(theirs))
         turn = off * across / max(float(np.linalg.norm(across)), 1e-300)
         yield "axis", axis(ours), np.array([turn, np.zeros(3)])
     if ours.kind == "hinge":
         step = ours.centre - theirs.centre
         step = step - (step @ axis(ours)) * axis(ours)
-        if np.linalg.norm(step) > common.rounding * length:
+        if np.linalg.norm(step) > rounding * length:
             yield "centre", theirs.centre + step, np.array([np.zeros(3), -step])
 
 

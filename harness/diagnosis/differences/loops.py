@@ -8,18 +8,16 @@ import numpy as np
 
 from screwgauge.diagnosis.compare import Row, components, row_of
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.mechanics.closed import clear, closed, left, near_home
-from screwgauge.diagnosis.mechanics.lines import size
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map
 from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.models.importing import closing
 from screwgauge.models.importing.assemble import assemble
 from screwgauge.models.importing.homes import some
-from screwgauge.models.kinematics.closing import equations
-from screwgauge.models.kinematics.home import rehomed
-from screwgauge.models.kinematics.tree import States, Tree, draw, plant
+from screwgauge.models.kinematics import ReadingTree, draw, near_home, plant, rehomed, size
 from screwgauge.reference.errors import ClosureError
+from screwgauge.witness.constraints import admissible_projector, clear, closed, equations
+from screwgauge.witness.tree import TreeStates
 
 #: States that are drawn, and closed where they can be.
 DRAWN = 12
@@ -105,7 +103,7 @@ def loops(common: Common, pairing: Pairing, seed: int, deadline: Deadline) -> tu
     else:
         return None, f"{_NOT_COMPARED}: {why}"
     rows = rows[0][regular], rows[1][regular]
-    ours, others = (left(each, slides, length)[0] for each in rows)
+    ours, others = (admissible_projector(each, slides, length)[0] for each in rows)
     n, m = (round(float(np.median(np.trace(each, axis1=1, axis2=2)))) for each in (ours, others))
     row = row_of(
         "motion that loops leave", ours, others, [(x, "") for x, _ in force for _ in force], np.ones_like(ours)
@@ -114,7 +112,7 @@ def loops(common: Common, pairing: Pairing, seed: int, deadline: Deadline) -> tu
     return Loops(row, (n, m), len(force), len(ours), _opened(b, same_poses)), said
 
 
-def _opened(tree: Tree, states: States) -> str:
+def _opened(tree: ReadingTree, states: TreeStates) -> str:
     """How far loops are open where they are widest, in words; empty where they are closed at all states."""
     system = closing.Loops(tree)
     widest = max(states.q, key=lambda q: float(np.abs(system.system(q)[0]).max(initial=0.0)))

@@ -15,9 +15,9 @@ from screwgauge.diagnosis.differences.stated import another, differ, difference
 from screwgauge.diagnosis.differences.static_bodies import bodies
 from screwgauge.diagnosis.differences.static_loops import actuators, closures, couplings
 from screwgauge.diagnosis.differences.words import compared, directed, each_in_its_own, place, unit_of
-from screwgauge.diagnosis.mechanics.dynamics import downwards
-from screwgauge.diagnosis.mechanics.lines import CLOSE, size
+from screwgauge.diagnosis.mechanics.lines import CLOSE
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common
+from screwgauge.models.kinematics import downwards, size
 from screwgauge.models.mjcf import FAR
 from screwgauge.models.readings.reading import JointReading
 from screwgauge.reference.rotations import Array, rotation_vector
@@ -125,6 +125,7 @@ def _counted(common: Common, name: str, what: str, values: tuple[object, object,
     unit = unit_of(what, common.a.joints[name])
     size_, sentence = compared(name, what, a, b, unit, own)
     turned = "" if np.array_equal(own, b) else "; B counts the other way"
+    turned = turned.replace("; ", ", and ") if sentence.endswith(" in both") else turned
     return difference(common, name, what, a, b, (size_, f"{sentence}{turned}"))
 
 

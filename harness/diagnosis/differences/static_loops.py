@@ -12,11 +12,10 @@ from screwgauge.diagnosis.differences.change import Change, Difference
 from screwgauge.diagnosis.differences.stated import another, differ, difference, only
 from screwgauge.diagnosis.differences.words import compared, directed, unit_of, vector
 from screwgauge.diagnosis.files.write_mjcf import SOFTNESS
-from screwgauge.diagnosis.mechanics.lines import CLOSE, size
+from screwgauge.diagnosis.mechanics.lines import CLOSE
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common
-from screwgauge.models.kinematics.closing import residual_at_home
-from screwgauge.models.kinematics.tree import plant
+from screwgauge.models.kinematics import plant, residual_at_home, size
 from screwgauge.models.readings.reading import ClosureReading
 from screwgauge.reference.rotations import Array
 

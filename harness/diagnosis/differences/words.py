@@ -54,7 +54,10 @@ def compared(item: str, what: str, a: Array, b: Array, unit: str, own: Array | N
         return size / scale, f"{said} ({size:.4g}{behind} apart)"
     if what == "inertia":
         return apart / scale, f"{lead} {_tensors(a, b)}"
-    return apart / scale, f"{lead} {vector(shown, a)}{behind} in B, {vector(a, shown)}{behind} in A"
+    ours, theirs = vector(a, shown), vector(shown, a)
+    if ours == theirs:
+        return apart / scale, f"{lead} {ours}{behind} in both"
+    return apart / scale, f"{lead} {theirs}{behind} in B, {ours}{behind} in A"
 
 
 def each_in_its_own(
@@ -71,7 +74,10 @@ def each_in_its_own(
     said = f"{item}: {NAMES.get(what, what)}" if item else NAMES.get(what, what)
     much = f"{step * 1e3:.4g} mm" if unit == "m" else f"{step:.4g} {unit}"
     off = f", by {_short(way * 1e3)} mm in A's world" if way is not None and unit == "m" else ""
-    return f"{said} {vector(b, a)} {unit} in B, {vector(a, b)} {unit} in A, each {axes} ({much} apart{off})"
+    ours, theirs = vector(a, b), vector(b, a)
+    if ours == theirs:
+        return f"{said} {ours} {unit} in both, each {axes} ({much} apart{off})"
+    return f"{said} {theirs} {unit} in B, {ours} {unit} in A, each {axes} ({much} apart{off})"
 
 
 def place(item: str, what: str, amount: tuple[float, float], joint: JointReading, along: float = 0.0) -> str:
@@ -140,11 +146,13 @@ def _finite(value: Array) -> float:
 
 
 def _change(a: float, b: float) -> str:
-    """From A to B in percent, or, of small ones, as a share."""
+    """From A to B in percent, or, of large ones, as a factor."""
     if a == 0.0 or b == 0.0:
         return "none in A" if a == 0.0 else "none in B"
     share = (b - a) / a
-    return f"{share * 100:+.2f} %" if 1e-4 <= abs(share) < 10.0 else f"{share:+.3g} relative"
+    if abs(share) >= 10.0:
+        return f"x {b / a:.4g}"
+    return f"{share * 100:+.2f} %" if abs(share) >= 1e-4 else f"{share * 100:+.3g} %"
 
 
 def _tensors(a: Array, b: Array) -> str:
@@ -158,11 +166,11 @@ def _tensors(a: Array, b: Array) -> str:
     with np.errstate(invalid="ignore"):
         first, second = (np.asarray(np.linalg.eigvalsh(each), dtype=float) for each in (a, b))
     scale = max(_finite(a), _finite(b)) or 1.0
-    share = float(np.abs(a - b).max()) / scale
+    percent = f"{100.0 * float(np.abs(a - b).max()) / scale:.3g} %"
     same = float(np.abs(first - second).max()) < 1e-3 * float(np.abs(a - b).max())
     if same:
-        return f"has other axes in B, and the same principal moments {vector(first, first)} kg m^2 ({share:.3g} apart)"
+        return f"has other axes in B, and the same principal moments {vector(first, first)} kg m^2 ({percent} apart)"
     return (
         f"with principal moments {vector(second, first)} kg m^2 in B, {vector(first, second)} kg m^2 in A "
-        f"({share:.3g} apart, relative)"
+        f"({percent} apart)"
     )

@@ -9,10 +9,10 @@ import numpy as np
 
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.diagnosis.mechanics.matter import NOTHING, Matter
-from screwgauge.models.placement import TENSOR, quaternion_rotation, tensor
+from screwgauge.models.placement import TENSOR, tensor
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.rotations import Array, rotation
+from screwgauge.reference.rotations import Array, quaternion_rotation, rotation
 
 _AXES = np.eye(3)
 

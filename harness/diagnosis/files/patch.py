@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ from screwgauge.diagnosis.differences.change import Change, applied
 from screwgauge.diagnosis.files.layout import Link, UnpatchableError
 from screwgauge.diagnosis.files.opened import Opened, move, opened
 from screwgauge.diagnosis.files.write_urdf import SAME
+from screwgauge.diagnosis.files.xml_text import Element
 from screwgauge.diagnosis.mechanics.matter import Matter, displaced, of_body, plainest, relative, same, shared, spread
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, Reading
 from screwgauge.reference.mechanism import GROUND
@@ -86,6 +87,17 @@ def _write(file: Opened, target: Reading, plain: bool) -> None:
         if body.gravcomp != reading.bodies[name].gravcomp:
             for i in file.of(name):
                 file.writer.tell_body(file.xml, file.links[i].element, body.gravcomp)
+    _move(file, target, elements)
+    _close(file, frames, target)
+    if target.gravity is not None and np.any(target.gravity != reading.gravity):
+        file.writer.tell_model(file.xml, gravity=target.gravity)
+    if target.medium != reading.medium:
+        file.writer.tell_model(file.xml, density=target.medium[0], viscosity=target.medium[1])
+
+
+def _move(file: Opened, target: Reading, elements: Mapping[str, Element]) -> None:
+    """Writes properties of joints, couplings and gears. `elements`: of the joints."""
+    reading = file.reading
     for name, joint in target.joints.items():
         for what in file.writer.JOINT:
             if getattr(joint, what) != getattr(reading.joints[name], what):
@@ -93,14 +105,9 @@ def _write(file: Opened, target: Reading, plain: bool) -> None:
     for name, coupling in target.couplings.items():
         if not np.array_equal(coupling.polynomial, reading.couplings[name].polynomial):
             file.writer.couple(file.xml, elements[coupling.joint], coupling)
-    _close(file, frames, target)
     for name, (_, gear) in target.actuators.items():
         if gear != reading.actuators[name][1]:
             file.writer.drive(file.xml, name, gear)
-    if target.gravity is not None and np.any(target.gravity != reading.gravity):
-        file.writer.tell_model(file.xml, gravity=target.gravity)
-    if target.medium != reading.medium:
-        file.writer.tell_model(file.xml, density=target.medium[0], viscosity=target.medium[1])
 
 
 def _close(file: Opened, frames: Sequence[Array], target: Reading) -> None:

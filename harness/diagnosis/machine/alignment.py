@@ -108,15 +108,19 @@ class Match:
         return [self.alignment.placed[one.far] for one, _ in self.alignment.links if one.near == GROUND]
 
 
-def matched(a: Reading, b: Reading, known: Mapping[str, str]) -> Match:
+def matched(a: Reading, b: Reading, known: Mapping[str, str], *, full: bool = False) -> Match | None:
     """Partners by names, or, where these leave something without one, by geometry alone.
 
     Args:
         known: Joints of A with those of B that names, or the user, say.
+        full: None is wanted where some body or link has no partner for sure.
     """
     one, two = machine_of(a), machine_of(b)
+    even = (len(one.bodies), len(one.links)) == (len(two.bodies), len(two.links))
+    if full and not even:
+        return None
     by_name = aligned(one, two, known, {name: name for name in a.bodies if name in b.bodies})
-    if by_name.covers(one, two):
+    if not even or by_name.covers(one, two):
         return Match(one, two, by_name)
     alone = aligned(one, two, {}, {})
     return Match(one, two, alone if alone.covers(one, two) else by_name)

@@ -11,16 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.mechanics.closed import closed
 from screwgauge.diagnosis.mechanics.matter import Matter, combined, displaced, of_body
 from screwgauge.models.importing.closing import length_of
 from screwgauge.models.importing.parts import Graph, graph_of
-from screwgauge.models.kinematics.closing import residual_at_home
-from screwgauge.models.kinematics.home import rehomed
-from screwgauge.models.kinematics.tree import home, plant
+from screwgauge.models.kinematics import home, plant, rehomed, residual_at_home
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, skew
+from screwgauge.witness.constraints import closed
 
 #: Share of a machine's length, or angle [rad], below which lines meet and points are one; and gaps that are closed.
 CLOSE, CLOSED = 1e-6, 1e-9

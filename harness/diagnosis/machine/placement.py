@@ -16,12 +16,13 @@ from screwgauge.diagnosis.machine.normal_form import Body, Element, Link, Machin
 from screwgauge.diagnosis.mechanics.matter import displaced
 from screwgauge.models.readings.assemble import exponential, matrix
 from screwgauge.reference.mechanism import GROUND
-from screwgauge.reference.rotations import Array, rotation
+from screwgauge.reference.rotations import Array, cross, rotation
 
 #: Share of the machine's length, or of 1 rad, up to which features are the same.
 EXACT = 1e-6
 #: Candidates from frames of one name that are tried.
 FRAMES = 6
+UPPER = np.triu_indices(3)
 #: How many candidates are fitted along a link, and the angles of its hinges from which [rad].
 FITTED, TURNS = 3, (0.0, 2.1, -2.1)
 
@@ -63,33 +64,58 @@ def gap(one: Feature, other: Feature, length: float) -> Array:
     return np.append(one.direction - sign * other.direction, way)
 
 
-def residuals(a: Machine, b: Machine, bodies: tuple[str, str], T: Array) -> Array:
-    """How a body of B lies on one of A: a row for each feature, for the centre of mass and for the inertia.
+class _Overlay:
+    """A body of B laid on one of A, for one placement after the other: their features as arrays, made once."""
 
-    Args:
-        T: Placement of B's world in A's. Shape (4, 4).
+    def __init__(self, a: Machine, b: Machine, bodies: tuple[str, str]) -> None:
+        (name, other), self.length = bodies, a.length
+        ours, theirs = ([each for link in m.at(n) for each in features(link, n)] for m, n in ((a, name), (b, other)))
+        self.points, self.others = (np.array([each.point for each in some]).reshape(-1, 3) for some in (ours, theirs))
+        self.ways, self.other_ways = (
+            np.array([each.direction for each in some]).reshape(-1, 3) for some in (ours, theirs)
+        )
+        self.lines, self.places = (np.array([each.kind == kind for each in ours], dtype=bool) for kind in "RS")
+        self.unlike = np.array([[one.kind != each.kind for each in theirs] for one in ours], dtype=bool)
+        self.first, self.second = a.bodies[name].matter, b.bodies[other].matter
 
-    Returns:
-        Shape (n, 6).
-    """
-    name, other = bodies
-    theirs = [each.placed(T) for link in b.at(other) for each in features(link, other)]
-    rows = []
-    for link in a.at(name):
-        for mine in features(link, name):
-            gaps = [gap(mine, each, a.length) for each in theirs]
-            rows.append(min(gaps, key=lambda each: float(each @ each)) if gaps else np.append(1.0, np.zeros(5)))
-    first, second = a.bodies[name].matter, displaced(b.bodies[other].matter, T)
-    if first.mass and second.mass:
-        rows.append(np.append((first.com - second.com) / a.length, np.zeros(3)))
-        scale = float(np.abs(first.inertia).max()) or 1.0
-        rows.append(((first.inertia - second.inertia) / scale)[np.triu_indices(3)])
-    return np.array(rows or [np.zeros(6)])
+    def residuals(self, T: Array) -> Array:
+        """How it lies there: a row for each feature, for the centre of mass and for the inertia. Shape (n, 6).
+
+        Args:
+            T: Placement of B's world in A's. Shape (4, 4).
+        """
+        rows = [*self._gaps(T)]
+        first, second = self.first, displaced(self.second, T)
+        if first.mass and second.mass:
+            rows.append(np.append((first.com - second.com) / self.length, np.zeros(3)))
+            scale = float(np.abs(first.inertia).max()) or 1.0
+            rows.append(((first.inertia - second.inertia) / scale)[UPPER])
+        return np.array(rows or [np.zeros(6)])
+
+    def misfits(self, T: Array) -> Array:
+        """Sizes of the `residuals`. Shape (n,)."""
+        return np.asarray(np.linalg.norm(self.residuals(T), axis=1))
+
+    def _gaps(self, T: Array) -> Array:
+        """As `gap` of each feature of A and the nearest one of B. Shape (n, 6)."""
+        n = len(self.points)
+        if not self.unlike.size:
+            return np.tile(np.append(1.0, np.zeros(5)), (n, 1))
+        R = T[:3, :3]
+        ways = self.other_ways @ R.T
+        signs = np.where(self.ways @ ways.T >= 0.0, 1.0, -1.0)
+        turns = self.ways[:, None] - signs[..., None] * ways
+        steps = (self.others @ R.T + T[:3, 3] - self.points[:, None]) / self.length
+        across = cross(steps, np.broadcast_to(self.ways[:, None], steps.shape))
+        off = np.where(self.lines[:, None, None], across, np.where(self.places[:, None, None], steps, 0.0))
+        gaps = np.concatenate([turns, off], axis=-1)
+        gaps[self.unlike] = np.append(2.0, np.zeros(5))
+        return np.asarray(gaps[np.arange(n), np.argmin(np.einsum("ijk,ijk->ij", gaps, gaps), axis=1)])
 
 
 def misfits(a: Machine, b: Machine, bodies: tuple[str, str], T: Array) -> Array:
-    """Sizes of the `residuals`. Shape (n,)."""
-    return np.asarray(np.linalg.norm(residuals(a, b, bodies, T), axis=1))
+    """How a body of B lies on one of A, with B's world placed in A's, shape (4, 4). Shape (n,)."""
+    return _Overlay(a, b, bodies).misfits(T)
 
 
 def _score(off: Array) -> float:
@@ -103,18 +129,20 @@ def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Arr
     Args:
         near: The same of what is before them. Shape (4, 4).
     """
-    bodies = links[0].far, links[1].far
+    overlay = _Overlay(a, b, (links[0].far, links[1].far))
     tried = list(_candidates(a, b, links, near))
-    scores = [_score(misfits(a, b, bodies, T)) for T in tried]
+    scores = [_score(overlay.misfits(T)) for T in tried]
     best = max(range(len(tried)), key=lambda i: (round(scores[i], 5), -i))
     found, score = tried[best], scores[best]
-    if misfits(a, b, bodies, found).max() <= EXACT or (len(links[0].elements) > 3 and links[0].kind != "F"):
+    if overlay.misfits(found).max() <= EXACT or (len(links[0].elements) > 3 and links[0].kind != "F"):
         return found
+    elsewhere = links[0].near == GROUND and distance(a, links, np.eye(4)) > EXACT
+    steps = _elsewhere(links[0]) if elsewhere else _freedoms(links[0])
     for T in tried[:FITTED]:
-        fitted = _fitted(a, b, links, T)
-        if (better := _score(misfits(a, b, bodies, fitted))) > score + 0.4:
+        fitted = _fitted(overlay, steps, T)
+        if (better := _score(overlay.misfits(fitted))) > score + 0.4:
             found, score = fitted, better
-        if misfits(a, b, bodies, found).max() <= EXACT:
+        if overlay.misfits(found).max() <= EXACT:
             break
     return found
 
@@ -169,11 +197,8 @@ def _laid(one: Feature, other: Feature) -> Array:
     return matrix(way, R)
 
 
-def _fitted(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Array:
-    """The motion of a link that lays what is behind it onto what is behind its partner, robustly: some may differ."""
-    one, bodies = links[0], (links[0].far, links[1].far)
-    elsewhere = one.near == GROUND and distance(a, links, np.eye(4)) > EXACT
-    steps = _elsewhere(one) if elsewhere else _freedoms(one)
+def _fitted(overlay: _Overlay, steps: list[Element], near: Array) -> Array:
+    """The motion by some steps that lays a body onto its partner, robustly: some of its features may differ."""
 
     def at(q: Array) -> Array:
         out: Array = np.eye(4)
@@ -182,7 +207,7 @@ def _fitted(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Ar
         return np.asarray(out @ near)
 
     def off(q: Array) -> Array:
-        return residuals(a, b, bodies, at(q))
+        return overlay.residuals(at(q))
 
     def sizes(q: Array) -> Array:
         return np.asarray(np.linalg.norm(off(q), axis=1))
@@ -197,9 +222,9 @@ def _fitted(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Ar
         if near_ones.any():
             tight = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
             q = least_squares(lambda q, w=near_ones: off(q)[w].ravel(), q, x_scale=0.1, max_nfev=40, **tight).x
-        if (score := _score(misfits(a, b, bodies, at(q)))) > most:
+        if (score := _score(overlay.misfits(at(q)))) > most:
             best, most = at(q), score
-        if misfits(a, b, bodies, best).max() <= EXACT:
+        if overlay.misfits(best).max() <= EXACT:
             break
     return best
 

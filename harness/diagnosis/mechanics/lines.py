@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from screwgauge.diagnosis.differences.change import axis
-from screwgauge.models.kinematics.home import moved
+from screwgauge.models.kinematics import moved, size
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.rotations import Array
 
@@ -15,14 +15,6 @@ from screwgauge.reference.rotations import Array
 CLOSE = 1e-6
 #: Frames of bodies that are tried as placements.
 FRAMES = 8
-
-
-def size(reading: Reading) -> float:
-    """A length of the machine: the largest distance from the middle of its joints and bodies [m]."""
-    points = [joint.centre for joint in reading.joints.values()]
-    points += [body.pose[:3, :3] @ body.com + body.pose[:3, 3] for body in reading.bodies.values()]
-    spread = np.linalg.norm(np.array(points) - np.mean(points, axis=0), axis=1).max()
-    return float(spread) or 1.0
 
 
 def apart(a: JointReading, b: JointReading, length: float) -> float:

@@ -11,7 +11,7 @@ from screwgauge.diagnosis.differences.change import Change, Difference, outwards
 from screwgauge.diagnosis.mechanics.lines import CLOSE
 from screwgauge.diagnosis.mechanics.reshape import held
 from screwgauge.diagnosis.pairing.mapping import AGAINST_NAME, Pairing, joints_before
-from screwgauge.models.kinematics.home import moved
+from screwgauge.models.kinematics import moved
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross

@@ -8,18 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, applied, outwards
-from screwgauge.diagnosis.mechanics.dynamics import downwards
 from screwgauge.diagnosis.mechanics.lines import CLOSE, fitting
 from screwgauge.diagnosis.mechanics.reshape import held, ordered, placed
 from screwgauge.diagnosis.pairing.mapping import Pairing
-from screwgauge.models.kinematics.home import rehomed
-from screwgauge.models.kinematics.tree import States, Tree
-from screwgauge.models.placement import adjoint, quaternion_rotation
+from screwgauge.models.kinematics import ReadingTree, downwards, rehomed
+from screwgauge.models.placement import adjoint
 from screwgauge.models.readings.collapse import collapsed
 from screwgauge.models.readings.naming import NUMBERED
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.renamed import renamed
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, quaternion_rotation
+from screwgauge.witness.tree import TreeStates
 
 #: Gravity of a file that cannot say it [m/s^2].
 STANDARD = np.array([0.0, 0.0, -9.81])
@@ -207,7 +206,7 @@ def counterpart(a: Reading, b: Reading, joints: Mapping[str, str]) -> tuple[Read
     return there, renamed(there, {"joints": joints})
 
 
-def states_of_b(a: Tree, b: Tree, states: States) -> States:
+def states_of_b(a: ReadingTree, b: ReadingTree, states: TreeStates) -> TreeStates:
     """The same states, where the frames that ball and free joints carry differ."""
     if not (other := _reframed(a, b)):
         return states
@@ -215,10 +214,10 @@ def states_of_b(a: Tree, b: Tree, states: States) -> States:
     for i, frame in other:
         place = list(a.places.values())[i]
         q[:, place] = _conjugated(states.q[:, place], frame)
-    return States(q, states.qd @ C.T, states.qdd @ C.T)
+    return TreeStates(q, states.qd @ C.T, states.qdd @ C.T)
 
 
-def velocity_map(a: Tree, b: Tree) -> Array:
+def velocity_map(a: ReadingTree, b: ReadingTree) -> Array:
     """Velocities of A -> those of B, where frames of ball and free joints differ. Shape (n_freedom, n_freedom)."""
     C = np.eye(len(a.before))
     for i, frame in _reframed(a, b):
@@ -227,7 +226,7 @@ def velocity_map(a: Tree, b: Tree) -> Array:
     return C
 
 
-def _reframed(a: Tree, b: Tree) -> list[tuple[int, Array]]:
+def _reframed(a: ReadingTree, b: ReadingTree) -> list[tuple[int, Array]]:
     """Ball and free joints whose frames differ, and B's frame in A's."""
     found = []
     for i, frame in a.frames.items():

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.machine.alignment import Match, matched
-from screwgauge.diagnosis.mechanics.lines import CLOSE, apart, fitting, size
-from screwgauge.models.kinematics.home import moved, rehomed
+from screwgauge.diagnosis.mechanics.lines import CLOSE, apart, fitting
+from screwgauge.models.kinematics import moved, rehomed, size
 from screwgauge.models.readings.reading import BodyReading, Reading
 from screwgauge.reference.description import read_toml
 from screwgauge.reference.errors import DescriptionError, UnknownNameError

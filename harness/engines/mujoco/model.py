@@ -56,7 +56,7 @@ class MujocoModel(TreeModel):
 
 
 class MujocoDynamics:
-    """What moves an MJCF. See `screwgauge.engines.tree.protocol.Dynamics`."""
+    """What moves an MJCF. See `screwgauge.engines.tree.protocol.TreeDynamics`."""
 
     def __init__(self, mjcf: Path, tree: MujocoTree, settings: Settings) -> None:
         self.mjcf, self.tree, self.settings = mjcf, tree, settings

@@ -68,6 +68,7 @@ class MujocoMover:
             )
         return a
 
+    @property
     def notes(self) -> tuple[str, ...]:
         said = f"{self.made / max(self.calls, 1):.1f} refinements on average, at most {self.most}"
         return (said,) if self.passes else ()

@@ -17,7 +17,6 @@ from screwgauge.engines.mujoco.mover import MujocoMover
 from screwgauge.engines.mujoco.settings import Settings, refine
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
 from screwgauge.engines.tree.forces import Exerted
-from screwgauge.engines.tree.protocol import BodyAt
 from screwgauge.reference.applied import Applied, JointSpring, PointSpring
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -91,7 +90,7 @@ class MujocoStepper:
         self.data = mujoco.MjData(self.model)
         self.base, self.tau = np.zeros(self.model.nv), np.zeros(self.model.nv)
         self.mover, self.work, self.closing = MujocoMover(tree), settings.work, _closing(self.model)
-        self.forces = np.zeros(len(self.closing))
+        self.notes = ("some forces vary with time or pose and are held over each step",) if held.elements else ()
         self.advance = mujoco.mj_Euler if settings.integrator == "Euler" else mujoco.mj_implicit
         for motor in applied.motors:
             if motor not in sprung.left.motors:
@@ -104,13 +103,13 @@ class MujocoStepper:
     def begin(self, t: float, q: Array, v: Array) -> None:
         self.data.time, self.data.qpos[:], self.data.qvel[:] = t, q, v
 
-    def walk(self, t: float, h: float, n: int) -> None:
+    def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
         model, data = self.model, self.data
         model.opt.timestep = h
         if not self.held.elements and not self.passes:
             data.qfrc_applied[:] = self.base
             mujoco.mj_step(model, data, n)
-            return
+            n = 0
         for i in range(n):
             self._apply(t + i * h)
             if not self.passes:
@@ -119,6 +118,7 @@ class MujocoStepper:
             mujoco.mj_forward(model, data)
             refine(model, data, data.qacc.copy(), self.passes)
             self.advance(model, data)
+        return data.qpos.copy(), data.qvel.copy()
 
     def _apply(self, t: float) -> None:
         """Forces along the coordinates for the step to come."""
@@ -126,28 +126,15 @@ class MujocoStepper:
         data.qfrc_applied[:] = self.base
         if self.held.elements:
             q, v = data.qpos.copy(), data.qvel.copy()
-            self.held.act(t, q, v, self.look(q, v), self.tau)
+            self.mover.place(q, v)
+            self.held.act(t, q, v, self.mover.body, self.tau)
             data.qfrc_applied[:] += self.tau
 
-    def state(self) -> tuple[Array, Array]:
-        return self.data.qpos.copy(), self.data.qvel.copy()
-
-    def accelerations(self, t: float) -> Array:
+    def accelerations(self, t: float) -> tuple[Array, Array]:
         self._apply(t)
         mujoco.mj_forward(self.model, self.data)
         a: Array = self.data.qacc.copy()
         total = self.data.efc_force[: self.data.nefc].copy()
         refine(self.model, self.data, a, self.passes, total=total)
-        self.forces = -total[: len(self.closing)]  # rows of equality constraints come first, for their first site
         self.data.qfrc_applied[:] = self.base
-        return a
-
-    def closing_forces(self) -> Array:
-        return self.forces
-
-    def notes(self) -> tuple[str, ...]:
-        return ("some forces vary with time or pose and are held over each step",) if self.held.elements else ()
-
-    def look(self, q: Array, v: Array) -> BodyAt:
-        self.mover.place(q, v)
-        return self.mover.body
+        return a, -total[: len(self.closing)]  # rows of equality constraints come first, for their first site

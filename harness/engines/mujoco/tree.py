@@ -41,7 +41,7 @@ def prepare(model: mujoco.MjModel) -> None:
 
 
 class MujocoTree:
-    """A loaded MJCF. See `screwgauge.engines.tree.protocol.Tree` for shapes."""
+    """A loaded MJCF. See `screwgauge.engines.tree.protocol.OpenTree` for shapes."""
 
     def __init__(self, mjcf: Path, file: LoopsFile) -> None:
         read_model(mjcf)  # refuses what MuJoCo waits for or chokes on; it opens the file itself, for what that includes

@@ -64,7 +64,7 @@ def load(files: ModelFiles, **settings: Any) -> TreeModel:
 
 
 class PinocchioDynamics:
-    """What moves a URDF. See `screwgauge.engines.tree.protocol.Dynamics`."""
+    """What moves a URDF. See `screwgauge.engines.tree.protocol.TreeDynamics`."""
 
     naive = False
 

@@ -10,7 +10,6 @@ import pinocchio as pin
 from screwgauge.engines.pinocchio.tree import ALIGNED, ANGULAR_FIRST, Constraints, PinocchioTree
 from screwgauge.engines.tree.forces import Exerted
 from screwgauge.engines.tree.project import project
-from screwgauge.engines.tree.protocol import BodyAt
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array
 
@@ -28,6 +27,8 @@ UNSAFE = 1e-6
 
 class PinocchioMover:
     """Accelerations of a closed tree. See `screwgauge.engines.tree.protocol.Mover`."""
+
+    notes: tuple[str, ...] = ()
 
     def __init__(self, tree: PinocchioTree) -> None:
         self.tree, self.model = tree, tree.model
@@ -92,9 +93,6 @@ class PinocchioMover:
             left = max(left, float(np.abs(self.constraints.uncoupled(self.q, self.v, a)).max()))
         return a, left, max(float(np.abs(a).max()), 1.0)
 
-    def notes(self) -> tuple[str, ...]:
-        return ()
-
 
 #: Its methods at a fixed step.
 INTEGRATORS = ("Euler", "RK4")
@@ -105,6 +103,7 @@ class PinocchioStepper:
 
     work = True
     closing: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __init__(self, mover: PinocchioMover, forces: Exerted, integrator: str, setting: str) -> None:
         self.mover, self.forces, self.setting = mover, forces, setting
@@ -115,26 +114,14 @@ class PinocchioStepper:
     def begin(self, t: float, q: Array, v: Array) -> None:
         self.q, self.v, self.tau = q, v, np.zeros_like(q)
 
-    def walk(self, t: float, h: float, n: int) -> None:
+    def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
         for i in range(n):
             found = project(self.mover, *self.once(t + i * h, h))
             self.q, self.v = found.q, found.v
-
-    def state(self) -> tuple[Array, Array]:
         return self.q.copy(), self.v.copy()
 
-    def accelerations(self, t: float) -> Array:
-        return self._slope(t, self.q, self.v)
-
-    def closing_forces(self) -> Array:
-        return np.zeros(0)
-
-    def notes(self) -> tuple[str, ...]:
-        return ()
-
-    def look(self, q: Array, v: Array) -> BodyAt:
-        self.mover.place(q, v)
-        return self.mover.body
+    def accelerations(self, t: float) -> tuple[Array, Array]:
+        return self._slope(t, self.q, self.v), np.zeros(0)
 
     def _slope(self, t: float, q: Array, v: Array) -> Array:
         """Accelerations on the closed loops: beside them redundant rows contradict each other."""

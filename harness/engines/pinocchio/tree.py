@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.tree.protocol import BodyPoses, shifted
+from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
 from screwgauge.models.loops import LoopsFile
 from screwgauge.models.readings.overheard import overheard
 from screwgauge.reference.couplings import bind
@@ -43,8 +43,8 @@ def _load(urdf: Path) -> pin.Model:
     return model
 
 
-class PinocchioTree:
-    """A loaded URDF. See `screwgauge.engines.tree.protocol.Tree` for shapes."""
+class PinocchioTree(OpenTree):
+    """A loaded URDF. See `screwgauge.engines.tree.protocol.OpenTree` for shapes."""
 
     def __init__(self, urdf: Path, file: LoopsFile) -> None:
         self.model = _load(urdf)
@@ -125,12 +125,8 @@ class PinocchioTree:
         model, data = self.model, self.data
         return np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
 
-    def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
-        """Pinocchio's constraints are rigid: the same as `tree_force`."""
-        return self.tree_force(q, v, a), 0.0
-
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
-        """See `screwgauge.engines.tree.protocol.Tree`. Forces of joints are taken in the joints' own frames."""
+        """See `screwgauge.engines.tree.protocol.OpenTree`. Forces of joints are taken in the joints' own frames."""
         n, out, origin = len(q), np.zeros_like(wrench), self.origins
         # orientation of the joint that carries each body
         R = at.R[:, 1:] @ self.turned.swapaxes(1, 2)

@@ -14,15 +14,13 @@ import numpy as np
 from screwgauge.engines.screw.programs import Bound
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.problem import GivenMotion
-from screwgauge.quantities import GIVEN, check_quantities
 from screwgauge.reference.closed.continuation import PathEnd
-from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
+from screwgauge.reference.errors import ClosureError, DescriptionError
 from screwgauge.reference.graph import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.blocks import Pool, columns
 from screwgauge.reference.traced.lanes import CHUNK
-from screwgauge.scene.preflight import delivered
-from screwgauge.scene.scene import Scene, check_scene_type
+from screwgauge.scene.scene import Scene
 
 Mode = tuple[bool, bool]
 """Whether samples have their own loads, and whether errors are estimated."""
@@ -258,27 +256,3 @@ def _check_finite(array: Array, where: str) -> None:
     if not np.isfinite(array).all():
         row = int(np.isfinite(array).all(axis=1).argmin())
         raise DescriptionError(f"row {row} is not finite", where, "complete the samples")
-
-
-def compile(
-    scene: Scene, quantities: Iterable[str] | None = None, *, backend: str = "llvm", threads: int = 1
-) -> Solver:
-    """A fast function for the inverse dynamics of a scene.
-
-    Args:
-        quantities: Names; those of the scene by default. Nothing else is computed.
-        backend: ``llvm`` (extra ``fast``) or ``numpy``.
-        threads: How many run at once.
-
-    Raises:
-        ScrewgaugeError: Bad input, or a motion that cannot be followed.
-    """
-    check_scene_type(scene, "compile")
-    check_choice("backend", [backend], ("numpy", "llvm"), "compile")
-    if not (isinstance(threads, int) and threads > 0):
-        raise DescriptionError(f"{threads!r} threads", "compile", "give a positive whole number")
-    wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", GIVEN)
-    wanted, left = delivered(scene, wanted) if quantities is None else (wanted, ())
-    solver = Solver(scene, wanted, backend, threads)
-    solver.notes = (*left, *solver.notes)
-    return solver

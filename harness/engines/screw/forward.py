@@ -24,6 +24,10 @@ from screwgauge.solution import Stopwatch
 AGAIN, SETTLED = 4, 1e-20
 #: Longest way to a predicted pose, on average of all coordinates [rad or lengths of the mechanism].
 FARTHEST = 1.0
+#: The checks that ask whether the pose was predicted well.
+SAFE = [CHECKS.index(name) for name in ("moved", "residual", "far", "strayed")]
+#: Pieces of the straight way to a state, if the whole of it is too long for a prediction.
+PIECES = (2, 4, 8)
 #: How much closer to a singular pose than `Integration.near` the estimate of the condition may put a state.
 MARGIN = 1.5
 #: So many states of good condition that the program could not answer make new pivots worth while, so often.
@@ -101,7 +105,29 @@ class TracedForward:
         self.recall(q, K)
 
     def _evaluate(self) -> bool:
-        """Runs the program at the states of all lanes; whether all are beyond doubt."""
+        """Runs the program at the states of all lanes, by shorter ways if need be; whether all are beyond doubt."""
+        if self._settled():
+            return True
+        doubts = (self.checks * self.weights[:, None]).max(axis=1)
+        if doubts[SAFE].sum() <= 1.0:  # it is the pose itself that is in doubt
+            return False
+        k, start, goal = len(self.columns), self.pose.copy(), self.state.copy()
+        begin, way = start[-k:], goal[:k] - start[-k:]
+        for pieces in PIECES:
+            ways = (begin + way * (i / pieces) for i in range(1, pieces))
+            if all(self._settled_at(y) for y in ways) and self._settled_at(goal[:k]):
+                return True
+            self.pose[:] = start
+        self.state[:] = goal
+        return False
+
+    def _settled_at(self, y: Array) -> bool:
+        """The same at the states with other coordinates. Shape (k, width)."""
+        self.state[: len(y)] = y
+        return self._settled()
+
+    def _settled(self) -> bool:
+        """Runs the program until Newton's method has settled; whether all states are beyond doubt."""
         if self.run():
             self.pose[:] = self.reached
             return True
@@ -126,16 +152,16 @@ class TracedForward:
         self.pose[:] = before
         return q if fine else None
 
-    def slope(self, t: float, states: Array) -> Array | None:
-        """Derivatives of states, one a column; None where one of them is doubtful. Shape (2 k + 1, n)."""
+    def slope(self, t: float, state: Array) -> Array | None:
+        """Derivative of a state; None where it is doubtful. Shape (2 k + 1,)."""
+        k = len(self.columns)
+        self.state[:-1], self.state[-1] = state[:-1, None], t
+        return np.concatenate([state[k:-1], self.answer[:, 0]]) if self._evaluate() else None
+
+    def slopes(self, t: float, states: Array) -> Array | None:
+        """The same of several states, one a column. Shape (2 k + 1, n)."""
         k, out, width = len(self.columns), np.empty_like(states), self.state.shape[1]
         out[:k], self.state[-1] = states[k:-1], t
-        if states.shape[1] == 1:
-            self.state[:-1] = states[:-1]
-            if not self._evaluate():
-                return None
-            out[k:, 0] = self.answer[:, 0]
-            return out
         before, ahead = self.pose[:, :1].copy(), None
         for first in range(0, states.shape[1], width):
             some = states[:-1, first : first + width]

@@ -92,6 +92,7 @@ class _Run:
         self.passed: list[tuple[float, Array, Array]] = []
         self.wanted: list[int] = []
         self.work: list[float] = []
+        self.clock = Stopwatch()
 
     def rates(self, t: float, states: Array, q: Array | None) -> ClosedMotion:
         """Closed poses and rates of states, shape (n, 2 k + 1), by the branch where `q` of the tree is not known."""
@@ -105,14 +106,14 @@ class _Run:
             closed = self.branch.poses(states[:, :k]).q
         return motion_at(self.lay, closed, states[:, k:-1], applied=self.applied, t=t)
 
-    def slope(self, t: float, states: Array) -> Array:
-        """Derivatives of states, one a column as scipy's methods give them. Shape (2 k + 1, n)."""
+    def slope(self, t: float, state: Array) -> Array:
+        """Derivative of a state. Shape (2 k + 1,)."""
         self.evaluations += 1
-        found = None if self.traced is None else self.traced.slope(t, states)
-        return self._by_arrays(t, states) if found is None else found
+        found = None if self.traced is None else self.traced.slope(t, state)
+        return self._by_arrays(t, state[:, None])[:, 0] if found is None else found
 
     def _by_arrays(self, t: float, states: Array) -> Array:
-        """The same by the array solver, on the same branch."""
+        """The same of states, one a column, by the array solver on the same branch. Shape (2 k + 1, n)."""
         k, alone = len(states) // 2, states.shape[1] == 1
         q = self.traced.closed(states[:k, 0]) if self.traced is not None and alone else None
         at = self.rates(t, states.T, q)
@@ -120,7 +121,8 @@ class _Run:
         if at.condition[worst] > self.near:
             raise _Near(self.lay, at.q[worst], float(at.condition[worst]))
         if self.traced is not None:
-            self.traced.learn(at.q[0], at.joint_map[0], float(at.condition[0]) if q is not None else np.inf)
+            with self.clock.aside():  # it may make the programs again
+                self.traced.learn(at.q[0], at.joint_map[0], float(at.condition[0]) if q is not None else np.inf)
         return np.concatenate([states[k:-1], ydd.T, at.input_power[None]])
 
     def jacobian(self, t: float, state: Array) -> Array:
@@ -128,7 +130,9 @@ class _Run:
         m = len(state) - 1
         size = DIFFERENCE * np.maximum(np.abs(state[:m]), 1.0)
         around = np.column_stack([state, state[:, None] + np.vstack([np.diag(size), np.zeros(m)])])
-        slopes = self.slope(t, around)
+        self.evaluations += 1
+        found = None if self.traced is None else self.traced.slopes(t, around)
+        slopes = self._by_arrays(t, around) if found is None else found
         return np.column_stack([(slopes[:, 1:] - slopes[:, :1]) / size, np.zeros(m + 1)])
 
     def keep(self, t: float, state: Array) -> None:
@@ -148,9 +152,7 @@ class _Run:
             q = self.branch.q.copy()
         self.passed.append((t, q, state[k:-1]))
 
-    def steps(
-        self, method: type[OdeSolver], state: Array, options: dict[str, Any], progress: Progress, clock: Stopwatch
-    ) -> str:
+    def steps(self, method: type[OdeSolver], state: Array, options: dict[str, Any], progress: Progress) -> str:
         """Steps through all times and keeps the motion there, beside the clock; returns why it stopped."""
         times, tries = self.times, 0
         size: float | None = None
@@ -164,7 +166,7 @@ class _Run:
                 if size is not None:
                     solver, size = method(self.slope, *safe, times[-1], **{**options, "first_step": size}), None
                 message = solver.step()
-                with clock.aside():  # it may look at further states
+                with self.clock.aside():  # it may look at further states
                     between = solver.dense_output() if times[len(self.work)] <= solver.t else None
             except (_Near, ClosureError, SingularPoseError) as error:
                 if tries == len(SIZES) or self.stepped_over == MOST:
@@ -177,7 +179,7 @@ class _Run:
             self.taken, tries, safe = self.taken + 1, 0, (solver.t, solver.y)
             progress(float((solver.t - times[0]) / (times[-1] - times[0])))
             try:
-                with clock.aside():
+                with self.clock.aside():
                     if between is not None:
                         keep_passed(solver, between, times, self.work, self.keep)
                     self.reach(*safe)
@@ -205,15 +207,15 @@ def integrate(
     """
     method, settings = check_method(task.integration.name), task.integration
     times, state = _checked(lay, task)
-    clock, run = Stopwatch(), _Run(lay, applied, times, settings.near, traced)
+    run = _Run(lay, applied, times, settings.near, traced)
     run.branch.move(task.start)
     begin = run.branch.q.copy()
     run.keep(float(times[0]), state)
-    options: dict[str, Any] = {"rtol": settings.rtol, "atol": settings.atol, "vectorized": True}
+    options: dict[str, Any] = {"rtol": settings.rtol, "atol": settings.atol}
     if method is not DOP853:
         options["jac"] = run.jacobian
-    stopped = run.steps(method, state, options, progress, clock)
-    cost = clock.cost(run.taken, run.evaluations)
+    stopped = run.steps(method, state, options, progress)
+    cost = run.clock.cost(run.taken, run.evaluations)
     whole = _whole(lay, run, begin)
     return Trajectory(
         t=times[: len(run.work)],

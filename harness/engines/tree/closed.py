@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from screwgauge.engines.tree.closure import Loops, check_names, make_loops
 from screwgauge.engines.tree.cut_joints import Chart
-from screwgauge.engines.tree.protocol import BodyPoses, Tree
+from screwgauge.engines.tree.protocol import BodyPoses, OpenTree
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.mechanism import KINDS, Joint, actuator_names
@@ -34,7 +34,7 @@ class Sizes:
     rows: Array
 
 
-def make_sizes(tree: Tree, file: LoopsFile, loops: Loops, home: Array) -> Sizes:
+def make_sizes(tree: OpenTree, file: LoopsFile, loops: Loops, home: Array) -> Sizes:
     """Units for a tree whose home pose is known. `home`: its coordinates there, shape (n_v,)."""
     at = tree.poses(home[None])
     sides = [(loops.index[body], frame.p) for joint in file.joints for body, frame in joint.sides]
@@ -56,7 +56,7 @@ Charts = dict[str, Chart]
 class ClosedTree:
     """A loaded tree, the joints that were cut, and the units in which its closing equations have no dimension."""
 
-    tree: Tree
+    tree: OpenTree
     file: LoopsFile
     loops: Loops
 
@@ -209,7 +209,7 @@ class ClosedTree:
         return out
 
 
-def close_tree(tree: Tree, file: LoopsFile) -> ClosedTree:
+def close_tree(tree: OpenTree, file: LoopsFile) -> ClosedTree:
     """Binds a tree to its loops file.
 
     Raises:

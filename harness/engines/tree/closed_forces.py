@@ -12,6 +12,7 @@ import numpy as np
 from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
 from screwgauge.engines.tree.closure import Loops
 from screwgauge.engines.tree.protocol import BodyPoses
+from screwgauge.engines.tree.wrenches import State, applied_wrenches
 from screwgauge.problem import Problem
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
@@ -20,7 +21,6 @@ from screwgauge.reference.equations.screws import times
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Joint, by_role
 from screwgauge.reference.rotations import Array, across_direction, cross
-from screwgauge.reference.wrenches import State, applied_wrenches
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge.engines.tree.cut_joints import Chart, read_chart
-from screwgauge.engines.tree.protocol import BodyPoses, Tree, shifted
+from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
 from screwgauge.models.layout import Closure
 from screwgauge.models.loops import LoopsFile
 from screwgauge.reference.couplings import CouplingRows, bind
@@ -139,7 +139,7 @@ class Loops:
         return out
 
 
-def check_names(tree: Tree, file: LoopsFile) -> None:
+def check_names(tree: OpenTree, file: LoopsFile) -> None:
     """Refuses a model that lacks what its loops file names, or has joints of which that knows nothing."""
     closed = [side for closure in tree.closures for side in (closure.parent, closure.child)]
     differences = (
@@ -157,7 +157,7 @@ def check_names(tree: Tree, file: LoopsFile) -> None:
             raise ModelFileError(f"{what} '{min(names)}'", where, "keep the names of the loops file")
 
 
-def make_loops(tree: Tree, file: LoopsFile) -> Loops:
+def make_loops(tree: OpenTree, file: LoopsFile) -> Loops:
     """Binds the closures and the independent coordinates to the bodies and coordinates of a tree.
 
     Raises:

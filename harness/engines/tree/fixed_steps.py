@@ -45,8 +45,9 @@ def step_through(
 
     def keep(t: float, q: Array, v: Array) -> None:
         with clock.aside():
-            path.add(t, q, v, stepper.accelerations(t))
-            closing.append(stepper.closing_forces())
+            a, pulls = stepper.accelerations(t)
+            path.add(t, q, v, a)
+            closing.append(pulls)
 
     stepper.begin(float(times[0]), q, v)
     keep(float(times[0]), q, v)
@@ -57,10 +58,9 @@ def step_through(
         try:
             while done < n:
                 count = min(block, n - done)
-                stepper.walk(begin + done * h, h, count)
+                q, v = stepper.walk(begin + done * h, h, count)
                 done, steps = done + count, steps + count
                 progress(float((begin + done * h - times[0]) / (times[-1] - times[0])))
-                q, v = stepper.state()
                 if not (np.isfinite(q).all() and np.isfinite(v).all()):
                     raise SingularPoseError("the state is no longer finite", closed.tree.engine, "take smaller steps")
                 if done < n:
@@ -76,7 +76,7 @@ def step_through(
         _work(stepper, forces, path) if known else empty(len(path.wanted)),
         cost,
         stopped,
-        stepper.notes(),
+        stepper.notes,
         (stepper.closing, ("N",) * len(stepper.closing), np.array(closing)) if wanted else None,
     )
     labels = (closed.tree.engine, closed.tree.version, stepper.setting)
@@ -87,9 +87,9 @@ def _work(stepper: Stepper, forces: Exerted, path: Path) -> Array:
     """Work put in up to each wanted state [J], from the power at all states of the path."""
     if forces.stores_only:
         return np.zeros(len(path.wanted))
-    tau = np.zeros_like(path.q[0])
-    power = np.array(
-        [forces.act(t, q, v, stepper.look(q, v), tau) for t, q, v in zip(path.t, path.q, path.v, strict=True)]
-    )
+    tau, power, mover = np.zeros_like(path.q[0]), np.empty(len(path.t)), stepper.mover
+    for i, (t, q, v) in enumerate(zip(path.t, path.q, path.v, strict=True)):
+        mover.place(q, v)
+        power[i] = forces.act(t, q, v, mover.body, tau)
     added = 0.5 * np.diff(path.t) * (power[1:] + power[:-1])
     return np.concatenate([[0.0], np.cumsum(added)])[path.wanted]

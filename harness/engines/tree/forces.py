@@ -13,7 +13,7 @@ import numpy as np
 from screwgauge.engines.tree.closed import ClosedTree
 from screwgauge.engines.tree.closure import Loops
 from screwgauge.engines.tree.cut_joints import SURE, read_chart
-from screwgauge.engines.tree.protocol import BodyAt, Tree
+from screwgauge.engines.tree.protocol import BodyAt, OpenTree
 from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring, Spring
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import Joint
@@ -64,10 +64,10 @@ def tree_forces(closed: ClosedTree, applied: Applied, start: Array) -> Exerted:
     return Exerted(tuple(elements), not (damped or applied.motors or applied.loads))
 
 
-def spring_pull(spring: JointSpring, tree: Tree, q: Array, v: Array) -> Array:
+def spring_pull(spring: JointSpring, tree: OpenTree, q: Array, v: Array) -> Array:
     """Force of a spring along a coordinate of the tree, shape (n, n_v), at states of shape (n, n_v)."""
     tau, k = np.zeros_like(q), tree.coordinates.index(spring.coordinate)
-    tau[:, k] = -(spring.stiffness * (q[:, k] - spring.rest) + spring.damping * v[:, k])
+    tau[:, k] = -spring.pull(q[:, k], v[:, k])
     return tau
 
 
@@ -77,7 +77,7 @@ def _body(name: str, loops: Loops) -> int:
     return loops.index[name]
 
 
-def _reader(coordinate: str, tree: Tree, loops: Loops, start: Array) -> Reader:
+def _reader(coordinate: str, tree: OpenTree, loops: Loops, start: Array) -> Reader:
     """Reads a joint coordinate, of the tree or of a cut joint."""
     if coordinate in tree.coordinates:
         column = tree.coordinates.index(coordinate)
@@ -142,13 +142,13 @@ def _spring(spring: Spring, read: Reader) -> Element:
     def element(t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
         value, row = read(t, q, body)
         speed = float(row @ v)
-        tau -= (spring.stiffness * (value - spring.rest) + spring.damping * speed) * row
+        tau -= spring.pull(value, speed) * row
         return -spring.damping * speed * speed
 
     return element
 
 
-def _load(load: Load, tree: Tree, loops: Loops) -> Element:
+def _load(load: Load, tree: OpenTree, loops: Loops) -> Element:
     index = _body(load.body, loops)
     point = (tree.com[index - 1] if index else np.zeros(3)) if load.point is None else load.point
 

@@ -122,7 +122,7 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
     run.keep(float(task.grid[0]), state)
     steps = _Steps(run, task, progress)
     stopped = steps.all(state) if len(task.grid) > 1 else ""
-    notes = list(mover.notes())
+    notes = list(mover.notes)
     if run.closed:
         residual, rate = run.drift
         notes.append(f"largest drift off the closed loops that was removed: {residual:.1e} (m, rad), {rate:.1e} /s")
@@ -187,14 +187,7 @@ class _Steps:
                     back, self.over = back + 1, self.over + 1
                     run.forget(far[0])
                     continue
-                with clock.aside():
-                    between = solver.dense_output() if times[len(work)] <= solver.t else None
-                if self.back and solver.status == "running":
-                    solver.y = run.back(solver.y)
-                    solver.f = run.slope(solver.t, solver.y)
-                with clock.aside():
-                    if between is not None:
-                        keep_passed(solver, between, times, run.work, run.keep)
+                self._keep_passed(solver, clock)
             except SingularPoseError as error:
                 if tries == len(SIZES) or self.over == MOST:
                     message = f"no step leads on; {error}"
@@ -214,6 +207,18 @@ class _Steps:
             self.progress((solver.t - times[0]) / (times[-1] - times[0]))
         self.cost = clock.cost(steps=taken)
         return "" if len(work) == len(times) else f"t = {safe[0]:.6g} s: {message}"
+
+    def _keep_passed(self, solver: Any, clock: Stopwatch) -> None:
+        """Brings the state back onto the loops, and keeps the wanted states that the step has passed."""
+        run, times = self.run, self.times
+        with clock.aside():
+            between = solver.dense_output() if times[len(run.work)] <= solver.t else None
+        if self.back and solver.status == "running":
+            solver.y = run.back(solver.y)
+            solver.f = run.slope(solver.t, solver.y)
+        with clock.aside():
+            if between is not None:
+                keep_passed(solver, between, times, run.work, run.keep)
 
 
 def start_state(closed: ClosedTree, task: InitialValue) -> tuple[Array, Array]:

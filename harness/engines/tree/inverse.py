@@ -16,12 +16,12 @@ from screwgauge.engines.tree.closed import Charts, ClosedTree
 from screwgauge.engines.tree.closed_forces import closed_forces
 from screwgauge.engines.tree.cut_joints import unwrapped
 from screwgauge.engines.tree.protocol import BodyPoses
+from screwgauge.engines.tree.wrenches import State
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
 from screwgauge.reference.closed.continuation import Continuation
 from screwgauge.reference.closed.walk import Loops
 from screwgauge.reference.rotations import Array, cross
-from screwgauge.reference.wrenches import State
 from screwgauge.solution import Clock, Solution
 
 

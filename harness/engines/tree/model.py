@@ -11,7 +11,7 @@ from screwgauge.engines.parts import joint_units
 from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
 from screwgauge.engines.tree.closed_forces import min_norm
 from screwgauge.engines.tree.inverse import solve_motion
-from screwgauge.engines.tree.protocol import Dynamics
+from screwgauge.engines.tree.protocol import TreeDynamics
 from screwgauge.models.loops import LoopsFile, read_loops
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
 from screwgauge.quantities import FORCE
@@ -42,7 +42,7 @@ class TreeModel:
         dynamics: What its engine moves it by; None if that takes given motions only.
     """
 
-    def __init__(self, closed: ClosedTree, dynamics: Dynamics | None = None) -> None:
+    def __init__(self, closed: ClosedTree, dynamics: TreeDynamics | None = None) -> None:
         self.closed, self.dynamics = closed, dynamics
 
     @property
@@ -104,7 +104,7 @@ class TreeModel:
             raise ModelFileError(what, self._where, "run it with screw, or give it mass")
 
 
-def solve_states(closed: ClosedTree, dynamics: Dynamics, problem: Problem, task: States) -> Solution:
+def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, task: States) -> Solution:
     """Answers for states of the tree.
 
     Args:
@@ -166,7 +166,7 @@ def _springs(closed: ClosedTree, applied: Applied) -> list[JointSpring]:
 
 
 def _actuator_forces(
-    closed: ClosedTree, dynamics: Dynamics, problem: Problem, q: Array, tau: Array
+    closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, q: Array, tau: Array
 ) -> tuple[Array, Array]:
     """Smallest actuator forces that, with the loads, make the joint forces `tau` of the open tree.
 

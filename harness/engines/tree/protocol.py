@@ -88,7 +88,7 @@ def shifted(V: Array, A: Array, arms: Array) -> Array:
     return np.asarray(A[..., 3:] + cross(A[..., :3], arms) + cross(w, cross(w, arms)))
 
 
-class Tree(Protocol):
+class OpenTree(Protocol):
     """An engine's open tree."""
 
     engine: str
@@ -122,11 +122,13 @@ class Tree(Protocol):
         """Inverse dynamics of the open tree under gravity alone. Shape (n, n_v)."""
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
-        """The same with soft constraints on, if the engine has them, and the absolute tolerance that follows.
+        """The same with soft constraints on, and the absolute tolerance that follows; of an engine without them the
+        same as `tree_force`.
 
         Args:
             residuals: Largest closure residual of position, velocity and acceleration. Shape (3,).
         """
+        return self.tree_force(q, v, a), 0.0
 
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
         """Wrench on each body from its tree parent: force, then moment about the body's origin.
@@ -143,13 +145,21 @@ BodyAt = Callable[[int], tuple[Array, Array, Array]]
 
 
 class Mover(Protocol):
-    """An engine that gives the accelerations of its closed tree, one state at a time."""
+    """An engine that gives the accelerations of its closed tree, one state at a time.
+
+    Attributes:
+        setting: In words.
+        tree: The open tree of its model.
+        notes: What is worth saying after a motion.
+    """
 
     setting: str
 
     @property
-    def tree(self) -> Tree:
-        """The open tree of its model."""
+    def tree(self) -> OpenTree: ...
+
+    @property
+    def notes(self) -> tuple[str, ...]: ...
 
     def place(self, q: Array, v: Array) -> None:
         """Goes to a state."""
@@ -167,9 +177,6 @@ class Mover(Protocol):
             SingularPoseError: They are not safe.
         """
 
-    def notes(self) -> tuple[str, ...]:
-        """What is worth saying after a motion."""
-
 
 class Stepper(Protocol):
     """An engine's own integrator at a fixed step. The arrays that it returns stay as they are.
@@ -179,37 +186,31 @@ class Stepper(Protocol):
         order: Of its method.
         work: Whether the work that is put in is wanted; looking at every step for it may cost more than the steps.
         closing: Names of the forces that it can give of what closes the loops.
+        notes: What is worth saying after a motion.
     """
 
     setting: str
     order: int
     work: bool
     closing: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def mover(self) -> Mover:
+        """Another copy of the engine, to look at states by."""
 
     def begin(self, t: float, q: Array, v: Array) -> None:
         """Goes to the start."""
 
-    def walk(self, t: float, h: float, n: int) -> None:
-        """Makes n steps of size h from time t on.
+    def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
+        """Makes n steps of size h from time t on; coordinates and velocities then.
 
         Raises:
             SingularPoseError: It cannot go on.
         """
 
-    def state(self) -> tuple[Array, Array]:
-        """Coordinates and velocities now."""
-
-    def accelerations(self, t: float) -> Array:
-        """Accelerations now."""
-
-    def closing_forces(self) -> Array:
-        """Forces behind the last `accelerations`, on the child sides, in the order of `closing` [N]. Shape (k,)."""
-
-    def look(self, q: Array, v: Array) -> BodyAt:
-        """Poses of bodies at a state, on another copy of the engine's data."""
-
-    def notes(self) -> tuple[str, ...]:
-        """What is worth saying after a motion."""
+    def accelerations(self, t: float) -> tuple[Array, Array]:
+        """Accelerations now, and the forces on the child sides in the order of `closing` [N], shape (k,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -230,7 +231,7 @@ class Accelerations:
     notes: tuple[str, ...] = ()
 
 
-class Dynamics(Protocol):
+class TreeDynamics(Protocol):
     """What moves an engine's tree, with the settings that it was loaded with.
 
     Attributes:

@@ -13,12 +13,12 @@ from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import Spec
 from screwgauge.report.figures.looks import INK, STAR, Look, by_camp, camp
 from screwgauge.study.bench.rows import LEVELS, OK
-from screwgauge.study.posed import QUANTITIES
+from screwgauge.study.prepared_scene import QUANTITIES
 
 if TYPE_CHECKING:
-    from screwgauge.study.bench.rows import Row
+    from screwgauge.study.bench.rows import BenchRow
     from screwgauge.study.bench.run import Bench
-    from screwgauge.study.bench.slopes import Fit
+    from screwgauge.study.bench.slopes import SlopeFit
 
 NAMES = ("joint positions", "joint velocities", "joint accelerations", "actuator forces")
 WORDS = dict(zip(QUANTITIES, NAMES, strict=True))
@@ -77,7 +77,7 @@ def _of_simulation(bench: Bench) -> Iterator[Picture]:
             yield _error_and_time(measure, axes, points, looks, SIMULATED, others)
 
 
-def _point(row: Row, family: str, seconds: float, error: float) -> Spec:
+def _point(row: BenchRow, family: str, seconds: float, error: float) -> Spec:
     told = {"family": family, "contestant": row.contestant.name, "setting": row.contestant.setting}
     return {**told, "x": seconds, "y": max(error, ZERO), "label": row.contestant.label}
 
@@ -118,10 +118,10 @@ def _error_and_time(
     return chart.picture(name, title, lambda moving: spec, notes)
 
 
-def _slopes(name: str, fits: Sequence[Fit]) -> Picture:
+def _slopes(name: str, fits: Sequence[SlopeFit]) -> Picture:
     """Points over the parameter, and a line of the expected slope through the middle of those that were fitted."""
 
-    def panel(fit: Fit) -> Spec:
+    def panel(fit: SlopeFit) -> Spec:
         x, error, line = fit.x[fit.used], fit.error[fit.used], list[Spec]()
         if len(x):
             level = np.mean(np.log10(error) - fit.rule.expected * np.log10(x))

@@ -8,6 +8,7 @@ from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import Spec
 from screwgauge.report.figures.looks import numbered
+from screwgauge.report.stage.machines import machines
 
 if TYPE_CHECKING:
     from screwgauge.diagnosis.diagnose import Diagnosis
@@ -18,9 +19,10 @@ FLOOR = 1e-17  # what is zero is drawn so small
 
 
 def make_plots(found: Diagnosis) -> list[Picture]:
-    """All pictures; none where the torques agree."""
-    if found.attribution is None or not found.attribution.steps:
-        return []
+    """All pictures: the machines where they differ, and of torques where these do."""
+    pictures = [machines(found)] if found.differences else []
+    if found.attribution is None or not found.attribution.seen:
+        return pictures
     rows, told = sorted(found.by_joint, key=lambda row: -row[1])[:MOST], {"as they are": 1, "after backfill": 2}
     points: list[Spec] = [
         {"joint": row[0], "when": name, "x": max((row[1], row[2])[k - 1], FLOOR)}
@@ -29,11 +31,12 @@ def make_plots(found: Diagnosis) -> list[Picture]:
     ]
     looks = chart.ways("when", {name: numbered(k) for name, k in told.items()})
     joints = chart.filled("joints", points=points, **looks, **chart.logarithm("x", [p["x"] for p in points]))
-    ranking = found.attribution.ranking[:MOST]
-    ranking = ranking[: max(FEWEST, sum(share >= LEAST for _, share in ranking))]
-    shares = [(hypothesis.name, max(100.0 * share, 0.0)) for hypothesis, share in ranking]
+    ranked = [cause for cause in found.causes if abs(cause.share) >= 0.0][:MOST]
+    ranked = ranked[: max(FEWEST, sum(abs(cause.share) >= LEAST for cause in ranked))]
+    shares = [(cause.name, 100.0 * cause.share) for cause in ranked]
     bars = chart.filled("shares", bars=[{"change": name, "x": x, "text": f"{x:.3g} %"} for name, x in shares])
     return [
+        *pictures,
         chart.picture("torques-by-joint", "Torque difference by joint", lambda moving: joints),
-        chart.picture("torques-by-hypothesis", "What explains the torque difference", lambda moving: bars),
+        chart.picture("torques-by-cause", "What explains the torque difference", lambda moving: bars),
     ]

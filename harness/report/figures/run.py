@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,7 +85,7 @@ def _quantity(name: str, drawing: Drawing, comparison: Comparison) -> Picture:
         return {"vconcat": [drawn, lower], "spacing": 14, "resolve": resolve, "params": params}
 
     notes = [*filter(None, [drawing.note]), *_warnings(subject, shown, sum(map(len, labels)))]
-    return chart.picture(name, drawing.title, build, notes)
+    return replace(chart.picture(name, drawing.title, build, notes), of=drawing.quantity)
 
 
 def _curves(

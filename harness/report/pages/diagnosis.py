@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
+from screwgauge.diagnosis.causes.attribution import Cause
+from screwgauge.diagnosis.compare import STATES
 from screwgauge.diagnosis.diagnose import Diagnosis
 from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.static import sorted_by_size
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.record import summary
-from screwgauge.report.blocks import Banner
+from screwgauge.report.blocks import Banner, Heading, Items
 from screwgauge.report.figures.diagnosis import make_plots
 from screwgauge.report.formatting import Row, number, size, unit_text
 from screwgauge.report.layout import Report
-
-_RANKED = 12  # hypotheses that are shown
+from screwgauge.report.terminal import terminal
 
 
 def _banners(found: Diagnosis) -> list[Banner]:
@@ -25,10 +27,10 @@ def _banners(found: Diagnosis) -> list[Banner]:
 
 def _banner(found: Diagnosis) -> Banner:
     if found.left_out or found.exit_status == 3:
-        return Banner(found.verdict, "✗ STOPPED" if found.left_out else "✗ FAILED", "failed")
+        return Banner(found.headline, "✗ STOPPED" if found.left_out else "✗ FAILED", "failed")
     if found.undecided:
-        return Banner(found.verdict, "✗ NOT ALL COMPARED", "note")
-    return Banner.of(found.verdict, found.same, "SAME", "DIFFER")
+        return Banner(found.headline, "✗ NOT ALL COMPARED", "note")
+    return Banner.of(found.headline, found.same, "SAME", "DIFFER")
 
 
 def _differences(found: Diagnosis) -> list[Row]:
@@ -40,16 +42,34 @@ def _differences(found: Diagnosis) -> list[Row]:
     return [*map(line, sorted_by_size(found.differences))]
 
 
-def _ranking(found: Diagnosis) -> list[Row]:
-    """What each change explains alone."""
-    ranking = found.attribution.ranking if found.attribution else ()
-    return [{"change": change.name, "share": f"{100.0 * share:.4f} %"} for change, share in ranking[:_RANKED]]
+TORQUES = "inverse dynamics"
 
 
-def _taken(found: Diagnosis) -> list[str]:
-    """What changes explain one after the other."""
-    steps = found.attribution.steps if found.attribution else ()
-    return [f"{step.hypothesis.name}: {100.0 * step.share:.4f} % with all before it" for step in steps]
+def _causes(found: Diagnosis) -> list[Row]:
+    """A row for each cause."""
+    return [
+        {"share": _share(cause), "cause": cause.sentence, "short": cause.short, "of": len(cause.differences)}
+        for cause in found.causes
+    ]
+
+
+def _share(cause: Cause) -> str:
+    """Of the torque difference."""
+    if math.isnan(cause.share):
+        return ""
+    return f"{100.0 * cause.share:.2g} %" if abs(cause.share) < 0.1 else f"{100.0 * cause.share:.1f} %"
+
+
+def _scale(found: Diagnosis) -> str:
+    """What shares are of."""
+    if found.attribution is None or not found.attribution.seen:
+        return ""
+    rows = (row for row in found.rows if row.quantity == TORQUES)
+    most = next((f", at most {number(row.max_abs, 3)} {unit_text(row.unit)}" for row in rows), "")
+    return (
+        f"Shares are of the torque difference at {STATES} random states{most}, torques of each unit over the largest "
+        "of it; a negative one makes up for others."
+    )
 
 
 def _proof(found: Diagnosis) -> str:
@@ -92,6 +112,12 @@ def _file(model: Model) -> str:
     return f"{read}; loops of {model.loops}, SHA-256 {model.loops_sha256}" if model.loops else read
 
 
+def every_difference(found: Diagnosis) -> str:
+    """What is printed, and each difference."""
+    said = Items(tuple(each.sentence for each in sorted_by_size(found.differences)))
+    return terminal([*PAGE.terminal(found), *([Heading("All differences"), said] if found.differences else [])])
+
+
 PAGE = Report(
     text="diagnosis",
     banner=_banners,
@@ -100,12 +126,13 @@ PAGE = Report(
         "title": lambda found: " and ".join(f"{Path(m.label).name} ({m.library})" for _, m in _sides(found)),
         "about": _about,
         "differences": _differences,
-        "largest": lambda found: _differences(found)[:3],
-        "many": lambda found: _differences(found)[:_RANKED],
-        "ranking": _ranking,
-        "taken": _taken,
+        "largest": lambda found: _causes(found)[:3],
+        "causes": _causes,
+        "scale": _scale,
         "proof": _proof,
-        "growth": lambda found: found.growth.sentence if found.growth and _ranking(found) else "",
+        "growth": lambda found: (
+            found.growth.sentence if found.growth and found.attribution and found.attribution.seen else ""
+        ),
         "rows alone": lambda found: () if found.differences else found.rows,
         "witnesses": _witnesses,
         "map": _map,

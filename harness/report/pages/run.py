@@ -36,7 +36,7 @@ from screwgauge.report.layout import Report, Value
 from screwgauge.report.pages.scene import about, judged, samples, short
 from screwgauge.report.record import samples_table, summary, timings
 from screwgauge.report.stage.picture import stage
-from screwgauge.report.verdict import compared, verdict
+from screwgauge.report.verdict import compared, conclusion, verdict
 from screwgauge.scene.observables import Published
 from screwgauge.solution import REFERENCE, Timing
 from screwgauge.study.comparison import Comparison
@@ -45,9 +45,10 @@ __all__ = ["DATA", "pictures", "report", "summary", "terminal", "write"]
 
 
 def _banners(results: Comparison) -> list[Banner]:
-    found = verdict(results)
-    said = [*results.warnings, *unmatched(results.scene.figures, results.solutions)]
-    return [found, *(Banner(sentence, "Warning") for sentence in said if sentence not in found.text)]
+    headline, remarks = conclusion(results)
+    warnings = [*results.warnings, *unmatched(results.scene.figures, results.solutions)]
+    known = " ".join([headline.text, *remarks])
+    return [headline, *(Banner(sentence, "Warning") for sentence in warnings if sentence not in known)]
 
 
 def _shown(found: Iterable[Row]) -> list[Row]:
@@ -70,7 +71,7 @@ def _worst_three(results: Comparison) -> list[Row]:
     judged = (row for row in rows(results.judge) if row["engine"] not in results.failures)
     found += [{**row, "what": f"judge: {words(row['residual'])}", "who": row["engine"]} for row in judged]
     order = sorted(found, key=lambda row: beyond(row["max_scaled"], row["tolerance"]), reverse=True)
-    three = _shown(group[0] for group in list(grouped(order, "what").values())[:3])
+    three = _shown(_least(group) for group in list(grouped(order, "what").values())[:3])
     return [{**row, "off": f"{size(row['max_abs'])} {unit_text(row['unit'])}"} for row in three]
 
 
@@ -194,13 +195,18 @@ def theirs(item: Published) -> Row:
 
 def _worst(found: Sequence[Row], key: str) -> list[Row]:
     """Of each key and unit: what is out of tolerance first, then the largest; a missing number is worse than any."""
-    groups = grouped(found, key, "unit").values()
-    return _shown(max(group, key=lambda row: (not row["ok"], beyond(row["max_scaled"], 1.0))) for group in groups)
+    return _shown(map(_least, grouped(found, key, "unit").values()))
+
+
+def _least(group: Sequence[Row]) -> Row:
+    """The row with the fewest digits, those out of tolerance first: the one that the verdict names, too."""
+    return max(group, key=lambda row: (not row["ok"], beyond(row["max_scaled"], 1.0)))
 
 
 VALUES: dict[str, Value] = {
     "title": lambda results: f"{results.scene.title or results.scene.name}: verification report",
     "worst three": _worst_three,
+    "remarks": lambda results: conclusion(results)[1],
     "what": _what,
     "every pair": lambda results: _shown(rows(results.pairs)),
     "pairs that differ": lambda results: _shown(row for row in rows(results.pairs) if not row["ok"]),
@@ -220,6 +226,7 @@ VALUES: dict[str, Value] = {
     "worst pairs": lambda results: _worst(compared(results), "quantity"),
     "worst residuals": lambda results: _worst(rows(results.judge), "residual"),
     "conditioning": _conditioning,
+    "whole verdict": lambda results: [verdict(results), *_banners(results)[1:]],
 }
 
 

@@ -23,7 +23,7 @@ from screwgauge.models.shapes import (
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.pose import Pose
 from screwgauge.reference.rotations import Array
-from screwgauge.study.motion import Motion
+from screwgauge.study.motion import DrawnMotion
 
 WIDE, TALL, EDGE, FONT = 640.0, 400.0, 52.0, 11.0  # of the drawing, at most; its margin; of letters [pixels]
 MOST_NAMES = 45  # beyond, only joints that are driven or independent are named
@@ -54,7 +54,7 @@ path,line{{fill:none}}.mark *{{fill:#fff;stroke:#222;stroke-width:1.5}}.driven *
 .other{{stroke:{DOUBT};stroke-width:1.6;stroke-dasharray:5 3}}"""
 
 
-def frames(motion: Motion) -> list[str]:
+def frames(motion: DrawnMotion) -> list[str]:
     """A drawing for each sample of a motion, all alike in scale and without names, which would jump."""
     mechanism, poses = motion.lay.mechanism, [motion.at.rows([k]) for k in range(len(motion.t))]
     cloud = np.concatenate([_cloud(mechanism, placed(mechanism, at), joint_marks(mechanism, at)) for at in poses])
@@ -117,7 +117,7 @@ def drawing(
     wanted = _wanted(mechanism, lines if few else (), [(joint, place) for joint, place, _ in joints])
     busy = [a + (b - a) * k for _, a, b in lines for k in np.linspace(0, 1, 2 + int(np.hypot(*(b - a)) / 8))]
     out += (
-        [] if at else _names(wanted, np.array([*busy, *(place + d for _, place, _ in joints for d in RIM)]), WIDE, tall)
+        [] if at else labels(wanted, np.array([*busy, *(place + d for _, place, _ in joints for d in RIM)]), WIDE, tall)
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDE:.0f} {tall:.0f}" width="{WIDE:.0f}" '
@@ -170,7 +170,7 @@ def _legend(mechanism: Mechanism, compared: bool) -> tuple[str, float]:
     return "".join(out), y
 
 
-def _names(wanted: Sequence[tuple[str, str, Array]], busy: Array, wide: float, tall: float) -> list[str]:
+def labels(wanted: Sequence[tuple[str, str, Array]], busy: Array, wide: float, tall: float) -> list[str]:
     """Texts, each where it covers least; with a line to what it names if that is not beside it.
 
     Args:

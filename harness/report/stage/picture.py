@@ -20,7 +20,7 @@ from screwgauge.report.stage.drawing import drawing
 from screwgauge.report.stage.words import kind, sentences
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
-from screwgauge.study.motion import Arrow, Motion, arrows, followed, still
+from screwgauge.study.motion import Arrow, DrawnMotion, arrows, followed, still
 
 HELD = 30  # samples at which a platform is asked how it is held, at most
 LONGEST = 0.3  # of all arrows of a group, in lengths of the mechanism
@@ -53,7 +53,7 @@ def told(picture: Picture) -> list[Block]:
     return [*other, Items(tuple(found["words"])), *(odd if found["doubts"] else [])]
 
 
-def data(motion: Motion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
+def data(motion: DrawnMotion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
     """What ``stage.js`` draws, and what is said beside it. Lengths in lengths of the mechanism, from its middle."""
     mechanism, at, unit = motion.lay.mechanism, motion.at, length(motion.lay)
     middle, columns = at.com[0].mean(axis=0), mechanism.independent_columns

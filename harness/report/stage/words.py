@@ -1,4 +1,4 @@
-"""How a platform is held, in words."""
+"""Constraints and freedoms of a platform, in words."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ def kind(one: Element) -> int:
 
 
 def sentences(lay: Layout, at: Pose, found: Sequence[Held], t: Array) -> list[str]:
-    """What the legs do, what they leave, what actuators leave open, and whether that stays so on the way.
+    """Constraints of the legs, remaining freedoms, redundancy of actuators, and whether they change during the motion.
 
     Args:
-        found: At each of the samples of `at`; told is the first.
+        found: At each of the samples of `at`; the first is described.
         t: Their times [s].
     """
     first, mechanism = found[0], lay.mechanism
@@ -35,34 +35,35 @@ def sentences(lay: Layout, at: Pose, found: Sequence[Held], t: Array) -> list[st
     places = {joint.name: at.joint(joint).p_child[0] for joint in joints}
     sides = [side for joint in mechanism.joints for side in (joint.parent, joint.child)]
     tips = sum(sides.count(body.name) == 1 for body in mechanism.bodies)
-    said = [f"An open tree with {tips} ends; {first.body} is the farthest."] if tips > 1 and not lay.cuts else []
-    said += [_legs(first, places), f"That leaves {first.body} {listed(first.twists, TWISTS, places)}."]
+    text = [f"An open tree with {tips} ends; {first.body} is the farthest."] if tips > 1 and not lay.cuts else []
+    text += [_legs(first, places), f"Remaining freedoms of {first.body}: {listed(first.twists, TWISTS, places)}."]
     if n := first.overconstraints:
-        said.append(f"{_many(n, 'of these', '').capitalize()} constraints repeat{'s' * (n == 1)} others.")
+        text.append(f"{_many(n, 'of these', '').capitalize()} constraints {'is' if n == 1 else 'are'} redundant.")
     if n := idle_forces(lay, at.rows([0])).shape[1]:
         freedoms = _many(len(mechanism.independent), "degree of freedom", "degrees of freedom", whole=True)
-        idle = "moves nothing, only stresses" if n == 1 else "move nothing, only stress"
-        said.append(
+        idle = "does no work and only preloads" if n == 1 else "do no work and only preload"
+        text.append(
             f"{len(mechanism.actuators)} actuators for {freedoms}: {_many(n, 'combination')} of their forces"
-            f" {idle} the mechanism, and a rule has to fix {'it' if n == 1 else 'them'}."
+            f" {idle} the mechanism, so that a rule has to choose {'it' if n == 1 else 'them'}."
         )
     kinds = [[[*map(kind, system)] for system in (*one.wrenches, one.twists)] for one in found]
     if changes := [f"{t[k]:.3g} s" for k in range(1, len(kinds)) if kinds[k] != kinds[k - 1]]:
-        more = ", ..." * (len(changes) > 3)
-        said.append(f"This is the first pose; kinds or numbers change near t = {', '.join(changes[:3])}{more}.")
+        times = ", ".join(changes[:3]) + ", ..." * (len(changes) > 3)
+        text.append(f"This is the first pose; the kind or number of constraints changes near t = {times}.")
     elif len(kinds) > 1:
-        said.append(f"Points and directions are those of the first pose; kinds are the same at all {len(kinds)} tried.")
-    return said
+        samples = f"all {len(kinds)} samples tried"
+        text.append(f"Points and directions are those of the first pose; kinds are the same at {samples}.")
+    return text
 
 
 def _legs(first: Held, places: Mapping[str, Array]) -> str:
-    """What each leg does; legs that do the same are told together."""
+    """Forces and couples that each leg constrains; legs that constrain the same in one clause."""
     does: dict[str, list[str]] = {}
     for leg, system in zip(first.legs, first.wrenches, strict=True):
         does.setdefault(listed(system, WRENCHES, places), []).append(leg.name + f" ({leg.kinds})" * bool(leg.kinds))
-    parts = [f"{formatting.listed(names)} take{'s' * (len(names) == 1)} {what}" for what, names in does.items()]
-    hangs = f"{first.body} hangs on {_many(len(first.legs), 'leg')}: {'; '.join(parts)}."
-    return hangs if parts else f"Nothing holds {first.body}."
+    clauses = [f"{formatting.listed(names)}: {what}" for what, names in does.items()]
+    lead = f"Forces on {first.body} that each leg constrains"
+    return f"{lead}: {'; '.join(clauses)}." if clauses else f"Nothing constrains {first.body}."
 
 
 def listed(system: Sequence[Element], nouns: tuple[str, ...], places: Mapping[str, Array]) -> str:
@@ -82,7 +83,7 @@ def listed(system: Sequence[Element], nouns: tuple[str, ...], places: Mapping[st
     if ways:
         directions = "every axis" if len(ways) == 3 else formatting.listed([_way(one) for one in ways])
         said.append(f"{_many(len(ways), couple)} {about} {directions}")
-    return all_six if len(system) == 6 else formatting.listed(said) if said else "nothing"
+    return all_six if len(system) == 6 else formatting.listed(said) if said else "none"
 
 
 def _many(n: int, what: str, plural: str = "s", *, whole: bool = False) -> str:

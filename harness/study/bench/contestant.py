@@ -10,8 +10,8 @@ from typing import Any
 
 from screwgauge.solution import Solution
 from screwgauge.study.bench.questions import Asked, Question
-from screwgauge.study.method import Method
-from screwgauge.study.posed import Posed
+from screwgauge.study.methods import Method
+from screwgauge.study.prepared_scene import PreparedScene
 from screwgauge.study.reference import joined
 
 TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("contestants.toml").read_text(encoding="utf-8"))
@@ -64,7 +64,7 @@ class Contestant:
         """Its line in a diagram: family, or family and series."""
         return f"{self.family} ({self.series})" if self.series else self.family
 
-    def ask(self, posed: Posed) -> Asked:
+    def ask(self, posed: PreparedScene) -> Asked:
         """Its question on a scene."""
         return self.question(posed, self.method.engine, self.quantities)
 

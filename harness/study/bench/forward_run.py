@@ -2,35 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, time
 
 import numpy as np
 
 from screwgauge.environment import environment
 from screwgauge.judging.answer import answer_at
-from screwgauge.judging.energy import energy_balance
-from screwgauge.problem import Integration, Problem, spread
+from screwgauge.judging.residuals import energy_balance
+from screwgauge.problem import Integration, Problem, Progress, spread
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.scene.observables import known_values, observe
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import EXPLICIT, check_start, stiff_warning, stiffness
 from screwgauge.solution import REFERENCE, Cost, Failure, Solution
-from screwgauge.study.ask import Report, TooLongError, ask, generated, model_files, silent, within
 from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.leaving_out import table as leaving_out
 from screwgauge.study.bench.registry import simulators
-from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
-from screwgauge.study.bench.run import Bench, Plan, check_generated, models_of
+from screwgauge.study.bench.rows import CUT, FAILED, OK, BenchRow
+from screwgauge.study.bench.run import BESIDE, Bench, Plan, check_generated, models_of
 from screwgauge.study.bench.slopes import Rule, fits
-from screwgauge.study.method import Method
-from screwgauge.study.posed import Posed
+from screwgauge.study.executors import Executor, Report, Task
+from screwgauge.study.methods import Method
+from screwgauge.study.prepared_scene import PreparedScene
 from screwgauge.study.provenance import provenance
 from screwgauge.study.reference import Reference, score
+from screwgauge.study.runner import TooLongError, ask, generated, model_files, silent, within
 from screwgauge.threads import one_thread
 
 NAN = float("nan")
@@ -49,12 +51,19 @@ QUICK = Plan(samples=9, rounds=1, budget=25.0, quick=True, each=8.0, share=0.2)
 
 
 def contest(
-    scene: Scene, *, plan: Plan = FULL, contestants: Iterable[str] | None = None, progress: Report = silent
+    scene: Scene,
+    *,
+    plan: Plan = FULL,
+    contestants: Iterable[str] | None = None,
+    progress: Report = silent,
+    execute: Executor | None = None,
 ) -> Bench:
     """Measures errors, energy and run times of contestants on a simulated scene.
 
     Args:
         contestants: Families or engines; all by default.
+        execute: Where families are measured, each from its coarsest setting on; by default in this process, the
+            shortest first.
 
     Raises:
         ScrewgaugeError: Bad input. A contestant that fails is a row.
@@ -73,17 +82,17 @@ def contest(
     waiting = _chosen(short, contestants, quick=plan.quick)
     slow = find_spec("llvmlite") is None and _stiff(short, lay)  # machine code takes very many steps in no time
     late = {f"screw-{name}" for name in EXPLICIT} if slow else set[str]()
-    rows: list[Row] = []
+    rows: list[BenchRow] = []
     with generated(scene) as folder:
         progress(REFERENCE, 0.0)
-        posed, n = simulated(short, folder), len(waiting)
+        posed = simulated(short, folder)
         judged = provenance(short, models_of(waiting, posed))
-        while waiting:
-            # the shortest first, as far as the family's last one tells; what is known to take very long comes last
-            contestant = min(waiting, key=lambda one: (one.family in late, _foreseen(one, rows)))
-            waiting.remove(contestant)
-            progress(contestant.family, 1.0 - (len(waiting) + 1) / n)
-            rows += _turn(posed, plan, contestant, rows, plan.budget - perf_counter() + begin)
+        end = begin + plan.budget
+        if execute is None:
+            _shortest_first(posed, plan, waiting, late, end, rows, progress)
+        else:
+            rows += _by_family(posed, plan, waiting, end, execute, progress)
+            notes = (*notes, BESIDE)
     names = list(dict.fromkeys(row.contestant.family for row in rows))
     rows.sort(key=lambda row: (row.contestant.method.engine != "screw", names.index(row.contestant.family)))
     return Bench(
@@ -98,6 +107,63 @@ def contest(
         environment={**environment(), "one_thread": one_thread()},
         provenance=judged,
     )
+
+
+def _shortest_first(
+    posed: PreparedScene,
+    plan: Plan,
+    waiting: list[Contestant],
+    late: Collection[str],
+    end: float,
+    rows: list[BenchRow],
+    progress: Report,
+) -> None:
+    """Adds the rows of all contestants, the shortest first, as far as the family's last one tells.
+
+    Args:
+        late: Families that are known to take very long: they come last.
+        end: When nothing further begins, see `perf_counter` [s].
+    """
+    n = len(waiting)
+    while waiting:
+        contestant = min(waiting, key=lambda one: (one.family in late, _foreseen(one, rows)))
+        waiting.remove(contestant)
+        progress(contestant.family, 1.0 - (len(waiting) + 1) / n)
+        rows += _turn(posed, plan, contestant, rows, end - perf_counter())
+
+
+def _by_family(
+    posed: PreparedScene, plan: Plan, chosen: Sequence[Contestant], end: float, execute: Executor, progress: Report
+) -> list[BenchRow]:
+    """The rows of all contestants, family by family."""
+    families: dict[str, list[Contestant]] = {}
+    for contestant in chosen:
+        families.setdefault(contestant.family, []).append(contestant)
+    until, rows = time() + end - perf_counter(), dict[str, list[BenchRow]]()
+
+    def keep(name: str, found: list[BenchRow] | Failure) -> None:
+        if isinstance(found, Failure):
+            found = [row for one in families[name] for row in _lost(one, found.reason, FAILED)]
+        rows[name] = found
+
+    works = {name: partial(_family, posed, plan, family, until) for name, family in families.items()}
+    execute({name: Task(name, work, files=posed.written) for name, work in works.items()}, keep, progress)
+    return [row for name in families for row in rows[name]]
+
+
+def _family(
+    posed: PreparedScene, plan: Plan, family: Sequence[Contestant], until: float, progress: Progress
+) -> list[BenchRow]:
+    rows = list[BenchRow]()
+    for contestant in family:
+        rows += _turn(posed, plan, contestant, rows, until - time())
+    return rows
+
+
+def _lost(contestant: Contestant, reason: str, status: str = CUT) -> tuple[BenchRow, BenchRow]:
+    """The rows of a contestant without numbers."""
+    row = BenchRow(contestant, "observable", NAN, NAN, 0, (), status, reason)
+    return row, replace(row, quantity="energy")
 
 
 def _stiff(scene: Scene, lay: Layout) -> bool:
@@ -118,7 +184,7 @@ def _chosen(scene: Scene, names: Iterable[str] | None, *, quick: bool) -> list[C
     return [c for c in everyone if {c.family, c.method.engine} & set(wanted)]
 
 
-def simulated(scene: Scene, folder: Path) -> Posed:
+def simulated(scene: Scene, folder: Path) -> PreparedScene:
     """A simulated scene ready for methods; its observables are measured.
 
     Args:
@@ -142,10 +208,10 @@ def simulated(scene: Scene, folder: Path) -> Posed:
             )
         known = observe(layout(scene.mechanism), scene.observables, solution.values["joint_position"].array)
     values = {"observable": known}
-    return Posed(scene, scene, folder, Reference.by_size(name, scene.mechanism, values))
+    return PreparedScene(scene, scene, folder, Reference.by_size(name, scene.mechanism, values))
 
 
-def _foreseen(contestant: Contestant, before: Sequence[Row]) -> float:
+def _foreseen(contestant: Contestant, before: Sequence[BenchRow]) -> float:
     """How long it will last [s]: from the setting before it of its family, or the first of its engine."""
     same = [row for row in before if row.contestant.family == contestant.family]
     if not same:
@@ -161,22 +227,19 @@ def _foreseen(contestant: Contestant, before: Sequence[Row]) -> float:
     return last.time_s * longer if np.isfinite(last.time_s) else 0.0
 
 
-def _turn(posed: Posed, plan: Plan, contestant: Contestant, before: Sequence[Row], left: float) -> tuple[Row, Row]:
+def _turn(
+    posed: PreparedScene, plan: Plan, contestant: Contestant, before: Sequence[BenchRow], left: float
+) -> tuple[BenchRow, BenchRow]:
     """The rows of a contestant, unless the budget is spent or it would take too long anyway.
 
     Args:
         left: Of the budget [s].
     """
-
-    def lost(reason: str, status: str = CUT) -> tuple[Row, Row]:
-        row = Row(contestant, "observable", NAN, NAN, 0, (), status, reason)
-        return row, replace(row, quantity="energy")
-
     if left <= 0.0:
-        return lost("the budget was spent before its turn")
+        return _lost(contestant, "the budget was spent before its turn")
     known = any(row.contestant.family == contestant.family for row in before)
     if known and _foreseen(contestant, before) > plan.each:
-        return lost(f"the setting before tells that it would take more than {plan.each:g} s")
+        return _lost(contestant, f"the setting before tells that it would take more than {plan.each:g} s")
     asked, costs = contestant.ask(posed), list[Cost]()
     (problem,), most = asked.problems, min(plan.each, left)
     while True:
@@ -184,19 +247,19 @@ def _turn(posed: Posed, plan: Plan, contestant: Contestant, before: Sequence[Row
             with np.errstate(all="ignore"):
                 answer = ask(contestant.method, asked.files, problem, within(most))
         except TooLongError as error:
-            return lost(str(error))
+            return _lost(contestant, str(error))
         if isinstance(answer, Failure):
-            return lost(answer.reason, FAILED)
+            return _lost(contestant, answer.reason, FAILED)
         if answer.n_solved < 2:
-            return lost(f"stopped before the first sample: {answer.stopped}", FAILED)
+            return _lost(contestant, f"stopped before the first sample: {answer.stopped}", FAILED)
         costs.append(answer.cost or Cost(NAN))
         if len(costs) >= plan.rounds or not costs[0].wall_s < SHORT:
             return _scored(posed, contestant, problem, answer, costs)
 
 
 def _scored(
-    posed: Posed, contestant: Contestant, problem: Problem, solution: Solution, costs: Sequence[Cost]
-) -> tuple[Row, Row]:
+    posed: PreparedScene, contestant: Contestant, problem: Problem, solution: Solution, costs: Sequence[Cost]
+) -> tuple[BenchRow, BenchRow]:
     """The rows of an answer, as far as it came: the observables, and the energy that is not accounted for.
 
     Args:
@@ -211,6 +274,8 @@ def _scored(
     cost, seconds = replace(costs[-1], wall_s=wall_s, cpu_s=cpu_s), (wall_s,) if np.isfinite(wall_s) else ()
     rest = m, seconds, FAILED if reason else OK, reason
     return (
-        Row(contestant, "observable", error.max_scaled, error.rms_scaled, *rest, error.largest, cost),
-        Row(contestant, "energy", energy.get("max_scaled", NAN), NAN, *rest, {"J": energy.get("max_abs", NAN)}, cost),
+        BenchRow(contestant, "observable", error.max_scaled, error.rms_scaled, *rest, error.largest, cost),
+        BenchRow(
+            contestant, "energy", energy.get("max_scaled", NAN), NAN, *rest, {"J": energy.get("max_abs", NAN)}, cost
+        ),
     )

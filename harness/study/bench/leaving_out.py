@@ -12,13 +12,13 @@ import pandas as pd
 from screwgauge.models.generate import write_models
 from screwgauge.models.mjcf import PARTS
 from screwgauge.quantities import GIVEN, SOLVED
-from screwgauge.study.ask import model_files
 from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.questions import Asked
-from screwgauge.study.bench.rows import FAILED, Row
-from screwgauge.study.method import Method
-from screwgauge.study.posed import Posed
+from screwgauge.study.bench.rows import FAILED, BenchRow
+from screwgauge.study.methods import Method
+from screwgauge.study.prepared_scene import PreparedScene
 from screwgauge.study.reference import Reference, sizes
+from screwgauge.study.runner import model_files
 
 #: Family of these contestants, which have a table of their own.
 LEAVING_OUT = "leaving-out"
@@ -42,7 +42,13 @@ MOTION = tuple(name for step in list(STEPS)[:3] for name in STEPS[step])
 
 
 def less(
-    posed: Posed, engine: str, wanted: Sequence[str], *, asked: Sequence[str] = GIVEN, absent: str = "", part: str = ""
+    posed: PreparedScene,
+    engine: str,
+    wanted: Sequence[str],
+    *,
+    asked: Sequence[str] = GIVEN,
+    absent: str = "",
+    part: str = "",
 ) -> Asked:
     """The given motion with less asked for, or less about it, measured by everything that the engine says of it.
 
@@ -65,7 +71,7 @@ def less(
 
 
 @lru_cache(maxsize=len(ENGINES))
-def _everything(posed: Posed, engine: str) -> Reference:
+def _everything(posed: PreparedScene, engine: str) -> Reference:
     """All that an engine says of a scene, measured by the largest magnitude of each unit."""
     values = Method(engine).load(posed.files(engine)).solve(posed.problem(*GIVEN)).values
     scales = {name: {unit: size or 1.0 for unit, size in sizes(has).items()} for name, has in values.items()}
@@ -96,9 +102,9 @@ def contestants() -> Iterator[Contestant]:
             yield any_engine("full cut instead of minimal", cut, less, same, series="cut")
 
 
-def table(rows: Sequence[Row]) -> pd.DataFrame:
+def table(rows: Sequence[BenchRow]) -> pd.DataFrame:
     """The rows of ``leaving_out.csv``, from one for each quantity that must not change."""
-    groups: dict[Contestant, list[Row]] = {}
+    groups: dict[Contestant, list[BenchRow]] = {}
     for row in rows:
         groups.setdefault(row.contestant, []).append(row)
     whole = {c.method.engine: same[0].time_s for c, same in groups.items() if c.setting == EVERYTHING}

@@ -17,7 +17,7 @@ from screwgauge.problem import GivenMotion, Integration, ModelFiles, Problem, Ro
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.solution import Values
 from screwgauge.study.four_bar import four_bar_states, write_four_bar
-from screwgauge.study.posed import Posed
+from screwgauge.study.prepared_scene import PreparedScene
 from screwgauge.study.reference import Reference, reference_values, sizes
 
 EDGE = 2  # samples at each end where np.gradient, applied twice, is one-sided
@@ -41,24 +41,26 @@ class Asked:
     rows: Rows | None = None
 
 
-Question = Callable[[Posed, str, Sequence[str]], Asked]
+Question = Callable[[PreparedScene, str, Sequence[str]], Asked]
 
 
-def motion(posed: Posed, engine: str, wanted: Sequence[str], *, whole: bool = False) -> Asked:
+def motion(posed: PreparedScene, engine: str, wanted: Sequence[str], *, whole: bool = False) -> Asked:
     """The given motion. `whole`: at all times of the scene, not only at those that are compared."""
     task = (posed.whole if whole else posed.scene).motion
     rows = np.searchsorted(task.t, posed.t)
     return Asked(posed.files(engine), (posed.problem(*wanted, task=task),), len(task), posed.reference, rows)
 
 
-def one_by_one(posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
+def one_by_one(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Asked:
     """The given motion, one sample after the other."""
     tasks = [posed.scene.motion.part(slice(i, i + 1)) for i in range(len(posed.t))]
     problems = tuple(posed.problem(*wanted, task=task) for task in tasks)
     return Asked(posed.files(engine), problems, len(tasks), posed.reference)
 
 
-def true_states(posed: Posed, engine: str, wanted: Sequence[str], *, pushed: bool = False, bare: bool = False) -> Asked:
+def true_states(
+    posed: PreparedScene, engine: str, wanted: Sequence[str], *, pushed: bool = False, bare: bool = False
+) -> Asked:
     """The true motion of a tree, for actuator forces.
 
     Args:
@@ -69,7 +71,7 @@ def true_states(posed: Posed, engine: str, wanted: Sequence[str], *, pushed: boo
 
 
 @lru_cache(maxsize=3)
-def _on_tree(posed: Posed, pushed: bool, bare: bool) -> Problem:
+def _on_tree(posed: PreparedScene, pushed: bool, bare: bool) -> Problem:
     """Many methods are asked this."""
     mechanism = posed.scene.mechanism
     tree = lay_out(mechanism, "minimal").coordinates
@@ -79,7 +81,7 @@ def _on_tree(posed: Posed, pushed: bool, bare: bool) -> Problem:
     return posed.problem("tree_force" if bare else "actuator_force", task=posed.moving(coordinates))
 
 
-def four_bar(posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
+def four_bar(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Asked:
     """Accelerations of another mechanism, whose closing rows are redundant."""
     folder, (problem, right) = posed.folder / "four-bar", four_bar_states(len(posed.t))
     folder.mkdir(exist_ok=True)
@@ -87,7 +89,7 @@ def four_bar(posed: Posed, engine: str, wanted: Sequence[str]) -> Asked:
     return Asked(write_four_bar(folder), (problem,), len(posed.t), reference)
 
 
-def differenced(posed: Posed, engine: str, wanted: Sequence[str], *, part: float, ends: bool = False) -> Asked:
+def differenced(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, ends: bool = False) -> Asked:
     """The motion in steps of about a part of its duration.
 
     Args:
@@ -114,7 +116,7 @@ def differenced(posed: Posed, engine: str, wanted: Sequence[str], *, part: float
     return Asked(posed.files(engine), (problem,), len(rows), replace(reference, values=values), rows)
 
 
-def faster(posed: Posed, engine: str, wanted: Sequence[str], *, speed: float) -> Asked:
+def faster(posed: PreparedScene, engine: str, wanted: Sequence[str], *, speed: float) -> Asked:
     """The same poses at another speed."""
     task, reference = posed.scene.motion, posed.reference
     task = GivenMotion(task.t, task.y, speed * task.yd, speed**2 * task.ydd)
@@ -125,7 +127,7 @@ def faster(posed: Posed, engine: str, wanted: Sequence[str], *, speed: float) ->
     return Asked(posed.files(engine), (problem,), len(task), replace(reference, values=right))
 
 
-def stepped(posed: Posed, engine: str, wanted: Sequence[str], *, part: float, halves: bool = False) -> Asked:
+def stepped(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, halves: bool = False) -> Asked:
     """The motion at the steps of a method that starts from the first pose.
 
     Args:
@@ -143,7 +145,9 @@ def stepped(posed: Posed, engine: str, wanted: Sequence[str], *, part: float, ha
     return Asked(posed.files(engine), (problem,), len(t), reference, rows[met])
 
 
-def simulation(posed: Posed, engine: str, wanted: Sequence[str], *, method: str = "", rtol: float = 0.0) -> Asked:
+def simulation(
+    posed: PreparedScene, engine: str, wanted: Sequence[str], *, method: str = "", rtol: float = 0.0
+) -> Asked:
     """A simulation from its start on; the wanted observables follow from the joint coordinates.
 
     Args:

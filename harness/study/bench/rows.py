@@ -32,7 +32,7 @@ OK, FAILED, CUT = "ok", "failed", "cut short"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Row:
+class BenchRow:
     """One quantity of one contestant.
 
     Attributes:
@@ -83,24 +83,24 @@ class Row:
         return self.time_s / self.n_sample if self.n_sample else float("nan")
 
 
-def bench_table(rows: Sequence[Row]) -> pd.DataFrame:
+def bench_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
     """The rows of ``bench.csv``."""
     return frame(rows, {name: _ELSEWHERE.get(name, name) for name in COLUMNS})
 
 
-def timing_table(rows: Sequence[Row]) -> pd.DataFrame:
+def timing_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
     """The rows of ``timings.csv``: shortest and median measurement."""
     timed = [row for row in rows if row.seconds]
     return frame(timed, {name: _ELSEWHERE.get(name, name) for name in TIMING})
 
 
-def reach(rows: Sequence[Row]) -> pd.DataFrame:
+def reach(rows: Sequence[BenchRow]) -> pd.DataFrame:
     """Quickest setting of each family for each quantity and error; families that never get there are left out."""
     body = []
     for quantity in dict.fromkeys(row.quantity for row in rows if row.quantity != NOTHING):
         timed = [r for r in rows if r.quantity == quantity and r.contestant.drawn and r.per_sample > 0]
         for level in LEVELS:
-            best: dict[str, Row] = {}
+            best: dict[str, BenchRow] = {}
             for row in sorted((r for r in timed if r.max_scaled <= level), key=lambda row: row.per_sample):
                 best.setdefault(row.contestant.family, row)
             for family, row in best.items():
@@ -109,12 +109,12 @@ def reach(rows: Sequence[Row]) -> pd.DataFrame:
     return pd.DataFrame(body, columns=REACH_COLUMNS)
 
 
-def pairs(rows: Sequence[Row]) -> list[tuple[Row, Row]]:
+def pairs(rows: Sequence[BenchRow]) -> list[tuple[BenchRow, BenchRow]]:
     """Rows of the observables and of the energy, contestant by contestant."""
     return list(zip(rows[::2], rows[1::2], strict=True))
 
 
-def absolute_table(rows: Sequence[Row]) -> pd.DataFrame:
+def absolute_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
     """The rows of ``forward.csv``: absolute errors by unit, energy, both times, and the work that was done."""
     body = []
     for row, energy in pairs(rows):

@@ -5,10 +5,11 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib import import_module
 from itertools import count, groupby, zip_longest
 from pathlib import Path
-from time import perf_counter_ns
+from time import perf_counter_ns, time
 from typing import Any
 
 import numpy as np
@@ -16,23 +17,24 @@ import pandas as pd
 
 from screwgauge.engines.registry import Model, get_engine
 from screwgauge.environment import environment
-from screwgauge.problem import ModelFiles
+from screwgauge.problem import ModelFiles, Progress
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution
-from screwgauge.study.ask import Report, silent
+from screwgauge.solution import Failure, Solution
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
 from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.registry import choose
-from screwgauge.study.bench.rows import CUT, FAILED, OK, Row
+from screwgauge.study.bench.rows import CUT, FAILED, OK, BenchRow
 from screwgauge.study.bench.stamp import stamp
+from screwgauge.study.completeness import check_whole
+from screwgauge.study.executors import Executor, Report, Task
 from screwgauge.study.journal import Journal
-from screwgauge.study.posed import Posed, pose_scene
+from screwgauge.study.methods import failure
+from screwgauge.study.prepared_scene import PreparedScene, pose_scene
 from screwgauge.study.provenance import provenance
-from screwgauge.study.question import failure
-from screwgauge.study.whole import check_whole
+from screwgauge.study.runner import silent
 from screwgauge.threads import one_thread
 
 
@@ -58,6 +60,8 @@ class Plan:
 
 
 FULL = Plan(samples=201, rounds=12, budget=480.0, quick=False)
+#: Said of times that were measured beside each other.
+BESIDE = "Contestants were measured beside each other, in processes or on workers of their own, which disturbs times."
 QUICK = Plan(samples=41, rounds=3, budget=48.0, quick=True)
 
 
@@ -76,8 +80,8 @@ class Bench:
 
     scene: Scene
     plan: Plan
-    rows: Sequence[Row]
-    fits: Sequence[slopes.Fit]
+    rows: Sequence[BenchRow]
+    fits: Sequence[slopes.SlopeFit]
     leaving_out: pd.DataFrame
     reference: str
     notes: tuple[str, ...]
@@ -97,7 +101,7 @@ def check_budget(seconds: float) -> float:
         DescriptionError: It is no positive number of seconds.
     """
     if not 0.0 < seconds < np.inf:
-        raise DescriptionError(f"a budget of {seconds:g} s", "--budget", "give a positive number of seconds")
+        raise DescriptionError(f"a limit of {seconds:g} s", "--limit", "give a positive number of seconds")
     return seconds
 
 
@@ -124,6 +128,7 @@ def bench(
     journal: Path | None = None,
     progress: Report = silent,
     clock: Callable[[], int] = perf_counter_ns,
+    execute: Executor | None = None,
 ) -> Bench:
     """Measures errors and run times of contestants on a scene.
 
@@ -132,6 +137,8 @@ def bench(
         journal: File that keeps finished pieces; a bench that is complete removes it.
         progress: Called as work goes on.
         clock: Nanoseconds; another one in tests.
+        execute: Where contestants are measured, each with all of its settings; by default in this process, where the
+            rounds of all follow each other, so that what slows the machine for a while slows all alike.
 
     Raises:
         ScrewgaugeError: Bad input. A contestant that fails is a row.
@@ -148,7 +155,10 @@ def bench(
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         progress("reference", 0.0)
         posed = pose_scene(scene, Path(folder), samples=plan.samples)
-        _Work(posed, kept, protocol, progress).all(chosen)
+        if execute is None:
+            _Measurements(posed, kept, protocol, progress).all(chosen)
+        else:
+            _elsewhere(posed, kept, protocol, chosen, execute, progress)
         judged = provenance(posed.scene, models_of(chosen, posed))
     rows = [row for contestant in chosen for row in _rows(contestant, kept)]
     less = [row for row in rows if row.contestant.family == LEAVING_OUT]
@@ -160,7 +170,7 @@ def bench(
         fits=slopes.fits(rows),
         leaving_out=leaving_out.table(less),
         reference=posed.reference.engine,
-        notes=tuple(filter(None, (posed.reference.note, kept.note))),
+        notes=tuple(filter(None, (posed.reference.note, kept.note, "" if execute is None else BESIDE))),
         environment=record,
         provenance=judged,
     )
@@ -169,7 +179,57 @@ def bench(
     return found
 
 
-def models_of(contestants: Iterable[Contestant], posed: Posed) -> dict[str, Path]:
+def _elsewhere(
+    posed: PreparedScene,
+    kept: Journal,
+    protocol: timing.Protocol,
+    chosen: Sequence[Contestant],
+    execute: Executor,
+    progress: Report,
+) -> None:
+    """Measures contestants wherever tasks run, and keeps what is new."""
+    end = time() + (protocol.deadline - protocol.clock()) * 1e-9
+    groups = {" ".join(key): list(group) for key, group in groupby(chosen, key=_group)}
+    tasks = {}
+    for name, group in groups.items():
+        known = {c.key: (kept.results.get(c.key), kept.times.get(c.key, [])) for c in group}
+        tasks[name] = Task(name, partial(_measured, posed, group, known, protocol.rounds, end), files=posed.written)
+
+    def keep(name: str, found: tuple[dict[str, Any], dict[str, list[float]]] | Failure) -> None:
+        if isinstance(found, Failure):
+            found = {c.key: {"status": FAILED, "reason": found.reason} for c in groups[name]}, {}
+        for key, result in found[0].items():
+            if key not in kept.results:
+                kept.keep(key, result)
+        for key, times in found[1].items():
+            for seconds in times[len(kept.times.get(key, [])) :]:
+                kept.time(key, seconds)
+
+    execute(tasks, keep, progress)
+
+
+def _measured(
+    posed: PreparedScene,
+    group: Sequence[Contestant],
+    known: Mapping[str, tuple[dict[str, Any] | None, list[float]]],
+    rounds: int,
+    end: float,
+    progress: Progress,
+) -> tuple[dict[str, Any], dict[str, list[float]]]:
+    """Results and times of the settings of a contestant, those that are known included.
+
+    Args:
+        end: When nothing further begins [s since 1970].
+    """
+    kept = Journal(None, "")
+    kept.results = {key: result for key, (result, _) in known.items() if result is not None}
+    kept.times = {key: [*times] for key, (_, times) in known.items() if times}
+    deadline = perf_counter_ns() + (end - time()) * 1e9
+    _Measurements(posed, kept, timing.Protocol(rounds, deadline), silent).all(group)
+    return kept.results, kept.times
+
+
+def models_of(contestants: Iterable[Contestant], posed: PreparedScene) -> dict[str, Path]:
     """Engine -> the model file that it reads."""
     engines = dict.fromkeys(contestant.method.engine for contestant in contestants)
     return {name: posed.files(name).model for name in engines}
@@ -184,10 +244,10 @@ def _present(group: list[Contestant]) -> list[Contestant]:
     return group
 
 
-class _Work:
+class _Measurements:
     """All measurements. What is loaded for the first of a contestant waits for the rounds that follow."""
 
-    def __init__(self, posed: Posed, kept: Journal, protocol: timing.Protocol, progress: Report) -> None:
+    def __init__(self, posed: PreparedScene, kept: Journal, protocol: timing.Protocol, progress: Report) -> None:
         self.posed, self.kept, self.protocol, self.progress = posed, kept, protocol, progress
         self.calls: dict[str, Callable[[], Any]] = {}
         self.models: dict[tuple[str, str, ModelFiles], Model] = {}
@@ -252,7 +312,7 @@ def _group(contestant: Contestant) -> tuple[str, str]:
 
 
 def fits(result: Mapping[str, Any]) -> bool:
-    """Whether what a journal has of a contestant is what `_Work` keeps: a failure with its reason, or numbers."""
+    """Whether what a journal has of a contestant is what was kept of it: a failure with its reason, or numbers."""
     if result.get("status") == FAILED:
         return isinstance(result.get("reason"), str)
     n, first, scores = (result.get(key) for key in ("n_sample", "first", "scores"))
@@ -268,7 +328,7 @@ def _is_score(score: object) -> bool:
     return False
 
 
-def _rows(contestant: Contestant, kept: Journal) -> Iterator[Row]:
+def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
     """The rows of one contestant, whatever has become of it."""
     result = kept.results.get(contestant.key, {"status": CUT, "reason": "the budget was spent before its turn"})
     seconds, n = tuple(kept.times.get(contestant.key, ())), int(result.get("n_sample", 0))
@@ -279,4 +339,4 @@ def _rows(contestant: Contestant, kept: Journal) -> Iterator[Row]:
             status, reason = FAILED, lost
         elif status == OK and not seconds:
             status, reason = CUT, "the budget was spent before it could be timed"
-        yield Row(contestant, quantity, float(largest), float(rms), n, seconds, status, reason)
+        yield BenchRow(contestant, quantity, float(largest), float(rms), n, seconds, status, reason)

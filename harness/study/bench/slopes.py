@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from screwgauge.reference.rotations import Array
 from screwgauge.study.bench.contestant import TABLE
-from screwgauge.study.bench.rows import CUT, Row
+from screwgauge.study.bench.rows import CUT, BenchRow
 from screwgauge.study.table import frame
 
 Mask = NDArray[np.bool_]
@@ -51,7 +51,7 @@ RULES = tuple(Rule(**entry) for entry in TABLE["slopes"])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fit:
+class SlopeFit:
     """One rule with its points: parameter `name` and error, shape (n,), and which of them were fitted, shape (n,)."""
 
     rule: Rule
@@ -72,7 +72,7 @@ class Fit:
         return bool(abs(self.slope / self.rule.expected - 1.0) <= WITHIN)
 
 
-def fits(rows: Sequence[Row], rules: Sequence[Rule] = RULES) -> list[Fit]:
+def fits(rows: Sequence[BenchRow], rules: Sequence[Rule] = RULES) -> list[SlopeFit]:
     """The rules for which there are rows; what was cut short before it had three points is left out."""
     fitted = []
     for rule in rules:
@@ -81,7 +81,7 @@ def fits(rows: Sequence[Row], rules: Sequence[Rule] = RULES) -> list[Fit]:
         points = sorted((*parameter, error) for parameter, error in varied if parameter)
         if points:
             x, error = np.array([point[1:] for point in points]).T
-            fit = Fit(rule, points[0][0], x, error, _window(rule, x, error))
+            fit = SlopeFit(rule, points[0][0], x, error, _window(rule, x, error))
             if np.isfinite(fit.slope) or all(row.status != CUT for row in of_rule):
                 fitted.append(fit)
     return fitted
@@ -97,6 +97,6 @@ def _window(rule: Rule, x: Array, error: Array) -> Mask:
     return np.asarray((error <= LARGE) & (error >= low) & (x <= rule.most))
 
 
-def table(fitted: Sequence[Fit]) -> pd.DataFrame:
+def table(fitted: Sequence[SlopeFit]) -> pd.DataFrame:
     """The rows of ``slopes.csv``."""
     return frame(fitted, COLUMNS)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.judging.kinetics import Motions
 from screwgauge.models.generate import write_models
 from screwgauge.models.loops import loops_of
 from screwgauge.problem import GivenMotion
@@ -16,15 +15,18 @@ from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.graph import layout
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.rotations import Array, cross
+from screwgauge.reference.mechanism import Frame, Mechanism
+from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.study.ask import solve
 from screwgauge.study.cases.question import UNKNOWN, Question, put
-from screwgauge.study.method import Method
-from screwgauge.study.posed import Posed, pose_scene
+from screwgauge.study.methods import Method
+from screwgauge.study.prepared_scene import PreparedScene, pose_scene
 from screwgauge.study.reference import TRUTH, Reference
+from screwgauge.study.runner import solve
+from screwgauge.witness.joints import MechanismTree
+from screwgauge.witness.kinematics import TreeMotion
+from screwgauge.witness.tree import stacked
 
 SCENE = "3ups-upu-s"
 #: Poses (a, b) [rad] with no symmetry, and rates and accelerations that make inertia matter as much as weight does.
@@ -88,12 +90,12 @@ def compare(
     return replace(question, cause=cause)
 
 
-def loaded(folder: Path) -> Posed:
+def loaded(folder: Path) -> PreparedScene:
     """The default scene, which is loaded, at three instants."""
     return pose_scene(load_scene(SCENE).at(TIMES), folder, samples=len(TIMES))
 
 
-def push(posed: Posed, *methods: Method) -> Question:
+def push(posed: PreparedScene, *methods: Method) -> Question:
     """The question for accelerations: of all joints from `screw`, of its tree from another engine."""
     mechanism = posed.scene.mechanism
     names = mechanism.coordinates if methods[0].engine == SCREW.engine else tree_coordinates(mechanism)
@@ -107,23 +109,23 @@ def tree_coordinates(mechanism: Mechanism) -> tuple[str, ...]:
     return loops_of(mechanism, "minimal").tree
 
 
-def closure_residuals(mechanism: Mechanism, motions: Motions) -> tuple[Array, Array]:
+def closure_residuals(tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
     """What lies between the points that close the loops, child less parent: distance [m] and velocity [m/s].
 
     Returns:
         Shape (n, n_point, 3) each.
     """
-    bodies, sides = motions.bodies, []
-    closures = loops_of(mechanism, "minimal").closures
-    for side in ("parent", "child"):
-        at = [(mechanism.body_index[getattr(c, side)], x) for c in closures for x in getattr(c, f"{side}_points")]
-        i, points = [body for body, _ in at], np.array([point for _, point in at])
-        arms = (bodies.R[:, i] @ points[..., None])[..., 0]
-        sides.append((bodies.p[:, i] + arms, bodies.v[:, i] + cross(bodies.w[:, i], arms)))
-    return sides[1][0] - sides[0][0], sides[1][1] - sides[0][1]
+    closures = loops_of(tree.mechanism, "minimal").closures
+    parent, child = (
+        motion.links.frames(
+            stacked([tree.on(getattr(c, side), Frame(x)) for c in closures for x in getattr(c, f"{side}_points")])
+        )
+        for side in ("parent", "child")
+    )
+    return child.p - parent.p, child.v - parent.v
 
 
-def true_velocities(posed: Posed) -> ClosedMotion:
+def true_velocities(posed: PreparedScene) -> ClosedMotion:
     """Closed poses and velocities by `screw`."""
     lay, motion = layout(posed.scene.mechanism), posed.scene.motion
     return motion_at(lay, positions(lay, motion.y, motion.t), motion.yd)

@@ -19,7 +19,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Stopwatch, Values, empty
 from screwgauge.study.cases.asking import SCENE
 from screwgauge.study.cases.question import Question
-from screwgauge.study.method import Method
+from screwgauge.study.methods import Method
 from screwgauge.study.reference import joined, reference_values
 from screwgauge.study.stream import stream, times
 

@@ -16,8 +16,8 @@ from screwgauge.scene.read import load_scene
 from screwgauge.study.cases.asking import ACCELERATION, ENGINES, SCREW, loaded, push
 from screwgauge.study.cases.question import Question, put
 from screwgauge.study.four_bar import FILE, four_bar_states, write_four_bar
-from screwgauge.study.method import Method
-from screwgauge.study.posed import Posed, pose_scene
+from screwgauge.study.methods import Method
+from screwgauge.study.prepared_scene import PreparedScene, pose_scene
 from screwgauge.study.reference import Reference, reference_values
 
 ITERATIONS = (1, 2, 5)
@@ -73,7 +73,7 @@ def redundant_constraints(loops: float, quick: bool, folder: Path) -> Iterator[Q
         yield replace(push(posed, frames), cause=_LOCKED)
 
 
-def _forces(posed: Posed) -> Question:
+def _forces(posed: PreparedScene) -> Question:
     """Forces from the motion, only the unique ones of the reactions."""
     mechanism, motion = posed.scene.mechanism, posed.scene.motion
     lay = layout(mechanism)

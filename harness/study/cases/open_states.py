@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.judging.kinetics import walk
 from screwgauge.models.generate import write_models
 from screwgauge.problem import States
 from screwgauge.reference import linear
@@ -21,7 +20,6 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values
-from screwgauge.study.ask import solve
 from screwgauge.study.cases.asking import (
     ACCELERATION,
     ENGINES,
@@ -33,9 +31,13 @@ from screwgauge.study.cases.asking import (
     tree_coordinates,
 )
 from screwgauge.study.cases.question import Question, files_of, findings
-from screwgauge.study.method import Method
-from screwgauge.study.posed import pushed
+from screwgauge.study.methods import Method
+from screwgauge.study.prepared_scene import pushed
 from screwgauge.study.reference import TRUTH, Reference
+from screwgauge.study.runner import solve
+from screwgauge.witness.joints import mechanism_tree
+from screwgauge.witness.kinematics import move
+from screwgauge.witness.tree import TreeStates
 
 #: Baumgarte's gains: critically damped with the time constant of MuJoCo's default solref, 0.02 s.
 GAINS = (1.0 / 0.02**2, 2.0 / 0.02)
@@ -103,9 +105,11 @@ def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
         z = z + linear.solve(A, (goal - residual)[..., None])[..., 0]
     q, A = system.fill(z, q).q, system.evaluate(z, y)[1]
     v, w, at_rest = np.zeros_like(q), np.zeros_like(z), np.zeros_like(q)
+    witness = mechanism_tree(mechanism, lay)
     for _ in range(3):  # the matrix is that of closed loops
         v[:, tree] = w * size[tree]
-        rate = closure_residuals(mechanism, walk(mechanism, lay, q, v, at_rest))[1].reshape(len(q), m)
+        motion = move(witness, TreeStates(q, v, at_rest))
+        rate = closure_residuals(witness, motion)[1].reshape(len(q), m)
         right = np.concatenate([parting - rate / system.length, yd - (A[:, m:] @ w[..., None])[..., 0]], axis=1)
         w = w + linear.solve(A, right[..., None])[..., 0]
     v[:, tree] = w * size[tree]

@@ -18,7 +18,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import Values
 from screwgauge.study.cases.asking import ENGINES, QUANTITIES, SCENE, compare, still
 from screwgauge.study.cases.question import Question, put
-from screwgauge.study.method import Method
+from screwgauge.study.methods import Method
 from screwgauge.study.reference import Reference
 
 #: The paper's radii of the joints' circles on the ground and on the platform, and height of the latter [m].

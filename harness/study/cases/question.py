@@ -16,10 +16,10 @@ from screwgauge.problem import GivenMotion, InitialValue, Integration, ModelFile
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution, Values
-from screwgauge.study.ask import ask, model_files
 from screwgauge.study.cases.case import GOOD, SILENT, Finding
-from screwgauge.study.method import Method
+from screwgauge.study.methods import Method
 from screwgauge.study.reference import Reference, score
+from screwgauge.study.runner import ask, model_files
 
 OWN = "screw"  # the engine that answers for our own solver
 LONGEST = 500  # letters of a reason: some errors name a whole state

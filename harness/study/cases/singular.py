@@ -19,7 +19,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.study.cases.asking import ENGINES, compare
 from screwgauge.study.cases.question import UNKNOWN, Question, put
 from screwgauge.study.linkages import Linkage, Tables, five_bar, four_bar, slider_crank
-from screwgauge.study.method import Method
+from screwgauge.study.methods import Method
 
 #: Motions last so many times the way to the singular pose: evenly spread samples, however many, have none there.
 LAST = float(np.sqrt(3.0))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.judging.answer import answer_at
-from screwgauge.judging.energy import energies
+from screwgauge.judging.residuals import energies
 from screwgauge.models.generate import write_models
 from screwgauge.models.loops import loops_of
 from screwgauge.problem import InitialValue, Integration, Problem
@@ -21,7 +21,6 @@ from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.read import load_scene
 from screwgauge.solution import Solution, Values
-from screwgauge.study.ask import solve
 from screwgauge.study.cases.asking import (
     SCENE,
     SCREW,
@@ -33,8 +32,9 @@ from screwgauge.study.cases.asking import (
     true_velocities,
 )
 from screwgauge.study.cases.question import UNKNOWN, Question, files_of, integrated, put
-from screwgauge.study.method import Method
+from screwgauge.study.methods import Method
 from screwgauge.study.reference import Reference, sizes
+from screwgauge.study.runner import solve
 
 QUANTITIES = ("loop_gap", "constraint_force", "energy", "joint_position")
 #: Tolerance of the reference, whose own error after a second is about 1e-11 of the motion, and that of `screw`.
@@ -115,7 +115,7 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
     """Loop gap, constraint forces, energy and joint positions, bodies being where the tree puts them."""
     rows = np.arange(len(solution.condition))
     answer = answer_at(question.mechanism, question.problem, solution, rows)
-    gaps = np.linalg.norm(closure_residuals(question.mechanism, answer.motions)[0], axis=2)
+    gaps = np.linalg.norm(closure_residuals(answer.tree, answer.motion)[0], axis=2)
     return {
         "loop_gap": Values(("largest",), ("m",), gaps.max(axis=1)[:, None]),
         "constraint_force": solution.values["reaction"],

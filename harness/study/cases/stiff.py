@@ -23,8 +23,8 @@ from screwgauge.solution import Solution, Values
 from screwgauge.study.cases.asking import ACCELERATION, SCENE, SCREW, loaded, loop_condition, push, true_velocities
 from screwgauge.study.cases.collocation import collocate
 from screwgauge.study.cases.question import Question, integrated, put
-from screwgauge.study.method import Method
-from screwgauge.study.posed import Posed
+from screwgauge.study.methods import Method
+from screwgauge.study.prepared_scene import PreparedScene
 from screwgauge.study.reference import Reference
 
 #: Share of critical damping at home: overdamped, so that eigenvalues are real; the fastest is 1e5 1/s at 1e10 N/m.
@@ -92,7 +92,9 @@ def accelerations(stiffness: float, folder: Path) -> Iterator[Question]:
         )
 
 
-def _sprung(posed: Posed, problem: Problem, springs: tuple[JointSpring, ...], engine: str, at: ClosedMotion) -> Problem:
+def _sprung(
+    posed: PreparedScene, problem: Problem, springs: tuple[JointSpring, ...], engine: str, at: ClosedMotion
+) -> Problem:
     """The problem with springs, and with actuator forces that take over what these exert on the true motion."""
     states = problem.task
     if not isinstance(states, States) or states.tau is None:
@@ -109,7 +111,7 @@ def _sprung(posed: Posed, problem: Problem, springs: tuple[JointSpring, ...], en
     return replace(problem, applied=replace(problem.applied, springs=carried), task=replace(states, tau=tau))
 
 
-def _spring_rounding(posed: Posed, springs: tuple[JointSpring, ...], at: ClosedMotion) -> float:
+def _spring_rounding(posed: PreparedScene, springs: tuple[JointSpring, ...], at: ClosedMotion) -> float:
     """Scaled error of joint accelerations that the rounding of the springs' lengths and velocities may cause."""
     lay = layout(posed.scene.mechanism)
     states, spring = posed.moving(tuple(spring.coordinate for spring in springs)), springs[0]

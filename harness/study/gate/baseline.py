@@ -13,7 +13,7 @@ from screwgauge.environment import environment, json_text
 from screwgauge.quantities import SOLVED, digits
 from screwgauge.reference.errors import DescriptionError, OutputError
 from screwgauge.reference.files import read_json, replace_file
-from screwgauge.study.gate.row import Error, Row
+from screwgauge.study.gate.row import GateRow, Residual
 from screwgauge.study.gate.store import FIRST, latest
 
 SCHEMA = 1
@@ -41,7 +41,7 @@ class Against:
     notes: Sequence[str] = ()
 
 
-def state(rows: Iterable[Row], smoke: bool) -> dict[str, Any]:
+def state(rows: Iterable[GateRow], smoke: bool) -> dict[str, Any]:
     """What a baseline keeps. Time is not among it."""
     record = environment()
     return {
@@ -71,7 +71,7 @@ def write_latest(file: Path, store: Path, smoke: bool) -> None:
     replace_file(file, json_text({"schema": SCHEMA, **found}))
 
 
-def write_baseline(file: Path, rows: Sequence[Row], smoke: bool) -> None:
+def write_baseline(file: Path, rows: Sequence[GateRow], smoke: bool) -> None:
     """Makes the state of these rows the known one.
 
     Raises:
@@ -83,7 +83,7 @@ def write_baseline(file: Path, rows: Sequence[Row], smoke: bool) -> None:
     replace_file(file, json_text(state(rows, smoke)))
 
 
-def against(file: Path, rows: Sequence[Row], smoke: bool) -> Against:
+def against(file: Path, rows: Sequence[GateRow], smoke: bool) -> Against:
     """Compares rows with a baseline.
 
     Raises:
@@ -181,7 +181,7 @@ def _changes(whose: str, then: Mapping[str, str], now: Mapping[str, str]) -> Ite
             )
 
 
-def _grown(scene: str, one: Error, before: float | None) -> tuple[bool, str] | None:
+def _grown(scene: str, one: Residual, before: float | None) -> tuple[bool, str] | None:
     """Whether an error is worse or better than it was, beyond noise, and by how many digits."""
     then = float("nan") if before is None else float(before)
     a, b = digits(then), digits(one.error)

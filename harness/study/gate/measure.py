@@ -27,9 +27,9 @@ from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.items import Item
-from screwgauge.study.gate.row import JUDGE, Error, Row, Status
+from screwgauge.study.gate.row import JUDGE, GateRow, Residual, Status
 from screwgauge.study.gate.smoke import OF_FULL_CUTS, blind, full_cuts, smoked
-from screwgauge.study.otherwise import physical
+from screwgauge.study.model_mismatch import physical
 from screwgauge.study.run import run
 
 #: What half a unit of the last digit in each of some hundred numbers makes of a force, in such units.
@@ -37,7 +37,7 @@ DIGITS = 50.0
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class GateSettings:
     """How items are checked; pickles.
 
     Attributes:
@@ -50,22 +50,22 @@ class Settings:
     tolerances: Mapping[str, float] | None = None
 
 
-def measured(item: Item, settings: Settings, progress: Callable[..., None]) -> Row:
+def measured(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
     """The row of an item; bad input and engines that fail are rows, too. `progress`: see `compared`."""
     try:
         row = _pair(item, settings) if len(item.files) == 2 else _scene(item, settings, progress)
     except ScrewgaugeError as error:
-        row = Row(item.name, "failed" if error.exit_status == 3 else "refused", str(error), file=item.files[0])
+        row = GateRow(item.name, "failed" if error.exit_status == 3 else "refused", str(error), file=item.files[0])
     return replace(row, read=(*row.read, *item.files))
 
 
-def _scene(item: Item, settings: Settings, progress: Callable[..., None]) -> Row:
+def _scene(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
     scene = load_scene(item.files[0])
     row = _smoke(scene, settings, progress) if settings.smoke else compared(scene, settings, progress)[0]
     return replace(row, scene=item.name, file=row.file or item.files[0])
 
 
-def _smoke(scene: Scene, settings: Settings, progress: Callable[..., None]) -> Row:
+def _smoke(scene: Scene, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
     """Little of a scene; once that passes, whether anything else would have been seen, and the full cuts."""
     scene, note = smoked(scene)
     row, results = compared(scene, settings, progress)
@@ -86,8 +86,8 @@ def _smoke(scene: Scene, settings: Settings, progress: Callable[..., None]) -> R
 
 
 def compared(
-    scene: Scene, settings: Settings, progress: Callable[..., None] = lambda share, step: None
-) -> tuple[Row, Comparison]:
+    scene: Scene, settings: GateSettings, progress: Callable[..., None] = lambda share, step: None
+) -> tuple[GateRow, Comparison]:
     """A scene as it is: its row, and what was compared. `progress`: takes a share and the engine that is at it."""
     usual = settings.tolerances or {}
     given = {**dict.fromkeys(usual, "--tolerances"), **dict.fromkeys(scene.tolerances, "the scene")}
@@ -112,7 +112,7 @@ def compared(
     files = {**said["models"], "description": said["description"], "scene": {"sha256": said.get("scene_sha256")}}
     hashes = {name: str(entry["sha256"] or "") for name, entry in files.items()}
     versions = {name: solution.version for name, solution in results.solutions.items()}
-    row = Row(scene.name, status, sentence, errors, results.coverage.sentence, versions, hashes, file, line)
+    row = GateRow(scene.name, status, sentence, errors, results.coverage.sentence, versions, hashes, file, line)
     read = [str(path) for path in files_of(scene, [*results.solutions, *results.failures])]
     return replace(row, doubts=results.doubts, unread=results.unread, read=read), results
 
@@ -129,7 +129,7 @@ def files_of(scene: Scene, engines: Iterable[str] | None = None) -> list[Path]:
     return [file for file in (scene.file, *described, *used) if file is not None]
 
 
-def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Error]:
+def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Residual]:
     """Pairs and residuals with their tolerances.
 
     Args:
@@ -147,7 +147,7 @@ def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Error]:
         first, second = (nan if ok else _value(results, row, side) for side in "ab")
         where, t = str(row["worst_component"]), float(row["worst_t"])
         size = float(row["max_scaled"])
-        yield Error(quantity, unit, a, b, size, tolerance, reason, ok, where, t, (first, second))
+        yield Residual(quantity, unit, a, b, size, tolerance, reason, ok, where, t, (first, second))
 
 
 def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str]) -> tuple[float, str]:
@@ -193,7 +193,7 @@ def _value(results: Comparison, pair: Mapping[Any, Any], side: str) -> float:
     return float(values.array[row, values.components.index(pair["worst_component"])])
 
 
-def _pair(item: Item, settings: Settings) -> Row:
+def _pair(item: Item, settings: GateSettings) -> GateRow:
     """Two model files: torques at random states, and what the files say."""
     a, b = (Path(name) for name in item.files)
     found = diagnose(a, b)
@@ -209,7 +209,7 @@ def _pair(item: Item, settings: Settings) -> Row:
     if found.attribution is not None:
         most = found.attribution.before
         ok = most.scaled <= tolerance
-        errors = [Error("tree_force", most.unit, a.name, b.name, most.scaled, tolerance, reason, ok, most.component)]
+        errors = [Residual("tree_force", most.unit, a.name, b.name, most.scaled, tolerance, reason, ok, most.component)]
     within = given is not None and all(each.size <= given for each in found.differences)
     agree = (found.same or rounded or within) and bool(errors) and all(one.ok for one in errors)
     agree = agree and not found.not_compared and (found.together is None or found.together.row.scaled <= tolerance)
@@ -218,7 +218,7 @@ def _pair(item: Item, settings: Settings) -> Row:
     packages = {name: known[name] for name in ("pin", "mujoco")}
     hashes = {model.label: model.sha256 for model in (found.a, found.b)}
     where = _line(b, found.differences)
-    row = Row(item.name, status, found.verdict, tuple(errors), "", packages, hashes, str(b), where)
+    row = GateRow(item.name, status, found.verdict, tuple(errors), "", packages, hashes, str(b), where)
     return replace(row, doubts=found.doubts)
 
 

@@ -15,7 +15,7 @@ EXIT: dict[Status, int] = {"agree": 0, "judged": 0, "unread": 1, "differ": 1, "r
 
 
 @dataclass(frozen=True, slots=True)
-class Error:
+class Residual:
     """The worst difference of two engines, or of two models, in one quantity and unit; or a residual of the judge.
 
     Attributes:
@@ -51,7 +51,7 @@ class Error:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class GateRow:
     """A scene or a pair of models.
 
     Attributes:
@@ -72,7 +72,7 @@ class Row:
     scene: str
     status: Status
     sentence: str
-    errors: Sequence[Error] = ()
+    errors: Sequence[Residual] = ()
     coverage: str = ""
     versions: Mapping[str, str] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
@@ -89,7 +89,7 @@ class Row:
         return EXIT[self.status] == 0
 
     @property
-    def worst(self) -> Error | None:
+    def worst(self) -> Residual | None:
         """The largest error by its tolerance; those that are out of it first, and those of two engines."""
         return max(self.errors, key=lambda one: (not one.ok, one.b != JUDGE, one.share), default=None)
 
@@ -102,20 +102,20 @@ _PLAIN: dict[str, type | tuple[type, ...]] = {
     "float": (int, float),
     "Status": str,
     "Sequence[str]": list,
-    "Sequence[Error]": list,
+    "Sequence[Residual]": list,
     "Mapping[str, str]": dict,
     "tuple[float, float]": list,
 }
 
 
-def row_from(record: object) -> Row:
+def row_from(record: object) -> GateRow:
     """A row from what `dataclasses.asdict` made of it, which may have been on disk since.
 
     Raises:
         ValueError: It is no row.
     """
-    said = _fields(Row, record)
-    errors = [_fields(Error, one) for one in said.pop("errors", ())]
+    said = _fields(GateRow, record)
+    errors = [_fields(Residual, one) for one in said.pop("errors", ())]
     texts = [
         *said.get("unread", ()),
         *said.get("read", ()),
@@ -126,11 +126,11 @@ def row_from(record: object) -> Row:
     sound = pairs and all(isinstance(x, str) for x in texts) and all(isinstance(x, int | float) for x in numbers)
     if not sound or said.get("status") not in EXIT:
         raise ValueError("is no row")
-    made = [Error(**{**one, "values": tuple(one["values"])} if "values" in one else one) for one in errors]
-    return Row(**{**said, "errors": tuple(made)})
+    made = [Residual(**{**one, "values": tuple(one["values"])} if "values" in one else one) for one in errors]
+    return GateRow(**{**said, "errors": tuple(made)})
 
 
-def _fields(kind: type[Row | Error], record: object) -> dict[str, Any]:
+def _fields(kind: type[GateRow | Residual], record: object) -> dict[str, Any]:
     """Fields of a class, each of its type; a ValueError if the record has others or lacks some."""
     every = {field.name: field for field in fields(kind)}
     needed = {name for name, one in every.items() if one.default is MISSING and one.default_factory is MISSING}

@@ -13,61 +13,55 @@ from time import perf_counter
 from screwgauge.environment import environment, json_text
 from screwgauge.models.catalog import mechanism_tables
 from screwgauge.models.importing import is_model
+from screwgauge.models.readings.loops import loops_for
+from screwgauge.models.readings.source import prepare
 from screwgauge.problem import GivenMotion
-from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError
-from screwgauge.reference.files import digest
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.files import digest, files_read, is_file
 from screwgauge.scene.read import load_scene
-from screwgauge.solution import Failure
-from screwgauge.study import apart
+from screwgauge.study.executors import Executor, InTurn, Task
 from screwgauge.study.gate.items import Item
-from screwgauge.study.gate.measure import Settings, files_of, measured
-from screwgauge.study.gate.row import Row, row_from
+from screwgauge.study.gate.measure import GateSettings, files_of, measured
+from screwgauge.study.gate.row import GateRow, row_from
 from screwgauge.study.journal import Journal
+from screwgauge.study.provenance import built_in
+from screwgauge.study.runner import run_tasks
 
 NAME = "check.partial.jsonl"
 
 
 def check_items(
     items: Sequence[Item],
-    settings: Settings,
+    settings: GateSettings,
     *,
-    jobs: int = 1,
-    limits: apart.Limits | None = None,
+    execute: Executor | None = None,
     progress: Callable[[str, float], None] = lambda step, share: None,
     journal: Path | None = None,
-) -> list[Row]:
+) -> list[GateRow]:
     """A row for each item, in their order.
 
     Args:
-        jobs: Processes at a time.
-        limits: What each item may take in a process; by default all are checked in this one.
+        execute: Where items are checked; in this process by default.
         journal: File of rows that an interrupted gate goes on from; it goes away when all are there.
     """
-    record = [environment(), settings.smoke, settings.tolerances]
-    kept = Journal(journal, hashlib.sha256(json_text(record).encode()).hexdigest(), _is_row)
-    keys = {item.name: fingerprint(item) for item in items} if journal else {}
-    rows = {name: row_from(kept.results[key]) for name, key in keys.items() if key in kept.results}
-    works = {item.name: partial(_timed, item, settings) for item in items if item.name not in rows}
-
-    def keep(name: str, result: Row | Failure) -> None:
-        if isinstance(result, Failure):
-            engine = f"{result.engine}: " * (result.engine != name)
-            result = Row(name, "failed", f"{name}: {engine}{result.reason}")
-        rows[name] = result
-        if keys:
-            with suppress(OutputError):  # the row is told all the same; the report meets the full disk again
-                kept.keep(keys[name], asdict(result))
-
-    if limits is None:
-        for i, (name, work) in enumerate(works.items()):
-            progress(name, i / len(works))
-            keep(name, work(lambda share, step: None))
-    else:
-        found = apart.apart(works, limits, progress, lanes=jobs, keep=keep)
-        for name in found.keys() - rows.keys():
-            keep(name, found[name])
+    stamp = json_text([environment(), settings.smoke, settings.tolerances])
+    kept = Journal(journal, hashlib.sha256(stamp.encode()).hexdigest(), _is_row)
+    tasks = [
+        Task(item.name, partial(_timed, item, settings), fingerprint(item) if journal else "", partial(files_in, item))
+        for item in items
+    ]
+    rows = run_tasks(
+        tasks,
+        execute or InTurn(),
+        kept,
+        lost=lambda name, reason: GateRow(name, "failed", f"{name}: {reason}"),
+        record=asdict,
+        restored=row_from,
+        progress=progress,
+        lenient=True,  # the report meets the full disk again
+    )
     kept.remove()
-    return [rows[item.name] for item in items]
+    return rows
 
 
 def _is_row(record: object) -> bool:
@@ -77,7 +71,7 @@ def _is_row(record: object) -> bool:
         return False
 
 
-def _timed(item: Item, settings: Settings, progress: Callable[..., None]) -> Row:
+def _timed(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
     begin = perf_counter()
     row = measured(item, settings, progress)
     return replace(row, seconds=perf_counter() - begin)
@@ -102,3 +96,21 @@ def fingerprint(item: Item) -> str:
         with suppress(DescriptionError):
             said.update(digest(file).encode())
     return said.hexdigest()
+
+
+def files_in(item: Item) -> list[Path]:
+    """All files that an item is made of and that do not come with this package: loops files, what models name, too."""
+    with files_read() as read, suppress(ScrewgaugeError):
+        models = []
+        for name in item.files:
+            if is_model(name):
+                models.append(Path(name))
+            else:
+                read += files_of(load_scene(name))
+        models += filter(is_model, read)
+        for model in models:
+            prepare(model)
+            read += filter(None, [loops_for(model)])
+    every = dict.fromkeys([*map(Path, item.files), *read])
+    loops = (path.with_suffix(".loops.toml") for path in [*every])
+    return [path for path in dict.fromkeys([*every, *loops]) if is_file(path) and not built_in(path.absolute())]

@@ -23,7 +23,7 @@ from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError, OutputError, UnknownNameError
 from screwgauge.reference.files import parse_json, replace_file, why
 from screwgauge.scene.columns import read_parquet
-from screwgauge.study.gate.row import EXIT, Row
+from screwgauge.study.gate.row import EXIT, GateRow
 
 #: Of the columns.
 SCHEMA = 1
@@ -81,12 +81,12 @@ def check_store(store: Path) -> None:
     """
     if missing := [name for name in ("duckdb", "pyarrow") if find_spec(name) is None]:
         what = f"a history needs {' and '.join(missing)}, which is not installed"
-        raise OutputError(what, "", "run pip install 'screwgauge[history]'")
+        raise OutputError(what, "", "run pip install '.[history]' in the checkout")
     if os.path.lexists(store) and not os.path.isdir(store):
         raise OutputError("is no folder", str(store), "name another folder by --store")
 
 
-def keep(store: Path, rows: Sequence[Row], smoke: bool, date: datetime | None = None) -> Path:
+def keep(store: Path, rows: Sequence[GateRow], smoke: bool, date: datetime | None = None) -> Path:
     """Adds the rows of a check, as a file of its own that is there in whole or not at all.
 
     Raises:

@@ -41,15 +41,9 @@ def scramble_mjcf(root: ET.Element, rng: Random, do: frozenset[str] = ALL) -> Sc
         _another_home(tree, rng, done, start)
     coupled = _coupled(tree)
     if SIGNS in do:
-        for joint in tree.iterfind("worldbody//joint"):
-            if joint.get("type") != "ball" and joint.get("name") not in coupled and rng.random() < 0.4:
-                _reverse(tree, joint, done)
+        _reverse_some(tree, rng, done, coupled)
     if FRAMES in do:
-        for body in [*tree.iterfind("worldbody//body")]:
-            if body.find("freejoint") is None and body.find("joint[@type='free']") is None:
-                X = frame(rng)
-                move_frame(tree, body, X)
-                done.frames[body.get("name", "")] = X
+        _move_frames(tree, rng, done)
     if NAMES in do:
         _rename(tree, rng, done)
     if ORDER in do:
@@ -58,6 +52,20 @@ def scramble_mjcf(root: ET.Element, rng: Random, do: frozenset[str] = ALL) -> Sc
         for room in [*tree.iterfind("equality"), *tree.iterfind("actuator")]:
             shuffled(room, rng)
     return done
+
+
+def _reverse_some(tree: ET.Element, rng: Random, done: Scrambled, coupled: set[str]) -> None:
+    for joint in tree.iterfind("worldbody//joint"):
+        if joint.get("type") != "ball" and joint.get("name") not in coupled and rng.random() < 0.4:
+            _reverse(tree, joint, done)
+
+
+def _move_frames(tree: ET.Element, rng: Random, done: Scrambled) -> None:
+    for body in [*tree.iterfind("worldbody//body")]:
+        if body.find("freejoint") is None and body.find("joint[@type='free']") is None:
+            X = frame(rng)
+            move_frame(tree, body, X)
+            done.frames[body.get("name", "")] = X
 
 
 def _stripped(tree: ET.Element) -> None:

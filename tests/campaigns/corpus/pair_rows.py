@@ -44,7 +44,7 @@ def pair_row(pair: Pair) -> dict[str, Any]:
         **cells,
         "answer": said.answer,
         "right": right(pair, said, patterns),
-        "rows": len(said.rows),
+        "rows": said.shown,
         "first": said.first[:300],
         "seconds": f"{seconds:.2f}",
     }

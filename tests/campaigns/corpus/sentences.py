@@ -14,6 +14,8 @@ from campaigns.corpus.poses import EYE, Array
 
 #: A size is right within so much of it: a sentence prints three or four digits.
 CLOSE = 0.02
+#: Rows of the first screen.
+FIRST = 3
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _SCALES = {
     "mm": 1e-3,
@@ -54,12 +56,14 @@ class Said:
     Attributes:
         answer: ``SAME``, ``CONVENTIONS`` (the same machine, whose coordinates count otherwise), ``PARTLY`` (what is
             compared is the same, and not all is compared), ``DIFFER`` or ``REFUSED``.
-        first: Its first sentence.
+        first: Its first rows, as many as the first screen has; or its first sentence where it has none.
+        shown: Rows by cause.
     """
 
     answer: str
     first: str
     rows: tuple[Row, ...] = ()
+    shown: int = 0
 
 
 def said_by(diagnosis: Any) -> Said:
@@ -73,12 +77,13 @@ def said_by(diagnosis: Any) -> Said:
         for each in diagnosis.differences
         if getattr(each, "kind", "") != "digits"
     )
-    first = re.split(r"(?<=[^\s.])\.(?:\s+(?=\S)|$)", diagnosis.verdict)[0]
+    causes = [cause.sentence for cause in diagnosis.causes]
+    first = "; ".join(causes[:FIRST]) or re.split(r"(?<=[^\s.])\.(?:\s+(?=\S)|$)", diagnosis.verdict)[0]
     if rows and all(row.convention for row in rows):
         answer = "CONVENTIONS"
     else:
         answer = "SAME" if diagnosis.same else "PARTLY" if diagnosis.undecided else "DIFFER"
-    return Said(answer, first, rows)
+    return Said(answer, first, rows, len(causes))
 
 
 def is_convention(sentence: str) -> bool:
@@ -161,30 +166,37 @@ def _scalar(text: str, planted: Planted) -> tuple[bool, bool]:
         values = [float(pair.group(k)) * _SCALES.get(pair.group(k + 1) or "", 1.0) for k in (1, 3)]
         if near(values[0] - values[1], step):
             return True, True
-    magnitude = False
-    for value, unit, sign in _scalars(text):
-        targets = (
-            [step / old if old else np.inf] if unit in ("%", "relative") else [step, step / old if old else np.inf]
-        )
-        for target in targets:
-            if near(abs(value), abs(target)):
-                magnitude = True
-                if sign and near(value, target):
-                    return True, True
+    magnitude, signed = _by_step(text, old, step)
     factors = [float(x) for x in re.findall(rf"(?:times|x|factor(?: of)?|by) ({_NUMBER})", text)]
-    if old and any(near(factor, new / old) for factor in factors):
+    if signed or (old and any(near(factor, new / old) for factor in factors)) or _by_vectors(text, planted):
         return True, True
-    if planted.what in ("inertia", "limits", "coupling"):
-        for b, a in pairwise(_vectors(text)):
-            if a.shape == b.shape and any(near(x, step) for x in b - a):
-                return True, True
-            if planted.what == "inertia" and a.shape == b.shape and np.allclose(b, new / old * a, rtol=CLOSE):
-                return True, True
     plain = [value for value, *_ in _scalars(text)]
     if "in B" not in text and any(abs(v - old) <= 0.02 * abs(step) for v in plain):
         both = any(abs(v - new) <= 0.02 * abs(step) for v in plain)
         return magnitude or both, both
     return magnitude, False
+
+
+def _by_step(text: str, old: float, step: float) -> tuple[bool, bool]:
+    """Whether a number is the step, or its share of the old value; and whether its sign is the same and written."""
+    share, magnitude = step / old if old else np.inf, False
+    for value, unit, sign in _scalars(text):
+        for target in [share] if unit in ("%", "relative") else [step, share]:
+            if near(abs(value), abs(target)):
+                magnitude = True
+                if sign and near(value, target):
+                    return True, True
+    return magnitude, False
+
+
+def _by_vectors(text: str, planted: Planted) -> bool:
+    """Whether a component of two vectors is off by the step, or an inertia by the factor."""
+    if planted.what not in ("inertia", "limits", "coupling"):
+        return False
+    old, new = float(planted.old or 0.0), float(planted.new or 0.0)  # type: ignore[arg-type]
+    pairs = [(b, a) for b, a in pairwise(_vectors(text)) if a.shape == b.shape]
+    scaled = planted.what == "inertia" and any(np.allclose(b, new / old * a, rtol=CLOSE) for b, a in pairs)
+    return scaled or any(near(x, new - old) for b, a in pairs for x in b - a)
 
 
 def _vectors(text: str) -> list[Array]:

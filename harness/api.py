@@ -1,0 +1,159 @@
+"""What the package does, called from Python. Imports come with the call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from screwgauge.diagnosis.deadline import LIMIT
+
+if TYPE_CHECKING:
+    from screwgauge.diagnosis.model import Loops, Read, Weighed
+    from screwgauge.engines.screw.compiled import Solver
+    from screwgauge.report.diagnosed import DiagnosisReport
+    from screwgauge.report.gate import Check
+    from screwgauge.report.results import Results
+    from screwgauge.scene.scene import Scene
+    from screwgauge.study.isolation import Limits
+
+
+def run(
+    scene: Scene,
+    engines: Iterable[str] | None = None,
+    quantities: Iterable[str] | None = None,
+    *,
+    progress: Callable[[str, float], None] = lambda step, share: None,
+    warn: Callable[[str], None] = lambda sentence: None,
+    limits: Limits | None = None,
+) -> Results:
+    """Compares engines on a scene: each reads its own model file and answers alone; all pairs, and a judge for each.
+
+    Args:
+        engines: Names; those of the scene by default.
+        quantities: Names; those of the scene by default. Nothing else is computed.
+        progress: Called as work goes on, with the name of a step and the share of it that is done, 0 to 1.
+        warn: Called with a sentence on what may take long or go wrong, before it begins.
+        limits: What each engine may take in a process of its own, as on the command line: one that crashes or hangs is
+            a row, too. By default engines run in this process, where a small scene takes less time than to start others
+            and a debugger sees all.
+
+    Raises:
+        ScrewgaugeError: Bad input. An engine that fails is no error but a row of the results.
+    """
+    from screwgauge.report.results import Results
+    from screwgauge.study.run import run as compared
+
+    with np.errstate(all="ignore"):  # what is not a number is a row with its reason
+        found = compared(scene, engines, quantities, progress=progress, warn=warn, limits=limits)
+    return Results(**{item.name: getattr(found, item.name) for item in fields(found)})
+
+
+def check(
+    *what: str | Path,
+    smoke: bool = False,
+    tolerances: str | Path | Mapping[str, float] | None = None,
+    baseline: str | Path | None = None,
+    jobs: int = 1,
+    limits: Limits | None = None,
+    progress: Callable[[str, float], None] = lambda step, share: None,
+    journal: Path | None = None,
+) -> Check:
+    """Compares engines on scenes, or pairs of model files, with tolerances.
+
+    Args:
+        what: Built-in scenes, files, folders of TOML; two model files are a pair. All built-in scenes by default.
+        smoke: A few samples of an exciting motion in place of a scene's own.
+        tolerances: Quantity -> scaled error that is admitted, or a TOML file of them; scenes' own come first.
+        baseline: File of a known state, whose errors must not have grown.
+        jobs: Processes at a time, if there are limits.
+        limits: What each scene may take in a process of its own; by default all are checked in this process.
+        progress: Called as work goes on, with what is under way and the share of all that is done.
+        journal: File from which an interrupted check goes on.
+
+    Raises:
+        ScrewgaugeError: Bad input. What is wrong with one scene is no error but a row.
+    """
+    from screwgauge.report.gate import check_with
+    from screwgauge.study.executors import InTurn, Processes
+
+    execute = InTurn() if limits is None else Processes(jobs, limits)
+    more = {"smoke": smoke, "tolerances": tolerances, "baseline": baseline}
+    return check_with(execute, what, **more, progress=progress, journal=journal)
+
+
+def diagnose(
+    a: str | Path | Weighed,
+    b: str | Path | Weighed,
+    *,
+    map: str | Path | Mapping[str, str] | None = None,
+    seed: int = 0,
+    matrix: bool = False,
+    loops: Loops = None,
+    limit: float = LIMIT,
+    load: Read | None = None,
+) -> DiagnosisReport:
+    """Compares two models of a machine, says why they differ, and proves it.
+
+    Joints are paired by name, else by the tree and its geometry. What the files say is compared number by number,
+    motion and dynamics at random states of the machine. The differences are then put into B one after the other until
+    its torques are those of A: what explains how much of the torque difference, and that nothing else is left.
+
+    Args:
+        a, b: URDF, MJCF or description (a built-in name or a path), or ``FILE@LIBRARY`` as ``pinocchio``, ``mujoco`` or
+            ``yourdfpy`` reads it.
+        map: Joints and bodies of A with those of B where names and geometry do not tell, or a TOML file of them.
+        seed: Of the random states.
+        matrix: Read both files by all libraries, too.
+        loops: What closes the loops of URDFs where that does not lie beside them, ``robot.yaml`` or ``.loops.toml``:
+            one file for both, or one for each side, None for what lies beside it.
+        limit: Time after which nothing further is begun, what is not done being named in `left_out`; 3600 [s].
+        load: Reads a file; by default in this process, where a library that crashes takes it along.
+
+    Returns:
+        The diagnosis, true if the two are the same. `verdict` is a sentence or two, `differences` and `causes` have a
+        `sentence` each, and `write_fix` writes B as it would have to be.
+
+    Raises:
+        ScrewgaugeError: A file, or the map, cannot be read; or loops of neither model close.
+    """
+    from screwgauge.diagnosis.diagnose import diagnose as compared
+    from screwgauge.diagnosis.model import in_process
+    from screwgauge.report.diagnosed import DiagnosisReport
+
+    load = load or in_process
+    found = compared(a, b, map=map, seed=seed, matrix=matrix, loops=loops, limit=limit, load=load)
+    return DiagnosisReport(**{item.name: getattr(found, item.name) for item in fields(found)})
+
+
+def compile(
+    scene: Scene, quantities: Iterable[str] | None = None, *, backend: str = "llvm", threads: int = 1
+) -> Solver:
+    """A fast function for the inverse dynamics of a scene.
+
+    Args:
+        quantities: Names; those of the scene by default. Nothing else is computed.
+        backend: ``llvm`` (extra ``fast``) or ``numpy``.
+        threads: How many run at once.
+
+    Raises:
+        ScrewgaugeError: Bad input, or a motion that cannot be followed.
+    """
+    from screwgauge.engines.screw.compiled import Solver
+    from screwgauge.quantities import GIVEN, check_quantities
+    from screwgauge.reference.errors import DescriptionError, check_choice
+    from screwgauge.scene.preflight import delivered
+    from screwgauge.scene.scene import check_scene_type
+
+    check_scene_type(scene, "compile")
+    check_choice("backend", [backend], ("numpy", "llvm"), "compile")
+    if not (isinstance(threads, int) and threads > 0):
+        raise DescriptionError(f"{threads!r} threads", "compile", "give a positive whole number")
+    wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", GIVEN)
+    wanted, left = delivered(scene, wanted) if quantities is None else (wanted, ())
+    solver = Solver(scene, wanted, backend, threads)
+    solver.notes = (*left, *solver.notes)
+    return solver

@@ -1,0 +1,96 @@
+"""From two readings and their differences to causes and their proof."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from screwgauge.diagnosis.causes.attribution import Attribution, Torques, attribute, changes_of
+from screwgauge.diagnosis.causes.backfill import Backfill, backfill
+from screwgauge.diagnosis.causes.fitting import Growth
+from screwgauge.diagnosis.causes.grouping import Grouping
+from screwgauge.diagnosis.causes.slips import Files, edits
+from screwgauge.diagnosis.deadline import Deadline
+from screwgauge.diagnosis.differences.change import Change, Difference
+from screwgauge.diagnosis.files.layout import UnpatchableError
+from screwgauge.diagnosis.files.opened import Opened, opened
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.files import read_file
+
+PROOF = "proof by backfill"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Explanation:
+    """Why the torques of two models differ.
+
+    Attributes:
+        proof: Of all changes; None where torques do not differ, no change of B is known, or there was no time for it.
+        fix: The same, where torques agree, too; None where there are no changes.
+        growth: Of the torque difference with speed; None where it does not vanish at rest.
+        soft: Attribution of forces of soft equalities to their softness; None where that does not differ.
+    """
+
+    attribution: Attribution
+    proof: Backfill | None = None
+    fix: Backfill | None = None
+    growth: Growth | None = None
+    soft: Attribution | None = None
+
+
+def explained(
+    torques: Torques,
+    readings: tuple[Reading, Reading],
+    paths: tuple[Path | None, Path | None],
+    differences: Sequence[Difference],
+    read: Callable[[Path], Reading],
+    deadline: Deadline,
+    written: Reading | None = None,
+) -> Explanation:
+    """Attributes the torque difference of B to its static differences and proves it.
+
+    Args:
+        readings, paths: Of A and B, as they were read.
+        differences: Of B to A, in the order in which their changes are to be made.
+        read: Reads a copy of B's file by B's library.
+        written: What B's file says, where its loops are cut elsewhere to be compared.
+    """
+    a, b = readings
+    files = Files(_beside(paths[0], a), _beside(paths[1], b))
+    made = edits(differences, b, files)
+    attribution = attribute(
+        torques, b, differences, lambda weight: Grouping(differences, b, files, weight, made).groups(), made, deadline
+    )
+    changes, seen = changes_of(differences), changes_of(differences[i] for i in attribution.seen)
+    if not changes or deadline.over(PROOF):
+        return Explanation(attribution)
+    whole = _proved(torques, b, changes, paths, read, written)
+    if not whole.agrees and 0 < len(seen) < len(changes):  # what no torque shows may stand in the way
+        alone = _proved(torques, b, seen, paths, read, written)
+        whole = alone if alone.agrees else whole
+    return Explanation(attribution, whole if seen else None, whole)
+
+
+def _proved(
+    torques: Torques,
+    b: Reading,
+    changes: Sequence[Change],
+    paths: tuple[Path | None, Path | None],
+    read: Callable[[Path], Reading],
+    written: Reading | None,
+) -> Backfill:
+    """Proof by backfill, in the reading where both are of one file: no change of it makes two loaders agree."""
+    if paths[0] is None or paths[0] != paths[1]:
+        return backfill(torques, b, changes, paths[1], read, written)
+    proof = backfill(torques, b, changes, None, read)
+    return replace(proof, why_not=("A and B are one file, which two libraries read differently",))
+
+
+def _beside(path: Path | None, reading: Reading) -> Opened | None:
+    """A model file beside its reading; None where the two do not fit, or there is none."""
+    try:
+        return opened(read_file(path), reading) if path else None
+    except (ScrewgaugeError, UnpatchableError):
+        return None

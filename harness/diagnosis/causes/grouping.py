@@ -1,0 +1,426 @@
+"""Differences as rows: rounding, a factor, a value, a body, a joint, a mirrored side, a kind of subtree is one each."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import reduce
+
+import numpy as np
+
+from screwgauge.diagnosis.causes.slips import INERTIAL, UNITS, Edit, Files, word
+from screwgauge.diagnosis.differences.change import Difference, applied
+from screwgauge.diagnosis.differences.digits import longest
+from screwgauge.diagnosis.files.opened import Opened
+from screwgauge.diagnosis.mechanics.matter import Matter, combined, of_body, steps_of
+from screwgauge.models.content import kinds
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import first_few
+
+#: Properties that one factor may change in many places, and how these are called.
+SCALED = {
+    **dict.fromkeys(("mass", "inertia", "gravcomp"), ("body", "bodies")),
+    **dict.fromkeys(("armature", "damping", "friction", "stiffness"), ("joint", "joints")),
+    "gear": ("motor", "motors"),
+}
+PLURALS = {
+    "mass": "masses",
+    "inertia": "inertias",
+    "com": "centres of mass",
+    "stiffness": "stiffnesses",
+    "gear": "gears",
+    "branch": "subtrees",
+    "kind": "kinds of joints",
+}
+#: Where a joint is and how it counts.
+PLACES = ("placement", "axis", "centre", "sign", "zero")
+BODIES, JOINTS = "mass properties of bodies", "places of joints"
+#: From how many places on a factor, or what has no relation, is one row; and how far each may be from it, relative.
+SEVERAL, FACTOR = 3, 1e-5
+#: Numbers of fewer digits are meant so, those of more are exact; and rounding is seen in several places.
+FEWEST, MOST, PLACES_OF_DIGITS = 5, 12, 4
+#: What a factor or a swap leaves of a difference.
+LEFT = 1e-6
+#: What is said of one subtree -> of several alike.
+_OF_SEVERAL = (
+    (r"^ and \d+ joints? behind it: ", ", each with what is behind it: "),
+    (r"with all that (?:it carries|they carry) \((.*?)\)", r"with all that they carry (\1 each)"),
+    (
+        r": does not move in (.), where what it carries is part of what is before it",
+        r": do not move in \1, where what "
+        "they carry is part of what is before them",
+    ),
+)
+_NAMED = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Differences that are told in one row.
+
+    Attributes:
+        name: What of which parts; `sentence`: how they differ; `short`: the same of the first alone.
+        differences: Numbers of them, the one that is told first.
+        family: What small ones of the same kind are called together.
+    """
+
+    name: str
+    sentence: str
+    differences: tuple[int, ...]
+    short: str
+    family: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grouping:
+    """What groups are made of.
+
+    Attributes:
+        found: All differences.
+        b: The reading that their changes are of; `files`: of both models.
+        weight: How much a difference counts: of several in a row, the one that counts most is told.
+        edits: That make them.
+    """
+
+    found: Sequence[Difference]
+    b: Reading
+    files: Files
+    weight: Callable[[int], float]
+    edits: Sequence[Edit]
+
+    def groups(self) -> list[Group]:
+        """All differences, each in one group."""
+        digits = rounded(self.found, self.files)
+        same_sentence: dict[str, list[int]] = defaultdict(list)  # shares of one body have that of the whole
+        for i, each in enumerate(self.found):
+            if i not in digits:
+                same_sentence[each.sentence].append(i)
+        groups = [self._single(numbers) for numbers in same_sentence.values()]
+        steps = (
+            *(self._swapped, self._scaled, self._factors, self._slips, self._subtrees, self._of_one_part),
+            *(self._same_words, self._mirrored, self._content),
+        )
+        for merge in steps:
+            groups = merge(groups)
+        return [*groups, *self._digits(digits)]
+
+    def _single(self, numbers: Sequence[int]) -> Group:
+        one = self.found[numbers[0]]
+        return Group(titled(one), one.sentence, tuple(numbers), one.sentence, family(one))
+
+    def _first(self, group: Group) -> Difference:
+        return self.found[group.differences[0]]
+
+    def _heaviest(self, members: Iterable[Group]) -> list[Group]:
+        return sorted(members, key=lambda group: -self.weight(group.differences[0]))
+
+    def _names(self, members: Iterable[Group]) -> str:
+        return first_few([_item(self._first(member)) for member in members], _NAMED)
+
+    def _digits(self, numbers: Sequence[int]) -> Iterator[Group]:
+        """Rounding, by what rounds."""
+        by_reason: dict[str, list[int]] = defaultdict(list)
+        for i in numbers:
+            each = self.found[i]
+            by_reason[each.sentence.rpartition(": ")[2] if each.kind == "digits" else "one file has few"].append(i)
+        for reason, some in by_reason.items():
+            largest = max((self.found[i] for i in some), key=lambda one: one.size)
+            whose = f"{_item(largest)}: {word(largest.what)}" if _item(largest) else word(largest.what)
+            why = reason.removeprefix("rounding, ")
+            sentence = f"{len(some)} values differ only in rounding of printed digits ({why})"
+            sentence += f", at most {largest.size:.1g} of the value ({whose})"
+            sentence = self.found[some[0]].sentence if len(some) == 1 else sentence
+            yield Group("digits that are printed in a file", sentence, tuple(some), sentence, "digits")
+
+    def _swapped(self, groups: list[Group]) -> list[Group]:
+        """Two parts of which each has the mass of the other one."""
+        masses = {i: group for i, group in enumerate(groups) if self._first(group).what == "mass"}
+        for i, one in masses.items():
+            for k, two in masses.items():
+                pairs = [_values(self._first(each)) for each in (one, two)]
+                if k <= i or any(None in pair for pair in pairs):
+                    continue
+                (a, b), (c, d) = ((float(x), float(y)) for x, y in pairs)  # type: ignore[arg-type]
+                if max(abs(a - d), abs(b - c)) < LEFT * abs(a - c):
+                    names = [_item(self._first(each)) for each in (one, two)]
+                    said = f"masses of {names[0]} and {names[1]} are swapped: {one.sentence}"
+                    numbers = (*one.differences, *two.differences)
+                    swap = Group(f"masses of {names[0]} and {names[1]}", said, numbers, said, one.family)
+                    return [swap if n == i else each for n, each in enumerate(groups) if n != k]
+        return groups
+
+    def _scaled(self, groups: list[Group]) -> list[Group]:
+        """Masses of several bodies, each of one link or more, that are those of A times one number."""
+        own: dict[str, list[Group]] = defaultdict(list)
+        for group in groups:
+            one = self._first(group)
+            if one.change is not None and one.what in INERTIAL:
+                own[one.change.item].append(group)
+        own = {name: some for name, some in own.items() if any(self._first(each).what == "mass" for each in some)}
+        if len(own) < SEVERAL:
+            return groups
+        changes = {name: [self.found[i].change for g in some for i in g.differences] for name, some in own.items()}
+        after = {name: of_body(applied(self.b, filter(None, some)).bodies[name]) for name, some in changes.items()}
+        ratios = [self.b.bodies[name].mass / after[name].mass for name in own if after[name].mass]
+        ratio = float(np.median(ratios)) if ratios else 0.0
+        if not ratio:  # most of them have no mass in B, which is no scale
+            return groups
+        for noun, both in (("masses", False), ("masses and inertias", True)):
+            fits = [name for name in own if _fits(self.b, self.files.b, name, after[name], ratio, both)]
+            if len(fits) >= SEVERAL:
+                members = [group for name in fits for group in own[name]]
+                ones = [self._first(next(g for g in own[name] if self._first(g).what == "mass")) for name in fits]
+                return _replaced(groups, members, self._of_factor(ones, "times", float(f"{ratio:.5g}"), noun, members))
+        return groups
+
+    def _factors(self, groups: list[Group]) -> list[Group]:
+        """One factor, or one value, in many places."""
+
+        def key(group: Group) -> Hashable:
+            one = self._first(group)
+            single = one.what in SCALED and one.kind == "model" and group.sentence == one.sentence
+            how = _factor(one) if single else None
+            return how and (one.what, *how)
+
+        def told(members: list[Group]) -> Group:
+            ones = [self._first(member) for member in members]
+            how = _factor(ones[0])
+            assert how is not None
+            return self._of_factor(ones, *how, PLURALS.get(ones[0].what, word(ones[0].what)), members)
+
+        return _merged(groups, key, told, SEVERAL)
+
+    def _of_factor(
+        self, ones: Sequence[Difference], how: str, value: float, noun: str, members: Sequence[Group]
+    ) -> Group:
+        what, b = ones[0].what, self.b
+        one, many = SCALED[what]
+        solid = [body for body in b.bodies.values() if body.mass]
+        all_ = len(b.joints if one == "joint" else b.actuators if one == "motor" else solid)
+        who = f"all {len(ones)} {many}" if len(ones) >= all_ else f"{len(ones)} of {all_} {many}"
+        names = first_few([_item(each) for each in ones], _NAMED)
+        unit = UNITS.get(what, {}).get(value, "")
+        percent = f"{100.0 * (value - 1.0):+.2f} %" if 0.0 < value < 10.0 else f"x {value:g}"
+        meant = f", as if written {unit}" if unit else ""
+        said = {
+            "is": f"{value:g} {ones[0].unit} in B, 0 in A ({names})",
+            "times": f"{value:g} times those of A in B ({percent}{meant}: {names})",
+        }[how]
+        said = f"0 in B, not in A ({names})" if (how, value) == ("times", 0.0) else said
+        sentence = f"{noun} of {who}: {said}"
+        return Group(f"{noun} of {who}", sentence, _numbers(members), sentence, members[0].family)
+
+    def _slips(self, groups: list[Group]) -> list[Group]:
+        """One slip in several places."""
+        slips = {edit.differences[0]: edit.slips for edit in self.edits if len(edit.differences) == 1}
+        counts: dict[str, int] = defaultdict(int)
+        for group in groups:
+            for slip in slips.get(group.differences[0], ()):
+                counts[slip] += 1
+
+        def key(group: Group) -> Hashable:
+            own = slips.get(group.differences[0], ())
+            return max(own, key=lambda slip: counts[slip]) if own else None
+
+        def told(members: list[Group]) -> Group:
+            first, *_ = members = self._heaviest(members)
+            said = f"{key(first)} in {len(members)} places ({self._names(members)})"
+            return Group(said, f"{said}: {first.sentence}", _numbers(members), f"{said}: {first.short}", first.family)
+
+        return _merged(groups, key, told)
+
+    def _subtrees(self, groups: list[Group]) -> list[Group]:
+        """Subtrees of one make that one model lacks; joints that one model holds."""
+
+        def key(group: Group) -> Hashable:
+            one = self._first(group)
+            tail = one.sentence.removeprefix(_item(one))
+            return (bool(one.item_a), tail) if one.what == "branch" else None
+
+        def told(members: list[Group]) -> Group:
+            tail = members[0].sentence.removeprefix(_item(self._first(members[0])))
+            for one, many in _OF_SEVERAL:
+                tail = re.sub(one, many, tail)
+            sentence = f"{self._names(members)}{tail}"
+            return Group(f"{len(members)} subtrees", sentence, _numbers(members), sentence, members[0].family)
+
+        return _merged(groups, key, told)
+
+    def _same_words(self, groups: list[Group]) -> list[Group]:
+        """The same values in several parts."""
+
+        def key(group: Group) -> Hashable:
+            one = self._first(group)
+            if one.sentence != group.sentence or one.what not in (*SCALED, "limits", "rest", *PLACES):
+                return None
+            scalar = one.what in SCALED and one.what != "inertia" and one.kind == "model"
+            return one.what, str(_values(one)) if scalar else _words(one)
+
+        def told(members: list[Group]) -> Group:
+            members = self._heaviest(members)
+            one = self._first(members[0])
+            sentence = f"{self._names(members)}, each: {_words(one)}"
+            noun = f"{PLURALS.get(one.what, word(one.what))} in {len(members)} places"
+            return Group(noun, sentence, _numbers(members), sentence, members[0].family)
+
+        return _merged(groups, key, told)
+
+    def _of_one_part(self, groups: list[Group]) -> list[Group]:
+        """The mass properties of a body; the place of a joint."""
+
+        def key(group: Group) -> Hashable:
+            one = self._first(group)
+            alone = group.sentence == one.sentence and group.family in (BODIES, JOINTS)
+            return (group.family, _item(one)) if alone else None
+
+        def told(members: list[Group]) -> Group:
+            members = self._heaviest(members)
+            first, *others = (self._first(member) for member in members)
+            nouns = list(dict.fromkeys(word(each.what) for each in others if each.what != first.what))
+            sentence = "; ".join([first.sentence, *map(_words, others)])
+            short = f"{first.sentence}, and its {' and '.join(nouns)}" if nouns else first.sentence
+            noun = "mass properties" if members[0].family == BODIES else "place"
+            return Group(f"{noun} of {_item(first)}", sentence, _numbers(members), short, members[0].family)
+
+        return _merged(groups, key, told)
+
+    def _mirrored(self, groups: list[Group]) -> list[Group]:
+        """What differs alike on the left and on the right."""
+
+        def key(group: Group) -> Hashable:
+            ones = [self.found[i] for i in group.differences]
+            items = {_item(one) for one in ones}
+            item = items.pop()
+            if items or (sideless := _sideless(item)) == item.lower():
+                return None
+            whats = tuple(sorted({one.what for one in ones}))
+            mass = next((one for one in ones if one.what == "mass"), None)
+            size = ones[0].size if mass is None else mass.size
+            return sideless, whats, f"{size:.1e}"
+
+        def told(members: list[Group]) -> Group:
+            first, *others = self._heaviest(members)
+            also = f"; {self._names(others)} likewise"
+            return replace(first, sentence=first.sentence + also, differences=_numbers((first, *others)))
+
+        return _merged(groups, key, told)
+
+    def _content(self, groups: list[Group]) -> list[Group]:
+        """What no typed entry of a reading holds, by its kind."""
+
+        def key(group: Group) -> Hashable:
+            one = self._first(group)
+            return one.what if one.what in kinds() else None
+
+        return _merged(groups, key, together, SEVERAL)
+
+
+def together(members: Sequence[Group]) -> Group:
+    """Groups of one family that differ in unlike ways, of which the first is told."""
+    first, parts = members[0], len(_numbers(members))
+    name = f"{first.family}, {parts} differences"
+    sentence = f"{name}: {first.short}; and {parts - len(first.differences)} more"
+    return Group(name, sentence, _numbers(members), sentence, first.family)
+
+
+def titled(one: Difference) -> str:
+    """What it is of which part."""
+    item = one.item_b or one.item_a
+    return f"{word(one.what)} of {item}" if item else word(one.what)
+
+
+def family(one: Difference) -> str:
+    """What it is a property of, in the plural."""
+    if one.what in INERTIAL or one.what in PLACES:
+        return BODIES if one.what in INERTIAL else JOINTS
+    return PLURALS.get(one.what, word(one.what))
+
+
+def rounded(found: Sequence[Difference], files: Files) -> tuple[int, ...]:
+    """Numbers of all differences that are rounding of printed digits."""
+    numbers = tuple(i for i, each in enumerate(found) if each.kind == "digits")
+    if len(numbers) >= PLACES_OF_DIGITS:  # zeros, too, are then where rounding puts them
+        most = max(found[i].size for i in numbers)
+        zeros = (i for i, each in enumerate(found) if each.what == "zero" and each.size <= most)
+        return tuple(sorted({*numbers, *zeros}))
+    texts = [file.xml.text() for file in (files.a, files.b) if file]
+    return numbers or (_cut(found, *map(longest, texts)) if len(texts) == 2 else ())
+
+
+def _cut(found: Sequence[Difference], a: int, b: int) -> tuple[int, ...]:
+    """All differences, if one file has no number with more than a few digits and none of them is larger than these."""
+    digits, real = min(a, b), [i for i, each in enumerate(found) if each.change is not None]
+    small = all(found[i].size <= 5.0 * 10.0 ** (1 - digits) for i in real)
+    return tuple(real) if a != b and FEWEST <= digits <= MOST and len(real) >= PLACES_OF_DIGITS and small else ()
+
+
+def _merged(
+    groups: Sequence[Group], key: Callable[[Group], Hashable], told: Callable[[list[Group]], Group], least: int = 2
+) -> list[Group]:
+    """Groups with the same key as one, where there are enough of them; a key of None is nobody's."""
+    alike: dict[Hashable, list[Group]] = defaultdict(list)
+    for group in groups:
+        if (of := key(group)) is not None:
+            alike[of].append(group)
+    out = list(groups)
+    for members in alike.values():
+        if len(members) >= least:
+            out = _replaced(out, members, told(members))
+    return out
+
+
+def _replaced(groups: Sequence[Group], members: Sequence[Group], by: Group) -> list[Group]:
+    """One group in place of several, where the first of them was."""
+    out = [by if group is members[0] else group for group in groups]
+    return [group for group in out if all(group is not member for member in members)]
+
+
+def _numbers(members: Iterable[Group]) -> tuple[int, ...]:
+    return tuple(i for member in members for i in member.differences)
+
+
+def _item(one: Difference) -> str:
+    return one.item_a or one.item_b
+
+
+def _words(one: Difference) -> str:
+    """Its sentence without its item."""
+    return one.sentence.removeprefix(f"{_item(one)}: ").removeprefix(f"{one.item_b}: ")
+
+
+def _values(one: Difference) -> tuple[object, object]:
+    """Of the body as a whole, where it is a share of one."""
+    return one.whole or (one.a, one.b)
+
+
+def _factor(each: Difference) -> tuple[str, float] | None:
+    """``times`` and what B's value is of A's, or ``is`` and the value where A has none."""
+    if each.a is None or each.b is None:
+        return None
+    a, b = each.whole if each.whole and each.whole[0] is not None else (each.a, each.b)
+    a, b = np.asarray(a, dtype=float).ravel(), np.asarray(b, dtype=float).ravel()
+    square = float(a @ a)
+    if square == 0.0:
+        return ("is", float(f"{b[0]:.6g}")) if len(b) == 1 else None
+    factor = float(a @ b) / square
+    fits = float(np.abs(b - factor * a).max()) <= FACTOR * float(np.abs(b).max())
+    factor = float(f"{factor:.5g}")
+    return ("times", factor) if fits and factor != 1.0 else None
+
+
+def _fits(b: Reading, file: Opened | None, name: str, after: Matter, ratio: float, both: bool) -> bool:
+    """Whether a body of A is that of B, each of its links divided by the ratio."""
+    before = of_body(b.bodies[name])
+    parts = [*file.parts(name).values()] if file else [before]
+    smaller = [replace(p, mass=p.mass / ratio, inertia=p.inertia / (ratio if both else 1.0)) for p in parts if p.mass]
+    if not smaller:
+        return False
+    left, step = (max(steps_of(matter, after).values()) for matter in (reduce(combined, smaller), before))
+    return left <= LEFT * step
+
+
+def _sideless(name: str) -> str:
+    """A name without what tells left from right."""
+    return re.sub(r"[lr]", "~", re.sub(r"left|right", "~", name.lower()))

@@ -1,0 +1,208 @@
+"""The dynamics of a library beside those of what it has read: where they differ an engine does, and not a model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+
+from screwgauge.diagnosis.causes.fitting import PASSIVE, SPEEDS, Growth, fitted, growth
+from screwgauge.diagnosis.compare import components
+from screwgauge.diagnosis.deadline import Deadline
+from screwgauge.diagnosis.model import Model
+from screwgauge.diagnosis.pairing.common import weighed
+from screwgauge.engines.plain import Answers, Ask, Closing, JointStates
+from screwgauge.models.kinematics import ReadingTree, draw, not_modelled, plant, size
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.rotations import Array
+from screwgauge.witness.constraints import DEPENDENT, admissible_projector, clear, closed, equations
+from screwgauge.witness.dynamics import dynamics, passive_parts
+from screwgauge.witness.tree import TreeStates
+
+#: Libraries that have dynamics, and what asks them.
+ASKED = {"pinocchio": "screwgauge.engines.pinocchio.plain", "mujoco": "screwgauge.engines.mujoco.plain"}
+#: Those of them that are asked for their loops, too.
+CLOSING = ("mujoco",)
+#: Content with passive forces that cannot be switched off where a library is asked without what no reading holds.
+_UNKNOWN = {"flexible bodies", "plugins"}
+
+
+def answers(
+    path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False, whole: bool = False
+) -> Answers:
+    """Of one library on a file, at states of the tree that it reads from it.
+
+    Args:
+        whole: With all that acts as the file is loaded, also what no reading holds.
+    """
+    ask: Ask = import_module(ASKED[library]).ask
+    return ask(path, tuple(tree.reading.bodies), joint_states(tree, states), floating, whole)
+
+
+def joint_states(tree: ReadingTree, states: TreeStates) -> Mapping[str, JointStates]:
+    """States by joint."""
+    numbers = {name: i for i, name in enumerate(tree.reading.joints)}
+    return {
+        name: JointStates(
+            joint.kind,
+            tree.frames.get(numbers[name], np.eye(4)),
+            states.q[:, tree.places[name]],
+            states.qd[:, tree.freedoms[name]],
+            states.qdd[:, tree.freedoms[name]],
+        )
+        for name, joint in tree.reading.joints.items()
+    }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pair:
+    """A quantity at states, from the library and from what it has read.
+
+    Attributes:
+        least: What differences are scaled by where `ours` is smaller.
+    """
+
+    said: Array
+    ours: Array
+    least: float = 0.0
+
+    @property
+    def off(self) -> float:
+        """The largest difference."""
+        return float(np.abs(self.said - self.ours).max(initial=0.0))
+
+    @property
+    def scaled(self) -> float:
+        """The largest difference over the largest magnitude."""
+        scale = max(float(np.abs(self.ours).max(initial=0.0)), self.least)
+        return self.off / scale if scale else self.off
+
+
+def pairs(said: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, Pair]:
+    """Quantities of the open tree."""
+    ours, parts = dynamics(tree, states), passive_parts(tree, states)
+    force = float(np.abs(ours.tau).max())  # forces that vanish are compared with others
+    expected = ours.tau - sum(force for name, force in parts.items() if name not in said.covers)
+    found = {"tau": Pair(said.tau, expected, force)}
+    for name, least in (("mass_matrix", 0.0), ("bias", force), ("gravity", force), ("velocity", 0.0)):
+        found[name] = Pair(getattr(said, name), getattr(ours, name), least)
+    found["acceleration"] = Pair(said.acceleration, ours.acceleration)
+    if tree.reading.medium != (0.0, 0.0) and "medium" in said.covers:
+        del found["tau"], found["bias"]  # own dynamics know no medium
+    elif {each.kind for each in tree.reading.content} & _UNKNOWN:
+        del found["tau"]
+    return found
+
+
+def loop_pairs(
+    path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False
+) -> dict[str, Pair]:
+    """Quantities of closures and couplings where these are closed, whichever rows state them.
+
+    They count for less where loops are nearly singular.
+    """
+    soft = [each.softness for each in tree.reading.closures.values()]
+    soft += [each.softness for each in tree.reading.couplings.values()]
+    if library not in CLOSING or not soft or not all(soft):  # loops of another file are not the library's
+        return {}
+    drawn = float(np.abs(states.qdd).max())  # where loops leave no motion, what is left of it is rounding
+    states, fits = closed(tree, states)
+    states = states.at(clear(equations(tree, states).rows))
+    if not fits.any() or not len(states.q):
+        return {}
+    said: Closing = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
+    own, slides = equations(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])
+    if said.rows.shape != own.rows.shape:  # it keeps others besides, which no reading has
+        return {}
+    (one, _), (two, sure) = (admissible_projector(rows, slides, size(tree.reading)) for rows in (said.rows, own.rows))
+    # least squares amplify rounding, of rows and of what is left open, by the square of the condition number
+    weight = sure[:, None, None] ** 2
+    here, there = (weight * (np.linalg.pinv(e.rows, rcond=DEPENDENT) @ e.bias[..., None]) for e in (said, own))
+    return {
+        "constraint Jacobian": Pair(sure[:, None, None] * one, sure[:, None, None] * two, 1.0),
+        "Jdot v": Pair(here, there, drawn),
+    }
+
+
+#: Scaled differences of an engine from the dynamics of its reading beyond this are no rounding: 1e-14 is usual.
+ROUNDING = 1e-11
+#: States at which a library is asked.
+STATES = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Witness:
+    """A library on the model that it has read.
+
+    Attributes:
+        side: ``A`` or ``B``.
+        scaled: Quantity -> largest difference from the dynamics of the reading, over the largest magnitude.
+        omits: What its inverse dynamics do not contain; `adds`: what they do beside inertia and weight.
+        failed: Why it could not say; empty if it did.
+        fits: What the model would have to say otherwise for torques like the library's, and the share of their
+            difference that this explains; the best, and those that cannot be told from it.
+        growth: Of the largest difference with speed; None where there is none, or not at speed alone.
+    """
+
+    side: str
+    library: str
+    scaled: dict[str, float]
+    omits: tuple[str, ...] = ()
+    adds: tuple[str, ...] = ()
+    failed: str = ""
+    fits: tuple[tuple[str, float], ...] = ()
+    growth: Growth | None = None
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the engine computes what its reading says."""
+        return not self.failed and all(value <= ROUNDING for value in self.scaled.values())
+
+
+def witnesses(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterator[Witness]:
+    """Each library that has dynamics, on what it has read."""
+    for side, model in zip("AB", models, strict=False):
+        if model.library not in ASKED or model.file is None or deadline.over(f"torques of {model.library} for {side}"):
+            continue
+        reading = model.as_read or model.reading
+        tree = plant(weighed(reading))
+        states = draw(reading, STATES, seed)
+        try:
+            said, found = _asked(model, tree, states)
+        except (ScrewgaugeError, ValueError, LookupError) as error:
+            yield Witness(side, model.library, {}, failed=str(error))
+            continue
+        scaled = {name: pair.scaled for name, pair in found.items()}
+        acts = {entry for joint in reading.joints.values() for entry in PASSIVE if getattr(joint, entry)}
+        omits = (*sorted(acts - said.covers), *not_modelled(reading))
+        adds = tuple(sorted(acts & said.covers))
+        worst = max(scaled, key=lambda name: scaled[name])
+        differs = ROUNDING < scaled[worst] < np.inf and not deadline.over(f"fits to the torques of {model.library}")
+        grown = _grown(model, tree, states, worst) if differs else None
+        fits = _fits(tree, states, said, scaled.get("tau", 0.0)) if differs and not (grown and grown.products) else ()
+        yield Witness(side, model.library, scaled, omits, adds, fits=fits, growth=grown)
+
+
+def _asked(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers, dict[str, Pair]]:
+    assert model.file is not None
+    said = answers(model.file, model.library, tree, states, floating=model.floating)
+    loops = loop_pairs(model.file, model.library, tree, states, floating=model.floating)
+    return said, {**pairs(said, tree, states), **loops}
+
+
+def _grown(model: Model, tree: ReadingTree, states: TreeStates, name: str) -> Growth | None:
+    """How the difference of a quantity grows with speed."""
+    found = [_asked(model, tree, replace(states, qd=times * states.qd))[1][name] for times in SPEEDS]
+    return growth([each.said for each in found], [each.ours for each in found])
+
+
+def _fits(tree: ReadingTree, states: TreeStates, said: Answers, off: float) -> tuple[tuple[str, float], ...]:
+    """Single causes that a library's torques look like."""
+    if not ROUNDING < off < np.inf:
+        return ()
+    left_out = [force for name, force in passive_parts(tree, states).items() if name not in said.covers]
+    best = fitted(tree.reading, states, said.tau + sum(left_out, np.zeros_like(said.tau)))[:1]
+    return tuple((name, fit.share) for fit in best for name in (fit.name, *fit.alike))

@@ -1,0 +1,307 @@
+"""What equations leave over of one engine's answer: the balance of each body, power, virtual work, forces of the open
+tree, the rule of redundant forces, energy."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from screwgauge.judging.answer import Answer, Row, largest
+from screwgauge.judging.integration import MOST, SAFETY
+from screwgauge.quantities import FLOOR, FORCE
+from screwgauge.reference import linear
+from screwgauge.reference.graph import Layout, spanning_tree
+from screwgauge.reference.rotations import Array, cross, lanes
+from screwgauge.solution import Values
+from screwgauge.witness.constraints import AdmissibleMotion
+from screwgauge.witness.dynamics import along, kinetic_energy
+from screwgauge.witness.dynamics import newton_euler as body_equations
+from screwgauge.witness.joints import open_tree
+from screwgauge.witness.kinematics import move
+from screwgauge.witness.tree import TreeStates
+from screwgauge.witness.wrenches import UnitWrench, exerted_wrenches, spring_energy, unit_wrenches
+
+#: Motion of the bodies: quantity -> field of `Moving`.
+BODY_MOTION = {"body_angular_velocity": "w", "body_angular_acceleration": "b", "com_acceleration": "a"}
+
+
+def body_motion(answer: Answer, quantity: str) -> Array:
+    """One of `BODY_MOTION` as it follows from the joint coordinates. Shape (n, n_body, 3)."""
+    return np.asarray(getattr(answer.motion.com, BODY_MOTION[quantity]))
+
+
+def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Array]:
+    """What joints and actuators must exert on each body: force, and moment about the centre of mass.
+
+    From the body motions that the engine reports, or those that follow from its joint coordinates; attitudes always
+    follow from these.
+
+    Args:
+        loaded: With loads, springs and motors, and not for inertia and gravity alone.
+
+    Returns:
+        Wrenches, shape (n, n_body, 6), and the largest force and moment among the terms of each, shape (n_body, 2).
+    """
+    tree, applied = answer.tree, answer.applied
+    reported = (_vectors(answer[name]) if answer.has(name) else body_motion(answer, name) for name in BODY_MOTION)
+    terms = body_equations(tree.matter, answer.motion.com.R, *reported, applied.g)
+    wrenches, sizes = terms.wrenches, np.zeros((len(tree.matter.mass), 2))
+    for k, parts in enumerate(
+        ((terms.inertial[..., :3], terms.gravity[None]), (terms.inertial[..., 3:], terms.gyroscopic))
+    ):
+        sizes[:, k] = np.max([np.nanmax(np.abs(part), axis=(0, 2), initial=0.0) for part in parts], axis=0)
+    exerted = exerted_wrenches(tree, answer.motion, answer.states, answer.t, applied) if loaded else ()
+    for body, force, moment, point in exerted:
+        lever = cross(point, np.broadcast_to(force, point.shape))
+        wrenches[:, body, :3] -= force
+        wrenches[:, body, 3:] -= moment + lever
+        sizes[body] = np.maximum(sizes[body], [largest(force), largest(moment, lever)])
+    return wrenches, sizes
+
+
+def _vectors(array: Array) -> Array:
+    """Three numbers of each body, as `lanes`. Shape (n, 3 n_body) -> (n, n_body, 3)."""
+    found = lanes(len(array), array.shape[1] // 3, 3)
+    found[:] = array.reshape(found.shape)
+    return found
+
+
+def unit_wrenches_of(answer: Answer, *quantities: str) -> Iterator[tuple[str, UnitWrench]]:
+    """Unit wrenches of all components of ``reaction`` or ``actuator_force``, each with its quantity."""
+    for quantity in quantities:
+        yield from ((quantity, unit) for unit in unit_wrenches(answer.tree, answer.motion, answer.q, quantity))
+
+
+def amount(answer: Answer, quantity: str, unit: UnitWrench) -> Array:
+    """How much of it an answer has [N or N m]. Shape (n, 1)."""
+    values = answer.values[quantity]
+    return np.ascontiguousarray(values.array[:, values.components.index(unit.name)])[:, None]
+
+
+def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Row]:
+    """What the reported reactions and actuator forces leave over of the balance of each body."""
+    mechanism, missing, sizes, loose = answer.mechanism, required.copy("K"), sizes.copy(), np.zeros_like(sizes)
+    for quantity, unit in unit_wrenches_of(answer, "reaction", "actuator_force"):
+        admitted, size = answer.admitted(quantity, unit.unit), amount(answer, quantity, unit)
+        for body, wrench in unit.on_bodies(answer.tree, answer.motion.com):
+            exerted = size * wrench
+            missing[:, body] -= exerted
+            sizes[body] = np.maximum(sizes[body], [largest(exerted[:, :3]), largest(exerted[:, 3:])])
+            if admitted:
+                loose[body] += admitted * np.array([largest(wrench[:, :3]), largest(wrench[:, 3:])])
+    sizes = np.maximum(sizes, loose)
+    for part, (unit_name, label) in enumerate((("N", "f"), ("N m", "m"))):
+        names = [f"{body.name}.{label}{axis}" for body in mechanism.bodies for axis in "xyz"]
+        values = missing[:, :, 3 * part : 3 * part + 3].reshape(len(missing), -1)
+        about = ("reaction", "actuator_force", *BODY_MOTION)
+        yield answer.residual("newton_euler", unit_name, names, values, np.repeat(sizes[:, part], 3), about)
+
+
+def power_balance(answer: Answer, required: Array) -> Iterator[Row]:
+    """What motion, gravity and loads take up less the power of the actuators."""
+    rates = answer.joints[1][:, answer.mechanism.actuated_columns]
+    given = answer["actuator_force"] * rates
+    taken = required * np.concatenate([answer.motion.com.v, answer.motion.com.w], axis=2)
+    missing = np.sum(taken, axis=(1, 2)) - np.sum(given, axis=1)
+    # at a dead centre the sum is zero and only its terms tell how large rounding is
+    size, about = largest(given, taken, _loose(answer, rates)), ("actuator_force", "joint_velocity", *BODY_MOTION)
+    yield answer.residual("power_balance", "W", ["all actuators"], missing[:, None], size, about)
+
+
+def _loose(answer: Answer, rates: Array) -> Array:
+    """Power of the actuators that an error admitted by the scene is a share of, rates being (n, n_actuator, ...)."""
+    forces = [answer.admitted("actuator_force", unit) for unit in answer.mechanism.actuator_units]
+    return np.tensordot(np.abs(rates), forces, (1, 0))
+
+
+def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, sizes: Array) -> Iterator[Row]:
+    """Work of the required wrenches on every admissible motion less that of the generalised and actuator forces.
+
+    Where an answer has no forces the first must vanish, whatever the reactions, and is measured by its largest term.
+    """
+    mechanism = answer.mechanism
+    joints, bodies = admissible.partial, admissible.bodies
+    needed = np.einsum("nbx,nbxj->nj", required, bodies)
+    terms = np.einsum("bx,nbxj->nj", np.repeat(sizes, 3, axis=1), np.abs(bodies)).max(axis=0)
+    given, loose = {}, np.zeros(terms.shape)
+    if answer.has("generalized_force"):
+        given[""] = answer["generalized_force"]
+    if answer.has("actuator_force"):
+        driven = joints[:, mechanism.actuated_columns]
+        given[" by actuators"] = np.einsum("nkj,nk->nj", driven, answer["actuator_force"])
+        loose = _loose(answer, driven)
+    units = [mechanism.units[column] for column in mechanism.independent_columns]
+    for unit in dict.fromkeys(units):
+        columns = [k for k, has in enumerate(units) if has == unit]
+        names = [f"{list(mechanism.independent)[k]}{how}" for how in given or [""] for k in columns]
+        missing = [needed[:, columns] - forces[:, columns] for forces in given.values()] or [needed[:, columns]]
+        size = largest(needed[:, columns], loose[..., columns]) if given else terms[columns]
+        left, about = np.concatenate(missing, axis=1), ("generalized_force", "actuator_force", *BODY_MOTION)
+        yield answer.residual("virtual_work", FORCE[unit], names, left, size, about)
+
+
+TREE_FORCES = ("tree_force", "tree_force_soft")
+
+
+def tree_forces(answer: Answer) -> Iterator[Row]:
+    """Reported forces less the work that gravity and inertia of the bodies want, one joint of the tree moving alone.
+
+    The tree is that of the joints named. One that leads to a body which another joint reaches leads to a copy of that
+    body; the body and its copies have equal shares of its mass.
+    """
+    mechanism, needed = answer.mechanism, dict[tuple[str, ...], Array]()
+    for quantity in TREE_FORCES:
+        if not answer.has(quantity):
+            continue
+        values, units = answer.values[quantity], np.array(answer.values[quantity].units)
+        names = values.components
+        joints = [joint for joint in mechanism.joints if {*joint.coordinates} <= {*names}]
+        tree = spanning_tree(mechanism, [joint.name for joint in joints])
+        reached = all(edge.joint in joints for edge in tree.edges)
+        if not reached or sorted(names) != sorted(name for joint in joints for name in joint.coordinates):
+            nothing = np.full_like(values.array, np.nan)
+            row = answer.residual(quantity, units[0], names, nothing, 1.0, (quantity,))
+            yield {**row, "reason": "its components are not the joint coordinates of a tree of the mechanism"}
+            continue
+        if names not in needed:
+            needed[names] = _required(answer, tree, {joint.name for joint in joints})[:, mechanism.columns(names)]
+        for unit in dict.fromkeys(values.units):
+            right = needed[names][:, units == unit]
+            left = values.array[:, units == unit] - right
+            some = [name for name, has in zip(names, units, strict=True) if has == unit]
+            yield answer.residual(quantity, unit, some, left, largest(right), (quantity,))
+
+
+def _required(answer: Answer, graph: Layout, joints: Collection[str]) -> Array:
+    """Force along each joint coordinate of the open tree of some joints. Shape (n, n_q)."""
+    tree, bodies, shares = open_tree(answer.mechanism, graph, joints)
+    still = np.zeros_like(answer.q)
+    wrenches = required_wrenches(answer, loaded=False)[0][:, bodies] * shares[:, None]
+    return along(move(tree, TreeStates(answer.q, still, still)), wrenches)
+
+
+def _ruled(answer: Answer) -> bool:
+    """Whether there are more actuators than freedoms."""
+    return len(answer.mechanism.actuators) > len(answer.mechanism.independent)
+
+
+def balanced(answer: Answer, required: Array) -> Answer:
+    """The answer with what it lacks of reactions and actuator forces, as the balance of the bodies has it.
+
+    Reactions follow only for a rule that is about them, and nothing where both are missing.
+
+    Args:
+        required: From `required_wrenches`. Shape (n, n_body, 6).
+    """
+    about = _ruled(answer) and answer.rule == "spherical_axial"
+    wanted = ["actuator_force"] * answer.has("reaction") + ["reaction"] * (answer.has("actuator_force") and about)
+    lacking = [name for name in wanted if not answer.has(name)]
+    return _solved(answer, required, *lacking) if lacking else answer
+
+
+def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
+    """The answer with a quantity that is what the balance of all bodies leaves open beside the other."""
+    other = {"reaction": "actuator_force", "actuator_force": "reaction"}[quantity]
+    right, unknown = required.copy(), [unit for _, unit in unit_wrenches_of(answer, quantity)]
+    tree, com = answer.tree, answer.motion.com
+    for _, unit in unit_wrenches_of(answer, other):
+        for body, wrench in unit.on_bodies(tree, com):
+            right[:, body] -= amount(answer, other, unit) * wrench
+    columns = np.zeros((*required.shape, len(unknown)))
+    for k, unit in enumerate(unknown):
+        for body, wrench in unit.on_bodies(tree, com):
+            columns[:, body, :, k] += wrench
+    n, length = len(required), answer.scales["m"]  # by which equations and unknowns are forces
+    rows = np.tile([1.0, 1.0, 1.0, length, length, length], required.shape[1])
+    size = np.array([length if unit.unit == "N m" else 1.0 for unit in unknown])
+    system = columns.reshape(n, len(rows), len(unknown)) / rows[:, None] * size
+    found = linear.solve(system, (right.reshape(n, -1) / rows)[..., None])[..., 0] * size
+    solved = Values(tuple(unit.name for unit in unknown), tuple(unit.unit for unit in unknown), found)
+    return replace(answer, values={**answer.values, quantity: solved})
+
+
+def force_rule(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Row]:
+    """What the forces of redundant actuators leave over of the rule that fixes them."""
+    if _ruled(answer):
+        yield from _axial(answer) if answer.rule == "spherical_axial" else _smallest(answer, admissible)
+
+
+def _smallest(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Row]:
+    """The part of the actuator forces that moves nothing: those of the smallest norm have none.
+
+    They are orthogonal to every preload, which does no work on any admissible motion.
+    """
+    mechanism, f = answer.mechanism, answer["actuator_force"]
+    rates = admissible.partial[:, mechanism.actuated_columns]
+    working = np.linalg.qr(rates / np.maximum(np.linalg.norm(rates, axis=1, keepdims=True), np.finfo(float).tiny))[0]
+    preload = f - (working @ (working.swapaxes(1, 2) @ f[..., None]))[..., 0]
+    units = np.array(mechanism.actuator_units)
+    for unit in dict.fromkeys(mechanism.actuator_units):
+        names = [name for name, has in zip(mechanism.actuator_names, units, strict=True) if has == unit]
+        left = preload[:, units == unit]
+        size = max(largest(f[:, units == unit]), len(units) * answer.admitted("actuator_force", unit))
+        yield answer.residual("force_rule", unit, names, left, size, ("actuator_force",))
+
+
+def _axial(answer: Answer) -> Iterator[Row]:
+    """The force of the spherical joint across the line that it should lie along (eq. 56)."""
+    mechanism = answer.mechanism
+    if mechanism.axial is None:
+        return
+    name, direction = mechanism.axial
+    joint, F, sizes = mechanism.joint(name), np.zeros((len(answer.t), 3)), []
+    for quantity, unit in unit_wrenches_of(answer, "reaction"):
+        for act in unit.acts:
+            force = amount(answer, quantity, unit) * act.force
+            sizes.append(largest(force))
+            if act.joint is joint:
+                F += force
+    line = answer.motion.bodies.R[:, mechanism.body_index[joint.child] - 1] @ direction
+    names = [f"{name}.f{axis}" for axis in "xyz"]
+    yield answer.residual("force_rule", "N", names, cross(line, F), max(sizes), ("reaction", "actuator_force"))
+
+
+def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Iterator[Row]:
+    """Energy gained since the first sample less the work done since [J], if that work is known.
+
+    It is measured by the largest of its parts: kinetic, gravity, springs, work.
+
+    Args:
+        looser: The same motion integrated with looser tolerances: what of the balance that changes is integration.
+    """
+    if (found := _balance(answer)) is None:
+        return
+    missing, size = found
+    others = [other[0] for one in looser if (other := _balance(one)) is not None]
+    reason = ""
+    if others:
+        apart = largest(*(a - b for a, b in combinations([missing, *others], 2)))
+        left = min(SAFETY * apart / max(size, FLOOR * answer.scales["J"]), MOST)
+        answer = replace(answer, tolerance=answer.tolerance + left)
+        reason = f"integration leaves at most {left:.1g}"
+    row = answer.residual("energy_balance", "J", ["energy"], missing, size, ())
+    yield {**row, "reason": row["reason"] or reason}
+
+
+def _balance(answer: Answer) -> tuple[Array, float] | None:
+    """What is missing in the balance of energy at each sample, shape (n, 1), and the largest of its parts [J]."""
+    applied, work = answer.applied, answer.work
+    if not (applied.motors or applied.loads or any(spring.damping for spring in applied.springs)):
+        work = np.zeros(len(answer.t))
+    if not answer.has("joint_velocity") or work is None or np.isnan(work).all():
+        return None
+    work = work - work[0]  # the first sample may come after the start
+    kinetic, *stored = energies(answer)
+    gained = [part - part[0] for part in (kinetic, *stored)]
+    missing = (sum(gained) - work)[:, None]
+    return np.asarray(missing), largest(kinetic, *gained, work)
+
+
+def energies(answer: Answer) -> tuple[Array, Array, Array]:
+    """Kinetic, of gravity, of springs [J]. Shape (n,) each."""
+    gravity = -(answer.motion.com.p @ answer.applied.g) @ answer.tree.matter.mass
+    springs = spring_energy(answer.tree, answer.motion, answer.q, answer.applied)
+    return kinetic_energy(answer.motion), gravity, springs

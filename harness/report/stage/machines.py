@@ -1,0 +1,129 @@
+"""Two machines of a diagnosis beside each other, at home, with what differs marked."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from html import escape
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from screwgauge.models.readings.reading import Reading
+from screwgauge.models.shapes import DOUBT, PLAIN, across
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array
+from screwgauge.report.blocks import Picture
+from screwgauge.report.stage.drawing import EDGE, FONT, labels
+
+if TYPE_CHECKING:
+    from screwgauge.diagnosis.diagnose import Diagnosis
+
+#: Of one machine, and of the line above it [pixels]; names that are written, those of the first causes.
+SIDE, HEAD, NAMED = 400.0, 26.0, 8
+#: From where both are seen, unless they are flat.
+SEEN = np.array([0.62, -0.62, 0.48])
+LOOK = (
+    f"text{{font:{FONT:g}px sans-serif;paint-order:stroke;stroke:#fff;stroke-width:3px;stroke-linejoin:round}}"
+    f"path{{fill:none;stroke:{PLAIN};stroke-width:3.5;stroke-linecap:round}}circle{{fill:#fff;stroke:#444}}"
+    f".differs{{stroke:{DOUBT}}}circle.mass{{fill:{PLAIN};stroke:none;opacity:.45}}circle.mass.differs{{fill:{DOUBT}}}"
+    "path.thin{stroke:#767676;stroke-width:1}"
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Side:
+    """A machine: its reading seen in A's world, and names of bodies and joints that differ, the first causes first."""
+
+    title: str
+    reading: Reading
+    placement: Array
+    differs: tuple[str, ...]
+
+    def point(self, at: Array) -> Array:
+        """In A's world. Shape (3,)."""
+        return np.asarray(self.placement[:3, :3] @ at + self.placement[:3, 3])
+
+    def joints(self) -> dict[str, Array]:
+        """Where each stands."""
+        return {name: self.point(joint.centre) for name, joint in self.reading.joints.items()}
+
+    def links(self) -> Iterator[tuple[str, Array, Array]]:
+        """Lines of bodies: from the joint that moves each to those behind it, or to its centre of mass."""
+        at, behind = self.joints(), dict[str, list[str]]()
+        for name, body in self.reading.bodies.items():
+            behind.setdefault(body.near, []).append(name)
+        for name in (GROUND, *self.reading.bodies):
+            own = self.reading.bodies[name].joints if name in self.reading.bodies else ()
+            start = at[own[-1]] if own else self.placement[:3, 3]
+            for one, two in pairwise(own):
+                yield name, at[one], at[two]
+            others = [at[self.reading.bodies[each].joints[0]] for each in behind.get(name, ())]
+            for end in others or ([self.masses()[name][0]] if name in self.masses() else []):
+                yield name, start, end
+
+    def masses(self) -> dict[str, tuple[Array, float]]:
+        """Where each body's mass is, and how much [kg]."""
+        bodies = {name: body for name, body in self.reading.bodies.items() if body.mass > 0.0}
+        return {
+            name: (self.point(body.pose[:3, :3] @ body.com + body.pose[:3, 3]), body.mass)
+            for name, body in bodies.items()
+        }
+
+
+def machines(found: Diagnosis) -> Picture:
+    """Both of them; bodies and joints that differ in colour, the first ones named."""
+    order = [found.differences[i] for cause in found.causes for i in cause.differences if cause.kind == "cause"]
+    ours, theirs = (
+        tuple(dict.fromkeys(filter(None, (getattr(each, side) for each in order)))) for side in ("item_a", "item_b")
+    )
+    sides = (
+        Side("A", found.a.reading, np.eye(4), ours),
+        Side("B", found.b.reading, found.pairing.placement, theirs),
+    )
+    points = [np.array([*side.joints().values(), *(p for p, _ in side.masses().values())]) for side in sides]
+    view = across(_seen(np.concatenate(points))) * [[1.0], [-1.0]]
+    cloud = np.concatenate(points) @ view.T
+    low, size = cloud.min(axis=0), np.maximum(np.ptp(cloud, axis=0), 1e-9)
+    scale = min((SIDE - 2 * EDGE) / size[0], (SIDE - 2 * EDGE) / size[1])
+    tall = HEAD + scale * size[1] + 2 * EDGE
+    heaviest = max((mass for side in sides for _, mass in side.masses().values()), default=1.0)
+    out = []
+    for k, side in enumerate(sides):
+        shift = np.array([k * SIDE + (SIDE - scale * size[0]) / 2.0, HEAD + EDGE]) - scale * low
+        out.append(_drawn(side, scale * view, shift, heaviest, tall))
+    svg = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {2 * SIDE:.0f} {tall:.0f}" width="{2 * SIDE:.0f}" '
+        f'height="{tall:.0f}"><style>{LOOK}</style><rect width="100%" height="100%" fill="#fff"/>{"".join(out)}</svg>\n'
+    )
+    return Picture("machines", "Both machines at home, what differs in colour", svg)
+
+
+def _seen(points: Array) -> Array:
+    """Direction to who looks: face-on where both are flat."""
+    flat = [axis for axis in (2, 1, 0) if np.ptp(points[:, axis]) < 1e-3 * float(np.ptp(points, axis=0).max() or 1.0)]
+    return np.asarray(np.eye(3)[flat[0]] * (-1.0 if flat == [1] else 1.0)) if flat else SEEN / np.linalg.norm(SEEN)
+
+
+def _drawn(side: Side, view: Array, shift: Array, heaviest: float, tall: float) -> str:
+    """Lines, masses by their cube root, joints, and names."""
+    differs: Collection[str] = frozenset(side.differs)
+    spots, out = {name: view @ at + shift for name, at in side.joints().items()}, list[str]()
+    for name, a, b in side.links():
+        p, q = view @ a + shift, view @ b + shift
+        mark = ' class="differs"' if name in differs else ""
+        out.append(f'<path{mark} d="M{p[0]:.1f},{p[1]:.1f}L{q[0]:.1f},{q[1]:.1f}"/>')
+    for name, (at, mass) in side.masses().items():
+        x, y = view @ at + shift
+        mark, r = " differs" if name in differs else "", 9.0 * (mass / heaviest) ** (1.0 / 3.0)
+        out.append(f'<circle class="mass{mark}" cx="{x:.1f}" cy="{y:.1f}" r="{r:.1f}"/>')
+        spots.setdefault(name, np.array([x, y]))
+    for name in side.reading.joints:
+        (x, y), mark = spots[name], ' class="differs" stroke-width="2"' if name in differs else ""
+        out.append(f'<circle{mark} cx="{x:.1f}" cy="{y:.1f}" r="3"/>')
+    wanted = [(name, DOUBT, spots[name]) for name in side.differs if name in spots][:NAMED]
+    out += labels(wanted, np.array([*spots.values()]), 2 * SIDE, tall)
+    title = f"{side.title}: {len(side.reading.joints)} joints, {side.reading.mass:.6g} kg"
+    x = 8.0 + SIDE * (side.title == "B")
+    return f'<text x="{x:.0f}" y="18">{escape(title)}</text>{"".join(out)}'

@@ -1,0 +1,297 @@
+"""Isolation: work in processes of its own. What crashes or hangs costs its own result only."""
+
+from __future__ import annotations
+
+import faulthandler
+import os
+import re
+import resource
+import signal
+import warnings
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from multiprocessing import current_process
+from multiprocessing.connection import Connection
+from multiprocessing.util import Finalize
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import monotonic
+from typing import Generic, TypeVar
+
+import numpy as np
+from loky import cpu_count
+from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
+
+from screwgauge.problem import Progress
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.solution import Failure
+from screwgauge.study.lifeline import hold, lifeline
+from screwgauge.threads import ONE
+
+T = TypeVar("T")
+#: GB of memory that the machine has.
+MACHINE = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+TICK = 0.2  # s between looks at progress and clock
+IDLE = 60.0  # s after which a process that nobody asks again ends
+#: s after its limit at which a process ends itself, if the parent, who can say more, has not ended it.
+GRACE = 5.0
+LONGEST = 1e9  # s that a timer takes
+AGAIN = 3  # times that a work runs again whose process was killed from outside
+KILLED = re.compile("SIG(KILL|TERM|HUP)")  # an engine that crashes gets another one, and would get it again
+SAID = 200  # characters of what a work says that it is at
+#: Of its processes: one thread each, and nothing is drawn there: MuJoCo's import looks for libraries of windows else.
+ENVIRONMENT = {**ONE, "MUJOCO_GL": "disable"}
+#: Of each name, kept for the next work: starting a process and importing an engine takes a second.
+_EXECUTORS: dict[str, ProcessPoolExecutor] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What an engine may take in a process of its own.
+
+    Attributes:
+        seconds: From its start to its answer, loading included [s].
+        memory: Of its process [GB]; that of the machine by default.
+
+    Raises:
+        DescriptionError: One is no positive number.
+    """
+
+    seconds: float = 3600.0
+    memory: float = MACHINE
+
+    def __post_init__(self) -> None:
+        for option, value, unit in (("--limit", self.seconds, "s"), ("--memory", self.memory, "GB")):
+            if not 0.0 < value < np.inf:
+                raise DescriptionError(f"a limit of {value:g} {unit}", option, f"give a positive number of {unit}")
+
+
+def isolated(
+    works: Mapping[str, Callable[[Progress], T | Failure]],
+    limits: Limits,
+    report: Callable[[str, float], None],
+    *,
+    lanes: Sequence[str] = (),
+    keep: Callable[[str, T | Failure], None] = lambda name, result: None,
+) -> dict[str, T | Failure]:
+    """Run jobs in parallel, one worker process per name, or as many processes as there are lanes.
+
+    Args:
+        works: Pickle, and take a progress, which takes what they are at, too, beside the share.
+        report: Takes the names of those under way, and the share of all that is done.
+        lanes: Names of processes, each of which does one work after the other. A work whose process was killed from
+            outside runs again, `AGAIN` times at most.
+        keep: Takes each result as soon as it is there.
+
+    Returns:
+        What each returns, or that it crashed or met a limit, in the order of the works; of those that said what they
+        were at, a failure names that.
+
+    Raises:
+        ScrewgaugeError: Raised by a work; the others are stopped. Or there are no limits.
+    """
+    if not isinstance(limits, Limits):
+        raise DescriptionError(f"{limits!r:.100} is no Limits", "limits", "give screwgauge.Limits(seconds=...)")
+    # where they say how far they are: what a file says outlives who wrote it, and nobody waits for it
+    with TemporaryDirectory(prefix="screwgauge-") as folder:
+        jobs = _Jobs(works, limits, lanes, keep, Path(folder))
+        try:
+            while jobs.waiting or jobs.running:
+                jobs.start()
+                jobs.collect()
+                shares = jobs.shares()
+                jobs.stop_overdue(shares)
+                if jobs.running:
+                    report(", ".join(shares), (len(jobs.results) + sum(shares.values())) / len(works))
+        finally:
+            jobs.stop()
+    return {name: jobs.results[name] for name in works}
+
+
+class _Jobs(Generic[T]):
+    """Works that wait, run and are done.
+
+    Attributes:
+        running: Name of each work, its process and when it began.
+        free: Names of processes that have nothing to do, where there are lanes.
+        killed: How often the process of a work was killed from outside.
+    """
+
+    def __init__(
+        self,
+        works: Mapping[str, Callable[[Progress], T | Failure]],
+        limits: Limits,
+        lanes: Sequence[str],
+        keep: Callable[[str, T | Failure], None],
+        folder: Path,
+    ) -> None:
+        self.works, self.limits, self.lanes, self.keep, self.folder = works, limits, lanes, keep, folder
+        self.waiting, self.running = deque(works), dict[Future[T | Failure], tuple[str, str, float]]()
+        self.results, self.killed = dict[str, T | Failure](), Counter[str]()
+        self.free, self.most = [*reversed(lanes)], len(lanes) or cpu_count()
+
+    def start(self) -> None:
+        """Starts as many of those that wait as there is room for."""
+        while self.waiting and len(self.running) < self.most:
+            name = self.waiting.popleft()
+            process = self.free.pop() if self.lanes else name
+            own = min(self.limits.seconds + GRACE, LONGEST)
+            work = partial(_limited, name, self.works[name], self.limits, own, _file(self.folder, name))
+            self.running[_submit(process, work)] = name, process, monotonic()
+
+    def collect(self) -> None:
+        """Takes the results of those that have ended meanwhile."""
+        for future in wait(self.running, timeout=TICK, return_when=FIRST_COMPLETED).done:
+            name, process, _ = self.running.pop(future)
+            self._done(name, process, _result(name, future, self.limits))
+
+    def shares(self) -> dict[str, float]:
+        """How far those that run are."""
+        return {name: _share(_file(self.folder, name))[0] for name, _, _ in self.running.values()}
+
+    def stop_overdue(self, shares: Mapping[str, float]) -> None:
+        """Stops those that have run longer than they may."""
+        for future, (name, process, begin) in [*self.running.items()]:
+            if monotonic() - begin > self.limits.seconds:
+                del self.running[future]
+                _stop(process)
+                self._done(name, process, _stopped(name, self.limits, f", {shares[name]:.0%} of the way"))
+
+    def stop(self) -> None:
+        """Stops all that run."""
+        for _, process, _ in self.running.values():
+            _stop(process)
+
+    def _done(self, name: str, process: str, result: T | Failure) -> None:
+        self.free.append(process)
+        if self.lanes and isinstance(result, Failure) and KILLED.search(result.reason):
+            self.killed[name] += 1
+            if self.killed[name] <= AGAIN:
+                self.waiting.append(name)  # last, so that what takes its process with it does not stop the others
+                return
+            result = replace(result, reason=f"{result.reason}, {self.killed[name]} times")
+        if isinstance(result, Failure) and (step := _share(_file(self.folder, name))[1]):
+            result = replace(result, engine=step)
+        self.results[name] = result
+        self.keep(name, result)
+
+
+def isolated_calls(
+    works: Mapping[str, Callable[[], T | Failure]],
+    limits: Limits,
+    report: Callable[[str, float], None] = lambda names, share: None,
+) -> dict[str, T | Failure]:
+    """Does works that do not say how far they are, as `isolated` does."""
+    return isolated({name: partial(_unwatched, work) for name, work in works.items()}, limits, report)
+
+
+def _unwatched(work: Callable[[], T], progress: Progress) -> T:
+    """Does a work that does not say how far it is."""
+    return work()
+
+
+def _begin(line: Connection) -> None:
+    """What a process does first: it ends with its parent, and what is printed there stands in nobody's output."""
+    hold(line)
+    with suppress(OSError):  # there is no standard error
+        os.dup2(2, 1)
+
+
+def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits, own: float, file: Path) -> T | Failure:
+    """Does a work within its limits. Its process is not interrupted from the keyboard: its parent is.
+
+    Args:
+        own: Time after which the process ends itself [s].
+    """
+    faulthandler.disable()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # the kernel ends it, whatever it is at
+    signal.setitimer(signal.ITIMER_REAL, own)
+    hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+    most = int(1e9 * limits.memory)
+    resource.setrlimit(resource.RLIMIT_DATA, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", RuntimeWarning)  # of numpy: what is not a number is told by the report
+        try:
+            return work(partial(_say, file))
+        except MemoryError:
+            return Failure(name, f"needs more than {limits.memory:.3g} GB of memory, the limit; --memory sets another")
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def _submit(name: str, work: Callable[[], T]) -> Future[T]:
+    """Begins a work in the process of a name, a new one if there is none or it crashed."""
+    if current_process().daemon:  # as a worker of Dask is: it may have no children, which end by the lifeline here
+        current_process().daemon = False
+        Finalize(None, _stop_all, exitpriority=100)  # before its children are waited for
+    try:
+        future: Future[T] = _EXECUTORS[name].submit(work)
+    except (KeyError, BrokenProcessPool):
+        _EXECUTORS[name] = ProcessPoolExecutor(
+            max_workers=1, timeout=IDLE, env=ENVIRONMENT, initializer=_begin, initargs=(lifeline(),)
+        )
+        future = _EXECUTORS[name].submit(work)
+    return future
+
+
+def _stop(name: str) -> None:
+    """Ends the process of a name, whatever it does."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of loky, where it cannot look for processes that this one has started
+        _EXECUTORS.pop(name).shutdown(kill_workers=True)
+
+
+def _stop_all() -> None:
+    for name in [*_EXECUTORS]:
+        _stop(name)
+
+
+def _stopped(name: str, limits: Limits, how_far: str = "") -> Failure:
+    return Failure(name, f"stopped after {limits.seconds:g} s{how_far}, the limit; --limit sets another")
+
+
+def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failure:
+    """What a work returned, or how its process ended."""
+    error = future.exception()
+    if error is None:
+        return future.result()
+    if isinstance(error, ScrewgaugeError):
+        raise error
+    if isinstance(error, BrokenProcessPool):
+        if signal.SIGALRM.name in str(error):
+            return _stopped(name, limits)
+        return Failure(name, f"crashed: {_ending(str(error))}", str(error))
+    return Failure(name, f"{type(error).__name__}: {' '.join(str(error).split())}", str(error.__cause__ or ""))
+
+
+def _ending(said: str) -> str:
+    """How a process ended, from what loky says of it."""
+    if found := re.search(r"SIG[A-Z]+", said):
+        return f"its process got {found[0]}"
+    if found := re.search(r"EXIT\((\d+)\)", said):
+        return f"its process exited with status {found[1]}"
+    return " ".join(said.split())
+
+
+def _file(folder: Path, name: str) -> Path:
+    return folder / f"{name}.share"
+
+
+def _say(file: Path, share: float, step: str = "") -> None:
+    """Says how far a work is; where there is no room for that, it goes on."""
+    with suppress(OSError):
+        file.write_text(f"{share:.4f} {step[:SAID]}", encoding="utf-8")
+
+
+def _share(file: Path) -> tuple[float, str]:
+    """Share that was said last, and of what; 0 before anything was, while it is being said, or if it is no share."""
+    try:
+        share, _, step = file.read_text(encoding="utf-8").partition(" ")
+        return (float(share) if 0.0 <= float(share) <= 1.0 else 0.0), step
+    except (OSError, ValueError):
+        return 0.0, ""

@@ -1,0 +1,273 @@
+"""What closes the loops of a tree: residuals of closures and couplings, their rates, and the motions that they admit.
+
+Which rows state a loop is a choice (a weld, three points, another order); the motions that they admit are none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.polynomial import polynomial
+from numpy.typing import NDArray
+
+from screwgauge.reference import linear
+from screwgauge.reference.rotations import Array, cross, quaternion_rotation, rotation_vector
+from screwgauge.witness.kinematics import TreeMotion, move
+from screwgauge.witness.tree import FREEDOMS, CoupledColumn, SpanningTree, TreeStates
+
+#: Newton's steps, and how far one goes at most [rad or m]; gaps that are rounding [rad or lengths of
+#: the machine, or m where it is smaller].
+STEPS, FAR, CLOSED = 40, 0.5, 1e-11
+#: Singular values below this share of the largest are those of rows that follow from others.
+DEPENDENT = 1e-8
+#: Singular values between these shares are of a singular pose, found to the square root of rounding or so.
+UNCLEAR = 1e-11, 1e-5
+
+
+def closure_gaps(tree: SpanningTree, motion: TreeMotion, order: int = 0) -> dict[str, Array]:
+    """Second frame of each closure against the first, world axes: of a weld the rotation vector, then the way [rad, m].
+
+    Args:
+        order: 1 or 2 for the first or second derivative of it, of a welded turn where it is closed.
+
+    Returns:
+        Closure -> shape (n, 3) of points, (n, 6) of welds.
+    """
+    ends, m = motion.closures, len(tree.closures)
+    first, second = ends.part(slice(m)), ends.part(slice(m, None))
+    linear = getattr(second, "pva"[order]) - getattr(first, "pva"[order])
+    if order:
+        angular = getattr(second, "Rwb"[order]) - getattr(first, "Rwb"[order])
+    else:
+        angular = rotation_vector(second.R @ first.R.swapaxes(2, 3))
+    whole = np.concatenate([angular, linear], axis=2)
+    return {
+        name: whole[:, i] if closure.kind == "weld" else linear[:, i]
+        for i, (name, closure) in enumerate(tree.closures.items())
+    }
+
+
+def coupling_gaps(tree: SpanningTree, states: TreeStates, order: int = 0) -> Array:
+    """How far coordinates or their derivatives are from what the couplings make of the others. (n, n_coupling)."""
+    out = np.empty((len(states.q), len(tree.couplings)))
+    for k, one in enumerate(tree.couplings.values()):
+        here = states.q[:, one.column], states.qd[:, one.velocity], states.qdd[:, one.velocity]
+        out[:, k] = here[order] - _leads(one, states)[order]
+    return out
+
+
+def _leads(one: CoupledColumn, states: TreeStates) -> tuple[Array, Array, Array]:
+    """What a coupling makes of the other coordinate, and its two derivatives. Shape (n,) each."""
+    if one.of is None:
+        zero = np.zeros(len(states.q))
+        return zero + one.polynomial[0], zero, zero
+    q, v, a = states.q[:, one.of[0]], states.qd[:, one.of[1]], states.qdd[:, one.of[1]]
+    value, slope, bend = (polynomial.polyval(q, polynomial.polyder(one.polynomial, k)) for k in range(3))
+    return value, slope * v, slope * a + bend * v**2
+
+
+def closure_rows(tree: SpanningTree, motion: TreeMotion) -> dict[str, Array]:
+    """Relative velocity of the second frame of each closure at its origin, world axes, at unit velocities.
+
+    Returns:
+        Closure -> shape (n, 3, n_freedom) of points, (n, 6, n_freedom) of welds.
+    """
+    m = len(tree.closures)
+    J = motion.jacobian(tree.ends, motion.closures.p)
+    rows = J[:, m:] - J[:, :m]
+    return {
+        name: rows[:, i] if closure.kind == "weld" else rows[:, i, 3:]
+        for i, (name, closure) in enumerate(tree.closures.items())
+    }
+
+
+def coupling_rows(tree: SpanningTree, q: Array) -> Array:
+    """Rates of the couplings at unit velocities. Shape (n, n_coupling, n_freedom)."""
+    rows = np.zeros((len(q), len(tree.couplings), tree.freedom))
+    for k, one in enumerate(tree.couplings.values()):
+        rows[:, k, one.velocity] = 1.0
+        if one.of is not None:
+            rows[:, k, one.of[1]] -= polynomial.polyval(q[:, one.of[0]], polynomial.polyder(one.polynomial))
+    return rows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ConstraintEquations:
+    """All closures and couplings of a tree at states; rows first of the closures.
+
+    Attributes:
+        gap: What is open [m or rad]. Shape (n, m).
+        rows: Its rate at unit velocities. Shape (n, m, n_freedom).
+        bias: Second derivative of the gaps at zero accelerations, Jdot v; of a welded turn where it is closed. (n, m).
+    """
+
+    gap: Array
+    rows: Array
+    bias: Array
+
+
+def equations(tree: SpanningTree, states: TreeStates) -> ConstraintEquations:
+    """Of all closures and couplings."""
+    states = replace(states, qdd=np.zeros_like(states.qdd))
+    motion = move(tree, states)
+    gap, bias = (residual(tree, states, motion, order) for order in (0, 2))
+    return ConstraintEquations(gap, constraint_rows(tree, motion, states.q), bias)
+
+
+def residual(tree: SpanningTree, states: TreeStates, motion: TreeMotion, order: int = 0) -> Array:
+    """All gaps side by side. Shape (n, m)."""
+    return np.hstack([*closure_gaps(tree, motion, order).values(), coupling_gaps(tree, states, order)])
+
+
+def constraint_rows(tree: SpanningTree, motion: TreeMotion, q: Array) -> Array:
+    """Rates of all gaps at unit velocities. Shape (n, m, n_freedom)."""
+    return np.concatenate([*closure_rows(tree, motion).values(), coupling_rows(tree, q)], axis=1)
+
+
+def stepped(tree: SpanningTree, q: Array, step: Array) -> Array:
+    """Coordinates after each joint has gone a way along its velocities.
+
+    Args:
+        step: [rad or m]. Shape (n, n_freedom).
+    """
+    out = q.copy()
+    for link in tree.links:
+        start, part = link.coordinate, step[:, link.velocity : link.velocity + FREEDOMS[link.kind]]
+        if part.shape[1] == 1:
+            out[:, start] += part[:, 0]
+            continue
+        start += 3 * (link.kind == "free")
+        w, turn = q[:, start : start + 4], part[:, :3]
+        half = 0.5 * np.linalg.norm(turn, axis=1, keepdims=True)
+        v = 0.5 * turn * np.sinc(half / np.pi)
+        real = w[:, :1] * np.cos(half) - np.sum(w[:, 1:] * v, axis=1, keepdims=True)
+        out[:, start : start + 4] = np.hstack([real, w[:, :1] * v + np.cos(half) * w[:, 1:] + cross(w[:, 1:], v)])
+        if link.kind == "free":
+            out[:, start - 3 : start] += (quaternion_rotation(w) @ part[:, 3:, None])[..., 0]
+    return out
+
+
+def closed(tree: SpanningTree, states: TreeStates) -> tuple[TreeStates, NDArray[np.bool_]]:
+    """Closes the loops at states by Newton's method; velocities and accelerations then keep them closed.
+
+    Returns:
+        The states that could be closed; and which they are, shape (n,).
+    """
+    q, length, todo = states.q.copy(), max(tree.length, 1.0), np.arange(len(states.q))
+    for _ in range(STEPS):
+        at = equations(tree, replace(states.at(todo), q=q[todo]))
+        far = np.abs(at.gap).max(axis=1, initial=0.0) > 0.01 * CLOSED * length
+        if not far.any():
+            break
+        todo = todo[far]
+        q[todo] = stepped(tree, q[todo], newton_step(at.rows[far], at.gap[far]))
+    at = equations(tree, replace(states, q=q))
+    fits = np.abs(at.gap).max(axis=1, initial=0.0) <= CLOSED * length
+    there, rows = replace(states, q=q).at(fits), at.rows[fits]
+    back = np.linalg.pinv(rows, rcond=DEPENDENT)
+    there = replace(there, qd=there.qd - (back @ (rows @ there.qd[..., None]))[..., 0])
+    rest = rows @ there.qdd[..., None] + equations(tree, there).bias[..., None]
+    return replace(there, qdd=there.qdd - (back @ rest)[..., 0]), fits
+
+
+def newton_step(rows: Array, gap: Array) -> Array:
+    """The shortest step that closes gaps, cut where it is long. Shapes (n, m, n_freedom), (n, m) -> (n, n_freedom)."""
+    step = -(np.linalg.pinv(rows, rcond=DEPENDENT) @ gap[..., None])[..., 0]
+    return np.asarray(step * np.minimum(1.0, FAR / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300)))
+
+
+def clear(rows: Array) -> NDArray[np.bool_]:
+    """States at which the rank of the rows is clear; shape (n, m, n_freedom) -> (n,).
+
+    Newton's method ends beside a singular pose with half the digits, and with singular values that are neither.
+    """
+    s = np.linalg.svd(rows, compute_uv=False)
+    s = s / np.maximum(s.max(axis=1, initial=0.0, keepdims=True), 1e-300)
+    return np.asarray(~((s > UNCLEAR[0]) & (s < UNCLEAR[1])).any(axis=1))
+
+
+def admissible_projector(rows: Array, slides: Array, length: float) -> tuple[Array, Array]:
+    """Projector onto the velocities that rows admit.
+
+    Args:
+        rows: Shape (n, m, n_freedom).
+        slides: Which velocities are linear. Shape (n_freedom,).
+        length: What counts as 1 rad [m].
+
+    Returns:
+        What is left of each unit velocity, shape (n, n_freedom, n_freedom); and how well the rows tell, the smallest
+        singular value over the largest, shape (n,).
+    """
+    _, s, V = np.linalg.svd(rows * np.where(slides, length, 1.0), full_matrices=True)
+    s = s / np.maximum(s.max(axis=1, initial=0.0, keepdims=True), 1e-300)
+    rank = (s > DEPENDENT).sum(axis=1)
+    V = V * (np.arange(V.shape[1]) >= rank[:, None])[..., None]
+    return np.swapaxes(V, 1, 2) @ V, np.where(s > DEPENDENT, s, 1.0).min(axis=1, initial=1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class AdmissibleMotion:
+    """The motions that the closed loops admit at n poses, equations being without dimension.
+
+    Attributes:
+        motion: The poses.
+        equations: What velocities make of the gaps, below it the selection of y. Shape (n, m + k, n_freedom).
+        gap_size: What a gap of each of the first rows is measured by, 1 rad or a length. Shape (m,).
+        size: Unit of each velocity: 1 rad, or the length [m]. Shape (n_freedom,).
+        columns: The chosen ones.
+    """
+
+    motion: TreeMotion
+    equations: Array
+    gap_size: Array
+    size: Array
+    columns: list[int]
+
+    def joints(self, y: Array, gaps: Array | None = None) -> Array:
+        """Derivatives of all coordinates from those of the chosen ones.
+
+        Args:
+            y: Shape (n, k) or (n, k, m).
+            gaps: What their `constraints.residual` would be without them; none by default. Shape (n, m).
+
+        Returns:
+            Shape (n, n_freedom) or (n, n_freedom, m).
+        """
+        single, m = y.ndim == 2, len(self.gap_size)
+        y = y[..., None] if single else y
+        right = np.zeros((len(y), self.equations.shape[1], y.shape[2]))
+        right[:, m:] = y / self.size[self.columns, None]
+        if gaps is not None:
+            right[:, :m] = -(gaps / self.gap_size)[..., None]
+        found = linear.solve(self.equations, right) * self.size[:, None]
+        return np.asarray(found[..., 0] if single else found)
+
+    @cached_property
+    def partial(self) -> Array:
+        """Velocities of all coordinates per velocity of y. Shape (n, n_freedom, k)."""
+        return self.joints(np.tile(np.eye(len(self.columns)), (len(self.equations), 1, 1)))
+
+    @cached_property
+    def bodies(self) -> Array:
+        """Velocities of the centres of mass over the angular ones, per velocity of y. Shape (n, n_body, 6, k)."""
+        J = self.motion.jacobian(self.motion.tree.bodies, self.motion.com.p)[:, :, [3, 4, 5, 0, 1, 2]]
+        return np.asarray(J @ self.partial[:, None])
+
+
+def admissible_motion(motion: TreeMotion, q: Array, units: Sequence[str], columns: list[int]) -> AdmissibleMotion:
+    """The motions admitted at poses.
+
+    Args:
+        units: rad or m, of each velocity.
+        columns: Velocities by which a motion is told.
+    """
+    tree, length = motion.tree, motion.tree.length
+    size = np.array([1.0 if unit == "rad" else length for unit in units])
+    gap_size = [np.array([1.0] * 3 + [length] * 3)[-3 * (1 + (c.kind == "weld")) :] for c in tree.closures.values()]
+    gaps = np.concatenate([*gap_size, [size[one.velocity] for one in tree.couplings.values()], np.zeros(0)])
+    rows = constraint_rows(tree, motion, q) / gaps[:, None] * size
+    chosen = np.broadcast_to(np.eye(len(size))[columns], (len(q), len(columns), len(size)))
+    return AdmissibleMotion(motion, np.concatenate([rows, chosen], axis=1), gaps, size, columns)

@@ -1,0 +1,208 @@
+"""Newton's and Euler's equations of bodies in motion, and the forces along the velocities of a tree."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.reference.rotations import Array, cross, lanes, quaternion_rotation, skew, times
+from screwgauge.witness.kinematics import TreeMotion, move
+from screwgauge.witness.tree import FREEDOMS, MassProperties, SpanningTree, TreeStates
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NewtonEulerTerms:
+    """What each body needs to move as it does, term by term: force, and moment about the centre of mass.
+
+    Attributes:
+        inertial: ``m a`` and ``J b``. Shape (n, m, 6).
+        gravity: Minus the weight. Shape (m, 3).
+        gyroscopic: Moment ``w x J w``. Shape (n, m, 3).
+    """
+
+    inertial: Array
+    gravity: Array
+    gyroscopic: Array
+
+    @property
+    def wrenches(self) -> Array:
+        """All of it. Shape (n, m, 6)."""
+        found = self.inertial.copy("K")
+        found[..., :3] += self.gravity
+        found[..., 3:] += self.gyroscopic
+        return found
+
+
+def newton_euler(matter: MassProperties, R: Array, w: Array, b: Array, a: Array, g: Array) -> NewtonEulerTerms:
+    """Of bodies of given orientation, angular velocity and acceleration, and acceleration of the centre of mass.
+
+    Args:
+        g: Gravity, for all or of each body [m/s^2]. Shape (3,) or (m, 3).
+    """
+    inertial = lanes(len(R), len(matter.mass), 6)
+    inertial[..., :3], inertial[..., 3:] = matter.mass[:, None] * a, momentum(matter, R, b)
+    return NewtonEulerTerms(inertial, -matter.mass[:, None] * g, cross(w, momentum(matter, R, w)))
+
+
+def momentum(matter: MassProperties, R: Array, w: Array) -> Array:
+    """``R J R^T w``, angular momentum about the centre of mass. Shape (n, m, 3)."""
+    return times(R, times(matter.inertia[None], times(R.swapaxes(-1, -2), w)))
+
+
+def kinetic_energy(motion: TreeMotion) -> Array:
+    """Of all bodies [J]. Shape (n,)."""
+    matter, com = motion.tree.matter, motion.com
+    turning = np.sum(com.w * momentum(matter, com.R, com.w), axis=(1, 2))
+    return np.asarray(0.5 * (np.sum(com.v**2, axis=2) @ matter.mass + turning))
+
+
+def along(motion: TreeMotion, wrenches: Array) -> Array:
+    """Power of wrenches at the centres of mass of the bodies, see `NewtonEuler`, at unit velocities.
+
+    Args:
+        wrenches: Shape (n, n_body, 6).
+
+    Returns:
+        Shape (n, n_freedom).
+    """
+    tree, force = motion.tree, wrenches[..., :3]
+    number, _, turns = tree.velocity
+    # all that a velocity moves, moments about the world's origin, then about the joint
+    whole = tree.moves.T @ np.concatenate([force, wrenches[..., 3:] + cross(motion.com.p, force)], axis=2)
+    moment = whole[..., 3:] - cross(motion.links.p[:, number], whole[..., :3])
+    return np.asarray(np.sum(motion.axes * np.where(turns[:, None], moment, whole[..., :3]), axis=2))
+
+
+def mass_matrix(motion: TreeMotion) -> Array:
+    """Without armature, by composite bodies (Featherstone, Rigid Body Dynamics Algorithms, table 6.2).
+
+    Returns:
+        Shape (n, n_freedom, n_freedom).
+    """
+    tree = motion.tree
+    number, _, turns = tree.velocity
+    turns, e = turns[:, None], motion.axes
+    linear = np.where(turns, cross(motion.links.p[:, number], e), e)
+    rates = np.concatenate([np.where(turns, e, 0.0), linear], axis=2)
+    carried = np.einsum("bi,nbjk->nijk", tree.moves, _inertia_at_origin(motion), optimize=True)
+    momenta = (carried @ rates[..., None])[..., 0]
+    product = rates @ np.swapaxes(momenta, 1, 2)  # of velocity i on the momentum of what j carries
+    inner = tree.before.T + (number[:, None] == number)  # i is before j, or of the same joint
+    lower = np.swapaxes(product * tree.before.T, 1, 2)
+    return np.asarray(product * inner + lower)
+
+
+def _inertia_at_origin(motion: TreeMotion) -> Array:
+    """Of each body: velocity of the point in the world's origin -> moment about it and momentum. (n, n_body, 6, 6)."""
+    matter, com = motion.tree.matter, motion.com
+    C, m = skew(com.p), matter.mass[:, None, None]
+    out = np.empty((*com.p.shape[:2], 6, 6))
+    out[..., :3, :3] = com.R @ matter.inertia @ np.swapaxes(com.R, -1, -2) - m * (C @ C)
+    out[..., :3, 3:] = m * C
+    out[..., 3:, :3] = -m * C
+    out[..., 3:, 3:] = m * np.eye(3)
+    return out
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InverseDynamics:
+    """What a tree needs to move as it does; forces are those along its velocities [N m or N].
+
+    Attributes:
+        tau: All that is asked of motors. Shape (n, n_freedom).
+        mass_matrix: With armature. Shape (n, n_freedom, n_freedom).
+        bias: Of gravity and velocities, without what joints add. Shape (n, n_freedom).
+        gravity: Of weights alone. Shape (n, n_freedom).
+        passive: Damping, friction and springs. Shape (n, n_freedom).
+        velocity: Angular velocity of each body and velocity of its origin, world axes. Shape (n, n_body, 6).
+        acceleration: Their derivatives. Shape (n, n_body, 6).
+    """
+
+    tau: Array
+    mass_matrix: Array
+    bias: Array
+    gravity: Array
+    passive: Array
+    velocity: Array
+    acceleration: Array
+
+
+def dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion | None = None) -> InverseDynamics:
+    """Everything at once."""
+    motion = motion or move(tree, states)
+    bodies, needed = motion.bodies, _needed(motion)
+    weights = np.zeros_like(needed.inertial)
+    weights[..., :3] = needed.gravity
+    M = mass_matrix(motion) + np.diag(_entry(tree, "armature"))
+    inertial = along(motion, needed.wrenches)
+    armature, passive = armature_force(tree, states), passive_force(tree, states)
+    bias = inertial + armature - (M @ states.qdd[..., None])[..., 0]
+    return InverseDynamics(
+        inertial + armature + passive, M, bias, along(motion, weights), passive, bodies.velocity, bodies.acceleration
+    )
+
+
+def inverse_dynamics(tree: SpanningTree, states: TreeStates) -> Array:
+    """`Dynamics.tau` alone. Shape (n, n_freedom)."""
+    motion = move(tree, states)
+    return along(motion, _needed(motion).wrenches) + armature_force(tree, states) + passive_force(tree, states)
+
+
+def _needed(motion: TreeMotion) -> NewtonEulerTerms:
+    tree, com = motion.tree, motion.com
+    return newton_euler(tree.matter, com.R, com.w, com.b, com.a, np.reshape(tree.weight, (-1, 1)) * tree.gravity)
+
+
+def _entry(tree: SpanningTree, name: str) -> Array:
+    """One of `Tree.passive`."""
+    return tree.passive.get(name, np.zeros(tree.freedom))
+
+
+def rotor_acceleration(tree: SpanningTree, states: TreeStates) -> Array:
+    """What armature resists; of a free joint's translation the derivative in world axes. Shape (n, n_freedom)."""
+    qdd = states.qdd.copy()
+    for link in tree.links:
+        if link.kind == "free":
+            turn, way = (slice(link.velocity + k, link.velocity + k + 3) for k in (0, 3))
+            qdd[:, way] += cross(states.qd[:, turn], states.qd[:, way])
+    return qdd
+
+
+def deflection(tree: SpanningTree, states: TreeStates) -> Array:
+    """How far each joint is from where its spring rests, along its velocities. Shape (n, n_freedom)."""
+    out = np.empty_like(states.qd)
+    for link in tree.links:
+        part = slice(link.velocity, link.velocity + FREEDOMS[link.kind])
+        if FREEDOMS[link.kind] == 1:
+            out[:, part.start] = states.q[:, link.coordinate] - _entry(tree, "rest")[part.start]
+            continue
+        start = link.coordinate + 3 * (link.kind == "free")
+        w, axis = states.q[:, start], states.q[:, start + 1 : start + 4]
+        sine = np.linalg.norm(axis, axis=1)
+        angle = 2.0 * np.arctan2(sine, np.abs(w)) * np.where(w < 0, -1.0, 1.0)  # the shorter way
+        out[:, part.start : part.start + 3] = axis * (angle / np.maximum(sine, 1e-300))[:, None]
+        if link.kind == "free":
+            R = quaternion_rotation(states.q[:, start : start + 4])
+            out[:, part.start + 3 : part.stop] = (states.q[:, None, start - 3 : start] @ R)[:, 0]
+    return out
+
+
+def armature_force(tree: SpanningTree, states: TreeStates) -> Array:
+    """Of rotors. Shape (n, n_freedom)."""
+    return _entry(tree, "armature") * rotor_acceleration(tree, states)
+
+
+def passive_force(tree: SpanningTree, states: TreeStates) -> Array:
+    """That motors need against damping, dry friction and springs. Shape (n, n_freedom)."""
+    return np.asarray(sum(passive_parts(tree, states).values()))
+
+
+def passive_parts(tree: SpanningTree, states: TreeStates) -> dict[str, Array]:
+    """Of what `passive_force` is made."""
+    stiffness = _entry(tree, "stiffness")
+    return {
+        "damping": _entry(tree, "damping") * states.qd,
+        "friction": _entry(tree, "friction") * np.sign(states.qd),
+        "stiffness": stiffness * deflection(tree, states) if stiffness.any() else np.zeros_like(states.qd),
+    }

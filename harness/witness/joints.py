@@ -1,0 +1,175 @@
+"""Kinds of joint as the witness knows them, and mechanisms as trees of links.
+
+Written down from the meaning of the kinds and not from the solver's table of joint types: a wrong sign or direction
+there is to be seen here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from screwgauge.reference.graph import Layout
+from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.witness.tree import (
+    CoupledColumn,
+    FixedFrame,
+    LoopConstraint,
+    MassProperties,
+    SpanningTree,
+    TreeLink,
+    stacked,
+)
+
+
+class JointKind(NamedTuple):
+    """What a kind of joint frees and holds.
+
+    Attributes:
+        freedoms: Elementary joints in order.
+        forces, moments: Directions that it holds: axes of the world or of the child's joint frame, those across or
+            along the joint's axis, the normal to its two.
+    """
+
+    freedoms: tuple[str, ...]
+    forces: str
+    moments: str
+
+
+JOINT_KINDS = {
+    "R": JointKind(("hinge",), "world", "across"),
+    "P": JointKind(("slide",), "across", "frame"),
+    "U": JointKind(("hinge", "hinge"), "world", "normal"),
+    "S": JointKind(("hinge", "hinge", "hinge"), "world", ""),
+    "C": JointKind(("hinge", "slide"), "across", "across"),
+    "E": JointKind(("slide", "slide", "hinge"), "along", "across"),
+    "F": JointKind(("slide",) * 3 + ("hinge",) * 3, "", ""),
+}
+
+
+def freedoms(joint: Joint) -> list[tuple[str, Array]]:
+    """Kind and axis, in the joint's frame, of the elementary joints in order.
+
+    Hinges have the joint's axes. One slide is along the first, two are across it, three along the frame's axes.
+    """
+    kinds = JOINT_KINDS[joint.kind].freedoms
+    ways = {2: list(across(joint.axes[0]).values()), 3: list(np.eye(3))}
+    hinges, slides = iter(joint.axes), iter(ways.get(kinds.count("slide"), joint.axes))
+    return [(kind, next(hinges if kind == "hinge" else slides)) for kind in kinds]
+
+
+def across(axis: Array) -> dict[str, Array]:
+    """Two directions at right angles to an axis: axes of the frame if it is one of them, else made from the first.
+
+    They are called x, y, z or else 1 and 2.
+    """
+    main = int(np.abs(axis).argmax())
+    others = [i for i in range(3) if i != main]
+    if not axis[others].any():
+        return {"xyz"[i]: np.eye(3)[i] for i in others}
+    one = np.cross(axis, np.eye(3)[others[0]])
+    one = one / np.sqrt(one @ one)
+    return {"1": one, "2": np.cross(axis, one)}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MechanismTree(SpanningTree):
+    """The tree of a mechanism; coordinates and velocities are the joint coordinates and their rates.
+
+    Attributes:
+        mechanism: It.
+        body_frames: Of ground and the bodies, by name.
+    """
+
+    mechanism: Mechanism
+    body_frames: Mapping[str, FixedFrame]
+
+    def on(self, body: str, frame: Frame) -> FixedFrame:
+        """A frame of a body."""
+        return self.body_frames[body].placed(frame.R, frame.p)
+
+
+def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> MechanismTree:
+    """A mechanism as the tree that a graph of it spans.
+
+    A joint that closes a loop leads to a copy of its child, without mass; the loop is closed where the two are one.
+    """
+    links, at = _spanned(mechanism, graph)
+    closures = {
+        joint.name: LoopConstraint("weld", at[joint.child], _across(links, mechanism, joint, at[joint.parent]))
+        for joint in graph.cuts
+    }
+    column = {name: (i, i) for i, name in enumerate(mechanism.coordinates)}
+    return MechanismTree(
+        links=tuple(links),
+        freedom=len(column),
+        bodies=stacked([at[body.name] for body in mechanism.bodies]),
+        matter=matter(mechanism),
+        closures=closures,
+        couplings={
+            one.name: CoupledColumn(*column[one.coordinate], column.get(one.of), one.polynomial)
+            for one in mechanism.couplings
+        },
+        length=length,
+        mechanism=mechanism,
+        body_frames=at,
+    )
+
+
+def open_tree(mechanism: Mechanism, graph: Layout, joints: Collection[str]) -> tuple[SpanningTree, list[int], Array]:
+    """The open tree of some joints: one that closes a loop leads to a copy of a body that another one reaches.
+
+    A body and its copies have equal shares of its mass. Ground has no copies: a joint that ends there leads from it.
+
+    Returns:
+        The tree, of its bodies, last the copies, the numbers that they have in the mechanism, and their shares, (m,).
+    """
+    links, at = _spanned(mechanism, graph)
+    number = {body.name: i for i, body in enumerate(mechanism.bodies)}
+    ends, frames = list(number), [at[name] for name in number]
+    for joint in graph.cuts:
+        if joint.name in joints:
+            near, far = joint.bodies[:: -1 if joint.child == GROUND else 1]
+            ends.append(far)
+            frames.append(_across(links, mechanism, joint, at[near], reverse=near == joint.child))
+    rows, whole = [number[name] for name in ends], matter(mechanism)
+    shares = np.array([1.0 / ends.count(name) for name in ends])
+    parts = MassProperties(shares * whole.mass[rows], whole.com[rows], shares[:, None, None] * whole.inertia[rows])
+    tree = SpanningTree(tuple(links), len(mechanism.coordinates), stacked(frames), parts)
+    return tree, rows, shares
+
+
+def _spanned(mechanism: Mechanism, graph: Layout) -> tuple[list[TreeLink], dict[str, FixedFrame]]:
+    """Links of the joints of a spanning tree, and frames of ground and the bodies."""
+    links, at = list[TreeLink](), {GROUND: FixedFrame()}
+    for edge in graph.edges:
+        at[edge.far] = _across(links, mechanism, edge.joint, at[edge.near], reverse=edge.reverse)
+    return links, at
+
+
+def _across(
+    links: list[TreeLink], mechanism: Mechanism, joint: Joint, near: FixedFrame, *, reverse: bool = False
+) -> FixedFrame:
+    """Appends the links of a joint; the frame of the body that it leads to.
+
+    Args:
+        near: Frame of the body that it starts from, the child if it is walked in reverse.
+    """
+    (_, start), (_, end) = joint.sides[::-1] if reverse else joint.sides
+    steps = [*zip(freedoms(joint), mechanism.columns(joint.coordinates), strict=True)]
+    at = near.placed(start.R, start.p)
+    for (kind, axis), column in reversed(steps) if reverse else steps:
+        links.append(TreeLink(kind, at, axis, column, column, sign=-1.0 if reverse else 1.0))
+        at = FixedFrame(len(links))
+    return at.placed(end.R.T, -end.R.T @ end.p)
+
+
+def matter(mechanism: Mechanism) -> MassProperties:
+    """Of the bodies."""
+    return MassProperties(
+        *(np.array([getattr(body, name) for body in mechanism.bodies]) for name in ("mass", "com", "inertia"))
+    )

@@ -1,0 +1,223 @@
+"""How a tree moves: poses, velocities and accelerations of its links and of frames fixed to them, all samples at once.
+
+Moving points: ``w x (w x r)`` is the acceleration towards the axis, ``2 w x u`` that of Coriolis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from screwgauge.reference.rotations import Array, cross, product, quaternion_rotation, skew, times
+from screwgauge.witness.tree import FREEDOMS, FixedFrames, Rows, SpanningTree, TreeStates
+
+#: Links times samples that are walked at once.
+AT_ONCE = 16384
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moving:
+    """Frames in motion, n samples of m of them, world axes; samples lie side by side in memory.
+
+    Attributes:
+        R, p: Orientation (n, m, 3, 3) and origin [m] (n, m, 3).
+        w, v: Angular velocity and velocity of the origin. Shape (n, m, 3).
+        b, a: Angular acceleration and acceleration of the origin. Shape (n, m, 3).
+    """
+
+    R: Array
+    p: Array
+    w: Array
+    v: Array
+    b: Array
+    a: Array
+
+    def shifted(self, r: Array) -> Moving:
+        """The same bodies seen from other points of them, displaced by `r` (world axes, shape (n, m, 3))."""
+        v = cross(self.w, r)
+        return Moving(self.R, self.p + r, self.w, self.v + v, self.b, self.a + cross(self.b, r) + cross(self.w, v))
+
+    def part(self, some: slice) -> Moving:
+        """Some of them."""
+        return Moving(*(getattr(self, name)[:, some] for name in "Rpwvba"))
+
+    def poses(self, at: FixedFrames) -> tuple[Array, Array]:
+        """Orientation and origin of frames fixed to some of these. Shapes (n, k, 3, 3), (n, k, 3)."""
+        R = picked(self.R, at.link)
+        return turned(R, at.R), picked(self.p, at.link) + times(R, at.p)
+
+    def frames(self, at: FixedFrames) -> Moving:
+        """Frames fixed to some of these."""
+        some = Moving(*(picked(getattr(self, name), at.link) for name in "Rpwvba"))
+        there = some.shifted(times(some.R, at.p))
+        return replace(there, R=turned(there.R, at.R))
+
+    @property
+    def velocity(self) -> Array:
+        """Angular velocity over that of the origin. Shape (n, m, 6)."""
+        return np.concatenate([self.w, self.v], axis=2)
+
+    @property
+    def acceleration(self) -> Array:
+        """Angular acceleration over that of the origin. Shape (n, m, 6)."""
+        return np.concatenate([self.b, self.a], axis=2)
+
+
+@dataclass(frozen=True, eq=False)
+class TreeMotion:
+    """A tree in motion.
+
+    Attributes:
+        links: Ground and the links.
+        axes: Of the velocities, along which a unit one turns or slides. Shape (n, n_freedom, 3).
+    """
+
+    tree: SpanningTree
+    links: Moving
+    axes: Array
+
+    @cached_property
+    def bodies(self) -> Moving:
+        """Frames of the bodies."""
+        return self.links.frames(self.tree.bodies)
+
+    @cached_property
+    def com(self) -> Moving:
+        """The bodies at their centres of mass."""
+        at = self.tree.bodies
+        return self.links.frames(at._replace(p=at.p + (at.R @ self.tree.matter.com[..., None])[..., 0]))
+
+    @cached_property
+    def closures(self) -> Moving:
+        """First frames of all closures, then the second ones."""
+        return self.links.frames(self.tree.ends)
+
+    def jacobian(self, frames: FixedFrames, points: Array) -> Array:
+        """Angular velocity over that of a point of each frame, at unit velocities.
+
+        Args:
+            points: In the world [m]. Shape (n, m, 3).
+
+        Returns:
+            Shape (n, m, 6, n_freedom).
+        """
+        number, _, turns = self.tree.velocity
+        moved = self.tree.carries[frames.link][:, None]
+        e = np.broadcast_to(self.axes[:, None], (*points.shape[:2], *self.axes.shape[1:]))
+        lever = cross(e, points[:, :, None] - self.links.p[:, None, number])
+        found = np.empty((*points.shape[:2], 6, len(number)))
+        found[:, :, :3] = np.where(turns, np.swapaxes(e, 2, 3), 0.0) * moved
+        found[:, :, 3:] = np.swapaxes(np.where(turns[:, None], lever, e), 2, 3) * moved
+        return found
+
+
+def move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
+    """Motion of everything, so many samples at once that they stay in the cache."""
+    n, at_once = len(states.q), AT_ONCE // (len(tree.links) + 1) + 1
+    if n <= at_once:
+        return _move(tree, states)
+    parts = [_move(tree, states.at(slice(i, i + at_once))) for i in range(0, n, at_once)]
+    fields = [_joined([getattr(part.links, name) for part in parts]) for name in "Rpwvba"]
+    return TreeMotion(tree, Moving(*fields), _joined([part.axes for part in parts]))
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    return _first(np.concatenate([_last(part) for part in parts], axis=-1))
+
+
+def _move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
+    R, p, r = _poses(tree, states.q)
+    number, axes, _ = tree.velocity
+    e = times(picked(R, number), axes)
+    (spin, slide), (spin_rate, slide_rate) = (_relative(tree, R, e, rates) for rates in (states.qd, states.qdd))
+    before = tree.starts.link
+    w = _outward(tree, spin)
+    near = picked(w, before)
+    b = _outward(tree, spin_rate + cross(near, spin))
+    toward = cross(near, r)
+    v = _outward(tree, toward + slide)
+    a = cross(picked(b, before), r) + cross(near, toward + 2.0 * slide) + slide_rate
+    a += cross(spin, slide)  # velocities of a free joint are counted along axes that it turns
+    return TreeMotion(tree, Moving(R, p, w, v, b, _outward(tree, a)), e)
+
+
+def _last(x: Array) -> Array:
+    """Samples as the last axis, along which they lie side by side."""
+    return x.transpose(*range(1, x.ndim), 0)
+
+
+def _first(x: Array) -> Array:
+    """Samples as the first axis."""
+    return x.transpose(-1, *range(x.ndim - 1))
+
+
+def turned(R: Array, by: Array) -> Array:
+    """Orientations turned by fixed rotations, most of which are none. Shapes (n, m, 3, 3), (m, 3, 3)."""
+    return R if (by == np.eye(3)).all() else product(R, by)
+
+
+def picked(x: Array, which: Rows) -> Array:
+    """``x[:, which]`` where samples lie side by side, in a fraction of the time."""
+    return _first(_last(x)[which])
+
+
+def _poses(tree: SpanningTree, q: Array) -> tuple[Array, Array, Array]:
+    """Of ground and all links, and the way from the origin of the link before to each. (n, n_link + 1, ...)."""
+    n, k = len(q), len(tree.links)
+    turn, way = _joints(tree, q)
+    R, p, r = np.empty((k + 1, 3, 3, n)), np.empty((k + 1, 3, n)), np.empty((k, 3, n))
+    R[0], p[0] = np.eye(3)[..., None], 0.0
+    whole, start = _first(R), tree.starts
+    for level, before in tree.levels:
+        own, near = level - 1, picked(whole, before)
+        placed = turned(near, start.R[own])
+        r[own] = _last(times(near, start.p[own]) + times(placed, picked(way, own)))
+        R[level], p[level] = _last(product(placed, picked(turn, own))), p[before] + r[own]
+    return whole, _first(p), _first(r)
+
+
+def _joints(tree: SpanningTree, q: Array) -> tuple[Array, Array]:
+    """How each joint turns and displaces its link. Shapes (n, n_link, 3, 3), (n, n_link, 3)."""
+    n, k = len(q), len(tree.links)
+    R, p = np.empty((k, 3, 3, n)), np.empty((k, 3, n))
+    own, columns, _, zero, axes, turns = tree.single
+    gone, K = q.T[columns] - zero[:, None], skew(axes)
+    angle = (gone * turns)[:, None, None]
+    # 1 - cos as 2 sin^2 of the half angle: no cancellation at small angles
+    turn = np.sin(angle) * K[..., None]
+    turn += 2.0 * np.sin(0.5 * angle) ** 2 * (K @ K)[..., None]
+    turn += np.eye(3)[..., None]
+    R[own], p[own] = turn, (gone * (1.0 - turns))[:, None] * axes[..., None]
+    for i, link in enumerate(tree.links):
+        if FREEDOMS[link.kind] > 1:
+            end = link.coordinate + 7 if link.kind == "free" else link.coordinate + 4
+            R[i] = _last(quaternion_rotation(q[:, end - 4 : end]))
+            p[i] = q.T[end - 7 : end - 4] if link.kind == "free" else 0.0
+    return _first(R), _first(p)
+
+
+def _relative(tree: SpanningTree, R: Array, e: Array, rates: Array) -> tuple[Array, Array]:
+    """What rates of the joints add to the angular velocity and to that of the origin. Shape (n, n_link, 3) each."""
+    own, _, velocities, _, _, turns = tree.single
+    single, hinges = _last(e)[velocities] * rates.T[velocities, None], turns[..., None] > 0.0
+    spin, slide = np.zeros((2, len(tree.links), 3, len(e)))
+    spin[own], slide[own] = np.where(hinges, single, 0.0), np.where(hinges, 0.0, single)
+    for i, link in enumerate(tree.links):
+        if FREEDOMS[link.kind] > 1:
+            turn, way = (slice(link.velocity + k, link.velocity + k + 3) for k in (0, 3))
+            spin[i] = (R[:, i + 1] @ rates[:, turn, None])[..., 0].T
+            if link.kind == "free":
+                slide[i] = (R[:, i + 1] @ rates[:, way, None])[..., 0].T
+    return _first(spin), _first(slide)
+
+
+def _outward(tree: SpanningTree, gained: Array) -> Array:
+    """Sums what each link adds to the one before it, from the ground. Shape (n, n_link, 3) -> (n, n_link + 1, 3)."""
+    whole = np.zeros((gained.shape[1] + 1, 3, len(gained)))
+    whole[1:] = _last(gained)
+    for level, before in tree.levels[1:]:
+        whole[level] += whole[before]
+    return _first(whole)

@@ -1,0 +1,222 @@
+"""A tree of links with everything of it that moves, weighs and closes loops, as arrays.
+
+A link is what one elementary joint carries: a hinge, a slide, a ball or a free joint. Mechanisms and model files that
+were read are both written as such a tree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.reference.rotations import Array
+
+Rows = NDArray[np.intp]
+
+#: Kind of an elementary joint -> its coordinates and its velocities. Those of ``ball`` and ``free`` are of the link, in
+#: its axes: coordinates of a free one are first the position of its origin, then the quaternion (w, x, y, z), at rest
+#: (0, 0, 0,) 1, 0, 0, 0; velocities are the angular one, then that of the origin.
+COORDINATES = {"hinge": 1, "slide": 1, "ball": 4, "free": 7}
+FREEDOMS = {"hinge": 1, "slide": 1, "ball": 3, "free": 6}
+
+
+class FixedFrame(NamedTuple):
+    """A frame fixed to a link; 0 is the ground. `R` has shape (3, 3), `p` shape (3,) [m]."""
+
+    link: int = 0
+    R: Array = np.eye(3)
+    p: Array = np.zeros(3)
+
+    def placed(self, R: Array, p: Array) -> FixedFrame:
+        """A frame in this one."""
+        return FixedFrame(self.link, self.R @ R, self.p + self.R @ p)
+
+
+class FixedFrames(NamedTuple):
+    """Several of them. Shapes (m,), (m, 3, 3), (m, 3)."""
+
+    link: Rows
+    R: Array
+    p: Array
+
+
+def stacked(frames: Sequence[FixedFrame]) -> FixedFrames:
+    """Frames side by side."""
+    R, p = (np.array([getattr(each, name) for each in frames], dtype=float) for name in "Rp")
+    return FixedFrames(np.array([each.link for each in frames], dtype=np.intp), R.reshape(-1, 3, 3), p.reshape(-1, 3))
+
+
+class TreeLink(NamedTuple):
+    """A link and the elementary joint that carries it.
+
+    Attributes:
+        kind: One of `COORDINATES`.
+        start: Frame of the joint on the link before it.
+        axis: Unit axis of a hinge or slide in that frame. Shape (3,).
+        coordinate, velocity: Its first column among all coordinates and among all velocities.
+        zero: Coordinate of a hinge or slide at which it does not displace.
+        sign: -1 if it is entered from its other side.
+    """
+
+    kind: str
+    start: FixedFrame
+    axis: Array
+    coordinate: int
+    velocity: int
+    zero: float = 0.0
+    sign: float = 1.0
+
+
+class LoopConstraint(NamedTuple):
+    """Two frames of which the origins coincide (``point``) or the whole (``weld``)."""
+
+    kind: str
+    first: FixedFrame
+    second: FixedFrame
+
+
+class CoupledColumn(NamedTuple):
+    """A coordinate that is a polynomial of another one; None where it is held. Columns of coordinates and velocities.
+
+    The coefficients are lowest first, shape (m,).
+    """
+
+    column: int
+    velocity: int
+    of: tuple[int, int] | None
+    polynomial: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MassProperties:
+    """Mass [kg], centre of mass [m] and inertia about it [kg m^2] of bodies, in their axes.
+
+    Shapes (m,), (m, 3), (m, 3, 3).
+    """
+
+    mass: Array
+    com: Array
+    inertia: Array
+
+
+@dataclass(frozen=True, eq=False)
+class SpanningTree:
+    """A tree of links.
+
+    Attributes:
+        links: Each after the one before it; numbered from 1.
+        freedom: How many velocities there are.
+        bodies: Frames of the bodies.
+        matter: Of the bodies.
+        closures, couplings: By name.
+        gravity: [m/s^2]; `weight` is the share of it that acts on each body. Shapes (3,), (n_body,).
+        passive: ``armature``, ``damping``, ``friction``, ``stiffness`` of each velocity, and ``rest``, where springs
+            exert nothing; all of them, or nothing. Shape (n_freedom,).
+        length: Of the machine [m].
+    """
+
+    links: tuple[TreeLink, ...]
+    freedom: int
+    bodies: FixedFrames
+    matter: MassProperties
+    closures: Mapping[str, LoopConstraint] = field(default_factory=dict)
+    couplings: Mapping[str, CoupledColumn] = field(default_factory=dict)
+    gravity: Array = field(default_factory=lambda: np.zeros(3))
+    weight: Array | float = 1.0
+    passive: Mapping[str, Array] = field(default_factory=dict)
+    length: float = 1.0
+
+    @cached_property
+    def starts(self) -> FixedFrames:
+        """Where each joint sits on the link before it."""
+        return stacked([link.start for link in self.links])
+
+    @cached_property
+    def single(self) -> tuple[Rows, Rows, Rows, Array, Array, Array]:
+        """Of hinges and slides: positions among the links, columns among coordinates and among velocities, zeros, axes
+        times sign, and 1 where they turn.
+
+        Shapes (k,), (k,), (k,), (k,), (k, 3), (k, 1).
+        """
+        some = [i for i, link in enumerate(self.links) if FREEDOMS[link.kind] == 1]
+        links = [self.links[i] for i in some]
+        turns = np.array([[float(link.kind == "hinge")] for link in links]).reshape(-1, 1)
+        axes = np.array([link.sign * link.axis for link in links]).reshape(-1, 3)
+        numbers = [(i, self.links[i].coordinate, self.links[i].velocity) for i in some]
+        own, columns, velocities = np.array(numbers, dtype=np.intp).reshape(-1, 3).T
+        return own, columns, velocities, np.array([link.zero for link in links]), axes, turns
+
+    @cached_property
+    def ends(self) -> FixedFrames:
+        """First frames of all closures, then the second ones."""
+        closures = self.closures.values()
+        return stacked([each.first for each in closures] + [each.second for each in closures])
+
+    @cached_property
+    def levels(self) -> tuple[tuple[Rows, Rows], ...]:
+        """Numbers of the links that as many links are before, and of those before them."""
+        depth, levels = [0], list[list[int]]()
+        for i, link in enumerate(self.links, 1):
+            depth.append(depth[link.start.link] + 1)
+            levels += [[]] * (depth[i] > len(levels))
+            levels[depth[i] - 1] = [*levels[depth[i] - 1], i]
+        before = [0, *(link.start.link for link in self.links)]
+        return tuple((np.array(some), np.array([before[i] for i in some])) for some in levels)
+
+    @cached_property
+    def velocity(self) -> tuple[Rows, Array, NDArray[np.bool_]]:
+        """Of each velocity the link that it moves, its axis there, and whether it turns; 0 where it moves none.
+
+        Shapes (n_freedom,), (n_freedom, 3), (n_freedom,).
+        """
+        number, axes = np.zeros(self.freedom, dtype=np.intp), np.zeros((self.freedom, 3))
+        turns = np.zeros(self.freedom, dtype=bool)
+        for i, link in enumerate(self.links, 1):
+            wide = FREEDOMS[link.kind]
+            own = slice(link.velocity, link.velocity + wide)
+            number[own], turns[own] = i, [link.kind != "slide"] * min(wide, 3) + [False] * (wide - 3)
+            axes[own] = np.resize(np.eye(3), (wide, 3)) if wide > 1 else link.sign * link.axis
+        return number, axes, turns
+
+    @cached_property
+    def carries(self) -> Array:
+        """1 where a velocity moves a link, ground first. Shape (n_link + 1, n_freedom)."""
+        carries = np.zeros((len(self.links) + 1, self.freedom))
+        for i, link in enumerate(self.links, 1):
+            carries[i] = carries[link.start.link]
+            carries[i, link.velocity : link.velocity + FREEDOMS[link.kind]] = 1.0
+        return carries
+
+    @property
+    def moves(self) -> Array:
+        """1 where a velocity moves a body. Shape (n_body, n_freedom)."""
+        return np.asarray(self.carries[self.bodies.link])
+
+    @cached_property
+    def before(self) -> Array:
+        """1 where a velocity is of a joint before that of another velocity. Shape (n_freedom, n_freedom)."""
+        number = self.velocity[0]
+        return np.asarray(self.carries[number] * (number[:, None] != number))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TreeStates:
+    """Samples of motion.
+
+    Attributes:
+        q: Coordinates, see `COORDINATES` [rad or m]. Shape (n, n_coordinate).
+        qd, qdd: Velocities, see `FREEDOMS`, and their derivatives. Shape (n, n_freedom).
+    """
+
+    q: Array
+    qd: Array
+    qdd: Array
+
+    def at(self, which: slice | NDArray[Any]) -> TreeStates:
+        """Some of them."""
+        return TreeStates(self.q[which], self.qd[which], self.qdd[which])

@@ -1,0 +1,226 @@
+"""Wrenches of unit reactions and actuator forces, and what loads, springs, dampers and motors exert."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.polynomial import polyval
+
+from screwgauge.reference.applied import Applied, JointSpring, PointSpring
+from screwgauge.reference.mechanism import Joint, Mechanism
+from screwgauge.reference.rotations import Array, cross, lanes, rotation, times
+from screwgauge.witness.constraints import coupling_rows
+from screwgauge.witness.joints import JOINT_KINDS, MechanismTree, across, freedoms
+from screwgauge.witness.kinematics import Moving, TreeMotion
+from screwgauge.witness.tree import TreeStates, stacked
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Act:
+    """What a joint's parent exerts on its child.
+
+    Attributes:
+        force, moment: In world axes, one of them zero. Shape (n, 3), or (3,) for zero.
+        point: Where it acts [m]. Shape (n, 3).
+    """
+
+    joint: Joint
+    force: Array
+    moment: Array
+    point: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UnitWrench:
+    """A unit force or a unit moment, of one joint or, if it is that of a coupling, of two.
+
+    Attributes:
+        name: Of the component of a reaction or an actuator.
+        unit: N or N m.
+    """
+
+    name: str
+    unit: str
+    acts: tuple[Act, ...]
+
+    def on_bodies(self, tree: MechanismTree, com: Moving) -> Iterator[tuple[int, Array]]:
+        """Bodies that it acts on, without ground, and force over moment about the centre of mass. Shape (n, 6)."""
+        for act in self.acts:
+            for side, sign in ((act.joint.child, 1.0), (act.joint.parent, -1.0)):
+                body = tree.mechanism.body_index[side] - 1
+                if body >= 0:
+                    wrench, arm = lanes(len(act.point), 6), act.point - com.p[:, body]
+                    wrench[:, :3], wrench[:, 3:] = sign * act.force, sign * (act.moment + cross(arm, act.force))
+                    yield body, wrench
+
+
+def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: str) -> Iterator[UnitWrench]:
+    """All components of ``reaction``, those of couplings last, or of ``actuator_force``.
+
+    Args:
+        q: Joint coordinates. Shape (n, n_q).
+    """
+    mechanism, none = tree.mechanism, np.zeros(3)
+    driven = dict(zip(mechanism.actuators, mechanism.actuator_names, strict=True))
+    for joint in driven if quantity == "actuator_force" else mechanism.joints:
+        near, far, point = _frames(tree, motion, joint)
+        parts = {f"{joint.name}.{label}": (label[0], along) for label, along in held(joint, near, far).items()}
+        if quantity == "actuator_force":
+            parts = {driven[joint]: ("m" if joint.angles else "f", times(far, joint.axes[0]))}
+        for name, (kind, along) in parts.items():
+            pushes = kind == "f"
+            act = Act(joint, along if pushes else none, none if pushes else along, point)
+            yield UnitWrench(name, "N" if pushes else "N m", (act,))
+    if quantity == "reaction":
+        yield from _of_couplings(tree, motion, q)
+
+
+def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator[UnitWrench]:
+    """A coupling has no power: 1 along its own coordinate, minus the polynomial's slope along the other."""
+    rows, mechanism = coupling_rows(tree, q), tree.mechanism
+    for k, one in enumerate(mechanism.couplings):
+        names = [one.coordinate, *([one.of] if one.of else [])]
+        unit = "N m" if mechanism.units[mechanism.columns(names)[0]] == "rad" else "N"
+        shares = zip(names, rows[:, k, mechanism.columns(names)].T, strict=True)
+        yield UnitWrench(f"{one.name}.coupling", unit, tuple(_along(tree, motion, q, *share) for share in shares))
+
+
+def _along(tree: MechanismTree, motion: TreeMotion, q: Array, coordinate: str, amount: Array) -> Act:
+    """A force along one coordinate: without power on the other coordinates of its joint. `amount`: shape (n,)."""
+    joint = next(joint for joint in tree.mechanism.joints if coordinate in joint.coordinates)
+    near, _, point = _frames(tree, motion, joint)
+    force, moment = (
+        amount[:, None] * part
+        for part in force_along(joint, coordinate, near, q[:, tree.mechanism.columns(joint.coordinates)])
+    )
+    return Act(joint, force, moment, point)
+
+
+def force_along(joint: Joint, name: str, near: Array, q: Array) -> tuple[Array, Array]:
+    """Force and moment of a unit force along a coordinate of a joint: no power on its other coordinates. (n, 3) each.
+
+    Args:
+        near: World axes of the joint's frame on its parent. Shape (n, 3, 3).
+        q: Coordinates of the joint. Shape (n, n_freedom).
+    """
+    i, axes, kinds = joint.coordinates.index(name), [], [kind for kind, _ in freedoms(joint)]
+    for (kind, axis), value in zip(freedoms(joint), q.T, strict=True):
+        axes.append(near @ axis)
+        if kind == "hinge":
+            near = near @ rotation(axis, value)
+    alike = [k for k, kind in enumerate(kinds) if kind == kinds[i]]
+    one = np.linalg.pinv(np.stack([axes[k] for k in alike], axis=1))[:, :, alike.index(i)]
+    return (np.zeros_like(one), one) if kinds[i] == "hinge" else (one, np.zeros_like(one))
+
+
+def _frames(tree: MechanismTree, motion: TreeMotion, joint: Joint) -> tuple[Array, Array, Array]:
+    """World axes of a joint's frames on its parent and on its child, and where the second is."""
+    R, p = motion.links.poses(stacked([tree.on(body, frame) for body, frame in joint.sides]))
+    return R[:, 0], R[:, 1], p[:, 1]
+
+
+def held(joint: Joint, near: Array, far: Array) -> dict[str, Array]:
+    """Directions in which a joint holds its child: ``fx`` and so on are forces, ``mx`` and so on moments.
+
+    Forces of joints that only turn are along the world's axes. All else is along axes of the child's joint frame: all
+    three where no freedom turns, else those across the joint's axis, and where that is none of them the two across it
+    are called 1 and 2. The force of an E joint is along that axis of the frame that is its normal, or without a letter
+    along the normal. The moment of a U joint is along the cross product of its first and its second axis.
+
+    Args:
+        near, far: World axes of the joint's frame on its parent and on its child. Shape (n, 3, 3).
+
+    Returns:
+        Label -> shape (n, 3).
+    """
+    _, *holds = JOINT_KINDS[joint.kind]
+    forces, moments = (_directions(what, joint, near, far) for what in holds)
+    labelled = {f"f{name}": direction for name, direction in forces.items()}
+    return labelled | {f"m{name}": direction for name, direction in moments.items()}
+
+
+def _directions(what: str, joint: Joint, near: Array, far: Array) -> dict[str, Array]:
+    if not what:
+        return {}
+    if what == "world":
+        return {name: np.broadcast_to(axis, (len(far), 3)) for name, axis in zip("xyz", np.eye(3), strict=True)}
+    if what == "normal":
+        return {"": cross(times(near, joint.axes[0]), times(far, joint.axes[1]))}
+    frame, beside = {name: far[..., i] for i, name in enumerate("xyz")}, across(joint.axes[0])
+    if what == "across":
+        return {name: times(far, direction) for name, direction in beside.items()}
+    along = {name: axis for name, axis in frame.items() if name not in beside}
+    return frame if what == "frame" else along if len(along) == 1 else {"": times(far, joint.axes[0])}
+
+
+def exerted_wrenches(
+    tree: MechanismTree, motion: TreeMotion, states: TreeStates, t: Array, applied: Applied
+) -> Iterator[tuple[int, Array, Array, Array]]:
+    """What loads, springs, dampers and motors exert, one by one.
+
+    Yields:
+        Body, without ground; force and moment, shape (n, 3) or (3,); and where the force acts, from the centre of mass,
+        shape (n, 3).
+    """
+    com, index, mechanism = motion.com, tree.mechanism.body_index, tree.mechanism
+    for load in applied.loads:
+        i = index[load.body] - 1
+        point = mechanism.bodies[i].com if load.point is None else load.point
+        yield i, load.force, load.torque, times(com.R[:, i], point - mechanism.bodies[i].com)
+    acts = [_along(tree, motion, states.q, *each) for each in _joint_forces(mechanism, states, t, applied)]
+    for act in acts:
+        for side, sign in ((act.joint.child, 1.0), (act.joint.parent, -1.0)):
+            if (i := index[side] - 1) >= 0:
+                yield i, sign * act.force, sign * act.moment, act.point - com.p[:, i]
+    for spring in applied.springs:
+        if isinstance(spring, PointSpring):
+            yield from _pull(spring, tree, motion, t)
+
+
+def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Applied) -> Iterator[tuple[str, Array]]:
+    """Of motors, and of springs and dampers along joint coordinates. Shape (n,)."""
+    for motor in applied.motors:
+        omega, c, s = motor.harmonics.T
+        waves = np.cos(np.outer(t, omega)) @ c + np.sin(np.outer(t, omega)) @ s
+        yield motor.coordinate, polyval(t, motor.polynomial) + waves
+    for spring in applied.springs:
+        if isinstance(spring, JointSpring):
+            i = mechanism.coordinates.index(spring.coordinate)
+            force = spring.stiffness * (states.q[:, i] - spring.rest) + spring.damping * states.qd[:, i]
+            yield spring.coordinate, -force
+
+
+def _pull(
+    spring: PointSpring, tree: MechanismTree, motion: TreeMotion, t: Array
+) -> Iterator[tuple[int, Array, Array, Array]]:
+    """Of a spring between two points, along the line between them."""
+    way, rate = _line(spring, tree, motion)
+    length = np.linalg.norm(way, axis=1)
+    if not (length > 0.0).all():
+        raise spring.no_direction(f" at t = {t[np.argmin(length)]:g} s")
+    line = way / length[:, None]
+    tension = spring.stiffness * (length - spring.rest) + spring.damping * np.sum(line * rate, axis=1)
+    for (body, point), sign in zip(spring.ends, (1.0, -1.0), strict=True):
+        if (i := tree.mechanism.body_index[body] - 1) >= 0:
+            arm = times(motion.com.R[:, i], point - tree.mechanism.bodies[i].com)
+            yield i, sign * tension[:, None] * line, np.zeros(3), arm
+
+
+def _line(spring: PointSpring, tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
+    """From the first point to the second, and its rate. Shape (n, 3) each."""
+    ends = motion.links.frames(stacked([tree.body_frames[body].placed(np.eye(3), at) for body, at in spring.ends]))
+    return ends.p[:, 1] - ends.p[:, 0], ends.v[:, 1] - ends.v[:, 0]
+
+
+def spring_energy(tree: MechanismTree, motion: TreeMotion, q: Array, applied: Applied) -> Array:
+    """What springs have stored [J]. Shape (n,)."""
+    stored = np.zeros(len(q))
+    for spring in applied.springs:
+        if isinstance(spring, JointSpring):
+            stretch = q[:, tree.mechanism.coordinates.index(spring.coordinate)] - spring.rest
+        else:
+            stretch = np.linalg.norm(_line(spring, tree, motion)[0], axis=1) - spring.rest
+        stored += 0.5 * spring.stiffness * stretch**2
+    return stored

@@ -1,0 +1,231 @@
+"""Trees of readings: how they move, random states of them, and readings displaced."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading, slices
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array, cross
+from screwgauge.witness.constraints import closure_gaps, stepped
+from screwgauge.witness.kinematics import move
+from screwgauge.witness.tree import (
+    COORDINATES,
+    CoupledColumn,
+    FixedFrame,
+    LoopConstraint,
+    MassProperties,
+    SpanningTree,
+    TreeLink,
+    TreeStates,
+    stacked,
+)
+
+#: Where nothing limits it, a coordinate is drawn so far from home [rad or m].
+FAR = {"hinge": math.pi, "slide": 0.5}
+#: How far states near home are from it [rad or lengths of the machine].
+BESIDE = 0.05
+_PASSIVE = ("armature", "damping", "friction", "stiffness", "rest")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ReadingTree(SpanningTree):
+    """A reading as a tree, a link for each joint in their order; at home a link that hinges or slides is upright.
+
+    Attributes:
+        reading: It.
+        places, freedoms: Joint -> its coordinates, see `witness.tree.COORDINATES`, and its velocities. A hinge or slide
+            counts as its file does.
+        frames: Number of each ball or free joint -> the frame that it carries, at home. Shape (4, 4).
+    """
+
+    reading: Reading
+    places: Mapping[str, slice]
+    freedoms: Mapping[str, slice]
+    frames: Mapping[int, Array]
+
+
+def plant(reading: Reading) -> ReadingTree:
+    """The tree of a reading."""
+    number = {name: i for i, name in enumerate(reading.joints, 1)}
+    places, freedoms = slices(reading.joints, COORDINATES), reading.freedoms
+    bodies, frames, poses = list(reading.bodies.values()), dict[int, Array](), {0: np.eye(4)}
+    links, at = dict[int, TreeLink](), {GROUND: FixedFrame()}
+    for name, body in reading.bodies.items():
+        near = at.get(body.near, FixedFrame()).link
+        for joint in body.joints:
+            i, one = number[joint], reading.joints[joint]
+            axis = one.screw[:3] if one.screw[:3].any() else one.screw[3:]
+            poses[i] = _carried(one, body.pose)
+            if FREEDOMS[one.kind] > 1:
+                frames[i - 1] = poses[i]
+            start = _fixed(near, poses[near], poses[i])
+            links[i] = TreeLink(one.kind, start, axis, places[joint].start, freedoms[joint].start, one.home)
+            near = i
+        at[name] = _fixed(near, poses[near], body.pose)
+
+    def end(body: str, T: Array) -> FixedFrame:
+        return at.get(body, FixedFrame()).placed(T[:3, :3], T[:3, 3])
+
+    wide = [FREEDOMS[joint.kind] for joint in reading.joints.values()]
+    return ReadingTree(
+        links=tuple(links[i] for i in number.values()),
+        freedom=reading.freedom,
+        bodies=stacked([at[name] for name in reading.bodies]),
+        matter=MassProperties(
+            np.array([body.mass for body in bodies]),
+            np.array([body.com for body in bodies]).reshape(-1, 3),
+            np.array([body.inertia for body in bodies]).reshape(-1, 3, 3),
+        ),
+        closures={
+            name: LoopConstraint(c.kind, end(c.first, c.first_frame), end(c.second, c.second_frame))
+            for name, c in reading.closures.items()
+        },
+        couplings={
+            name: CoupledColumn(
+                *_columns(places, freedoms, c.joint), _columns(places, freedoms, c.of) if c.of else None, c.polynomial
+            )
+            for name, c in reading.couplings.items()
+        },
+        gravity=downwards(reading),
+        weight=np.array([1.0 - body.gravcomp for body in bodies]),
+        passive={name: np.repeat([getattr(j, name) for j in reading.joints.values()], wide) for name in _PASSIVE},
+        length=size(reading),
+        reading=reading,
+        places=places,
+        freedoms=freedoms,
+        frames=frames,
+    )
+
+
+def _carried(joint: JointReading, pose: Array) -> Array:
+    """What a joint carries, at home: axes of the world at a hinge or slide, of the body at a ball or its origin."""
+    if FREEDOMS[joint.kind] == 1:
+        return matrix(joint.centre, np.eye(3))
+    return pose if joint.kind == "free" else matrix(joint.centre, pose[:3, :3])
+
+
+def _fixed(link: int, pose: Array, there: Array) -> FixedFrame:
+    """A pose of the world as a frame of a link whose pose is known."""
+    R = pose[:3, :3].T
+    return FixedFrame(link, R @ there[:3, :3], R @ (there[:3, 3] - pose[:3, 3]))
+
+
+def _columns(places: Mapping[str, slice], freedoms: Mapping[str, slice], joint: str) -> tuple[int, int]:
+    return places[joint].start, freedoms[joint].start
+
+
+def downwards(reading: Reading) -> Array:
+    """Gravity of a reading, zero where it has none [m/s^2]. Shape (3,)."""
+    return np.zeros(3) if reading.gravity is None else reading.gravity
+
+
+def size(reading: Reading) -> float:
+    """A length of the machine: the largest distance from the middle of its joints and bodies [m]."""
+    points = [joint.centre for joint in reading.joints.values()]
+    points += [body.pose[:3, :3] @ body.com + body.pose[:3, 3] for body in reading.bodies.values()]
+    spread = np.linalg.norm(np.array(points) - np.mean(points, axis=0), axis=1).max()
+    return float(spread) or 1.0
+
+
+def draw(reading: Reading, n: int, seed: int = 0) -> TreeStates:
+    """So many random states within the limits; velocities and accelerations are normal [rad/s or m/s, per s]."""
+    random = np.random.default_rng(seed)
+    columns = [np.zeros((n, 0))]
+    for joint in reading.joints.values():
+        if joint.kind in FAR:
+            far = FAR[joint.kind]
+            low, high = np.clip(joint.limits, joint.home - far, joint.home + far)
+            columns.append(low + (high - low) * random.random((n, 1)))
+            continue
+        quaternion = random.normal(size=(n, 4))
+        columns += [random.uniform(-1.0, 1.0, (n, 3))] if joint.kind == "free" else []
+        columns.append(quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
+    wide = reading.freedom
+    return TreeStates(np.hstack(columns), *random.normal(size=(2, n, wide)))
+
+
+def home(reading: Reading) -> TreeStates:
+    """One state: at rest at home."""
+    rest = {"ball": [1.0, 0.0, 0.0, 0.0], "free": [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]}
+    q = [value for joint in reading.joints.values() for value in rest.get(joint.kind, [joint.home])]
+    wide = reading.freedom
+    return TreeStates(np.array([q], dtype=float).reshape(1, -1), np.zeros((1, wide)), np.zeros((1, wide)))
+
+
+def near_home(tree: ReadingTree, n: int, units: Array, seed: int) -> TreeStates:
+    """So many random states near home, where loops close that do not close anywhere.
+
+    Args:
+        units: What counts as 1 of each velocity. Shape (n_freedom,).
+    """
+    there, drawn = np.repeat(home(tree.reading).q, n, axis=0), draw(tree.reading, n, seed)
+    step = BESIDE * units * np.random.default_rng(seed).normal(size=drawn.qd.shape)
+    return replace(drawn, q=stepped(tree, there, step))
+
+
+def residual_at_home(tree: ReadingTree) -> dict[str, float]:
+    """Largest entry of each closure's gap at home [m, or rad of a welded turn]."""
+    gaps = closure_gaps(tree, move(tree, home(tree.reading)))
+    return {name: float(np.abs(gap).max()) for name, gap in gaps.items()}
+
+
+def moved(joint: JointReading, T: Array) -> JointReading:
+    """A joint displaced in the world.
+
+    Args:
+        T: Displacement. Shape (4, 4).
+    """
+    R, p = T[:3, :3], T[:3, 3]
+    axis = R @ joint.screw[:3]
+    return replace(joint, screw=np.append(axis, R @ joint.screw[3:] + cross(p, axis)), centre=R @ joint.centre + p)
+
+
+def rehomed(
+    reading: Reading, q: Mapping[str, float] | Mapping[str, Array]
+) -> tuple[Reading, dict[str, Array], dict[str, Array]]:
+    """A reading with its home at other coordinates.
+
+    Args:
+        q: Joint -> its coordinates, see `Tree`; the others stay.
+
+    Returns:
+        The reading, and how what is before each joint, and each body, is displaced. Shape (4, 4) each.
+    """
+    if not q:
+        still = np.eye(4)
+        return reading, dict.fromkeys(reading.joints, still), dict.fromkeys(reading.bodies, still)
+    tree, rest = plant(reading), home(reading)
+    there = rest.q.copy()
+    for name, value in q.items():
+        there[0, tree.places[name]] = value
+    old, new = (move(tree, replace(rest, q=q)).links for q in (rest.q, there))
+    carried = [_displacement(*pair) for pair in zip(old.R[0], old.p[0], new.R[0], new.p[0], strict=True)]
+    behind = dict(zip(reading.joints, carried[1:], strict=True))
+    before = {name: carried[link.start.link] for name, link in zip(reading.joints, tree.links, strict=True)}
+    joints = {name: moved(joint, behind[name]) for name, joint in reading.joints.items()}
+    counted = {name: float(there[0, tree.places[name]][0]) for name in q if FREEDOMS[joints[name].kind] == 1}
+    joints |= {name: replace(joints[name], home=value) for name, value in counted.items()}
+    after = {name: behind[body.joints[-1]] for name, body in reading.bodies.items()}
+    bodies = {name: replace(body, pose=after[name] @ body.pose) for name, body in reading.bodies.items()}
+    return replace(reading, joints=joints, bodies=bodies), before, after
+
+
+def _displacement(R: Array, p: Array, new_R: Array, new_p: Array) -> Array:
+    """From one pose to another; none at all of what has not moved."""
+    if np.array_equal(R, new_R) and np.array_equal(p, new_p):
+        return np.eye(4)
+    turn = new_R @ R.T
+    return matrix(new_p - turn @ p, turn)
+
+
+def not_modelled(reading: Reading) -> tuple[str, ...]:
+    """What a reading says that is not in the dynamics of its tree; one phrase each."""
+    density, viscosity = reading.medium
+    fluid = (f"the medium (density {density:g} kg/m^3, viscosity {viscosity:g} Pa s)",)
+    return fluid if density or viscosity else ()

@@ -1,1 +1,0 @@
-"""How a reading moves: its tree at samples of motion, its loop equations, and its home elsewhere."""

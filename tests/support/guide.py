@@ -1,0 +1,339 @@
+"""Pages of the documentation: what they show, and those that are made of the program.
+
+``PYTHONPATH=tests python -m support.guide`` writes the pages that are made.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import inspect
+import re
+import shlex
+import subprocess
+from collections.abc import Iterator
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from functools import cached_property
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import screwgauge
+from screwgauge.cli import DIAGNOSE_STATUS, GROUPS, STRESS_STATUS, _parser, main
+from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_tables
+from screwgauge.models.content import kinds
+from screwgauge.scene.read import load_scene, scene_names
+
+ROOT = Path(__file__).parents[2]
+GUIDE = ROOT / "harness/guide"
+ROOMS = ("models", "harness/scenes", "harness/casebook", "reference", "reports")
+MADE = "<!-- Made by `PYTHONPATH=tests python -m support.guide`. -->"
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+NAMED = re.compile(r"`([\w/-]+\.(?:toml|csv|py))`")
+
+
+def pages() -> dict[str, str]:
+    """All pages that are written by hand or made: path from the root -> text."""
+    files = [
+        ROOT / "README.md",
+        ROOT / ".github/CONTRIBUTING.md",
+        *sorted(GUIDE.glob("*.md")),
+        *(ROOT / room / "README.md" for room in ROOMS),
+    ]
+    return {str(file.relative_to(ROOT)): file.read_text(encoding="utf-8") for file in files}
+
+
+# What pages show
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A fenced block.
+
+    Attributes:
+        before: The paragraph before it.
+        file: Name of the file that the paragraph introduces; empty if it introduces none.
+    """
+
+    language: str
+    text: str
+    before: str
+    file: str
+
+
+def blocks(text: str) -> Iterator[Block]:
+    """Those of a page, in order."""
+    end = 0
+    for found in FENCE.finditer(text):
+        before = text[end : found.start()].strip().split("\n\n")[-1]
+        names = [name for name in NAMED.findall(before) if name.endswith(f".{found[1][:4].replace('pyth', 'py')}")]
+        yield Block(found[1], found[2], before, names[-1] if names else "")
+        end = found.end()
+
+
+def shown_files() -> dict[str, str]:
+    """The files that pages show, by name; a name stands for one text."""
+    files: dict[str, str] = {}
+    for page, text in pages().items():
+        for block in blocks(text):
+            if block.file:
+                assert files.setdefault(block.file, block.text) == block.text, f"{page} shows another {block.file}"
+    return files
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What a page shows after commands, and what these print."""
+
+    shown: str
+    printed: str
+
+
+def carried_out(text: str, folder: Path) -> Iterator[Shown]:
+    """Runs the commands and the code of a page in a folder that has the files which pages show."""
+    for name, content in shown_files().items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text(content, encoding="utf-8")
+    names: dict[str, Any] = {"__name__": "page"}
+    printed = ""
+    with chdir(folder):
+        for block in blocks(text):
+            if block.language == "sh":
+                printed = "".join(_run(line) for line in block.text.replace("\\\n", " ").splitlines())
+            elif block.language == "python" and not block.file:
+                exec(compile(block.text.replace("100_000", "1_000"), "page", "exec"), names)
+            elif block.language == "text" and printed:
+                yield Shown(block.text, printed)
+
+
+def _run(line: str) -> str:
+    """What a command prints; its exit status is 0, or that which its comment says."""
+    command, _, comment = line.partition(" #")
+    status = int(said[1]) if (said := re.search(r"exit status (\d)", comment)) else 0
+    if command.startswith("screwgauge "):
+        with redirect_stdout(StringIO()) as out, redirect_stderr(StringIO()) as err:
+            got = main(shlex.split(command)[1:])
+        assert got == status, f"{line}: exit status {got}\n{out.getvalue()}{err.getvalue()}"
+        return out.getvalue() + err.getvalue()
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
+    assert done.returncode == status, f"{line}: exit status {done.returncode}\n{done.stderr}"
+    return done.stdout
+
+
+FACT = re.compile(r"[✓✗] ?[A-Z]*|[A-Za-z.]*\w*_[\w.]+|[A-Za-z]+\.[\w.]*\w|-?\d+(?:\.\d+)?(?:e-?\d+)?|\b[A-Z]{3,}\b")
+ROUNDING = 1e-8  # numbers below it, and counts of digits, are rounding: another processor has others
+
+
+def missing(shown: str, printed: str) -> list[str]:
+    """Verdicts, and names and numbers of tables, that a page shows and a command does not print.
+
+    Sentences are not looked at: their wording may change, see `other_wording`.
+    """
+    verdicts = re.findall(r"^[✓✗] [A-Z]+", shown, re.MULTILINE)
+    table = "\n".join(line for line in shown.splitlines() if re.search(r"\S {2,}\S", line))
+    facts, numbers = {*FACT.findall(printed)}, [x for x in map(_number, FACT.findall(printed)) if x is not None]
+    lost = [fact for fact in FACT.findall(table) if fact not in facts and not _among(fact, numbers)]
+    return [*(verdict for verdict in verdicts if verdict not in printed), *lost]
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _among(text: str, numbers: list[float]) -> bool:
+    if (number := _number(text)) is None:
+        return False
+    if abs(number) < ROUNDING:
+        return any(abs(other) < ROUNDING for other in numbers)
+    if re.fullmatch(r"1\d\.\d", text):  # digits of numbers that agree to rounding
+        return any(abs(other - number) < 2.0 for other in numbers)
+    return any(abs(other - number) <= 1e-9 * abs(number) for other in numbers)
+
+
+def other_wording(shown: str, printed: str) -> list[str]:
+    """Pieces between ``...`` that are not printed word by word."""
+    squeezed = " ".join(printed.split())
+    return [piece for piece in re.split(r"\.\.\.|\n", shown) if " ".join(piece.split()) not in squeezed]
+
+
+# Pages that are made
+
+COMMANDS = """# Commands
+
+`screwgauge COMMAND --help` says the same. Every command knows `--debug`, which shows the traceback of an error.
+Those that write know `--force`, which overwrites inputs and files of somebody's own, and `--out`, whose folder
+is made if need be. [Exit status](quantities.md#exit-status)"""
+
+BUILTIN = """# Built-in mechanisms and scenes
+
+`screwgauge list` has their names. Each mechanism is tested against what is known of it; its description is in the
+folder of its name under [models](../../models/), and Pinocchio and MuJoCo read the model files of all of them.
+`a02-fourbar-40` is written by `models/fourbars.py`, for any number of loops. Springs and motors are forces, and stand
+in the scenes. What every engine reaches on the benchmark problems, and what others have published:
+[reports](../../reports/README.md).
+
+## Mechanisms"""
+
+COMPARED = """# What a diagnosis compares, and what it does not
+
+`screwgauge diagnose A B` calls two models the same only if nothing is present that could make them differ and
+is not compared; else it says **not all compared** with the list (exit status 1). Beside all that is compared,
+the torques that the libraries themselves compute as they load the two files have to agree, passive forces
+included, contacts and limits off, along the motions that loops leave; a description, and a URDF whose
+`robot.yaml` changes types of joints, have the dynamics of what is read in place of a library's.
+[content.toml](../../models/content.toml) has every kind of content that acts on dynamics:"""
+
+FATES = """*Held*: an entry of every reading, compared number by number. *Compared*: item by item, where both models can
+say it; what a format or a reader cannot say is not compared, and withheld. *Withheld*: not compared, and two
+models that have it are not called the same. *Aside*: outside the comparison, which is said. *Irrelevant*: acts
+on nothing that is compared."""
+
+
+def made() -> dict[Path, str]:
+    """The pages that are made of the program."""
+    texts = {"commands.md": _commands(), "python.md": _python(), "compared.md": _compared(), "builtin.md": _builtin()}
+    return {GUIDE / name: f"{MADE}\n{text.rstrip()}\n" for name, text in texts.items()}
+
+
+def commands() -> dict[str, argparse.ArgumentParser]:
+    """The parser of each command."""
+    (chosen,) = (each for each in _parser()._actions if isinstance(each, argparse._SubParsersAction))
+    return dict(chosen.choices)
+
+
+def _commands() -> str:
+    known = commands()
+    parts = [COMMANDS]
+    for group, names in GROUPS.items():
+        parts.append(f"## {group.capitalize()}")
+        for name in names:
+            command = known[name]
+            what, example = (command.description or "").split("\n\nexample: ")
+            shown = [each for each in command._actions if not {*each.option_strings} & {"--help", "--debug", "--force"}]
+            shown.sort(key=lambda each: (bool(each.option_strings), "--out" in each.option_strings))
+            taken = [each for each in shown if not each.option_strings]
+            usage = " ".join(
+                f"[{x.metavar or x.dest}{' ...' * (x.nargs == '*')}]" if x.nargs else x.metavar for x in taken
+            )
+            parts += [f"### {name}", f"`screwgauge {name} {usage}`".replace(" `", "`"), what]
+            parts.append(f"```\n{example}\n```")
+            parts.append("\n".join(["| argument | meaning |", "|---|---|", *map(_argument, shown)]))
+            if command.epilog in (STRESS_STATUS, DIAGNOSE_STATUS):
+                parts.append(" ".join(command.epilog.split()).capitalize() + ".")
+    return "\n\n".join(parts)
+
+
+def _argument(action: argparse.Action) -> str:
+    names = ", ".join(f"`{name}`" for name in action.option_strings or [action.metavar or action.dest])
+    value = f" `{action.metavar}`" if action.option_strings and action.metavar else ""
+    choices = f"one of {', '.join(f'`{choice}`' for choice in action.choices)}" if action.choices else ""
+    cells = (f"{names}{value}", "; ".join(filter(None, [action.help, choices])))
+    return "| {} | {} |".format(*(cell.replace("|", "\\|") for cell in cells))
+
+
+CONSTRUCTED = ("Limits", "Recorded")  # classes that users make objects of
+
+
+def _python() -> str:
+    head = "Names of the package, each of which is imported on first use: `import screwgauge`."
+    parts = ["# Python", head]
+    functions = [name for name in screwgauge.__all__ if inspect.isfunction(getattr(screwgauge, name))]
+    for title, names in (("Functions", functions), ("Classes", [n for n in screwgauge.__all__ if n not in functions])):
+        parts.append(f"## {title}")
+        for name in names:
+            value = getattr(screwgauge, name)
+            signed = name in functions or name in CONSTRUCTED
+            parts += [f"### {name}", _signature(f"screwgauge.{name}", value) if signed else "", *_documented(value)]
+    return "\n\n".join(filter(None, parts))
+
+
+def _documented(value: Any) -> list[str]:
+    """Docstring and members; those of bases that have no heading of their own among them."""
+    if not inspect.isclass(value):
+        return [_docstring(value.__doc__)]
+    shown = {getattr(screwgauge, name) for name in screwgauge.__all__}
+    homes = [
+        home
+        for home in value.__mro__
+        if home.__module__.startswith("screwgauge") and (home is value or home not in shown)
+    ]
+    texts = [_docstring(value.__doc__), *(_docstring(home.__doc__) for home in homes[1:])]
+    return [*texts, "\n".join(line for home in homes for line in _members(home))]
+
+
+def _members(home: type) -> list[str]:
+    """Public methods and properties that a class has itself."""
+    lines = []
+    for name, member in sorted(vars(home).items()):
+        if name.startswith("_") or not getattr(member, "__doc__", ""):
+            continue
+        if isinstance(member, property | cached_property):
+            lines.append(f"- `.{name}`: {_docstring(member.__doc__, '  ')}")
+        elif inspect.isfunction(member):
+            lines.append(f"- {_signature('.' + name, member)}: {_docstring(member.__doc__, '  ')}")
+    return lines
+
+
+def _signature(name: str, value: Any) -> str:
+    """Parameters with the defaults that are written out there; others may depend on the machine and are dots."""
+    (node,) = ast.parse(inspect.cleandoc("\n" + inspect.getsource(value))).body
+    written = {ast.unparse(each) for each in ast.walk(node) if isinstance(each, ast.Constant)}
+    parts, keywords = [], False
+    for each in inspect.signature(value).parameters.values():
+        if each.name == "self":
+            continue
+        if each.kind is each.KEYWORD_ONLY and not keywords:
+            parts, keywords = [*parts, "*"], True
+        keywords |= each.kind is each.VAR_POSITIONAL
+        star = {each.VAR_POSITIONAL: "*", each.VAR_KEYWORD: "**"}.get(each.kind, "")
+        default = text if (text := repr(each.default)) in {*written, "()"} else "..."
+        parts.append(f"{star}{each.name}" + ("" if each.default is each.empty else f"={default}"))
+    return f"`{name}({', '.join(parts)})`"
+
+
+def _docstring(text: str | None, indent: str = "") -> str:
+    """As Markdown: sections are lists."""
+    lines, out = inspect.cleandoc(text or "").replace("``", "`").splitlines(), []
+    section = ""
+    for line in lines:
+        if re.fullmatch(r"(Args|Attributes|Raises|Returns|Yields):", line):
+            section = line[:-1]
+            out += ["", f"*{section}*", ""] if section in ("Args", "Attributes") else [""]
+        elif section in ("Args", "Attributes") and (found := re.match(r"    ([\w, *]+): (.*)", line)):
+            out.append(f"- `{found[1]}`: {found[2]}")
+        elif section in ("Returns", "Raises", "Yields") and line.strip():
+            out.append(f"{section}: {line.strip()}" if section else line.strip())
+            section = f"{section}+"
+        else:
+            out.append(f"  {line.strip()}" if section in ("Args", "Attributes") and line.strip() else line.strip())
+    whole = re.sub(r"\n{3,}", "\n\n", "\n".join(out).strip())
+    return re.sub(r"\n(?=.)", f"\n{indent}", whole) if indent else whole
+
+
+def _builtin() -> str:
+    lines = ["| name | what | freedoms, loops | known from |", "|---|---|---|---|"]
+    for name in mechanism_names():
+        one, known = load_mechanism(name), mechanism_tables(name).get("source", "")
+        counts = f"{len(one.independent)}, {len(one.joints) - len(one.bodies)}"
+        lines.append(f"| `{name}` | {one.title} | {counts} | {known} |")
+    scenes = ["| name | what | motion | |", "|---|---|---|---|"]
+    for name in scene_names():
+        scene = load_scene(name)
+        motion = f"{'simulation' if scene.simulated else 'given'}, {scene.t[-1]:g} s"
+        scenes.append(f"| `{name}` | {scene.title} | {motion} | {' '.join(scene.description.split())} |")
+    return "\n\n".join([BUILTIN, "\n".join(lines), "## Scenes", "\n".join(scenes)])
+
+
+def _compared() -> str:
+    rows = [f"| {kind.name} | {kind.fate} | {kind.note} |" for kind in kinds().values()]
+    table = ["| content | fate | how, or why not |", "|---|---|---|", *rows]
+    return "\n\n".join([COMPARED, "\n".join(table), FATES])
+
+
+if __name__ == "__main__":
+    for path, content in made().items():
+        path.write_text(content, encoding="utf-8")

@@ -1,0 +1,49 @@
+"""Tasks for workers, which import little; and one that asks for processes where it runs."""
+
+from __future__ import annotations
+
+import os
+import signal
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from screwgauge.study.executors import InTurn, Processes, Task, executor
+from screwgauge.study.journal import Journal
+from screwgauge.study.runner import TaskRate, run_tasks
+
+
+def square(i: int, progress: Any) -> dict[str, Any]:
+    return {"i": i, "square": i * i, "text": f"{i}"}
+
+
+def dies(progress: Any) -> dict[str, Any]:
+    """Its process is killed, as by the kernel where memory is short."""
+    os.kill(os.getpid(), signal.SIGKILL)
+    return {}
+
+
+def takes_its_worker(progress: Any) -> dict[str, Any]:
+    os.kill(os.getppid(), signal.SIGKILL)
+    return {}
+
+
+def reads(name: str, progress: Any) -> dict[str, Any]:
+    return {"text": Path(name).read_text(encoding="utf-8"), "file": str(Path(name))}
+
+
+def limited_run() -> tuple[bool, list[str]]:
+    """A run with limits, wherever that is."""
+    import screwgauge
+
+    scene = screwgauge.load_scene("slider-crank")
+    found = screwgauge.run(scene.at(scene.t[:3]), ["screw"], ["joint_position"], limits=screwgauge.Limits())
+    return found.ok, [*found.failures]
+
+
+def tasks(n: int, *more: Task) -> list[Task]:
+    return [*(Task(f"square {i}", partial(square, i)) for i in range(n)), *more]
+
+
+def rows(tasks: list[Task], execute: Any, kept: Journal | None = None) -> list[dict[str, Any]]:
+    return run_tasks(tasks, execute, kept or Journal(None, ""), lost=lambda name, reason: {"lost": f"{name}: {reason}"})
