@@ -118,3 +118,14 @@ def test_few_equal_names_are_chance(write):
     found = diagnose(write("a.urdf", one.text), write("b.urdf", other.text))
     assert "models of different machines" in found.verdict
     assert not found.same
+
+
+def test_joints_under_other_names_have_partners_though_a_limb_is_missing(write):
+    one, other = Robot(7), Robot(7)
+    one.limb("pelvis", [f"a{i}" for i in range(5)], (0, 0, 0.1))
+    one.limb("pelvis", [f"tail{i}" for i in range(2)], (0, 0.3, 0))
+    other.limb("pelvis", [f"b{i}" for i in range(5)], (0, 0, 0.1))
+    found = diagnose(write("a.urdf", one.text), write("b.urdf", other.text))
+    assert found.pairing.joints == {f"a{i}": f"b{i}" for i in range(5)}
+    assert {*found.pairing.how.values()} == {"geometry"}
+    assert [each.item_a for each in found.differences] == ["tail0"]

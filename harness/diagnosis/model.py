@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from screwgauge.diagnosis.differences.digits import ALL, digits_of
-from screwgauge.diagnosis.machine.alignment import Alignment, aligned, standing
+from screwgauge.diagnosis.machine.alignment import matched, standing
 from screwgauge.diagnosis.machine.cutting import Cut, cuts, recut
-from screwgauge.diagnosis.machine.normal_form import Machine, at_closed_pose, machine_of
+from screwgauge.diagnosis.machine.normal_form import at_closed_pose
 from screwgauge.diagnosis.pairing.common import STANDARD
 from screwgauge.diagnosis.pairing.mapping import Found, Pairing, coincident, congruent, paired
 from screwgauge.models.catalog import load_mechanism
@@ -235,30 +235,22 @@ def cut_alike(a: Model, b: Model, given: Mapping[str, str] | None) -> tuple[Mode
     same = congruent(a.reading, b.reading, pairing)
     if same and coincident(a.reading, b.reading, pairing):
         return a, b, pairing
-    one, two = machine_of(a.reading), machine_of(b.reading)
-    if (len(one.bodies), len(one.links)) != (len(two.bodies), len(two.links)):
-        return a, b, pairing  # something has no partner
-    alignment = _alignment(one, two, pairing)
-    if not (alignment.covers(one, two) and alignment.fits(one, two)):
+    named = {name: other for name, other in pairing.joints.items() if pairing.how[name] != "geometry"}
+    match = pairing.match or matched(a.reading, b.reading, named, full=True)
+    if match is None or not match.whole:
         return a, b, pairing
+    one, two, alignment = match.a, match.b, match.alignment
     looped = a.reading.closures or b.reading.closures
     if not looped and len(alignment.joints) < len(a.reading.joints):
         return a, b, pairing  # joints that are divided in different ways are a difference
     first, second = cuts(one, two, alignment) if looped and not same else (None, None)
     a, b = a.cut_at(first), b.cut_at(second)
     a = replace(a, reading=at_closed_pose(a.reading)) if a.open_by else a  # which `standing` is of
-    return a, b, paired(a.reading, b.reading, given, Found(alignment.joints, *standing(one, two, alignment, a.reading)))
-
-
-def _alignment(one: Machine, two: Machine, pairing: Pairing) -> Alignment:
-    """By names, or, where that leaves something without a partner, by geometry alone."""
-    named = {name: other for name, other in pairing.joints.items() if pairing.how[name] != "geometry"}
-    bodies = {name: name for name in one.reading.bodies if name in two.reading.bodies}
-    by_name = aligned(one, two, named, bodies)
-    if by_name.covers(one, two):
-        return by_name
-    alone = aligned(one, two, {}, {})
-    return alone if alone.covers(one, two) else by_name
+    return (
+        a,
+        b,
+        paired(a.reading, b.reading, given, Found(match.joints, *standing(one, two, alignment, a.reading), match)),
+    )
 
 
 def _like(model: Model, other: Model, load: Read) -> Model:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
-from screwgauge.diagnosis.machine.alignment import aligned, misfits
+from screwgauge.diagnosis.machine.alignment import aligned
 from screwgauge.diagnosis.machine.normal_form import machine_of
+from screwgauge.diagnosis.machine.placement import misfits
 from screwgauge.diagnosis.model import loaded

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 
 import numpy as np
 
 from screwgauge.diagnosis.differences.change import axis
 from screwgauge.models.kinematics import moved, size
 from screwgauge.models.readings.reading import JointReading, Reading
-from screwgauge.reference.rotations import Array, cross
+from screwgauge.reference.rotations import Array
 
 #: Placements are compared by the joints that they lay onto each other so closely, relative to the size of the machine.
 CLOSE = 1e-6
+#: Frames of bodies that are tried as placements.
+FRAMES = 8
 
 
 def apart(a: JointReading, b: JointReading, length: float) -> float:
@@ -31,7 +32,13 @@ def apart(a: JointReading, b: JointReading, length: float) -> float:
     return off
 
 
-def fitting(a: Reading, b: Reading, pairs: Sequence[tuple[str, str]], bodies: Iterable[tuple[str, str]]) -> Array:
+def fitting(
+    a: Reading,
+    b: Reading,
+    pairs: Sequence[tuple[str, str]],
+    bodies: Iterable[tuple[str, str]],
+    also: Iterable[Array] = (),
+) -> Array:
     """The placement of B's world in A's that lays most joints onto their partners; none where those at the ground fit.
 
     A base that stands elsewhere cannot be told from a first joint that counts from elsewhere, which is likelier.
@@ -39,6 +46,7 @@ def fitting(a: Reading, b: Reading, pairs: Sequence[tuple[str, str]], bodies: It
     Args:
         pairs: Joints of A with those of B.
         bodies: Bodies of A with those of B.
+        also: Further placements that are tried. Shape (4, 4) each.
 
     Returns:
         Shape (4, 4).
@@ -50,7 +58,8 @@ def fitting(a: Reading, b: Reading, pairs: Sequence[tuple[str, str]], bodies: It
     rooted = [apart(a.joints[i], b.joints[j], length) for i, j in pairs if i in ground]
     if (rooted and max(rooted) < CLOSE) or any(np.abs(T - best).max() < CLOSE for T in stands):
         return best
-    tried = [*_candidates(a, b, pairs, bodies), *stands]
+    frames = [a.bodies[name].pose @ np.linalg.inv(b.bodies[other].pose) for name, other in [*bodies][:FRAMES]]
+    tried = [best, *frames, *also, *stands]
     if len({"free" in (joint.kind for joint in each.joints.values()) for each in (a, b)}) == 2:
         tried = [*tried[1:], best]  # a base that one model alone says is free stands where its coordinates say
     for T in tried:
@@ -59,35 +68,3 @@ def fitting(a: Reading, b: Reading, pairs: Sequence[tuple[str, str]], bodies: It
         if score > most + 1e-3:
             best, most = T, float(score)
     return best
-
-
-def _candidates(
-    a: Reading, b: Reading, pairs: Sequence[tuple[str, str]], bodies: Iterable[tuple[str, str]]
-) -> Iterable[Array]:
-    yield np.eye(4)
-    for name, other in list(bodies)[:8]:
-        yield a.bodies[name].pose @ np.linalg.inv(b.bodies[other].pose)
-    frames_a, frames_b = _frames([a.joints[i] for i, _ in pairs]), _frames([b.joints[j] for _, j in pairs])
-    for first, second in zip(frames_a, frames_b, strict=False):
-        for turn in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)):
-            yield first @ np.diag([*turn, 1.0]) @ np.linalg.inv(second)
-
-
-def _frames(joints: Sequence[JointReading]) -> list[Array]:
-    """Frames that skew or crossing axes of successive hinges span: z along the first, x towards the second."""
-    frames = []
-    hinges = [joint for joint in joints if joint.kind == "hinge"]
-    for first, second in list(pairwise(hinges))[:6]:
-        z, other = axis(first), axis(second)
-        x = cross(z, other)
-        sine = np.linalg.norm(x)
-        if sine < 1e-6:
-            continue
-        x = x / sine
-        y = cross(z, x)
-        # foot of the common perpendicular on the first axis
-        along = float(cross(second.centre - first.centre, other) @ (sine * x)) / float(sine**2)
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = np.stack([x, y, z], axis=1), first.centre + along * z
-        frames.append(T)
-    return frames

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import outwards
+from screwgauge.diagnosis.machine.alignment import Match, matched
 from screwgauge.diagnosis.mechanics.lines import CLOSE, apart, fitting
 from screwgauge.models.kinematics import moved, rehomed, size
-from screwgauge.models.readings.reading import Reading
+from screwgauge.models.readings.reading import BodyReading, Reading
 from screwgauge.reference.description import read_toml
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.mechanism import GROUND
@@ -23,8 +23,6 @@ from screwgauge.reference.rotations import Array
 ALIKE = 0.5
 #: So many identical names are no chance: their joints are compared, however much else the two models have.
 NO_CHANCE = 5
-#: Beyond this distance (see `lines.apart`) two joints of other names are not taken for one.
-NEAR = 0.1
 #: How joints are paired that have each other's names.
 AGAINST_NAME = "geometry, against its name"
 
@@ -39,6 +37,7 @@ class Pairing:
         only_a, only_b: Joints without a partner.
         placement: Of B's world in A's. Shape (4, 4).
         standing: Body of B -> its pose in A's world if B is in the pose of A, as far as that is known. Shape (4, 4).
+        match: Of the two as machines, where names leave joints without a partner.
     """
 
     joints: Mapping[str, str]
@@ -48,6 +47,7 @@ class Pairing:
     only_b: tuple[str, ...]
     placement: Array
     standing: Mapping[str, Array] = field(default_factory=dict)
+    match: Match | None = None
 
     @property
     def alike(self) -> bool:
@@ -56,7 +56,12 @@ class Pairing:
 
     @property
     def one_machine(self) -> bool:
-        """Whether enough has a partner for the two to be models of one machine: of one by name, or of both."""
+        """Whether enough has a partner for the two to be models of one machine: of one by name, or of both.
+
+        Or each body and each link, of whichever kinds.
+        """
+        if self.match is not None and self.match.whole:
+            return bool(self.joints)
         named, alone = sum(how != "geometry" for how in self.how.values()), (len(self.only_a), len(self.only_b))
         by_name = named >= ALIKE * (len(self.joints) + min(alone))
         return bool(self.joints) and (by_name or len(self.joints) >= ALIKE * (len(self.joints) + max(alone)))
@@ -95,6 +100,10 @@ class Found:
     joints: Mapping[str, str]
     placement: Array
     standing: Mapping[str, Array]
+    match: Match | None = None
+
+
+_NONE = Found({}, np.eye(4), {})
 
 
 def coincident(a: Reading, b: Reading, pairing: Pairing) -> bool:
@@ -105,11 +114,19 @@ def coincident(a: Reading, b: Reading, pairing: Pairing) -> bool:
             return False
     for name, other in pairing.bodies.items():
         one, two = a.bodies[name], there.bodies[other]
-        T = pairing.placement @ two.pose
-        step = one.pose[:3, :3] @ one.com + one.pose[:3, 3] - T[:3, :3] @ two.com - T[:3, 3]
-        if one.mass and two.mass and np.linalg.norm(step) > CLOSE * length:
+        if one.mass and two.mass and _step(one, two, pairing.placement) > CLOSE * length:
             return False
     return True
+
+
+def _step(one: BodyReading, two: BodyReading, T: Array) -> float:
+    """How far two centres of mass are apart [m].
+
+    Args:
+        T: Placement of the other's world in the one's. Shape (4, 4).
+    """
+    S = T @ two.pose
+    return float(np.linalg.norm(one.pose[:3, :3] @ one.com + one.pose[:3, 3] - S[:3, :3] @ two.com - S[:3, 3]))
 
 
 def paired(a: Reading, b: Reading, given: Mapping[str, str] | None = None, found: Found | None = None) -> Pairing:
@@ -131,13 +148,13 @@ def paired(a: Reading, b: Reading, given: Mapping[str, str] | None = None, found
     joints, how = _by_name(a, b, given)
     for name, other in _crossed(a, b, joints, how).items():
         joints[name], how[name] = other, AGAINST_NAME
-    for name, other in (found.joints if found else {}).items():
+    match = found.match if found else None
+    if found is None and len(joints) < min(len(a.joints), len(b.joints)):
+        match = matched(a, b, joints)
+    for name, other in (found or match or _NONE).joints.items():
         if name in a.joints and name not in joints and other in b.joints and other not in joints.values():
             joints[name], how[name] = other, "geometry"
-    alike = counted_as(a, b, joints)
-    for name, other in _by_geometry(a, alike, joints, _placement(a, alike, joints)):
-        joints[name], how[name] = other, "geometry"
-    T = found.placement if found else _placement(a, counted_as(a, b, joints), joints)
+    T = found.placement if found else _placement(a, counted_as(a, b, joints), joints, match)
     bodies = _bodies(a, b, joints, given)
     return Pairing(
         {name: joints[name] for name in a.joints if name in joints},
@@ -147,6 +164,7 @@ def paired(a: Reading, b: Reading, given: Mapping[str, str] | None = None, found
         tuple(name for name in b.joints if name not in joints.values()),
         T,
         found.standing if found else {},
+        match,
     )
 
 
@@ -193,14 +211,9 @@ def _plain(name: str) -> str:
     return re.sub(r"[^a-z0-9]|joint|link|jnt", "", name.rpartition("/")[2].lower())
 
 
-def _placement(a: Reading, b: Reading, joints: Mapping[str, str]) -> Array:
+def _placement(a: Reading, b: Reading, joints: Mapping[str, str], match: Match | None = None) -> Array:
     bodies = [(name, name) for name in a.bodies if name in b.bodies]
-    pairs = list(joints.items())
-    if pairs:
-        return fitting(a, b, pairs, bodies)
-    # nothing is called alike: the order of files is what there is
-    by_order = [(i, j) for i, j in zip(a.joints, b.joints, strict=False) if a.joints[i].kind == b.joints[j].kind]
-    return fitting(a, b, by_order, bodies) if by_order else np.eye(4)
+    return fitting(a, b, [*joints.items()], bodies, match.roots if match else ())
 
 
 def joints_before(reading: Reading) -> dict[str, str]:
@@ -239,8 +252,11 @@ def _permutation(a: Reading, b: Reading, names: Collection[str], T: Array) -> di
 
     def carries(name: str, other: str) -> bool:
         """Whether the name of a body says so; where it says nothing, what is carried has to be alike."""
-        known = behind[0][name][0] in b.bodies
-        return behind[0][name] == behind[1][other] if known else _unlike((a, name), (b, other), T, length) < CLOSE
+        body, there = behind[0][name][0], behind[1][other][0]
+        if body in b.bodies:
+            return behind[0][name] == behind[1][other]
+        one, two = a.bodies[body], b.bodies[there]
+        return bool(abs(one.mass - two.mass) < CLOSE * one.mass and _step(one, two, T) < CLOSE * length)
 
     off = [name for name in names if not (sits(name, name) and carries(name, name))]
     fits = {n: [other for other in off if other != n and sits(n, other) and carries(n, other)] for n in off}
@@ -248,58 +264,6 @@ def _permutation(a: Reading, b: Reading, names: Collection[str], T: Array) -> di
     while loose := [name for name in found if found[name] not in found or name not in found.values()]:
         found = {name: other for name, other in found.items() if name not in loose}
     return found
-
-
-def _by_geometry(a: Reading, b: Reading, joints: Mapping[str, str], T: Array) -> Iterator[tuple[str, str]]:
-    """Partners among the joints behind partners, the nearest first; what they carry decides between equals."""
-    before_a, before_b, length = joints_before(a), joints_before(b), size(a)
-    found = {"": "", **joints}
-    placed = {name: moved(joint, T) for name, joint in b.joints.items()}
-    for first in _outwards(before_a):
-        prior = before_a[first]
-        if first in found or prior not in found:
-            continue
-        names = [name for name, at in before_a.items() if at == prior and name not in found]
-        free = [other for other, at in before_b.items() if at == found[prior] and other not in found.values()]
-        costs = {
-            (name, other): apart(a.joints[name], placed[other], length) + _unlike((a, name), (b, other), T, length)
-            for name in names
-            for other in free
-        }
-        for name, other in sorted(costs, key=lambda pair: costs[pair]):
-            if costs[name, other] < NEAR + 1.0 and name not in found and other not in found.values():
-                found[name] = other
-                yield name, other
-
-
-def _outwards(before: Mapping[str, str]) -> list[str]:
-    """Joints, each after the one before it."""
-
-    def depth(name: str) -> int:
-        return 1 + depth(before[name]) if before[name] else 0
-
-    return sorted(before, key=depth)
-
-
-def _unlike(one: tuple[Reading, str], other: tuple[Reading, str], T: Array, length: float) -> float:
-    """How unlike the trees are that two joints carry, from 0 to 1: by number of joints, mass and centre of mass.
-
-    Args:
-        T: Placement of the other's world in the one's. Shape (4, 4).
-    """
-    (n, first, c), (m, second, d) = (_carried(*each) for each in (one, other))
-    mass = abs(first - second) / max(first, second, 1e-300)
-    off = float(np.linalg.norm(c - T[:3, :3] @ d - T[:3, 3])) / length if first and second else 0.0
-    return (abs(n - m) / max(n, m) + mass + min(off, 1.0)) / 3.0
-
-
-def _carried(reading: Reading, joint: str) -> tuple[int, float, Array]:
-    """Number of joints that a joint carries, mass [kg] and centre of mass [m], shape (3,), in the world at home."""
-    names, joints = outwards(reading, joint)
-    bodies = [reading.bodies[name] for name in names]
-    mass = sum(body.mass for body in bodies)
-    moment = sum((body.mass * (body.pose[:3, :3] @ body.com + body.pose[:3, 3]) for body in bodies), np.zeros(3))
-    return len(joints), mass, moment / (mass or 1.0)
 
 
 def _bodies(a: Reading, b: Reading, joints: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
