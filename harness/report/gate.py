@@ -268,7 +268,7 @@ def check_with(
 ) -> Check:
     """What `screwgauge.check` does, wherever scenes are to be checked."""
     requested = items(what)
-    settings = Settings(told, smoke, read_tolerances(tolerances))
+    settings = GateSettings(told, smoke, read_tolerances(tolerances))
     if baseline is not None:
         read_baseline(Path(baseline), smoke, [item.name for item in requested])
     rows = check_items(requested, settings, execute=execute, progress=progress, journal=journal)
