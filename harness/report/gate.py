@@ -24,6 +24,7 @@ from screwgauge.study.comparison import Comparison
 from screwgauge.study.executors import Executor
 from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
 from screwgauge.study.gate.items import items, read_tolerances, unread
+from screwgauge.study.gate.measure import GateSettings
 from screwgauge.study.gate.row import EXIT, JUDGE, GateRow
 from screwgauge.study.gate.run import check_items
 
