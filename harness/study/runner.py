@@ -58,7 +58,7 @@ def run_tasks(
     kept: Journal,
     *,
     lost: Callable[[str, str], Row],
-    record: Callable[[Row], Mapping[str, Any]] = dict,
+    record: Callable[[Row], Mapping[str, Any]] = dict,  # type: ignore[assignment]
     restored: Callable[[Mapping[str, Any]], Row] = dict,  # type: ignore[assignment]
     progress: Report = silent,
     lenient: bool = False,
@@ -121,7 +121,7 @@ def grow_table(
         restored=lambda record: record["rows"],
         progress=progress,
     )
-    found = pd.DataFrame([*before, *(row for each in rows for row in each)], columns=table.columns)
+    found = pd.DataFrame([*before, *(row for each in rows for row in each)], columns=[*table.columns])
     replace_file(table.file, found.to_csv(index=False))
     kept.remove()
 

@@ -60,7 +60,8 @@ def _joined(parts: tuple[Array, ...], after: tuple[slice, ...]) -> Array:
     shape = (*np.broadcast_shapes(*leads), ends[-1], *parts[0].shape[parts[0].ndim - len(after) :])
     whole = np.empty(shape, dtype=np.result_type(*parts))
     for x, end in zip(parts, ends, strict=True):
-        whole[(..., slice(end - x.shape[axis], end), *after)] = x
+        place: Any = (..., slice(end - x.shape[axis], end), *after)
+        whole[place] = x
     return whole
 
 

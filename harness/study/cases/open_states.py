@@ -108,8 +108,8 @@ def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
     witness = mechanism_tree(mechanism, lay)
     for _ in range(3):  # the matrix is that of closed loops
         v[:, tree] = w * size[tree]
-        motion = move(witness, TreeStates(q, v, at_rest))
-        rate = closure_residuals(witness, motion)[1].reshape(len(q), m)
+        moving = move(witness, TreeStates(q, v, at_rest))
+        rate = closure_residuals(witness, moving)[1].reshape(len(q), m)
         right = np.concatenate([parting - rate / system.length, yd - (A[:, m:] @ w[..., None])[..., 0]], axis=1)
         w = w + linear.solve(A, right[..., None])[..., 0]
     v[:, tree] = w * size[tree]
