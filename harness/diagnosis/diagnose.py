@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,7 @@ class Diagnosis:
         together: The libraries' own torques of both, as loaded; None where they are not compared.
         not_compared: What is not compared and could differ, a phrase each, with its side.
         causes: The differences by cause, the one with the largest share of the torque difference first.
+        date: When it was made, ISO 8601 in UTC.
         undecided: Nothing differs, and what is in `not_compared` withholds that the two are the same.
     """
 
@@ -92,6 +94,7 @@ class Diagnosis:
     undecided: bool = False
     order: Order | None = None
     causes: tuple[Cause, ...] = ()
+    date: str = ""
 
     @property
     def verdict(self) -> str:
@@ -181,6 +184,7 @@ def diagnose(
         if elsewhere(one) or elsewhere(two):
             found = replace(found, notes=(*found.notes, ELSEWHERE))
     found = replace(found, matrix=matrix_of(one, two, given, seed, load, deadline)) if matrix else found
+    found = replace(found, date=datetime.now(UTC).isoformat(timespec="seconds"))
     if not deadline.left_out:
         return found
     said = _and(found, stopped(limit, deadline.left_out))

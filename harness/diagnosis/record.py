@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from datetime import UTC, datetime
 from typing import Any
 
 from screwgauge.diagnosis.causes.attribution import Attribution, Cause
@@ -21,7 +20,7 @@ def summary(found: Diagnosis) -> dict[str, Any]:
     why, proof = found.attribution, found.proof
     return {
         "schema": SCHEMA,
-        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "date": found.date,
         "headline": found.headline,
         "verdict": found.verdict,
         "same": found.same,

@@ -103,7 +103,7 @@ def _about(found: Diagnosis) -> dict[str, Any]:
     return {
         side: f"{Path(m.label).name}{f' (SHA-256 {m.sha256[:8]})' if m.sha256 else ''}, read by {m.library}"
         for side, m in _sides(found)
-    }
+    } | {"date": found.date}
 
 
 def _file(model: Model) -> str:
