@@ -259,7 +259,8 @@ def _axial(answer: Answer) -> Iterator[Row]:
             sizes.append(largest(force))
             if act.joint is joint:
                 F += force
-    line = answer.motion.bodies.R[:, mechanism.body_index[joint.child] - 1] @ direction
+    i = mechanism.body_index[joint.child]  # 0 of ground, which is none of the moving bodies
+    line = answer.motion.bodies.R[:, i - 1] @ direction if i else np.tile(direction, (len(answer.t), 1))
     names = [f"{name}.f{axis}" for axis in "xyz"]
     yield answer.residual("force_rule", "N", names, cross(line, F), max(sizes), ("reaction", "actuator_force"))
 

@@ -160,13 +160,14 @@ class SpanningTree:
     @cached_property
     def levels(self) -> tuple[tuple[Rows, Rows], ...]:
         """Numbers of the links that as many links are before, and of those before them."""
-        depth, levels = [0], list[list[int]]()
-        for i, link in enumerate(self.links, 1):
-            depth.append(depth[link.start.link] + 1)
-            levels += [[]] * (depth[i] > len(levels))
-            levels[depth[i] - 1] = [*levels[depth[i] - 1], i]
-        before = [0, *(link.start.link for link in self.links)]
-        return tuple((np.array(some), np.array([before[i] for i in some])) for some in levels)
+        before, left = np.array([0, *(link.start.link for link in self.links)]), [*range(1, len(self.links) + 1)]
+        known, levels = {0}, list[tuple[Rows, Rows]]()
+        while left:  # links are in any order
+            some = np.array([i for i in left if int(before[i]) in known])
+            levels.append((some, before[some]))
+            known |= {*some.tolist()}
+            left = [i for i in left if i not in known]
+        return tuple(levels)
 
     @cached_property
     def velocity(self) -> tuple[Rows, Array, NDArray[np.bool_]]:

@@ -123,7 +123,7 @@ def all_masses_factor(xml: XmlText, rng: Random, size: float) -> list[Expected]:
         raise CannotError("fewer than two inertials")
     for mark in marks:
         mark.put("mass", grown(mark.get("mass"), size))
-    return [Expected(EVERYWHERE, ("mass",), slip="all scaled")]
+    return [Expected(EVERYWHERE, ("mass",), slip="masses of all")]
 
 
 def joint_fixed(xml: XmlText, rng: Random, size: float) -> list[Expected]:

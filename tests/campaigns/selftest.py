@@ -231,7 +231,7 @@ def _right(answer: Diagnosis, expected: Sequence[Expected], causes: Sequence[Cau
     values = _values(answer, named, len(expected) - len(causes))
     carriers = {link: name for name, body in answer.b.reading.bodies.items() for link in body.fixed}
     fitting = [[value for value in values if _fits(value, each, carriers)] for each in expected]
-    slips = {slip for cause in (named or answer.causes) for slip in cause.slips}
+    slips = {text for cause in (named or answer.causes) for text in (cause.name, *cause.slips)}
     slipped = all(not each.slip or any(each.slip in slip for slip in slips) for each in expected)
     errors = [
         min(_error(value, each.magnitude, answer) for value in some)

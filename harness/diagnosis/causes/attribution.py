@@ -285,7 +285,7 @@ def _cause(group: Group, share: float = math.nan, kind: str = "cause") -> Cause:
 def _told(cause: Cause, edits: Sequence[Edit]) -> Cause:
     """With slips and values of what it is made by."""
     own = [edit for edit in edits if {*edit.differences} & {*cause.differences}]
-    if cause.kind != "cause" or not own:
+    if cause.kind == "digits" or not own:
         return cause
     first = next((edit for edit in own if cause.differences[0] in edit.differences), own[0])
     common = [slip for slip in first.slips if all(slip in edit.slips for edit in own)]
