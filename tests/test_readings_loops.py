@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import screwgauge
 from screwgauge import ScrewgaugeError
 from support.mechanism import GROUND, load_mechanism
 from support.models import MATTER, write_models
-from support.readings import Reading, TreeStates, collapsed, move, plant, read, read_loops_yaml, with_loops
+from support.readings import Reading, TreeStates, collapsed, draw, move, plant, read, read_loops_yaml, with_loops
 
 
 def joint(name: str, kind: str, parent: str, child: str, xyz: str) -> str:
@@ -269,3 +270,13 @@ def test_a_diagnosis_asks_the_library_about_the_joints_that_it_knows(kind, write
     assert [(each.failed, each.agrees) for each in found.witnesses] == [("", True)] * 2
     assert found.exit_status == 0
     assert len(found.a.reading.joints) == {"SPHERICAL": 3, "UJOINT_ZY": 4, "FIXED": 2}[kind]
+
+
+def test_a_tree_moves_alike_in_whatever_order_its_joints_stand(legs):
+    one, two = plant(legs), plant(replace(legs, joints=dict(reversed(legs.joints.items()))))
+    states = draw(legs, 3, 0)
+    other = TreeStates(*(x[:, ::-1] for x in (states.q, states.qd, states.qdd)))
+    assert (one.moves == two.moves[:, ::-1]).all()
+    for name in "pwva":
+        ours, theirs = (getattr(move(tree, some).com, name) for tree, some in ((one, states), (two, other)))
+        assert np.allclose(ours, theirs, rtol=1e-14, atol=1e-14)

@@ -188,9 +188,10 @@ class SpanningTree:
     def carries(self) -> Array:
         """1 where a velocity moves a link, ground first. Shape (n_link + 1, n_freedom)."""
         carries = np.zeros((len(self.links) + 1, self.freedom))
-        for i, link in enumerate(self.links, 1):
-            carries[i] = carries[link.start.link]
-            carries[i, link.velocity : link.velocity + FREEDOMS[link.kind]] = 1.0
+        for level, before in self.levels:
+            carries[level] = carries[before]
+            for i, link in ((i, self.links[i - 1]) for i in level.tolist()):
+                carries[i, link.velocity : link.velocity + FREEDOMS[link.kind]] = 1.0
         return carries
 
     @property
