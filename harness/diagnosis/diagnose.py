@@ -150,20 +150,10 @@ def diagnose(
     limit: float = LIMIT,
     load: Read = in_process,
 ) -> Diagnosis:
-    """Compares two models.
+    """Compares two models; what it takes and raises is told at `screwgauge.api.diagnose`.
 
     Args:
-        a, b: URDF, MJCF or description, or ``FILE@library``; `model.weighed` of it where mass comes from meshes.
-        map: Joints and bodies of A with those of B where names and geometry do not tell, or a TOML file of them.
-        seed: Of the random states.
-        matrix: Read both files by all libraries, too.
-        loops: What closes the loops of URDFs where that does not lie beside them, ``robot.yaml`` or ``.loops.toml``:
-            one file for both, or one for each side, None for what lies beside it.
-        limit: Time after which nothing further is begun, what is not done being named in `left_out` [s].
-        load: Reads a file; by default in this process, where a library that crashes takes it along.
-
-    Raises:
-        ScrewgaugeError: A file, or the map, cannot be read; or loops of neither model close.
+        a, b: Also `model.weighed` of a file where mass comes from meshes.
     """
     check_seed(seed)
     deadline = Deadline(limit)

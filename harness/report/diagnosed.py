@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from screwgauge.diagnosis.diagnose import Diagnosis
 from screwgauge.reference.errors import OutputError
+from screwgauge.report.blocks import Block
 from screwgauge.report.folder import locked
-from screwgauge.report.html import fragment, page
 from screwgauge.report.pages.diagnosis import PAGE
-from screwgauge.report.terminal import screenful
-from screwgauge.report.write import save_page
+from screwgauge.report.write import Shown
 
 
-class DiagnosisReport(Diagnosis):
+class DiagnosisReport(Shown, Diagnosis):
     """A diagnosis with its report; a notebook shows it."""
 
     __slots__ = ()
@@ -34,23 +34,8 @@ class DiagnosisReport(Diagnosis):
         with locked(Path(out)):
             return PAGE.write(self, Path(out), force=force)
 
-    def to_html(self, path: str | Path | None = None) -> str | Path:
-        """The report as one page that opens offline.
+    def _page(self) -> Iterable[Block]:
+        return PAGE.blocks(self, PAGE.draw(self))
 
-        Args:
-            path: File that it is written to.
-
-        Returns:
-            The path, or the text of the page without one.
-
-        Raises:
-            OutputError: The file cannot be written.
-        """
-        text = page(PAGE.blocks(self, PAGE.draw(self)))
-        return text if path is None else save_page(Path(path), text)
-
-    def __repr__(self) -> str:
-        return screenful(PAGE.terminal(self))
-
-    def _repr_html_(self) -> str:
-        return fragment(PAGE.terminal(self))
+    def _screen(self) -> Iterable[Block]:
+        return PAGE.terminal(self)

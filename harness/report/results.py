@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import chain
 from pathlib import Path
 
@@ -9,16 +10,15 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.reference.errors import OutputError, UnknownNameError
-from screwgauge.report.blocks import Picture
+from screwgauge.report.blocks import Block, Picture
 from screwgauge.report.folder import locked
-from screwgauge.report.html import fragment, page
+from screwgauge.report.html import fragment
 from screwgauge.report.pages import run as run_page
-from screwgauge.report.terminal import screenful
-from screwgauge.report.write import save_page
+from screwgauge.report.write import Shown
 from screwgauge.study.comparison import Comparison
 
 
-class Results(Comparison):
+class Results(Shown, Comparison):
     """A comparison with its report; a notebook shows it."""
 
     __slots__ = ()
@@ -73,26 +73,11 @@ class Results(Comparison):
             raise UnknownNameError("figure", name, [picture.name for picture in every])
         return Pictures(found)
 
-    def to_html(self, path: str | Path | None = None) -> str | Path:
-        """The report as one page that opens offline.
+    def _page(self) -> Iterable[Block]:
+        return run_page.report(self, self.plot())
 
-        Args:
-            path: File that it is written to.
-
-        Returns:
-            The path, or the text of the page without one.
-
-        Raises:
-            OutputError: The file cannot be written.
-        """
-        text = page(run_page.report(self, self.plot()))
-        return text if path is None else save_page(Path(path), text)
-
-    def __repr__(self) -> str:
-        return screenful(run_page.terminal(self, judge=False))
-
-    def _repr_html_(self) -> str:
-        return fragment(run_page.terminal(self, judge=False))
+    def _screen(self) -> Iterable[Block]:
+        return run_page.terminal(self, judge=False)
 
 
 class Pictures(list[Picture]):

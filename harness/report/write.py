@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,9 +16,10 @@ from screwgauge.reference.errors import OutputError, ReportError
 from screwgauge.report.blocks import Block, Picture, changed, walk
 from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, put_files, write_files, written
 from screwgauge.report.formatting import free_name
-from screwgauge.report.html import page
+from screwgauge.report.html import fragment, page
 from screwgauge.report.markdown import markdown
 from screwgauge.report.pdf import PDF, print_page
+from screwgauge.report.terminal import screenful
 
 
 def write_report(
@@ -102,3 +104,38 @@ def _text(value: Any, figures: int | None) -> str:
         return json_text(value)
     form = None if figures is None else f"%.{figures}g"
     return value.to_csv(index=False, na_rep="nan", lineterminator="\n", float_format=form)
+
+
+class Shown:
+    """A result that has a page, and that terminals and notebooks show in a screen."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def _page(self) -> Iterable[Block]:
+        """The whole page."""
+
+    @abstractmethod
+    def _screen(self) -> Iterable[Block]:
+        """What fits a screen."""
+
+    def to_html(self, path: str | Path | None = None) -> str | Path:
+        """The report as one page that opens offline.
+
+        Args:
+            path: File that it is written to.
+
+        Returns:
+            The path, or the text of the page without one.
+
+        Raises:
+            OutputError: The file cannot be written.
+        """
+        text = page(self._page())
+        return text if path is None else save_page(Path(path), text)
+
+    def __repr__(self) -> str:
+        return screenful(self._screen())
+
+    def _repr_html_(self) -> str:
+        return fragment(self._screen())

@@ -25,7 +25,7 @@ AGAIN, SETTLED = 4, 1e-20
 #: Longest way to a predicted pose, on average of all coordinates [rad or lengths of the mechanism].
 FARTHEST = 1.0
 #: The checks that ask whether the pose was predicted well.
-SAFE = [CHECKS.index(name) for name in ("moved", "residual", "far", "strayed")]
+PREDICTED = [CHECKS.index(name) for name in ("moved", "residual", "far", "strayed")]
 #: Pieces of the straight way to a state, if the whole of it is too long for a prediction.
 PIECES = (2, 4, 8)
 #: How much closer to a singular pose than `Integration.near` the estimate of the condition may put a state.
@@ -109,7 +109,7 @@ class TracedForward:
         if self._settled():
             return True
         doubts = (self.checks * self.weights[:, None]).max(axis=1)
-        if doubts[SAFE].sum() <= 1.0:  # it is the pose itself that is in doubt
+        if doubts[PREDICTED].sum() <= 1.0:  # it is the pose itself that is in doubt
             return False
         k, start, goal = len(self.columns), self.pose.copy(), self.state.copy()
         begin, way = start[-k:], goal[:k] - start[-k:]
