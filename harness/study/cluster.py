@@ -166,7 +166,8 @@ class _Session:
 
     def __init__(self, client: Client, limits: isolation.Limits, left: dict[str, Task], n: int) -> None:
         self.client, self.limits, self.left, self.n = client, limits, left, n
-        self.expected, self.waiting, self.alone = versions(), deque(left), deque[str]()
+        self.expected, self.waiting = versions(), deque(left)
+        self.alone, self.suspects = deque[str](), set[str]()
         self.blobs: dict[str, Future] = {}
         self.running: dict[Future, list[str]] = {}
         self.seconds, self.done, self.threads, self.looked = 0.0, 0, 1, 0
@@ -189,19 +190,24 @@ class _Session:
             raise LostError
 
     def _fill(self, completed: Any) -> None:
-        """Hands out batches; what has taken its worker with it goes alone."""
+        """Hands out batches; what was there when a worker died waits until all others are done, and then goes alone.
+
+        A scheduler blames all tasks that a dead worker held, so that nothing else may be on it.
+        """
         self.looked += 1
         if self.looked % max(1, self.threads // 10) == 0:  # workers come and go; asking takes a millisecond
             self.threads = max(1, sum(self._asked(self.client.nthreads).values()))
-        while (self.alone or self.waiting) and len(self.running) < AHEAD * self.threads + 1:
-            if self.alone:
-                names = [self.alone.popleft()]
-            else:
+        while len(self.running) < AHEAD * self.threads + 1:
+            if self.waiting:
                 mean = self.seconds / self.done if self.done else BATCH
                 # towards the end less at once, so that all workers end together
                 fair = max(1, len(self.waiting) // (2 * self.threads))
                 size = max(1, min(MOST, fair, round(BATCH / max(mean, 1e-6))))
                 names = [self.waiting.popleft() for _ in range(min(size, len(self.waiting)))]
+            elif self.alone and not self.running:
+                names = [self.alone.popleft()]
+            else:
+                break
             future = self._asked(partial(self._submit, names))
             self.running[future] = names
             completed.add(future)
@@ -228,7 +234,8 @@ class _Session:
         try:
             seconds, results = future.result()
         except KilledWorker as error:
-            if len(names) > 1:
+            if not self.suspects.issuperset(names):
+                self.suspects.update(names)
                 self.alone.extend(names)
                 return {}
             return {names[0]: Failure(names[0], f"its worker was killed, {error.allowed_failures + 1} times")}
