@@ -16,9 +16,9 @@ import numpy as np
 from screwgauge.diagnosis.differences.change import Change, Difference, applied
 from screwgauge.diagnosis.differences.words import NAMES
 from screwgauge.diagnosis.files.opened import Opened, frames_of
-from screwgauge.diagnosis.mechanics.matter import Matter, combined, displaced, of_body, plainest, relative, steps_of
 from screwgauge.diagnosis.pairing.common import weighed
 from screwgauge.models.kinematics import downwards
+from screwgauge.models.matter import Matter, combined, displaced, of_body, plainest, relative, steps_of
 from screwgauge.models.placement import TENSOR
 from screwgauge.models.readings.assemble import matrix, steiner
 from screwgauge.models.readings.reading import Reading
