@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import Change, applied, axis, outwards
+from screwgauge.diagnosis.machine.placement import descended
 from screwgauge.diagnosis.mechanics.lines import apart
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common, owned
 from screwgauge.models.kinematics import moved, rehomed, size
@@ -223,11 +223,10 @@ def _stands(common: Common, name: str, length: float) -> float | None:
         E = np.linalg.inv(D)
         for joint, value in zip(chain, q, strict=True):
             E = E @ exponential(joint.kind, axis(joint), joint.centre, float(value))
-        return np.append((E[:3, :3] - np.eye(3)).ravel(), E[:3, 3] / length)
+        return np.append((E[:3, :3] - np.eye(3)).ravel(), E[:3, 3] / length)[None]
 
     for start in product(*((0.0, 2.0, -2.0) if joint.kind == "hinge" else (0.0,) for joint in chain)):
-        tight = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
-        q = least_squares(off, np.array(start), x_scale=0.1, max_nfev=60, **tight).x
+        q = descended(off, np.array(start))
         if np.abs(off(q)).max() < STANDS:
             sign = 1.0 if axis(common.a.joints[name]) @ axis(chain[0]) >= 0.0 else -1.0
             return sign * float(q[0])

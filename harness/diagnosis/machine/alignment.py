@@ -11,7 +11,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from screwgauge.diagnosis.machine.placement import EXACT, distance, feature, features, gap, misfits, placed
 from screwgauge.models.machine import Element, Link, Machine, machine_of
@@ -175,6 +174,38 @@ def _in_place(one: Link, other: Link, T: Array, length: float) -> Iterator[tuple
                 break
 
 
+def assignment(cost: Array) -> list[tuple[int, int]]:
+    """Pairs of rows and columns of the least total cost, each used once (Kuhn, Munkres; SciPy's takes long to import).
+
+    Args:
+        cost: Shape (n, m); the fewer of both are all assigned.
+    """
+    n, m = cost.shape
+    if n > m:
+        return [(i, j) for j, i in assignment(cost.T)]
+    row_of = np.full(m + 1, -1)  # the row of each column; the last column is that of the row to be assigned
+    u, v = np.zeros(n), np.zeros(m + 1)  # potentials: costs less these are nowhere negative, and zero of pairs
+    for i in range(n):
+        row_of[m], column = i, m
+        least, before, done = np.full(m, np.inf), np.full(m, m), np.zeros(m + 1, dtype=bool)
+        while row_of[column] >= 0:
+            done[column] = True
+            row = row_of[column]
+            reduced = np.where(done[:m], np.inf, cost[row] - u[row] - v[:m])
+            before[reduced < least] = column
+            least = np.minimum(least, reduced)
+            nearest = int(np.argmin(np.where(done[:m], np.inf, least)))
+            step = least[nearest]
+            u[row_of[done]] += step
+            v[done] -= step
+            least[~done[:m]] -= step
+            column = nearest
+        while column != m:  # along the shortest path each column gets the row of the one before
+            row_of[column] = row_of[before[column]]
+            column = before[column]
+    return sorted((int(row_of[j]), j) for j in range(m) if row_of[j] >= 0)
+
+
 def aligned(a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str]) -> Alignment:
     """Finds partners.
 
@@ -223,7 +254,7 @@ class _Walk:
         if not ours or not theirs:
             return
         cost = np.array([[self._cost(one, other) for other in theirs] for one in ours])
-        pairs = sorted(zip(*linear_sum_assignment(cost), strict=True), key=lambda pair: cost[pair])
+        pairs = sorted(assignment(cost), key=lambda pair: cost[pair])
         for i, j in pairs:
             one, other = ours[i], theirs[j]
             fresh = one.far not in self.bodies and other.far not in self.bodies.values()

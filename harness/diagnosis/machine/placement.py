@@ -5,12 +5,12 @@ most of its own features and its matter onto those of its partner.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from screwgauge.models.machine import Body, Element, Link, Machine
 from screwgauge.models.matter import displaced
@@ -25,6 +25,11 @@ FRAMES = 6
 UPPER = np.triu_indices(3)
 #: How many candidates are fitted along a link, and the angles of its hinges from which [rad].
 FITTED, TURNS = 3, (0.0, 2.1, -2.1)
+#: Vectors across a hinge that are shorter tell no angle [lengths of the machine].
+FLAT = 1e-6
+#: Gauss-Newton: differences by which it differentiates, its largest step, and the residuals that count half.
+STEP, FAR = 1e-7, 0.7
+SCALES = (*np.geomspace(1.0, 1e-2, 8), *np.full(10, 1e-2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,19 +69,43 @@ def gap(one: Feature, other: Feature, length: float) -> Array:
     return np.append(one.direction - sign * other.direction, way)
 
 
+class _Shape:
+    """A body as arrays: its features and its matter."""
+
+    def __init__(self, machine: Machine, body: str) -> None:
+        some = [each for link in machine.at(body) for each in features(link, body)]
+        self.kinds = np.array([each.kind for each in some], dtype=str)
+        self.points = np.array([each.point for each in some]).reshape(-1, 3)
+        self.ways = np.array([each.direction for each in some]).reshape(-1, 3)
+        self.matter = machine.bodies[body].matter
+
+    def placed(self, T: Array) -> _Shape:
+        """In another world. T: shape (4, 4)."""
+        other = copy(self)
+        other.points, other.ways = self.points @ T[:3, :3].T + T[:3, 3], self.ways @ T[:3, :3].T
+        other.matter = displaced(self.matter, T)
+        return other
+
+    def places(self) -> Iterator[tuple[str, Array, Array]]:
+        """Kind, point and direction (none of a point) of what tells where it is: all but directions."""
+        yield from ((k, *pair) for k, *pair in zip(self.kinds, self.points, self.ways, strict=True) if k != "P")
+        if self.matter.mass:
+            yield "com", self.matter.com, np.zeros(3)
+
+    def directions(self) -> Iterator[tuple[str, Array]]:
+        """Kind and direction of what has one, principal axes of inertia among them; none of these has a sense."""
+        yield from ((k, way) for k, way in zip(self.kinds, self.ways, strict=True) if k != "S")
+        if self.matter.mass:
+            yield from ((f"inertia {i}", way) for i, way in enumerate(np.linalg.eigh(self.matter.inertia)[1].T))
+
+
 class _Overlay:
-    """A body of B laid on one of A, for one placement after the other: their features as arrays, made once."""
+    """A body of B laid on one of A, for one placement after the other."""
 
     def __init__(self, a: Machine, b: Machine, bodies: tuple[str, str]) -> None:
-        (name, other), self.length = bodies, a.length
-        ours, theirs = ([each for link in m.at(n) for each in features(link, n)] for m, n in ((a, name), (b, other)))
-        self.points, self.others = (np.array([each.point for each in some]).reshape(-1, 3) for some in (ours, theirs))
-        self.ways, self.other_ways = (
-            np.array([each.direction for each in some]).reshape(-1, 3) for some in (ours, theirs)
-        )
-        self.lines, self.places = (np.array([each.kind == kind for each in ours], dtype=bool) for kind in "RS")
-        self.unlike = np.array([[one.kind != each.kind for each in theirs] for one in ours], dtype=bool)
-        self.first, self.second = a.bodies[name].matter, b.bodies[other].matter
+        self.ours, self.theirs, self.length = _Shape(a, bodies[0]), _Shape(b, bodies[1]), a.length
+        self.lines, self.balls = (self.ours.kinds == kind for kind in "RS")
+        self.unlike = self.ours.kinds[:, None] != self.theirs.kinds
 
     def residuals(self, T: Array) -> Array:
         """How it lies there: a row for each feature, for the centre of mass and for the inertia. Shape (n, 6).
@@ -85,7 +114,7 @@ class _Overlay:
             T: Placement of B's world in A's. Shape (4, 4).
         """
         rows = [*self._gaps(T)]
-        first, second = self.first, displaced(self.second, T)
+        first, second = self.ours.matter, displaced(self.theirs.matter, T)
         if first.mass and second.mass:
             rows.append(np.append((first.com - second.com) / self.length, np.zeros(3)))
             scale = float(np.abs(first.inertia).max()) or 1.0
@@ -98,19 +127,20 @@ class _Overlay:
 
     def _gaps(self, T: Array) -> Array:
         """As `gap` of each feature of A and the nearest one of B. Shape (n, 6)."""
-        n = len(self.points)
+        ours = self.ours
         if not self.unlike.size:
-            return np.tile(np.append(1.0, np.zeros(5)), (n, 1))
+            return np.tile(np.append(1.0, np.zeros(5)), (len(ours.points), 1))
         R = T[:3, :3]
-        ways = self.other_ways @ R.T
-        signs = np.where(self.ways @ ways.T >= 0.0, 1.0, -1.0)
-        turns = self.ways[:, None] - signs[..., None] * ways
-        steps = (self.others @ R.T + T[:3, 3] - self.points[:, None]) / self.length
-        across = cross(steps, np.broadcast_to(self.ways[:, None], steps.shape))
-        off = np.where(self.lines[:, None, None], across, np.where(self.places[:, None, None], steps, 0.0))
+        ways = self.theirs.ways @ R.T
+        signs = np.where(ours.ways @ ways.T >= 0.0, 1.0, -1.0)
+        turns = ours.ways[:, None] - signs[..., None] * ways
+        steps = (self.theirs.points @ R.T + T[:3, 3] - ours.points[:, None]) / self.length
+        across = cross(steps, np.broadcast_to(ours.ways[:, None], steps.shape))
+        off = np.where(self.lines[:, None, None], across, np.where(self.balls[:, None, None], steps, 0.0))
         gaps = np.concatenate([turns, off], axis=-1)
         gaps[self.unlike] = np.append(2.0, np.zeros(5))
-        return np.asarray(gaps[np.arange(n), np.argmin(np.einsum("ijk,ijk->ij", gaps, gaps), axis=1)])
+        nearest = np.argmin(np.einsum("ijk,ijk->ij", gaps, gaps), axis=1)
+        return np.asarray(gaps[np.arange(len(gaps)), nearest])
 
 
 def misfits(a: Machine, b: Machine, bodies: tuple[str, str], T: Array) -> Array:
@@ -198,35 +228,94 @@ def _laid(one: Feature, other: Feature) -> Array:
 
 
 def _fitted(overlay: _Overlay, steps: list[Element], near: Array) -> Array:
-    """The motion by some steps that lays a body onto its partner, robustly: some of its features may differ."""
+    """The motion by some steps that lays most of a body exactly onto its partner: the rest of it may differ."""
+    best, most = near, -math.inf
+    for T in _moves(overlay, steps, near):
+        off = overlay.misfits(T)
+        if (score := _score(off)) > most:
+            best, most = T, score
+        if off.max() <= EXACT:  # of machines that are symmetric the first, which moves least
+            break
+    return best
 
-    def at(q: Array) -> Array:
+
+def _moves(overlay: _Overlay, steps: list[Element], near: Array) -> Iterator[Array]:
+    """Placements by some steps: in closed form where one hinge, or none, is among them."""
+    hinges = [step for step in steps if step.kind == "hinge"]
+    ways = np.array([step.direction for step in steps if step.kind == "slide"]).reshape(-1, 3)
+    if len(hinges) <= 1 and (len(ways) in (0, 3) or not hinges or _along(ways, hinges[0].direction)):
+        for T in _turned(overlay, hinges[0], near) if hinges else [near]:
+            yield from _shifted(overlay, ways, T) if len(ways) else [T]
+        return
+    turns = TURNS if len(hinges) < 3 else (0.0,)
+    for start in product(*(turns if step.kind == "hinge" else (0.0,) for step in steps)):
+        yield _descended(overlay, steps, near, np.array(start))
+
+
+def _along(ways: Array, axis: Array) -> bool:
+    """Whether directions, none of a point, are that of an axis. Shape (3,) or (n, 3)."""
+    return float(np.abs(np.cross(ways, axis)).max()) < EXACT
+
+
+def _turned(overlay: _Overlay, hinge: Element, near: Array) -> Iterator[Array]:
+    """Turns about a hinge that bring a feature of a body, its centre of mass or its inertia onto its partner."""
+    axis, centre = hinge.direction, hinge.centre
+    ours, theirs = overlay.ours, overlay.theirs.placed(near)
+    places = product(ours.places(), theirs.places())
+    pairs = [(x - centre, y - centre, False) for (k, x, way), (m, y, _) in places if k == m and _along(way, axis)]
+    ways = product(ours.directions(), theirs.directions())
+    pairs += [(u, v, True) for (k, u), (m, v) in ways if k == m]
+    angles = {0.0}
+    for u, v, senseless in pairs:
+        sine, cosine = float(np.cross(v, u) @ axis), float(u @ v - (u @ axis) * (v @ axis))
+        if math.hypot(sine, cosine) > FLAT:
+            angle = math.atan2(sine, cosine)
+            some = [angle, math.remainder(angle + math.pi, math.tau)] if senseless else [angle]
+            angles |= {round(each, 13) for each in some}
+    for angle in sorted(angles, key=abs):
+        yield exponential("hinge", axis, centre, angle) @ near
+
+
+def _shifted(overlay: _Overlay, ways: Array, near: Array) -> list[Array]:
+    """Shifts in some directions, shape (n, 3), that bring a place of a body onto its partner."""
+    found = [near]
+    for (kind, x, way), (other, y, _) in product(overlay.ours.places(), overlay.theirs.placed(near).places()):
+        if kind == other:
+            across = np.eye(3) - np.outer(way, way)
+            found.append(matrix(np.linalg.pinv(across @ ways.T) @ across @ (x - y) @ ways, np.eye(3)) @ near)
+    return found
+
+
+def _descended(overlay: _Overlay, steps: list[Element], near: Array, start: Array) -> Array:
+    """The placement that a fit by some steps reaches from a start."""
+
+    def placement(q: Array) -> Array:
         out: Array = np.eye(4)
         for step, value in zip(steps, q, strict=True):
             out = exponential(step.kind, step.direction, step.centre, float(value)) @ out
         return np.asarray(out @ near)
 
-    def off(q: Array) -> Array:
-        return overlay.residuals(at(q))
+    return placement(descended(lambda q: overlay.residuals(placement(q)), start))
 
-    def sizes(q: Array) -> Array:
-        return np.asarray(np.linalg.norm(off(q), axis=1))
 
-    best, most = near, -math.inf
-    hinges = [step.kind == "hinge" for step in steps]
-    turns = TURNS if sum(hinges) < 3 else (0.0,)
-    for start in product(*(turns if hinge else (0.0,) for hinge in hinges)):
-        q = least_squares(lambda q: off(q).ravel(), np.array(start), x_scale=0.1, max_nfev=20).x
-        q = least_squares(sizes, q, loss="cauchy", f_scale=1e-2, x_scale=0.1, max_nfev=30).x
-        near_ones = sizes(q) < 0.02
-        if near_ones.any():
-            tight = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
-            q = least_squares(lambda q, w=near_ones: off(q)[w].ravel(), q, x_scale=0.1, max_nfev=40, **tight).x
-        if (score := _score(overlay.misfits(at(q)))) > most:
-            best, most = at(q), score
-        if overlay.misfits(best).max() <= EXACT:
+def descended(residuals: Callable[[Array], Array], q: Array) -> Array:
+    """Least squares by Gauss-Newton, robust: residuals that stay large count for ever less (Cauchy's weights).
+
+    Args:
+        residuals: Coordinates, shape (k,) -> residuals in rows that count as one. Shape (n, m).
+        q: Initial guess. Shape (k,).
+    """
+    r = residuals(q)
+    for scale in SCALES:
+        J = np.stack([(residuals(q + step) - r) / STEP for step in STEP * np.eye(len(q))], axis=-1)
+        root = 1.0 / np.sqrt(1.0 + (np.linalg.norm(r, axis=1) / scale) ** 2)[:, None]
+        step = -np.linalg.lstsq((root[..., None] * J).reshape(-1, len(q)), (root * r).ravel(), rcond=None)[0]
+        step *= min(1.0, FAR / max(float(np.abs(step).max()), 1e-300))
+        q = q + step
+        r = residuals(q)
+        if np.abs(step).max() < 1e-15:
             break
-    return best
+    return q
 
 
 def distance(a: Machine, links: tuple[Link, Link], T: Array) -> float:
