@@ -2,8 +2,8 @@
 
 Folding follows the structure alone: zeros, ones, signs and constants. Expressions that merely agree in value are never
 merged: they may agree on one assembly mode and differ on another. Likewise a pivot has to keep its size at every sample
-that the order of elimination is chosen at, home among them; where none does, a trace may be one of several, each for the
-samples at which its pivots are large, see `Trace.kept`. Programs made from traces are in `program`.
+that the order of elimination is chosen at, home among them; where none does, a trace may be one of several, each for
+the samples at which its pivots are large, see `Trace.kept`. Programs made from traces are in `program`.
 """
 
 from __future__ import annotations

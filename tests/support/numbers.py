@@ -25,8 +25,7 @@ from screwgauge.reference.graph import Layout, coupled_joints, layout, spanning_
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.precision import in_precision, rounded
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.lanes import Lanes
-from screwgauge.reference.traced.program import Program, program
+from screwgauge.reference.traced.program import Lanes, Program, program
 from screwgauge.reference.traced.trace import OPERATIONS, Trace
 
 #: What `Forward` adds.
