@@ -10,8 +10,8 @@ import numpy as np
 from screwgauge.reference import linear
 from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.couplings import component_name
+from screwgauge.reference.equations.forward import force_matrix
 from screwgauge.reference.equations.joint_types import reaction_names
-from screwgauge.reference.equations.newton_euler import force_matrix
 from screwgauge.reference.equations.screws import velocity_at
 from screwgauge.reference.errors import DescriptionError, first_few
 from screwgauge.reference.graph import Layout, layout, output_body

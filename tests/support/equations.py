@@ -8,6 +8,7 @@ import pytest
 
 from screwgauge.reference.equations import closure, dynamics, joint_types, kinematics, motion
 from screwgauge.reference.equations.dynamics import Dynamics
+from screwgauge.reference.equations.forward import preload_space
 from screwgauge.reference.equations.joint_types import (
     JointPose,
     closure_residual,
@@ -15,7 +16,6 @@ from screwgauge.reference.equations.joint_types import (
     constraint_wrenches,
     reaction_names,
 )
-from screwgauge.reference.equations.newton_euler import preload_space
 from screwgauge.reference.equations.ops import Ops
 from screwgauge.reference.equations.rounding import gain
 from screwgauge.reference.equations.screws import rotation

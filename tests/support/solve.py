@@ -30,8 +30,8 @@ from screwgauge.reference.closed.hermite_prediction import knots, predicted
 from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.closed.walk import Loops as LoopProblem
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
+from screwgauge.reference.equations.forward import NewtonEuler, force_matrix
 from screwgauge.reference.equations.kinematics import joint_bias
-from screwgauge.reference.equations.newton_euler import NewtonEuler, force_matrix
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.kinematics import closed_form, positions
 from screwgauge.reference.mechanism import Mechanism

@@ -8,7 +8,7 @@ from screwgauge import __version__
 from screwgauge.problem import GivenMotion, Problem
 from screwgauge.reference import linear
 from screwgauge.reference.closed_motion import motion_at
-from screwgauge.reference.equations.newton_euler import NewtonEuler, force_matrix
+from screwgauge.reference.equations.forward import NewtonEuler, force_matrix
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.kinematics import closed_form, positions
 from screwgauge.reference.pose import pose
