@@ -8,9 +8,9 @@ from screwgauge.reference.closed.constant_coordinates import home_equations
 from screwgauge.reference.closed.continuation import REMEDY, no_further
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed.newton import OPEN
+from screwgauge.reference.equations.kinematics import Pose, pose
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.graph import Layout
-from screwgauge.reference.pose import Pose, pose
 from screwgauge.reference.rotations import Array
 
 STEP, SMALLEST = 0.1, 1e-5  # of the independent coordinates [rad or lengths of the mechanism]

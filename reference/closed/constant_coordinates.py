@@ -9,10 +9,10 @@ import numpy as np
 from screwgauge.reference import linear
 from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.closed.newton import newton, velocity_map
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 
 #: How far a pose of the trial walk lies from home [rad or lengths of the mechanism], and how many there are.

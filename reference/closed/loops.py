@@ -14,11 +14,10 @@ from screwgauge.reference.closed.cut_coordinates import read
 from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
 from screwgauge.reference.closed.region import Region
 from screwgauge.reference.equations.closure import Closed, Loops
-from screwgauge.reference.equations.kinematics import coordinates
+from screwgauge.reference.equations.kinematics import Pose, coordinates, pose
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.equations.rounding import chart_condition
 from screwgauge.reference.graph import Layout
-from screwgauge.reference.pose import Pose, pose
 from screwgauge.reference.rotations import Array
 
 

@@ -10,8 +10,8 @@ from paper.erratum import Erratum, Form
 
 from screwgauge.engines.screw.scheme import Chains, fixed_axes, subtracted
 from screwgauge.reference.equations import screws
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array, rotation
 
 _X, _Y, _Z = np.eye(3)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from screwgauge.reference.equations import closure, dynamics, joint_types, kinematics, motion
+from screwgauge.reference.equations import closure, dynamics, joint_types, kinematics
 from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.forward import preload_space
 from screwgauge.reference.equations.joint_types import (
@@ -24,6 +24,6 @@ from screwgauge.reference.rotations import across_direction
 
 def exchange(monkeypatch: pytest.MonkeyPatch, name: str, wrong: Callable[..., object]) -> None:
     """Puts another function in the place of one wherever the equations use it."""
-    for module in (joint_types, kinematics, closure, motion, dynamics):
+    for module in (joint_types, kinematics, closure, dynamics):
         if hasattr(module, name):
             monkeypatch.setattr(module, name, wrong)

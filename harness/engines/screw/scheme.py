@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.joint_types import placed, unplaced
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.equations.screws import lie_bracket
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.graph import Edge, Layout, output_body, serial_chains
 from screwgauge.reference.kinematics import closed_form, positions
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array, cross, skew
 
 TWISTS = ("right", "printed", "literal")

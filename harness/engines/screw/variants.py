@@ -22,10 +22,10 @@ from screwgauge.reference.closed.newton import Evaluation, velocity_map
 from screwgauge.reference.closed.newton import newton as newtons_method
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.dynamics import QUANTITIES
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.kinematics import closed_form, positions
-from screwgauge.reference.pose import pose
 from screwgauge.reference.precision import in_precision, rounded
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values, empty
