@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from screwgauge.reference.closed.assembly_mode import AssemblyMode, Rates
-from screwgauge.reference.closed.cut_coordinates import read
+from screwgauge.reference.closed.loops import read
 from screwgauge.reference.equations import closed_form as forms
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.graph import Layout

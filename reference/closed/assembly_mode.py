@@ -9,10 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge.reference.closed.anchors import Flags, Indices
-from screwgauge.reference.closed.constant_coordinates import home_equations
 from screwgauge.reference.closed.continuation import Continuation, Followed, Predicted
-from screwgauge.reference.closed.cut_coordinates import follow_cut_joints, read
-from screwgauge.reference.closed.loops import LoopEquations
+from screwgauge.reference.closed.loops import LoopEquations, follow_cut_joints, home_equations, read
 from screwgauge.reference.closed.newton import OPEN, Drive, newton
 from screwgauge.reference.closed.region import Region
 from screwgauge.reference.equations.closed_form import closed_form

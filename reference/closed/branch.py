@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.reference.closed.constant_coordinates import home_equations
 from screwgauge.reference.closed.continuation import REMEDY, no_further
-from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.closed.loops import home_equations, loop_equations
 from screwgauge.reference.closed.newton import OPEN
 from screwgauge.reference.equations.kinematics import Pose, pose
 from screwgauge.reference.errors import ClosureError

@@ -14,7 +14,7 @@ from screwgauge import Scene
 from screwgauge.engines.screw.model import ScrewModel
 from screwgauge.problem import GivenMotion, Problem
 from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring
-from screwgauge.reference.closed.constant_coordinates import home_equations
+from screwgauge.reference.closed.loops import home_equations
 from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.dynamics import QUANTITIES, Dynamics
 from screwgauge.reference.equations.forward import Forward

@@ -22,10 +22,8 @@ from screwgauge.reference.closed import continuation
 from screwgauge.reference.closed.anchors import Anchors
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.branch import Branch
-from screwgauge.reference.closed.constant_coordinates import home_equations
 from screwgauge.reference.closed.continuation import Continuation
-from screwgauge.reference.closed.cut_coordinates import read
-from screwgauge.reference.closed.loops import LoopEquations, loop_equations
+from screwgauge.reference.closed.loops import LoopEquations, home_equations, loop_equations, read
 from screwgauge.reference.closed.newton import Curve, bent, knots, predicted, straight
 from screwgauge.reference.closed.walk import Loops as LoopProblem
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at

@@ -17,8 +17,7 @@ from screwgauge.engines.tree.cut_joints import SURE, follow
 from screwgauge.problem import InitialValue, Progress, quiet
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.branch import Branch
-from screwgauge.reference.closed.constant_coordinates import home_equations
-from screwgauge.reference.closed.cut_coordinates import read
+from screwgauge.reference.closed.loops import home_equations, read
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
