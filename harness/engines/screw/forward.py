@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.engines.screw.programs import check_traceable, runner
 from screwgauge.problem import InitialValue, Problem
-from screwgauge.reference.closed.branch import Branch
+from screwgauge.reference.closed.assembly_mode import Branch
 from screwgauge.reference.closed.loops import home_equations
 from screwgauge.reference.closed.newton import OPEN
 from screwgauge.reference.graph import Layout

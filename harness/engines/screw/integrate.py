@@ -16,7 +16,7 @@ from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.engines.tree.cut_joints import SURE, follow
 from screwgauge.problem import InitialValue, Progress, quiet
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.closed.branch import Branch
+from screwgauge.reference.closed.assembly_mode import Branch
 from screwgauge.reference.closed.loops import home_equations, read
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.equations.kinematics import pose

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.fourbars import four_bars
+from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.graph import layout
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mobility import mobility
 from screwgauge.scene.read import load_scene
 from screwgauge.study.cases.asking import ACCELERATION, ENGINES, SCREW, loaded, push
