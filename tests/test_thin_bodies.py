@@ -12,7 +12,7 @@ import tomli_w
 
 import screwgauge
 from screwgauge import load_scene
-from screwgauge.models.principal import inertial, without_stand_ins
+from screwgauge.models.mjcf import inertial, without_stand_ins
 from support.engines import IN_DOUBLES
 from support.geometry import Array, quaternion_rotation, rotation
 from support.judging import agreed
