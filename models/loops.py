@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.models.formats import document, key, lines
 from screwgauge.models.layout import CUTS, Closure, lay_out
-from screwgauge.models.tables import document, key, lines
 from screwgauge.reference.couplings import Coupling, check_couplings
 from screwgauge.reference.description import check_keys, read_couplings, read_joint, read_toml, required
 from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError

@@ -14,8 +14,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from screwgauge.models.formats import compose, inverse, number_text, quaternion, tensor_text, vector_text
 from screwgauge.models.layout import Closure, Freedom, Link, Tree, lay_out
-from screwgauge.models.placement import compose, inverse, number_text, quaternion, tensor_text, vector_text
 from screwgauge.models.shapes import add_contact_pairs, add_geoms, add_sensors
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import UnknownNameError, first_few

@@ -11,8 +11,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from screwgauge.models.formats import number_text, vector_text
 from screwgauge.models.layout import Link, Tree, length_scale
-from screwgauge.models.placement import number_text, vector_text
 from screwgauge.reference.equations.kinematics import Pose, length, pose
 from screwgauge.reference.graph import layout
 from screwgauge.reference.lint import suspicious

@@ -7,9 +7,9 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from screwgauge.models.formats import inverse, number_text, rpy, vector_text
 from screwgauge.models.layout import Freedom, Link, lay_out
 from screwgauge.models.loops import PART, closure_frames
-from screwgauge.models.placement import inverse, number_text, rpy, vector_text
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Mechanism
 from screwgauge.reference.rotations import Array
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.models.placement import quaternion
+from screwgauge.models.formats import quaternion
 from screwgauge.models.shapes import COLOURS, DRIVEN, Shape, differing, shapes, viewed_from
 from screwgauge.problem import spread
 from screwgauge.reference.equations.kinematics import length
