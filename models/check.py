@@ -15,11 +15,11 @@ import numpy as np
 from screwgauge.models.comparison import CheckRow, Comparison, compare_loops, compare_readings
 from screwgauge.models.generate import stem
 from screwgauge.models.layout import CUTS, Link, Tree, lay_out
-from screwgauge.models.loops import loops_of, read_loops
 from screwgauge.models.readings.assemble import matrix, screw
 from screwgauge.models.readings.loops import closure_readings
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading, couplings_of
+from screwgauge.models.urdf import loops_of, read_loops
 from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism

@@ -10,9 +10,9 @@ from typing import TypeVar
 import numpy as np
 
 from screwgauge.models.layout import Closure, length_scale
-from screwgauge.models.loops import LoopsFile
 from screwgauge.models.readings.collapse import collapsed
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, Reading, couplings_of
+from screwgauge.models.urdf import LoopsFile
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array
 

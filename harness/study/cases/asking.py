@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.models.generate import write_models
-from screwgauge.models.loops import loops_of
+from screwgauge.models.urdf import loops_of
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed.assembly_mode import positions
