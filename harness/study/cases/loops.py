@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.fourbars import four_bars
+from screwgauge.models.catalog import four_bars, load_mechanism
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.graph import layout
