@@ -12,8 +12,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from screwgauge.models.formats import vector_text
 from screwgauge.models.mjcf import FAR
-from screwgauge.models.placement import vector_text
 from screwgauge.models.urdf import WIDE
 from screwgauge.reference.files import is_file, read_file
 from screwgauge.reference.mechanism import Mechanism

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.formats import key, lines
 from screwgauge.models.importing import is_model
-from screwgauge.models.tables import key, lines
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.applied import Applied, JointSpring

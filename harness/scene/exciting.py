@@ -16,9 +16,9 @@ from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, check_seed, first_few
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.preflight import check_home, limits_left

@@ -11,11 +11,11 @@ import numpy as np
 
 from screwgauge.problem import Rows
 from screwgauge.reference.description import check_keys, read_text
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import beside
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.columns import read_columns, same_times
 from screwgauge.scene.entries import check_name, positive, read_vector

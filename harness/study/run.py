@@ -24,11 +24,11 @@ from screwgauge.judging.integration import with_estimate
 from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import Refusal, refusals
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import is_file
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mobility import Mobility, mobility
-from screwgauge.reference.pose import pose
 from screwgauge.scene.motion import Sampled
 from screwgauge.scene.preflight import check_actuation, check_scene, doubts, far_from_home
 from screwgauge.scene.scene import Scene, check_scene_type

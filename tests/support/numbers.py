@@ -14,7 +14,7 @@ from screwgauge import Scene
 from screwgauge.engines.screw.model import ScrewModel
 from screwgauge.problem import GivenMotion, Problem
 from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring
-from screwgauge.reference.closed.constant_coordinates import home_equations
+from screwgauge.reference.closed.loops import home_equations
 from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.dynamics import QUANTITIES, Dynamics
 from screwgauge.reference.equations.forward import Forward
@@ -25,8 +25,7 @@ from screwgauge.reference.graph import Layout, coupled_joints, layout, spanning_
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.precision import in_precision, rounded
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.lanes import Lanes
-from screwgauge.reference.traced.program import Program, program
+from screwgauge.reference.traced.program import Lanes, Program, program
 from screwgauge.reference.traced.trace import OPERATIONS, Trace
 
 #: What `Forward` adds.

@@ -20,8 +20,8 @@ from screwgauge.models.shapes import (
     placed,
     viewed_from,
 )
+from screwgauge.reference.equations.kinematics import Pose
 from screwgauge.reference.mechanism import Joint, Mechanism
-from screwgauge.reference.pose import Pose
 from screwgauge.reference.rotations import Array
 from screwgauge.study.motion import DrawnMotion
 

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.models.placement import quaternion
+from screwgauge.models.formats import quaternion
 from screwgauge.models.shapes import COLOURS, DRIVEN, Shape, differing, shapes, viewed_from
 from screwgauge.problem import spread
+from screwgauge.reference.equations.kinematics import length
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import length
 from screwgauge.reference.reciprocal import Element, Held, held
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Block, Items, Paragraph, Picture
