@@ -63,7 +63,7 @@ def import_(options: argparse.Namespace) -> int:
     from screwgauge.diagnosis.order import indexed
     from screwgauge.models.importing.convert import Wanted
     from screwgauge.models.importing.model import Options, notes
-    from screwgauge.scene.imported import write_imported
+    from screwgauge.scene.default import write_imported
     from screwgauge.study.loading import import_isolated
 
     independent, actuated = _names(options.independent), _names(options.actuated)
@@ -100,7 +100,7 @@ def run(options: argparse.Namespace) -> int:
     imported(options.scene)
     scene = load_scene(options.scene)
     if options.exciting:
-        from screwgauge.scene.exciting import exciting
+        from screwgauge.scene.default import exciting
 
         scene = exciting(scene, options.seed or 0)
     elif options.seed is not None:

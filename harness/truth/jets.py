@@ -41,7 +41,7 @@ def sin_cos(q: Jet) -> tuple[Jet, Jet]:
     return sin, cos
 
 
-def inverse(T: MatrixJet) -> MatrixJet:
+def inverse_jet(T: MatrixJet) -> MatrixJet:
     """Inverse of a series of homogeneous matrices: the rotation transposed, the origin moved back. (4, 4)."""
     rows = [coefficient.tolist() for coefficient in T]
     turned = [arb_mat([[r[i][j] for i in range(3)] for j in range(3)]) for r in rows]

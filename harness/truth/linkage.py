@@ -26,8 +26,7 @@ from screwgauge.truth.exact import (
     vector,
     widened,
 )
-from screwgauge.truth.jets import Jet, MatrixJet, mul, sin_cos
-from screwgauge.truth.jets import inverse as jet_inverse
+from screwgauge.truth.jets import Jet, MatrixJet, inverse_jet, mul, sin_cos
 
 #: Those of a frame, exactly.
 AXES: tuple[Vector, ...] = tuple([arb(int(i == k)) for i in range(3)] for k in range(3))
@@ -148,7 +147,7 @@ class Linkage:
     ) -> list[MatrixJet]:
         """For each loop the matrix ``G = via tree^-1`` of its two ways to one body: the identity where it closes."""
         return [
-            mul(_walk(bodies[parent], steps, q, spots), jet_inverse(bodies[child]))
+            mul(_walk(bodies[parent], steps, q, spots), inverse_jet(bodies[child]))
             for parent, child, steps in self.cuts
         ]
 
