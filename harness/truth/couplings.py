@@ -9,8 +9,7 @@ from typing import Any
 from flint import arb, arb_mat
 
 from screwgauge.reference.mechanism import Joint, Mechanism
-from screwgauge.truth.exact import Vector, cross, dot, vector
-from screwgauge.truth.jets import Jet, mul
+from screwgauge.truth.exact import Jet, Vector, cross, dot, mul, vector
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,8 +10,7 @@ from flint import arb, arb_mat, ctx
 
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
-from screwgauge.truth.exact import Vector, identity, solve
-from screwgauge.truth.jets import Jet, MatrixJet
+from screwgauge.truth.exact import Jet, MatrixJet, Vector, identity, solve
 from screwgauge.truth.linkage import Linkage, error
 
 NEWTON = 40  # steps; four do from a double start, the rest is for poor ones

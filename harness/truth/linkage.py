@@ -13,20 +13,24 @@ from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
 from screwgauge.truth.couplings import along, directions, owner, read_ties
 from screwgauge.truth.exact import (
+    Jet,
+    MatrixJet,
     Vector,
     cross,
     identity,
     inverse,
+    inverse_jet,
+    mul,
     normalized,
     number,
     placement,
     rotation_matrix,
+    sin_cos,
     skew,
     unit_vector,
     vector,
     widened,
 )
-from screwgauge.truth.jets import Jet, MatrixJet, inverse_jet, mul, sin_cos
 
 #: Those of a frame, exactly.
 AXES: tuple[Vector, ...] = tuple([arb(int(i == k)) for i in range(3)] for k in range(3))
