@@ -1,4 +1,11 @@
-"""Certified closed poses (Krawczyk's test) and the velocities and accelerations that follow from them, in balls."""
+"""Certified closed poses, and the velocities and accelerations that follow from them, in balls.
+
+The start may be any guess; nothing is believed of it. Newton's method in high precision comes first, then an interval
+Newton step: where Krawczyk's operator maps a small box into its own interior, the box holds one and only one solution
+of the loop equations, and the image encloses it. The equations hold at every time, so every coefficient of their power
+series is zero; solved order by order they give the series of the joint coordinates, and the motion of the bodies is
+read off the series of their matrices.
+"""
 
 from __future__ import annotations
 
