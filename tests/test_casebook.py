@@ -13,8 +13,7 @@ import pytest
 
 import screwgauge
 from screwgauge.casebook import book
-from screwgauge.casebook.book import CASES, reproduce
-from screwgauge.casebook.case import Case, CaseResult
+from screwgauge.casebook.book import CASES, Case, CaseResult, reproduce
 from screwgauge.engines.samples import FourBar
 from screwgauge.engines.shown import Shown
 from support.command import main
