@@ -118,7 +118,7 @@ def test_close_numbers_are_told_apart() -> None:
 
 
 def test_an_engine_that_raises_fails_its_case_and_no_other(monkeypatch, command) -> None:
-    broken = replace(CASE, run="casebook.readers:nothing_there")
+    broken = replace(CASE, run="casebook.both_engines:nothing_there")
     monkeypatch.setitem(book.CASES, "x", broken)
     found = reproduce("x")
     assert found.status == "failed"
