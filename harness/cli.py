@@ -11,7 +11,7 @@ from typing import Any
 
 from screwgauge import __version__, commands
 from screwgauge.commands import view
-from screwgauge.commands.carrying import check_current
+from screwgauge.commands.execution import check_current
 from screwgauge.report.console import console, ended, say
 from screwgauge.threads import fix_threads
 

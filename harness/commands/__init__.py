@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from screwgauge.commands.carrying import carry_out
+from screwgauge.commands.execution import carry_out
 from screwgauge.models.importing import is_model
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import check_free
