@@ -46,6 +46,7 @@ def element(root: ET.Element, path: str) -> ET.Element:
     return found
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("name", mechanism_names())
