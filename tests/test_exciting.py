@@ -10,7 +10,7 @@ import pytest
 
 import screwgauge
 from screwgauge import exciting
-from screwgauge.scene import exciting as motions
+from screwgauge.scene import default as motions
 from support.command import main
 from support.engines import solve
 from support.errors import DescriptionError

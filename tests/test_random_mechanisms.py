@@ -9,7 +9,7 @@ import pytest
 import tomli_w
 
 import screwgauge
-from screwgauge.scene.exciting import WORSE
+from screwgauge.scene.default import WORSE
 from support.errors import UnknownNameError
 from support.freedoms import mobility_at_home
 from support.geometry import linear

@@ -30,10 +30,9 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution, Timing, Values, empty
 from screwgauge.truth import cache
-from screwgauge.truth.certify import NotCertified
 from screwgauge.truth.exact import LONG
 from screwgauge.truth.forces import RoutesDisagree
-from screwgauge.truth.kinematics import LoopsOpen
+from screwgauge.truth.kinematics import LoopsOpen, NotCertified
 from screwgauge.truth.linkage import Linkage
 from screwgauge.truth.samples import Balls, Sampler, Table, centred, enclosed, enclosures, ruled
 

@@ -19,7 +19,7 @@ from screwgauge.models.check import (
     compare_readings,
     expected_reading,
 )
-from screwgauge.models.elements import FORMATS, extras, unread_rows
+from screwgauge.models.content import FORMATS, extras, unread_rows
 from screwgauge.models.readings.read import LIBRARIES, read
 from screwgauge.models.urdf import loops_of
 from screwgauge.problem import ModelFiles

@@ -20,7 +20,7 @@ from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import rows
 from screwgauge.report.layout import counted, study
-from screwgauge.scene.imported import write_imported
+from screwgauge.scene.default import write_imported
 from screwgauge.scene.read import load_scene
 from screwgauge.study.loading import import_isolated
 from screwgauge.study.run import run
