@@ -392,6 +392,5 @@ def _translated(value: Any, of: Callable[[str], str]) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         before = {each.name: getattr(value, each.name) for each in fields(value) if each.init}
         after = {name: _translated(each, of) for name, each in before.items()}
-        changed = {name: each for name, each in after.items() if each is not before[name]}
-        return replace(value, **changed) if changed else value
+        return value if all(map(is_, after.values(), before.values())) else replace(value, **after)
     return value
