@@ -92,12 +92,7 @@ def _of_joint(a: Reading, common: Common, name: str, length: float) -> Iterator[
     if D is not None and turns:
         along = _along(ours, D, length)
     if D is not None and along is None:  # which way it counts shows where it stands as in A
-        E = np.linalg.inv(D)
-        yield (
-            "placement",
-            D,
-            np.array([rotation_vector(np.asarray(E[:3, :3])), (E[:3, :3] @ ours.centre + E[:3, 3]) - ours.centre]),
-        )
+        yield "placement", D, step_of(np.asarray(np.linalg.inv(D)), ours.centre)
         b = applied(b, [Change(name, "placement", D)])
     if not turns:
         return
@@ -252,7 +247,7 @@ def _along(joint: JointReading, D: Array, length: float) -> float | None:
     return along if off < loose else None
 
 
-def amount(D: Array, at: Array) -> tuple[float, float]:
-    """Angle of a displacement [rad], and how far it moves a point [m]."""
+def step_of(D: Array, at: Array) -> Array:
+    """Rotation vector of a displacement [rad], and by how much it moves a point [m]. Shape (2, 3)."""
     R = D[:3, :3]
-    return float(np.linalg.norm(rotation_vector(R))), float(np.linalg.norm(R @ at + D[:3, 3] - at))
+    return np.array([rotation_vector(R), R @ at + D[:3, 3] - at])

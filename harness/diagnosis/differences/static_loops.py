@@ -10,17 +10,20 @@ from numpy.polynomial import Polynomial
 
 from screwgauge.diagnosis.differences.change import Change, Difference
 from screwgauge.diagnosis.differences.stated import another, differ, difference, only
-from screwgauge.diagnosis.differences.words import compared, directed, unit_of, vector
+from screwgauge.diagnosis.differences.words import axes_of, compared, turn_and_way, unit_of, vector
 from screwgauge.diagnosis.files.write_mjcf import SOFTNESS
 from screwgauge.diagnosis.mechanics.lines import CLOSE
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common
 from screwgauge.models.kinematics import plant, residual_at_home, size
 from screwgauge.models.readings.reading import ClosureReading
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, rotation_vector
 
 #: What a joint exerts by itself.
 PASSIVE = ("armature", "damping", "friction", "stiffness")
+
+#: Gaps at home up to this are closed [m or rad].
+CLOSED = 1e-9
 
 
 def closures(common: Common, as_written: Common) -> Iterator[Difference]:
@@ -41,7 +44,8 @@ def closures(common: Common, as_written: Common) -> Iterator[Difference]:
             if name not in there.closures:
                 own = common.own["closures"].get(name, name) if side == "B" else name
                 sentence = f"{own}: a closure of {closure.first} and {closure.second} in {side} only"
-                sentence += f", open at {at} by {_gap(closure, open_[name])}"
+                if open_[name] > CLOSED:
+                    sentence += f", open at {at} by {_gap(closure, open_[name])}"
                 yield only(side, own, "closure", sentence)
 
 
@@ -51,7 +55,8 @@ def _gap(closure: ClosureReading, gap: float) -> str:
 
 def _closure(common: Common, name: str, gaps: tuple[float, float], at: str) -> Iterator[Difference]:
     a, b = common.a.closures[name], common.b.closures[name]
-    still = f"; open at {at} by {_gap(b, gaps[1])} in B, {_gap(a, gaps[0])} in A"
+    open_ = max(gaps) > CLOSED
+    still = f"; open at {at} by {_gap(b, gaps[1])} in B, {_gap(a, gaps[0])} in A" if open_ else ""
     if a.kind != b.kind:
         sentence = f"{name}: a {b.kind} in B, a {a.kind} in A{still}"
         yield another(common, "closures", name, "closure", sentence)
@@ -65,14 +70,19 @@ def _closure(common: Common, name: str, gaps: tuple[float, float], at: str) -> I
         steps[what] = body, ours, theirs
     if a.kind == b.kind == "point" and _along_hinge(common, name, steps):
         return
+    moved = False
     for what, (body, ours, theirs) in steps.items():
         step = float(np.linalg.norm(ours[:3, 3] - theirs[:3, 3]))
         turn = float(np.abs(ours[:3, :3] - theirs[:3, :3]).max()) if a.kind == b.kind == "weld" else 0.0
         if max(step / size(common.a), turn) > 10 * common.rounding:
-            off = f"{step * 1e3:.6g} mm" + (f" and {turn:.6g} rad" if turn else "")
             R = common.b.bodies[body].pose[:3, :3] if body in common.b.bodies else np.eye(3)
-            where = directed(np.array([np.zeros(3), R @ (theirs - ours)[:3, 3]]))
-            more = step / size(common.a) + turn, f"{name}: its frame on {body} is {off} elsewhere in B{where}{still}"
+            w = rotation_vector(np.asarray(theirs[:3, :3] @ ours[:3, :3].T)) if turn else np.zeros(3)
+            way = np.array([R @ w, R @ (theirs - ours)[:3, 3]])
+            told = turn_and_way(way, axes_of(common.a, body), size(common.a))
+            if what == "second_frame" and a.derived and b.derived and at == "home" and not (open_ or moved):
+                continue  # it follows from joints between the two frames that are elsewhere
+            moved = True
+            more = step / size(common.a) + turn, f"{name}: its frame on {body} is elsewhere in B, {told}{still}"
             yield difference(common, name, what, ours, theirs, more)
 
 
