@@ -162,7 +162,7 @@ def _breaks(a: Reading, b: Reading, items: tuple[list[str], list[str]], D: Array
     for T, limit in ((np.eye(4), 10.0), (D, 100.0)):
         there = {name: apart(a.joints[name], moved(b.joints[name], T), length) for name in items[1] if name in a.joints}
         there |= {
-            f"body {name}": max(_matter(a.bodies[name], b.bodies[name], T, length))
+            f"body {name}": max(matter_apart(a.bodies[name], b.bodies[name], T, length))
             for name in items[0]
             if name in a.bodies and a.bodies[name].mass and b.bodies[name].mass
         }
@@ -185,11 +185,11 @@ def _nearness(a: Reading, b: Reading, items: tuple[list[str], list[str]], D: Arr
     """Decades of the distances of what a joint carries once it is displaced."""
     off = [apart(a.joints[name], moved(b.joints[name], D), length) for name in items[1]]
     for name in items[0]:
-        off += _matter(a.bodies[name], b.bodies[name], D, length)
+        off += matter_apart(a.bodies[name], b.bodies[name], D, length)
     return float(np.sum(np.log10(np.maximum(off, ROUNDING / 10.0))))
 
 
-def _matter(a: BodyReading, b: BodyReading, D: Array, length: float) -> list[float]:
+def matter_apart(a: BodyReading, b: BodyReading, D: Array, length: float) -> list[float]:
     """How far apart two bodies' centres of mass and the directions of their inertia are."""
     T = D @ b.pose
     R, S = a.pose[:3, :3], T[:3, :3]
