@@ -111,7 +111,7 @@ def test_loops_are_never_said_to_leave_the_same_motions_at_different_points(writ
     assert not found.loops.alike
     assert re.fullmatch(r"'d' by 0.1\d* m", found.loops.opened)
     assert "leave the same motions" not in found.verdict
-    assert "open at home by 0.1 m in B" in found.verdict
+    assert "at home open by 0.1 m in B, closed in A" in found.verdict
     assert f"Poses that close A leave B open: {found.loops.opened}." in found.verdict
 
 

@@ -47,7 +47,7 @@ def _body(common: Common, name: str, a: BodyReading, b: BodyReading) -> Iterator
             sentence = compared(name, "com", com, b.com, "m")[1]
             if moved:
                 way, axes = b.pose[:3, :3] @ (b.com - com), "in the frame of its own file"
-                apart = in_axes(way, axes_of(common.a, name), "mm")
+                apart = in_axes(way, axes_of(common.a, name), "mm", " apart")
                 sentence = each_in_its_own(name, "com", a.com, b.com, "m", axes, apart)
             yield found("com", com, b.com, step / max(radius, 1e-300), sentence)
     scale = max(float(np.abs(inertia).max()), float(np.abs(b.inertia).max()))

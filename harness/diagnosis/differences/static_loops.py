@@ -47,7 +47,7 @@ def closures(common: Common, as_written: Common) -> Iterator[Difference]:
                 own = common.own["closures"].get(name, name) if side == "B" else name
                 sentence = f"{own}: a closure of {closure.first} and {closure.second} in {side} only"
                 if open_[name] > CLOSED:
-                    sentence += f", open at {at} by {_gap(closure, open_[name])}"
+                    sentence += f", at {at} open by {_gap(closure, open_[name])}"
                 yield only(side, own, "closure", sentence)
 
 
@@ -58,7 +58,10 @@ def _gap(closure: ClosureReading, gap: float) -> str:
 def _closure(common: Common, name: str, gaps: tuple[float, float], at: str) -> Iterator[Difference]:
     a, b = common.a.closures[name], common.b.closures[name]
     open_ = max(gaps) > CLOSED
-    still = f"; open at {at} by {_gap(b, gaps[1])} in B, {_gap(a, gaps[0])} in A" if open_ else ""
+    states = [
+        f"open by {_gap(each, gap)}" if gap > CLOSED else "closed" for each, gap in zip((b, a), gaps[::-1], strict=True)
+    ]
+    still = f"; at {at} {states[0]} in B, {states[1]} in A" if open_ else ""
     if a.kind != b.kind:
         sentence = f"{name}: a {b.kind} in B, a {a.kind} in A{still}"
         yield another(common, "closures", name, "closure", sentence)

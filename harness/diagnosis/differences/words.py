@@ -142,12 +142,13 @@ def turn_and_way(step: Array, axes: Sequence[Axes], length: float) -> str:
     return " and ".join(parts) or "by rounding"
 
 
-def in_axes(step: Array, axes: Sequence[Axes], unit: str) -> str:
+def in_axes(step: Array, axes: Sequence[Axes], unit: str, apart: str = "") -> str:
     """A step along the one axis that it has, with its sign; else its size, and the vector in the first of some axes.
 
     Args:
         step: In A's world [rad or m]. Shape (3,).
         unit: ``deg`` or ``mm``.
+        apart: Said behind a size without a sign.
     """
     shown = np.degrees(step) if unit == "deg" else step * 1e3
     for each in axes:
@@ -156,7 +157,7 @@ def in_axes(step: Array, axes: Sequence[Axes], unit: str) -> str:
         if np.abs(np.delete(along, k)).max() <= _SHARE * abs(along[k]):
             return f"{along[k]:+.6g} {unit} {'about' if unit == 'deg' else 'along'} {_AXES[k]} of {each.name}"
     along = axes[0].R.T @ shown
-    return f"{np.linalg.norm(along):.6g} {unit}, {_short(along)} {unit} in the axes of {axes[0].name}"
+    return f"{np.linalg.norm(along):.6g} {unit}{apart}, {_short(along)} {unit} in the axes of {axes[0].name}"
 
 
 def _short(vector_: Array) -> str:
