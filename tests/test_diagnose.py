@@ -73,7 +73,7 @@ def test_of_the_mechanism_five_changes_are_said_in_one_sentence_each(machine):
     mass = diagnosed(entry(machine, "leg3.upper", "mass", lambda m: 1.01 * m))
     check(mass, "mass", "leg3.upper", "leg3.upper: mass 1.4342 kg in B, 1.4200 kg in A (+1.00 %)")
     com = diagnosed(entry(machine, "platform", "pos", lambda p: p + np.array([1e-3, 0.0, 0.0])))
-    check(com, "com", "platform", "(1 mm apart)")
+    check(com, "com", "platform", "(+1 mm along x)")
     armature = diagnosed(of_joint(machine, "leg2.q3", 'armature="0.01"'))
     check(armature, "armature", "leg2.q3", "armature 0.01 kg in B, 0 kg in A")
     damping = diagnosed(of_joint(machine, "leg4.q2", 'damping="0.1"'))
@@ -91,7 +91,10 @@ def test_of_an_arm_in_another_format_too(arms):
 
     check(diagnosed(entry(mjcf, "link3", "mass", lambda m: 1.01 * m)), "mass", "link3", "(+1.00 %)")
     check(
-        diagnosed(entry(mjcf, "link5", "pos", lambda p: p + np.array([0.0, 1e-3, 0.0]))), "com", "link5", "(1 mm apart)"
+        diagnosed(entry(mjcf, "link5", "pos", lambda p: p + np.array([0.0, 1e-3, 0.0]))),
+        "com",
+        "link5",
+        "(+1 mm along y)",
     )
     check(diagnosed(of_joint(mjcf, "joint2", 'armature="0.01"')), "armature", "joint2", "none in A")
     check(diagnosed(changed(mjcf, 'damping="0.14"', 'damping="0.24"')), "damping", "joint4", "0.24")

@@ -87,7 +87,7 @@ def test_a_body_that_is_described_in_another_frame_is_the_same_body(base, diagno
 def test_a_base_that_stands_turned_is_one_difference_and_no_gravity(turn, base, diagnosed, tmp_path):
     a = arm(ORIENTATIONS["quat"], base=base or '<joint name="a" axis="0 0 1"/>')
     found = diagnosed(a, a.replace('name="one"', f'name="one" {turn}'))
-    assert proved(found, tmp_path).startswith("a: sits elsewhere in B, with all that it carries (")
+    assert proved(found, tmp_path).startswith("a: sits elsewhere in B, with all that it carries, turned by ")
 
 
 @pytest.mark.slow
@@ -99,4 +99,6 @@ def test_a_free_base_stands_where_its_coordinates_say_whatever_else_there_is(bes
     a = free.replace(*where)
     found = diagnosed(a, a.replace('name="one"', "name='one' euler='0 45 0'"))
     assert found.same
-    assert "a stands elsewhere at home in B (0.7854 rad): a free base is where its coordinates say" in found.notes
+    assert any(
+        note.startswith("a stands elsewhere at home in B (turned by -45 deg about y of ") for note in found.notes
+    )

@@ -43,7 +43,7 @@ def test_a_centre_of_mass_is_said_in_the_frame_of_each_file(diagnosed):
     found = diagnosed({}, {"pos": ".01 0 0", "joint": "-.01 0 0", "com": "-.12 0 -.15"})
     assert [each.sentence for each in found.differences] == [
         "arm: centre of mass (-0.1200, 0, -0.15) m in B, (-0.1000, 0, -0.15) m in A, each in the frame of its own file "
-        "(10 mm apart, by (-10, 0, 0) mm in A's world)"
+        "(-10 mm along x of arm in A)"
     ]
     turned = diagnosed({}, {**TURNED, "com": "0 .12 -.15", "tensor": ".02 .01 .03"})
     (said,) = [each.sentence for each in turned.differences]

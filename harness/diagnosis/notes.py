@@ -8,8 +8,8 @@ import numpy as np
 
 from screwgauge.diagnosis.compare import STATES, components
 from screwgauge.diagnosis.differences.content import Beyond
-from screwgauge.diagnosis.differences.geometry import amount
-from screwgauge.diagnosis.differences.words import turn_and_way
+from screwgauge.diagnosis.differences.geometry import step_of
+from screwgauge.diagnosis.differences.words import WORLD, turn_and_way
 from screwgauge.diagnosis.library_dynamics import Witness
 from screwgauge.diagnosis.mechanics.lines import CLOSE
 from screwgauge.diagnosis.model import Model
@@ -76,9 +76,10 @@ def _elsewhere(common: Common) -> Iterator[str]:
     """Free bodies that B has elsewhere at home."""
     for name, body in common.b.bodies.items():
         joint = common.b.joints[body.joints[0]]
-        off = amount(common.behind[name], joint.centre)
-        if joint.kind == "free" and max(off[0], off[1] / size(common.a)) > CLOSE:
-            much = turn_and_way(off)
+        step, length = step_of(common.behind[name], joint.centre), size(common.a)
+        off = np.linalg.norm(step, axis=1) / (1.0, length)
+        if joint.kind == "free" and off.max() > CLOSE:
+            much = turn_and_way(step, (WORLD,), length)
             yield f"{body.joints[0]} stands elsewhere at home in B ({much}): a free base is where its coordinates say"
 
 

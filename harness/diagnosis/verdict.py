@@ -40,9 +40,10 @@ WORDS = 30
 #: What a sentence can do without, the least needed first.
 _DETAILS = (
     r", with (?!all )[^;]*",
-    r", (?:turned|off) by [^;]*",
     r", each in the frame of its own file",
+    r", \([^()]*\) (?:deg|mm) in the axes of [^;]*?(?= and shifted|;|$)",
     r" \((?:[^()]|\([^()]*\))*\)$",
+    r", turned by [^;]*",
 )
 _NAMED = 3
 

@@ -23,6 +23,7 @@ from screwgauge.reference.rotations import Array
 #: In the order of MuJoCo's numbers.
 _KINDS = ("free", "ball", "slide", "hinge")
 _CONNECT, _WELD, _JOINT, _TENDON = range(4)
+_BODY = 1  # mjtObj: an equality of bodies, not of sites
 #: Stages that go with all constraints.
 _CONSTRAINTS = ("EQUALITY", "FRICTIONLOSS", "LIMIT")
 
@@ -153,7 +154,8 @@ def _equalities(
         elif kind in (_CONNECT, _WELD):
             sides = _sides(model, i, assembly)
             joint = "weld" if kind == _WELD else "point"
-            closures[name] = ClosureReading(joint, *sides[0], *sides[1], softness=_softness(model, i))
+            derived = kind == _CONNECT and model.eq_objtype[i] == _BODY
+            closures[name] = ClosureReading(joint, *sides[0], *sides[1], _softness(model, i), derived)
         else:
             found.append(other_equality(model, i, name))
     return closures, couplings

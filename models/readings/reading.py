@@ -84,6 +84,7 @@ class ClosureReading:
     Attributes:
         first, second: Bodies or ground; their frames in the body frames, shape (4, 4).
         softness: MuJoCo's solref and solimp, seven numbers, and of a weld torquescale; none where it is kept exactly.
+        derived: The file has no second frame: it is where the first one is at home.
     """
 
     kind: str
@@ -92,6 +93,7 @@ class ClosureReading:
     second: str
     second_frame: Array
     softness: tuple[float, ...] = ()
+    derived: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -92,12 +92,7 @@ def _of_joint(a: Reading, common: Common, name: str, length: float) -> Iterator[
     if D is not None and turns:
         along = _along(ours, D, length)
     if D is not None and along is None:  # which way it counts shows where it stands as in A
-        E = np.linalg.inv(D)
-        yield (
-            "placement",
-            D,
-            np.array([rotation_vector(np.asarray(E[:3, :3])), (E[:3, :3] @ ours.centre + E[:3, 3]) - ours.centre]),
-        )
+        yield "placement", D, step_of(np.asarray(np.linalg.inv(D)), ours.centre)
         b = applied(b, [Change(name, "placement", D)])
     if not turns:
         return
@@ -167,7 +162,7 @@ def _breaks(a: Reading, b: Reading, items: tuple[list[str], list[str]], D: Array
     for T, limit in ((np.eye(4), 10.0), (D, 100.0)):
         there = {name: apart(a.joints[name], moved(b.joints[name], T), length) for name in items[1] if name in a.joints}
         there |= {
-            f"body {name}": max(_matter(a.bodies[name], b.bodies[name], T, length))
+            f"body {name}": max(matter_apart(a.bodies[name], b.bodies[name], T, length))
             for name in items[0]
             if name in a.bodies and a.bodies[name].mass and b.bodies[name].mass
         }
@@ -190,11 +185,11 @@ def _nearness(a: Reading, b: Reading, items: tuple[list[str], list[str]], D: Arr
     """Decades of the distances of what a joint carries once it is displaced."""
     off = [apart(a.joints[name], moved(b.joints[name], D), length) for name in items[1]]
     for name in items[0]:
-        off += _matter(a.bodies[name], b.bodies[name], D, length)
+        off += matter_apart(a.bodies[name], b.bodies[name], D, length)
     return float(np.sum(np.log10(np.maximum(off, ROUNDING / 10.0))))
 
 
-def _matter(a: BodyReading, b: BodyReading, D: Array, length: float) -> list[float]:
+def matter_apart(a: BodyReading, b: BodyReading, D: Array, length: float) -> list[float]:
     """How far apart two bodies' centres of mass and the directions of their inertia are."""
     T = D @ b.pose
     R, S = a.pose[:3, :3], T[:3, :3]
@@ -251,7 +246,7 @@ def _along(joint: JointReading, D: Array, length: float) -> float | None:
     return along if off < loose else None
 
 
-def amount(D: Array, at: Array) -> tuple[float, float]:
-    """Angle of a displacement [rad], and how far it moves a point [m]."""
+def step_of(D: Array, at: Array) -> Array:
+    """Rotation vector of a displacement [rad], and by how much it moves a point [m]. Shape (2, 3)."""
     R = D[:3, :3]
-    return float(np.linalg.norm(rotation_vector(R))), float(np.linalg.norm(R @ at + D[:3, 3] - at))
+    return np.array([rotation_vector(R), R @ at + D[:3, 3] - at])

@@ -10,11 +10,11 @@ import numpy as np
 
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.change import PROPERTIES, Difference, Kind, axis
-from screwgauge.diagnosis.differences.geometry import Deviation, deviations
+from screwgauge.diagnosis.differences.geometry import Deviation, deviations, step_of
 from screwgauge.diagnosis.differences.stated import another, differ, difference
 from screwgauge.diagnosis.differences.static_bodies import bodies
 from screwgauge.diagnosis.differences.static_loops import actuators, closures, couplings
-from screwgauge.diagnosis.differences.words import compared, directed, each_in_its_own, place, unit_of
+from screwgauge.diagnosis.differences.words import axes_of, compared, each_in_its_own, place, unit_of
 from screwgauge.diagnosis.mechanics.lines import CLOSE
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common
 from screwgauge.models.kinematics import downwards, size
@@ -50,11 +50,7 @@ def differences(common: Common, deadline: Deadline | None = None) -> tuple[list[
 
 def _deviation(common: Common, found: Deviation) -> Difference:
     item, what = found.right.item, found.right.what
-    joint, (angle, way) = common.a.joints[item], found.amount
-    along = float((found.step[0] + found.step[1]) @ axis(joint)) if what == "zero" else 0.0
-    sentence, relative = place(item, what, found.amount, joint, along), angle + way / size(common.a)
-    if what not in ("sign", "zero"):
-        sentence += directed(found.step)
+    joint, (angle, way), length = common.a.joints[item], found.amount, size(common.a)
     b = {
         "sign": np.array(1.0),
         "zero": np.asarray(common.b.joints[item].home),
@@ -62,12 +58,15 @@ def _deviation(common: Common, found: Deviation) -> Difference:
         "axis": axis(common.b.joints[item]),
         "centre": common.b.joints[item].centre,
     }[what]
-    ball = what == "placement" and joint.kind == "ball" and way <= common.rounding * size(common.a)
+    ball = what == "placement" and joint.kind == "ball" and way <= common.rounding * length
     kind: Kind = "convention" if what in ("sign", "zero") or ball else "model"
-    if ball:
-        sentence = place(item, "zero", (angle, 0.0), replace(joint, kind="hinge"), angle)
+    carrier = common.a.moved_by(item)
+    axes, step = axes_of(common.a, carrier, common.a.bodies[carrier].near), found.step
+    if what == "placement":  # files have that of the frame of what the joint carries
+        step = step_of(np.asarray(np.linalg.inv(found.right.value)), common.a.bodies[carrier].pose[:3, 3])
+    sentence = place(item, "zero" if ball else what, step, joint, axes, length)
     unit, change = unit_of(what, joint), found.change
-    return Difference(item, change.item, what, found.right.value, b, unit, relative, sentence, change, kind)
+    return Difference(item, change.item, what, found.right.value, b, unit, angle + way / length, sentence, change, kind)
 
 
 def _model(common: Common) -> Iterator[Difference]:
@@ -76,8 +75,9 @@ def _model(common: Common) -> Iterator[Difference]:
         size_, sentence = compared("", "gravity", a, b, PROPERTIES["gravity"].unit)
         R = common.placement[:3, :3]
         if np.abs(R - np.eye(3)).max() > ROUNDING:
-            step, axes = float(np.linalg.norm(a - b)), "along the axes of its own world"
-            sentence = each_in_its_own("", "gravity", a, R.T @ b, PROPERTIES["gravity"].unit, step, axes)
+            unit, axes = PROPERTIES["gravity"].unit, "along the axes of its own world"
+            apart = f"{np.linalg.norm(a - b):.4g} {unit} apart"
+            sentence = each_in_its_own("", "gravity", a, R.T @ b, unit, axes, apart)
         yield difference(common, "", "gravity", a, b, (size_, sentence + _stands(common, a, b)))
     first, second = np.array(common.a.medium), np.array(common.b.medium)
     if np.any(np.abs(first - second) > ROUNDING * np.maximum(first, second)):

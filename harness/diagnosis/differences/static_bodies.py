@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.stated import differ, difference, only
-from screwgauge.diagnosis.differences.words import compared, each_in_its_own
+from screwgauge.diagnosis.differences.words import axes_of, compared, each_in_its_own, in_axes
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common
 from screwgauge.models.kinematics import size
 from screwgauge.models.matter import combined, displaced, of_body, relative
@@ -47,7 +47,8 @@ def _body(common: Common, name: str, a: BodyReading, b: BodyReading) -> Iterator
             sentence = compared(name, "com", com, b.com, "m")[1]
             if moved:
                 way, axes = b.pose[:3, :3] @ (b.com - com), "in the frame of its own file"
-                sentence = each_in_its_own(name, "com", a.com, b.com, "m", step, axes, way)
+                apart = in_axes(way, axes_of(common.a, name), "mm", " apart")
+                sentence = each_in_its_own(name, "com", a.com, b.com, "m", axes, apart)
             yield found("com", com, b.com, step / max(radius, 1e-300), sentence)
     scale = max(float(np.abs(inertia).max()), float(np.abs(b.inertia).max()))
     if np.abs(inertia - b.inertia).max() > 10 * common.rounding * scale:

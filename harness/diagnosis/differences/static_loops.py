@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from screwgauge.diagnosis.differences.change import Change, Difference
+from screwgauge.diagnosis.differences.change import Change, Difference, axis, outwards
+from screwgauge.diagnosis.differences.geometry import matter_apart, step_of
 from screwgauge.diagnosis.differences.stated import another, differ, difference, only
-from screwgauge.diagnosis.differences.words import compared, directed, unit_of, vector
+from screwgauge.diagnosis.differences.words import axes_of, compared, turn_and_way, unit_of, vector
 from screwgauge.diagnosis.files.write_mjcf import SOFTNESS
-from screwgauge.diagnosis.mechanics.lines import CLOSE
+from screwgauge.diagnosis.mechanics.lines import CLOSE, apart
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common
-from screwgauge.models.kinematics import plant, residual_at_home, size
-from screwgauge.models.readings.reading import ClosureReading
-from screwgauge.reference.rotations import Array
+from screwgauge.models.kinematics import moved, plant, residual_at_home, size
+from screwgauge.models.readings.assemble import exponential
+from screwgauge.models.readings.reading import ClosureReading, Reading
+from screwgauge.reference.rotations import Array, rotation_vector
 
 #: What a joint exerts by itself.
 PASSIVE = ("armature", "damping", "friction", "stiffness")
+
+#: Gaps at home up to this are closed [m or rad].
+CLOSED = 1e-9
 
 
 def closures(common: Common, as_written: Common) -> Iterator[Difference]:
@@ -41,7 +46,8 @@ def closures(common: Common, as_written: Common) -> Iterator[Difference]:
             if name not in there.closures:
                 own = common.own["closures"].get(name, name) if side == "B" else name
                 sentence = f"{own}: a closure of {closure.first} and {closure.second} in {side} only"
-                sentence += f", open at {at} by {_gap(closure, open_[name])}"
+                if open_[name] > CLOSED:
+                    sentence += f", at {at} open by {_gap(closure, open_[name])}"
                 yield only(side, own, "closure", sentence)
 
 
@@ -51,7 +57,11 @@ def _gap(closure: ClosureReading, gap: float) -> str:
 
 def _closure(common: Common, name: str, gaps: tuple[float, float], at: str) -> Iterator[Difference]:
     a, b = common.a.closures[name], common.b.closures[name]
-    still = f"; open at {at} by {_gap(b, gaps[1])} in B, {_gap(a, gaps[0])} in A"
+    open_ = max(gaps) > CLOSED
+    states = [
+        f"open by {_gap(each, gap)}" if gap > CLOSED else "closed" for each, gap in zip((b, a), gaps[::-1], strict=True)
+    ]
+    still = f"; at {at} {states[0]} in B, {states[1]} in A" if open_ else ""
     if a.kind != b.kind:
         sentence = f"{name}: a {b.kind} in B, a {a.kind} in A{still}"
         yield another(common, "closures", name, "closure", sentence)
@@ -65,14 +75,19 @@ def _closure(common: Common, name: str, gaps: tuple[float, float], at: str) -> I
         steps[what] = body, ours, theirs
     if a.kind == b.kind == "point" and _along_hinge(common, name, steps):
         return
+    moved = False
     for what, (body, ours, theirs) in steps.items():
         step = float(np.linalg.norm(ours[:3, 3] - theirs[:3, 3]))
         turn = float(np.abs(ours[:3, :3] - theirs[:3, :3]).max()) if a.kind == b.kind == "weld" else 0.0
         if max(step / size(common.a), turn) > 10 * common.rounding:
-            off = f"{step * 1e3:.6g} mm" + (f" and {turn:.6g} rad" if turn else "")
             R = common.b.bodies[body].pose[:3, :3] if body in common.b.bodies else np.eye(3)
-            where = directed(np.array([np.zeros(3), R @ (theirs - ours)[:3, 3]]))
-            more = step / size(common.a) + turn, f"{name}: its frame on {body} is {off} elsewhere in B{where}{still}"
+            w = rotation_vector(np.asarray(theirs[:3, :3] @ ours[:3, :3].T)) if turn else np.zeros(3)
+            way = np.array([R @ w, R @ (theirs - ours)[:3, 3]])
+            told = turn_and_way(way, axes_of(common.a, body), size(common.a))
+            if what == "second_frame" and a.derived and b.derived and at == "home" and not (open_ or moved):
+                continue  # it follows from joints between the two frames that are elsewhere
+            moved = True
+            more = step / size(common.a) + turn, f"{name}: its frame on {body} is elsewhere in B, {told}{still}"
             yield difference(common, name, what, ours, theirs, more)
 
 
@@ -132,6 +147,9 @@ def couplings(common: Common, shifts: Mapping[str, float]) -> Iterator[Differenc
             if shifts and np.abs(first - second).max() <= CLOSE * float(np.abs(first).max()):
                 sentence = f"{said.sentence}: the same, as zeros are elsewhere"
                 said = replace(said, kind="convention", sentence=sentence)
+            elif shifts and _of_free_zero(common.b, other.of, first, second):
+                sentence = f"{said.sentence}: the same, as zeros are elsewhere, that of {coupling.of} among them"
+                said = replace(said, kind="convention", sentence=sentence)
             yield said
         yield from _softness(common, "couplings", name)
     for name, coupling in common.b.couplings.items():
@@ -139,6 +157,48 @@ def couplings(common: Common, shifts: Mapping[str, float]) -> Iterator[Differenc
             sentence = f"{coupling.joint} follows {coupling.of or 'nothing'} in B only"
             own = common.own["couplings"].get(name, name)
             yield only("B", own, "coupling", sentence, coupling.polynomial, "1")
+
+
+def _of_free_zero(b: Reading, of: str, first: Array, second: Array) -> bool:
+    """Whether two couplings are the same but for the zero of a leading hinge, which nothing else in a model shows.
+
+    Args:
+        first, second: Coefficients of both, as A counts what follows. Shape (n,).
+    """
+    if of not in b.joints or b.joints[of].kind != "hinge" or not second[1]:
+        return False
+    zero = float(second[0] - first[0]) / float(second[1])
+    there, _ = _padded(np.asarray(Polynomial(second)(Polynomial([-zero, 1.0])).coef), first)
+    return bool(np.abs(there - first).max() <= CLOSE * np.abs(first).max()) and _unseen(b, of, zero)
+
+
+def _unseen(reading: Reading, joint: str, angle: float) -> bool:
+    """Whether nothing shows where a hinge counts from: what it carries is round, or what is before it, on one axis."""
+    hinge, length = reading.joints[joint], size(reading)
+    T = exponential("hinge", axis(hinge), hinge.centre, angle)
+    bodies, joints = outwards(reading, joint)
+    if _stays(reading, bodies, joints, T):
+        return True
+    near = reading.bodies[reading.moved_by(joint)].near
+    previous = reading.bodies[near].joints[-1] if near in reading.bodies else joint
+    if previous == joint or apart(reading.joints[previous], hinge, length) > CLOSE:
+        return False
+    before, others = outwards(reading, previous)
+    return _stays(reading, [n for n in before if n not in bodies], [n for n in others if n not in joints], T)
+
+
+def _stays(reading: Reading, bodies: Sequence[str], joints: Sequence[str], T: Array) -> bool:
+    """Whether matter of bodies, joints and ends of loops are where they were after a turn. T: shape (4, 4)."""
+    length = size(reading)
+    off = [apart(reading.joints[name], moved(reading.joints[name], T), length) for name in joints]
+    for name in bodies:
+        off += matter_apart(reading.bodies[name], reading.bodies[name], T, length)
+    for closure in reading.closures.values():
+        for name, frame in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):
+            if name in bodies:
+                turn, way = np.linalg.norm(step_of(T, (reading.bodies[name].pose @ frame)[:3, 3]), axis=1)
+                off += [float(way) / length, float(turn) if closure.kind == "weld" else 0.0]
+    return max(off) < CLOSE
 
 
 def actuators(common: Common, turned: Collection[str]) -> Iterator[Difference]:

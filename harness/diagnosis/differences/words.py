@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from screwgauge.diagnosis.differences.change import PROPERTIES
-from screwgauge.models.readings.reading import JointReading
+from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.rotations import Array
 
 _AXES = "xyz"
@@ -49,9 +51,7 @@ def compared(item: str, what: str, a: Array, b: Array, unit: str, own: Array | N
     if what in ("com", "centre", "gravity"):
         size = float(np.linalg.norm(step))
         said = f"{lead} {vector(b, a)}{behind} in B, {vector(a, b)}{behind} in A"
-        if unit == "m":
-            return size / scale, f"{said} ({size * 1e3:.4g} mm apart)"
-        return size / scale, f"{said} ({size:.4g}{behind} apart)"
+        return size / scale, f"{said} ({_apart(step, unit)})"
     if what == "inertia":
         return apart / scale, f"{lead} {_tensors(a, b)}"
     ours, theirs = vector(a, shown), vector(shown, a)
@@ -60,51 +60,104 @@ def compared(item: str, what: str, a: Array, b: Array, unit: str, own: Array | N
     return apart / scale, f"{lead} {theirs}{behind} in B, {ours}{behind} in A"
 
 
-def each_in_its_own(
-    item: str, what: str, a: Array, b: Array, unit: str, step: float, axes: str, way: Array | None = None
-) -> str:
+def each_in_its_own(item: str, what: str, a: Array, b: Array, unit: str, axes: str, apart: str) -> str:
     """A sentence on vectors that each file gives in a frame of its own.
 
     Args:
         a, b: As the files have them. Shape (3,).
-        step: How far apart they are, seen in one frame.
         axes: What each is given in.
-        way: From A to B in A's world, where it is to be said. Shape (3,).
+        apart: How far apart they are, seen in one frame, in words.
     """
     said = f"{item}: {NAMES.get(what, what)}" if item else NAMES.get(what, what)
-    much = f"{step * 1e3:.4g} mm" if unit == "m" else f"{step:.4g} {unit}"
-    off = f", by {_short(way * 1e3)} mm in A's world" if way is not None and unit == "m" else ""
     ours, theirs = vector(a, b), vector(b, a)
     if ours == theirs:
-        return f"{said} {ours} {unit} in both, each {axes} ({much} apart{off})"
-    return f"{said} {theirs} {unit} in B, {ours} {unit} in A, each {axes} ({much} apart{off})"
+        return f"{said} {ours} {unit} in both, each {axes} ({apart})"
+    return f"{said} {theirs} {unit} in B, {ours} {unit} in A, each {axes} ({apart})"
 
 
-def place(item: str, what: str, amount: tuple[float, float], joint: JointReading, along: float = 0.0) -> str:
+@dataclass(frozen=True, slots=True, eq=False)
+class Axes:
+    """Axes in which a turn or a way is told.
+
+    Attributes:
+        name: Whose they are, such as ``link3 in A``.
+        R: Their directions in A's world at home, as columns. Shape (3, 3).
+    """
+
+    name: str
+    R: Array
+
+
+#: Axes in which places are told where no body has any.
+WORLD = Axes("the world in A", np.eye(3))
+#: A part of a step that is smaller than this share of the other one is rounding of that; so is a component of a vector.
+_SHARE = 1e-5
+
+
+def axes_of(a: Reading, *names: str) -> tuple[Axes, ...]:
+    """Those of bodies of A, or of the world."""
+    return (*(Axes(f"{name} in A", a.bodies[name].pose[:3, :3]) for name in names if name in a.bodies), WORLD)
+
+
+def place(item: str, what: str, step: Array, joint: JointReading, axes: Sequence[Axes], length: float) -> str:
     """A sentence on a joint that is elsewhere, or counts in another way.
 
     Args:
-        along: How far its zero is from that of A, along its axis [rad or m].
+        step: From A to B in A's world: rotation vector [rad] and way [m]. Shape (2, 3).
+        joint: A's; `axes`: to tell the step in.
+        length: Size of the machine [m].
     """
-    angle, way = amount
     if what == "sign":
         return f"{item}: counts the other way in B (its axis is reversed)"
     if what == "zero":
-        turned = f"{along:+.6g} rad ({math.degrees(along):+.6g} deg)"
-        much = turned if joint.kind == "hinge" else f"{along * 1e3:+.6g} mm"
-        return f"{item}: its zero is {much} elsewhere in B"
+        return f"{item}: its zero is {_own_step(step, joint, axes)} in B"
+    told = turn_and_way(step, axes, length)
     if what == "placement":
-        return f"{item}: sits elsewhere in B, with all that it carries ({turn_and_way(amount)})"
-    if what == "axis":
-        return f"{item}: its axis alone is tilted in B by {angle:.6g} rad ({math.degrees(angle):.4g} deg)"
-    return f"{item}: its axis alone is shifted in B by {way * 1e3:.6g} mm"
+        return f"{item}: sits elsewhere in B, with all that it carries, {told}"
+    return f"{item}: its axis alone is elsewhere in B, {told.replace('turned', 'tilted')}"
 
 
-def directed(step: Array) -> str:
-    """The direction of a turn [rad] and a way [m] from A to B, those that are there. Shape (2, 3)."""
-    parts = [f"turned by {_short(step[0])} rad"] * bool(np.linalg.norm(step[0]) > 1e-12)
-    parts += [f"off by {_short(step[1] * 1e3)} mm"] * bool(np.linalg.norm(step[1]) > 1e-12)
-    return f", {' and '.join(parts)} in A's world" if parts else ""
+def _own_step(step: Array, joint: JointReading, axes: Sequence[Axes]) -> str:
+    """A step by what the joint itself does."""
+    if joint.kind == "hinge":
+        along = float(step[0] @ joint.screw[:3])
+        return f"turned by {math.degrees(along):+.6g} deg about its axis ({along:+.6g} rad)"
+    if joint.kind == "slide":
+        return f"shifted by {float(step[1] @ joint.screw[3:]) * 1e3:+.6g} mm along its axis"
+    return f"turned by {in_axes(step[0], axes, 'deg')}"
+
+
+def turn_and_way(step: Array, axes: Sequence[Axes], length: float) -> str:
+    """A turn [rad] and a way [m], those that are there, with their directions. Shape (2, 3).
+
+    Args:
+        length: Size of the machine [m], by which a turn and a way are compared.
+    """
+    angle, way = float(np.linalg.norm(step[0])), float(np.linalg.norm(step[1])) / length
+    parts = []
+    if angle > max(1e-12, _SHARE * way):
+        parts.append(f"turned by {in_axes(step[0], axes, 'deg')}")
+    if way > max(1e-12, _SHARE * angle):
+        parts.append(f"shifted by {in_axes(step[1], axes, 'mm')}")
+    return " and ".join(parts) or "by rounding"
+
+
+def in_axes(step: Array, axes: Sequence[Axes], unit: str, apart: str = "") -> str:
+    """A step along the one axis that it has, with its sign; else its size, and the vector in the first of some axes.
+
+    Args:
+        step: In A's world [rad or m]. Shape (3,).
+        unit: ``deg`` or ``mm``.
+        apart: Said behind a size without a sign.
+    """
+    shown = np.degrees(step) if unit == "deg" else step * 1e3
+    for each in axes:
+        along = each.R.T @ shown
+        k = int(np.abs(along).argmax())
+        if np.abs(np.delete(along, k)).max() <= _SHARE * abs(along[k]):
+            return f"{along[k]:+.6g} {unit} {'about' if unit == 'deg' else 'along'} {_AXES[k]} of {each.name}"
+    along = axes[0].R.T @ shown
+    return f"{np.linalg.norm(along):.6g} {unit}{apart}, {_short(along)} {unit} in the axes of {axes[0].name}"
 
 
 def _short(vector_: Array) -> str:
@@ -112,10 +165,13 @@ def _short(vector_: Array) -> str:
     return f"({', '.join(f'{x:.4g}' if abs(x) > 1e-6 * most else '0' for x in vector_)})"
 
 
-def turn_and_way(amount: tuple[float, float]) -> str:
-    """An angle [rad] and a way [m], those that are there."""
-    angle, way = amount
-    return " and ".join([f"{angle:.4g} rad"] * (angle > 1e-12) + [f"{way * 1e3:.4g} mm"] * (way > 1e-12)) or "nothing"
+def _apart(step: Array, unit: str) -> str:
+    """How far apart two vectors are that the same axes have: along one of these, if it is one."""
+    shown, of = (step * 1e3, "mm") if unit == "m" else (step, unit)
+    k = int(np.abs(shown).argmax())
+    if np.abs(np.delete(shown, k)).max() <= _SHARE * abs(shown[k]):
+        return f"{shown[k]:+.4g} {of} along {_AXES[k]}"
+    return f"{np.linalg.norm(shown):.4g} {of} apart"
 
 
 def with_sides(sentence: str, a: str, b: str) -> str:

@@ -24,6 +24,8 @@ NEAR, MANY = 0.01, 0.5
 MOST = 3.2
 #: Share of the machine's length, or of 1 rad, beyond which links of a part that fits nowhere are not taken for one.
 FAR = 0.1
+#: Cost of a joint that leads others beside one that follows: it tells fingers that are the same but for that.
+UNLIKE = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -206,6 +208,12 @@ def assignment(cost: Array) -> list[tuple[int, int]]:
     return sorted((int(row_of[j]), j) for j in range(m) if row_of[j] >= 0)
 
 
+def _roles(reading: Reading, link: Link) -> tuple[bool, bool]:
+    """Whether joints of a link lead others by a coupling, and whether they follow."""
+    pairs = [(coupling.of in link.joints, coupling.joint in link.joints) for coupling in reading.couplings.values()]
+    return any(leads for leads, _ in pairs), any(follows for _, follows in pairs)
+
+
 def aligned(a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str]) -> Alignment:
     """Finds partners.
 
@@ -267,6 +275,7 @@ class _Walk:
         cost = 1.5 * (one.kind != other.kind) + self._names(one, other)
         for mine, yours in zip(features(one, one.near), features(other, other.near), strict=False):
             cost += min(1.0, 10.0 * float(np.linalg.norm(gap(mine, yours.placed(T), a.length))))
+        cost += UNLIKE * (_roles(a.reading, one) != _roles(b.reading, other))
         first, second = a.bodies[one.far], b.bodies[other.far]
         cost += min(1.0, abs(math.log((first.matter.mass + 1e-9) / (second.matter.mass + 1e-9))))
         cost += min(1.0, 0.3 * abs(len(a.at(one.far)) - len(b.at(other.far))))

@@ -22,6 +22,9 @@ from screwgauge.reference.rotations import Array, cross, rotation
 EXACT = 1e-6
 #: Candidates from frames of one name that are tried.
 FRAMES = 6
+#: Principal moments, or a centre of mass and its axis, are distinct by such a share; those of two bodies are the same
+#: up to a share of `ALIKE`.
+DISTINCT, ALIKE = 1e-3, 1e-6
 UPPER = np.triu_indices(3)
 #: How many candidates are fitted along a link, and the angles of its hinges from which [rad].
 FITTED, TURNS = 3, (0.0, 2.1, -2.1)
@@ -162,6 +165,9 @@ def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Arr
     overlay = _Overlay(a, b, (links[0].far, links[1].far))
     tried = list(_candidates(a, b, links, near))
     scores = [_score(overlay.misfits(T)) for T in tried]
+    if all(overlay.misfits(T).max() > EXACT for T in tried):  # neither the joint nor a name tells: then matter may
+        tried += _by_matter(a, b, links)
+        scores = [_score(overlay.misfits(T)) for T in tried]
     best = max(range(len(tried)), key=lambda i: (round(scores[i], 5), -i))
     found, score = tried[best], scores[best]
     if overlay.misfits(found).max() <= EXACT or (len(links[0].elements) > 3 and links[0].kind != "F"):
@@ -192,6 +198,39 @@ def _candidates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -
         yield first.frames[name] @ np.linalg.inv(second.frames[name])
     if one.kind == "F":
         yield _frame(a, first) @ np.linalg.inv(_frame(b, second))
+
+
+def _by_matter(a: Machine, b: Machine, links: tuple[Link, Link]) -> Iterator[Array]:
+    """Placements that lay principal axes of inertia onto each other, or the link's axis and the centre of mass."""
+    sides = [(m.bodies[link.far], link) for m, link in ((a, links[0]), (b, links[1]))]
+    for landmarks in (_principal, _arm):
+        (ours, size_), (theirs, other) = (landmarks(body, link, a.length) for body, link in sides)
+        if len(ours) and len(theirs) and np.allclose(size_, other, rtol=ALIKE):
+            yield from (T @ np.linalg.inv(theirs[0]) for T in ours)
+
+
+def _principal(body: Body, link: Link, length: float) -> tuple[list[Array], Array]:
+    """Frames of the principal axes at the centre of mass, with all signs, and the moments; none of a round body."""
+    moments, R = np.linalg.eigh(body.matter.inertia)
+    if body.matter.mass == 0.0 or np.diff(moments).min() < DISTINCT * abs(moments[-1]):
+        return [], moments
+    R = R * np.linalg.det(R)
+    signs = ((1.0, 1.0, 1.0), (1.0, -1.0, -1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0))
+    return [matrix(body.matter.com, R * np.array(each)) for each in signs], moments
+
+
+def _arm(body: Body, link: Link, length: float) -> tuple[list[Array], Array]:
+    """Frames along the axis of a hinge, with the way to the centre of mass, and its length; none if it is short."""
+    if link.kind != "R" or body.matter.mass == 0.0:
+        return [], np.zeros(1)
+    d, point = link.elements[0].direction, link.elements[0].centre
+    foot = point + ((body.matter.com - point) @ d) * d
+    arm = body.matter.com - foot
+    reach = float(np.linalg.norm(arm))
+    if reach < DISTINCT * length:
+        return [], np.array([reach])
+    x = arm / reach
+    return [matrix(foot, np.array([x, np.cross(z, x), z]).T) for z in (d, -d)], np.array([reach])
 
 
 def _frame(machine: Machine, body: Body) -> Array:
