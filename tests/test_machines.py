@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from itertools import combinations
+from itertools import combinations, permutations
 
+import numpy as np
 import pytest
 
 import screwgauge
-from support.machines import aligned, loaded, machine_of, misfits
+from support.machines import aligned, assignment, loaded, machine_of, misfits
 from support.mechanism import load_mechanism
 from support.models import write_models
 
@@ -121,3 +122,15 @@ def test_a_fix_of_a_model_that_is_cut_elsewhere_is_proved_in_its_file(tmp_path):
     found.write_fix(tmp_path / "fixed.xml")
     assert 'mass="0.65"' not in (tmp_path / "fixed.xml").read_text(encoding="utf-8")
     assert screwgauge.diagnose(a, tmp_path / "fixed.xml").same
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 3), (2, 5), (5, 2), (4, 4)])
+def test_an_assignment_has_the_least_cost_of_all(shape):
+    drawn = np.random.default_rng(shape)
+    for cost in (drawn.normal(size=shape), drawn.integers(0, 3, shape).astype(float)):
+        pairs = assignment(cost)
+        few, many = sorted(shape)
+        table = cost if shape[0] == few else cost.T
+        least = min(sum(table[i, j] for i, j in enumerate(some)) for some in permutations(range(many), few))
+        assert len(pairs) == len({i for i, _ in pairs}) == len({j for _, j in pairs}) == few
+        assert sum(cost[pair] for pair in pairs) == pytest.approx(least)

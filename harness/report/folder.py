@@ -15,14 +15,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from uuid import uuid4
-
-import pandas as pd
 
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import DescriptionError, OutputError
 from screwgauge.reference.files import digest, read_json, why
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SAMPLES = "samples.parquet"
 _ELSEWHERE = "move it, or choose another folder with --out"

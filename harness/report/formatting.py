@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from screwgauge.quantities import digits
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Row = dict[str, Any]
 

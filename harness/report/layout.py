@@ -9,9 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, reduce
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from screwgauge.environment import environment
 from screwgauge.reference.errors import ReportError
@@ -37,6 +35,9 @@ from screwgauge.report.blocks import (
 from screwgauge.report.figures.renderer import RENDERER, losses
 from screwgauge.report.markdown import markdown
 from screwgauge.report.write import write_report
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TEXTS = Path(__file__).with_name("texts")
 RECORD, TERMINAL = "environment.json", "On a terminal"

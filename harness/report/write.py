@@ -9,8 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError, ReportError
 from screwgauge.report.blocks import Block, Picture, changed, walk
@@ -100,7 +98,7 @@ def _named(blocks: Iterable[Block], taken: set[str]) -> list[Block]:
 
 
 def _text(value: Any, figures: int | None) -> str:
-    if not isinstance(value, pd.DataFrame):
+    if not hasattr(value, "to_csv"):  # no table; pandas itself takes long to load
         return json_text(value)
     form = None if figures is None else f"%.{figures}g"
     return value.to_csv(index=False, na_rep="nan", lineterminator="\n", float_format=form)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from screwgauge.diagnosis.machine.alignment import aligned
+from screwgauge.diagnosis.machine.alignment import aligned, assignment
 from screwgauge.diagnosis.machine.placement import misfits
 from screwgauge.diagnosis.model import loaded
 from screwgauge.models.machine import machine_of
