@@ -9,7 +9,7 @@ from typing import Any
 from screwgauge.models.importing import is_model
 from screwgauge.reference.description import read_mechanism, read_tables, read_toml
 from screwgauge.reference.errors import UnknownNameError
-from screwgauge.reference.files import beside, is_file, is_path
+from screwgauge.reference.files import is_file, is_path, named_file
 from screwgauge.reference.mechanism import Mechanism
 
 FOLDER = Path(__file__).parent
@@ -31,7 +31,7 @@ def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "") -> 
     """
     if str(name) in mechanism_names():
         return FOLDER / str(name) / f"{name}.toml"
-    path = beside(folder, str(name))
+    path = named_file(folder, str(name))
     if is_model(path):
         from screwgauge.models.importing.model import imported_file
 
@@ -63,10 +63,10 @@ _built_in = cache(_read)
 
 def description_files(path: Path) -> list[Path]:
     """A description that can be read, and those that it extends."""
-    found = [path]
-    while "extends" in (said := read_toml(found[-1])):
-        found.append(mechanism_path(said["extends"], found[-1].parent, str(found[-1])))
-    return found
+    files = [path]
+    while "extends" in (tables := read_toml(files[-1])):
+        files.append(mechanism_path(tables["extends"], files[-1].parent, str(files[-1])))
+    return files
 
 
 def mechanism_tables(name: str | Path) -> dict[str, Any]:

@@ -95,12 +95,12 @@ def table() -> Mapping[str, Any]:
 @cache
 def kinds() -> Mapping[str, Kind]:
     """All kinds by name."""
-    found = {}
+    entries_by_name = {}
     for name, entry in table()["kinds"].items():
         entries = {**entry, "xml": tuple(entry.get("xml", ())), "arrays": tuple(entry.get("arrays", "").split())}
         entries["joints"] = tuple(entry.get("joints", ()))
-        found[name] = Kind(name, **entries)
-    return found
+        entries_by_name[name] = Kind(name, **entries)
+    return entries_by_name
 
 
 def kind_of(element: str) -> str:
@@ -108,10 +108,10 @@ def kind_of(element: str) -> str:
     return next((kind.name for kind in kinds().values() if element in kind.xml), OTHER)
 
 
-def phrases(found: Iterable[Content]) -> tuple[str, ...]:
+def phrases(contents: Iterable[Content]) -> tuple[str, ...]:
     """One phrase for all that is called alike, in the order in which they were found."""
     owners: dict[str, list[str]] = {}
-    for each in found:
+    for each in contents:
         owners.setdefault(each.what, []).append(each.whose)
     return tuple(f"{what}{_whose(names)}" for what, names in owners.items())
 
@@ -206,12 +206,12 @@ def _include(root: ET.Element, folder: Path) -> None:
 
 def _limits(mechanism: Mechanism) -> dict[str, dict[str, str]]:
     """Coordinate -> attribute -> the limits that the description gives it, as the writers write them."""
-    found = {}
+    limits_of = {}
     for joint in mechanism.joints:
         for name, limits in zip(joint.coordinates, joint.limits, strict=True):
             low, high = vector_text(np.clip(limits, -WIDE, WIDE)).split()
-            found[name] = {"lower": low, "upper": high, "range": vector_text(np.clip(limits, -FAR, FAR))}
-    return found
+            limits_of[name] = {"lower": low, "upper": high, "range": vector_text(np.clip(limits, -FAR, FAR))}
+    return limits_of
 
 
 @dataclass(frozen=True, slots=True)

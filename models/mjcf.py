@@ -36,10 +36,10 @@ SHOWN = 6
 
 def inertial(body: Body) -> dict[str, str]:
     """The attributes of an ``<inertial>``."""
-    said = {"pos": vector_text(body.com), "mass": number_text(body.mass or LEAST)}
+    attributes = {"pos": vector_text(body.com), "mass": number_text(body.mass or LEAST)}
     if not body.mass:
-        return {**said, "diaginertia": vector_text([LEAST] * 3)}
-    return {**said, **of_tensor(body.inertia)}
+        return {**attributes, "diaginertia": vector_text([LEAST] * 3)}
+    return {**attributes, **of_tensor(body.inertia)}
 
 
 def of_tensor(I: Array) -> dict[str, str]:
@@ -138,8 +138,8 @@ def write_mjcf(
     root = ET.Element("mujoco", model=mechanism.name)
     root.append(ET.Comment(f" {cut} cut; written by screwgauge models "))
     for sentence in stand_ins(mechanism):
-        said = sentence.removeprefix("MJCF: ").replace("--", "- -")  # which would end a comment
-        root.append(ET.Comment(f" {said} "))
+        comment = sentence.removeprefix("MJCF: ").replace("--", "- -")  # which would end a comment
+        root.append(ET.Comment(f" {comment} "))
     _settings(root, gravity, include)
     bodies = _bodies(ET.SubElement(root, "worldbody"), tree, "limits" in include)
     if "geoms" in include:

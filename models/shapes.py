@@ -77,13 +77,13 @@ def cut_joints(mechanism: Mechanism) -> frozenset[str]:
 
 def ends(mechanism: Mechanism) -> dict[str, list[End]]:
     """Body -> where its joints are."""
-    found: dict[str, list[End]] = {name: [] for name in mechanism.body_index}
+    ends_of: dict[str, list[End]] = {name: [] for name in mechanism.body_index}
     for joint in mechanism.joints:
         if joint.constrains:
             standing = GROUND in (joint.parent, joint.child)
             for name, frame in joint.sides:
-                found[name].append(End(frame.p, standing, joint.slides > 0))
-    return found
+                ends_of[name].append(End(frame.p, standing, joint.slides > 0))
+    return ends_of
 
 
 def segments(body: Body, its: list[End]) -> list[tuple[Array, Array]]:
@@ -113,28 +113,28 @@ def colour_of(i: int) -> str:
 def shapes(mechanism: Mechanism) -> list[Shape]:
     """All of them."""
     unit, index, points = length(layout(mechanism)), mechanism.body_index, ends(mechanism)
-    found: list[Shape] = []
+    drawn: list[Shape] = []
     for body in mechanism.bodies:
-        found += _body(body, index[body.name], points[body.name], unit, colour_of(index[body.name]))
+        drawn += _body(body, index[body.name], points[body.name], unit, colour_of(index[body.name]))
     cuts = cut_joints(mechanism)
     for joint in mechanism.joints:
         if joint.constrains:
-            found += _joint(joint, index[joint.parent], index[joint.child], unit, joint.name in cuts)
+            drawn += _joint(joint, index[joint.parent], index[joint.child], unit, joint.name in cuts)
     for odd in suspicious(mechanism):
         at = odd.point / unit
-        found.append(Shape("doubts", "cage", index[odd.body], at, at, 3.0 * JOINT, DOUBT, odd.sentence))
-    return found
+        drawn.append(Shape("doubts", "cage", index[odd.body], at, at, 3.0 * JOINT, DOUBT, odd.sentence))
+    return drawn
 
 
 def placed(mechanism: Mechanism, at: Pose | None = None) -> list[Shape]:
     """The same in the world, at home or at another pose (one sample)."""
     lay = layout(mechanism)
-    at, unit, found = at or pose(lay, mechanism.home[None]), length(lay), list[Shape]()
+    at, unit, drawn = at or pose(lay, mechanism.home[None]), length(lay), list[Shape]()
     for one in shapes(mechanism):
         ends = (one.body, one.a), (one.other if one.kind == "slide" else one.body, one.b.T)
         a, b = (at.p[0, i] / unit + v @ at.R[0, i].T for i, v in ends)
-        found.append(replace(one, body=0, other=0, a=a, b=b.T))
-    return found
+        drawn.append(replace(one, body=0, other=0, a=a, b=b.T))
+    return drawn
 
 
 def differing(mechanism: Mechanism, other: Mechanism) -> list[Shape]:

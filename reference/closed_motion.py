@@ -43,8 +43,8 @@ class ClosedMotion(Forward):
     def charts(self) -> Array:
         """Condition number of the angles of each cut joint, infinite in gimbal lock. Shape (n, n_cut)."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = [chart_condition(cut) + np.zeros(len(self.q)) for cut in self.cuts]
-        return np.stack(found, axis=1) if found else np.zeros((len(self.q), 0))
+            conditions = [chart_condition(cut) + np.zeros(len(self.q)) for cut in self.cuts]
+        return np.stack(conditions, axis=1) if conditions else np.zeros((len(self.q), 0))
 
     def _locked(self, cut: int) -> tuple[Array, ...]:
         """Entries of the coordinates of a cut joint, by its number, where it is in gimbal lock."""
@@ -54,10 +54,10 @@ class ClosedMotion(Forward):
     @cached_property
     def joint_position(self) -> Array:
         """Coordinates of all joints, those of a joint in gimbal lock as given. Shape (n, n_q)."""
-        found = super().joint_position
+        q = super().joint_position
         for j in range(len(self.cuts)):
-            found[self._locked(j)] = self.q[self._locked(j)]
-        return found
+            q[self._locked(j)] = self.q[self._locked(j)]
+        return q
 
     @cached_property
     def screws(self) -> Array:
@@ -67,10 +67,10 @@ class ClosedMotion(Forward):
 
     def _with_cuts(self, tree: Array, own: Any) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = super()._with_cuts(tree, own)
+            joined = super()._with_cuts(tree, own)
         for j in range(len(self.cuts)):
-            found[self._locked(j)] = np.nan
-        return found
+            joined[self._locked(j)] = np.nan
+        return joined
 
     @cached_property
     def response(self) -> Array:

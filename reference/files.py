@@ -76,7 +76,7 @@ def is_path(name: str) -> bool:
     return "/" in name or name.endswith(".toml")
 
 
-def beside(folder: Path, name: str) -> Path:
+def named_file(folder: Path, name: str) -> Path:
     """The file that another one in `folder` names; ``~`` is the user's own folder."""
     try:
         return folder / Path(name).expanduser()
@@ -134,10 +134,10 @@ def _opened(path: Path, most: str) -> Iterator[BufferedReader]:
     try:
         # opening a FIFO would wait for somebody to write into it
         with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
-            found = os.fstat(file.fileno())
-            if not stat.S_ISREG(found.st_mode):
+            status = os.fstat(file.fileno())
+            if not stat.S_ISREG(status.st_mode):
                 raise ValueError("it is no regular file")
-            if found.st_size > LIMITS[most] * 10**6:
+            if status.st_size > LIMITS[most] * 10**6:
                 raise ValueError(_too_large(most))
             if (read := _READ.get()) is not None:
                 read.append(path)
@@ -229,16 +229,16 @@ def replace_file(path: Path, content: str | bytes) -> None:
     Raises:
         OutputError: It cannot be written; it is then as it was.
     """
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         try:
-            with beside.open("wb") as file:
+            with temporary.open("wb") as file:
                 file.write(content.encode() if isinstance(content, str) else content)
                 file.flush()
                 os.fsync(file.fileno())
-            os.replace(beside, path)
+            os.replace(temporary, path)
         finally:
-            beside.unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
     except (OSError, ValueError) as error:
         raise OutputError(f"cannot be written ({why(error)})", str(path), "name another file") from error
 
@@ -250,8 +250,8 @@ def stamped(text: str) -> str:
 
 
 def _last(text: str) -> str:
-    said = f"{_SAID}{hashlib.sha256(text.encode(errors='surrogateescape')).hexdigest()}"
-    return f"<!-- {said} -->\n" if text.lstrip("\ufeff \n").startswith("<") else f"# {said}\n"
+    line = f"{_SAID}{hashlib.sha256(text.encode(errors='surrogateescape')).hexdigest()}"
+    return f"<!-- {line} -->\n" if text.lstrip("\ufeff \n").startswith("<") else f"# {line}\n"
 
 
 def is_as_written(path: Path) -> bool:

@@ -190,4 +190,4 @@ def serial_chains(mechanism: Mechanism) -> tuple[tuple[Edge, ...], ...]:
     target = output_body(mechanism)
     starts = [Edge(joint, GROUND) for joint in mechanism.joints if GROUND in joint.bodies]
     chains = [chain(start, target, mechanism.joints) for start in starts]
-    return tuple(found for found in chains if found[-1].far == target)
+    return tuple(way for way in chains if way[-1].far == target)

@@ -60,8 +60,8 @@ def condition(A: Array) -> Array:
         s = np.linalg.svd(A, compute_uv=False)
         with np.errstate(divide="ignore"):
             return np.asarray(size * np.sqrt(np.sum(s**-2.0, axis=-1)))
-    found = size * norms(inverse(A))
-    return np.asarray(np.where(np.isnan(found) & np.isfinite(size), np.inf, found))
+    number = size * norms(inverse(A))
+    return np.asarray(np.where(np.isnan(number) & np.isfinite(size), np.inf, number))
 
 
 def inverted(A: Array) -> tuple[Array, Array]:
@@ -69,13 +69,13 @@ def inverted(A: Array) -> tuple[Array, Array]:
     if A.shape[-2] > A.shape[-1] > 0:
         Q, R = np.linalg.qr(A)
         back = inverse(R)
-        found = norms(A) * norms(back)
-        if (found < 1e7).all():
-            return back @ Q.swapaxes(-1, -2), found
+        number = norms(A) * norms(back)
+        if (number < 1e7).all():
+            return back @ Q.swapaxes(-1, -2), number
     if A.shape[-1] == A.shape[-2]:
         with suppress(np.linalg.LinAlgError):
-            found = np.asarray(np.linalg.inv(A))
-            return found, norms(A) * norms(found)
+            back = np.asarray(np.linalg.inv(A))
+            return back, norms(A) * norms(back)
     return solve(A, np.eye(A.shape[-2])), condition(A)
 
 

@@ -97,12 +97,12 @@ class _End(NamedTuple):
 
 def _ends(mechanism: Mechanism) -> dict[str, list[_End]]:
     """The joints of each body; F joints hold none."""
-    found: dict[str, list[_End]] = {body.name: [] for body in mechanism.bodies}
+    ends: dict[str, list[_End]] = {body.name: [] for body in mechanism.bodies}
     for joint in mechanism.joints:
         for side, (body, frame) in enumerate(joint.sides):
-            if body in found and joint.constrains:
-                found[body].append(_End(joint, frame, side))
-    return found
+            if body in ends and joint.constrains:
+                ends[body].append(_End(joint, frame, side))
+    return ends
 
 
 def _spread(mechanism: Mechanism, places: Iterable[tuple[str, Array]]) -> float:
@@ -118,11 +118,11 @@ def implausible(mechanism: Mechanism) -> tuple[str, ...]:
 
 def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
     """Sentences on the bodies that `too_wide` tells of, the rest being named in one where there are many."""
-    found = {one.name: text for one in bodies if (text := too_wide(one))}
-    if len(found) <= SHOWN:
-        return (*found.values(),)
-    first, *rest = found
-    return found[first], f"{len(rest)} more bodies are lighter than air in the same way: {first_few(rest, SHOWN)}"
+    sentences = {one.name: text for one in bodies if (text := too_wide(one))}
+    if len(sentences) <= SHOWN:
+        return (*sentences.values(),)
+    first, *rest = sentences
+    return sentences[first], f"{len(rest)} more bodies are lighter than air in the same way: {first_few(rest, SHOWN)}"
 
 
 def solids(mechanism: Mechanism) -> Iterator[Solid]:
@@ -187,18 +187,18 @@ def in_degrees(what: str, angle: float) -> str:
 
 def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
     """All that is found, body by body."""
-    unit, found = length(layout(mechanism)), list[Suspicion]()
+    unit, suspicions = length(layout(mechanism)), list[Suspicion]()
     joints = [joint for joint in mechanism.joints if joint.constrains]
     extent = _spread(mechanism, [(joint.parent, joint.parent_frame.p) for joint in joints])
     wide, ends = {solid.name: too_wide(solid) for solid in solids(mechanism)}, _ends(mechanism)
     for body in mechanism.bodies:
         its = ends[body.name]
-        said = [wide.get(body.name, ""), *_masses(body, its, unit, extent)]
-        found += [Suspicion(body.name, body.com, text) for text in said if text]
+        sentences = [wide.get(body.name, ""), *_masses(body, its, unit, extent)]
+        suspicions += [Suspicion(body.name, body.com, text) for text in sentences if text]
         for a, b in combinations([end for end in its if end.joint.angles < 3], 2):
             if text := _between(a, b, unit, few=len(its) == 2):
-                found.append(Suspicion(body.name, a.frame.p, text))
-    return tuple(found)
+                suspicions.append(Suspicion(body.name, a.frame.p, text))
+    return tuple(suspicions)
 
 
 def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator[str]:

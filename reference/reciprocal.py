@@ -86,9 +86,9 @@ def end_body(mechanism: Mechanism) -> tuple[str, tuple[Leg, ...]]:
             if body in joint.bodies and (far := Edge(joint, body).far) not in away:
                 away[far] = away[body] + 1
                 rim.append(far)
-    found = {body.name: legs(mechanism, body.name) for body in mechanism.bodies}
-    best = max(found, key=lambda name: (len(found[name]), away[name]))
-    return best, found[best]
+    reached = {body.name: legs(mechanism, body.name) for body in mechanism.bodies}
+    best = max(reached, key=lambda name: (len(reached[name]), away[name]))
+    return best, reached[best]
 
 
 def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
@@ -168,14 +168,14 @@ def held(lay: Layout, at: Pose, body: str = "") -> tuple[Held, ...]:
     middles = at.p[:, i] + at.R[:, i] @ mechanism.body(body).com
     left = [body_twists(mechanism, leg.joints, body, at.q) for leg in ways]
     free = body_twists(mechanism, mechanism.joints, body, at.q)
-    found = []
+    bodies = []
     for k, middle in enumerate(middles):
         systems = [reciprocal_screws(twists[k]) for twists in left]
         both = np.concatenate([np.zeros((6, 0)), *systems], axis=1)
         wrenches = tuple(elements(system, middle, unit) for system in systems)
         redundant = both.shape[1] - linear.rank(both)
-        found.append(Held(body, ways, wrenches, elements(free[k], middle, unit), redundant))
-    return tuple(found)
+        bodies.append(Held(body, ways, wrenches, elements(free[k], middle, unit), redundant))
+    return tuple(bodies)
 
 
 def idle_forces(lay: Layout, at: Pose) -> Array:

@@ -116,20 +116,20 @@ class CaseResult:
         """What was measured as text with its unit, in as few digits as tell symptom and expected value apart."""
         if self.shown is None:
             return {}
-        found = self.shown
-        values = (found.symptom, found.expected, found.mended)
+        shown = self.shown
+        values = (shown.symptom, shown.expected, shown.mended)
         for digits in range(4, 18 if self.status == "shown" else 5):
-            texts = [_text(value, digits, found) for value in values]
+            texts = [_text(value, digits, shown) for value in values]
             if texts[0] != texts[1]:
                 break
-        return dict(zip(("symptom", "expected", "mended"), texts, strict=True)) | {"said": found.said.rstrip(".")}
+        return dict(zip(("symptom", "expected", "mended"), texts, strict=True)) | {"said": shown.said.rstrip(".")}
 
 
-def _text(value: float, digits: int, found: Shown) -> str:
+def _text(value: float, digits: int, shown: Shown) -> str:
     if not math.isfinite(value):
-        return "nothing" if found.said else str(value).replace("nan", "NaN")
-    space = "" if found.unit in ("", "%") else " "
-    return f"{value + 0.0:.{digits}g}{space}{found.unit}"
+        return "nothing" if shown.said else str(value).replace("nan", "NaN")
+    space = "" if shown.unit in ("", "%") else " "
+    return f"{value + 0.0:.{digits}g}{space}{shown.unit}"
 
 
 #: Engine -> distribution.
@@ -174,9 +174,9 @@ def suspects(bad: Set[str], good: Set[str], packages: Set[str]) -> Iterator[Case
     for case in CASES.values():
         touches, takes_part = {*case.touches}, {_PACKAGES[engine] for engine in case.engines}
         if touches & bad and not touches & good and takes_part <= packages:
-            found = reproduce(case.id)
-            if found.status == "shown":
-                yield found
+            result = reproduce(case.id)
+            if result.status == "shown":
+                yield result
 
 
 def _version(engine: str) -> str:

@@ -49,11 +49,11 @@ def carry_out(
         check_writable(out, names, force=force)
         with Progress(sys.stderr) as progress:
             try:
-                found = work(progress.show)
+                results = work(progress.show)
             except KeyboardInterrupt:
                 raise KeyboardInterrupt(again and f"run the same command again to go on from {out / again}") from None
-            _write(page, out, found, progress, tell, {**writing, **({"force": True} if force else {})})
-    return found
+            _write(page, out, results, progress, tell, {**writing, **({"force": True} if force else {})})
+    return results
 
 
 def _check_kept(file: Path, out: Path, names: Sequence[str]) -> None:
@@ -68,7 +68,7 @@ def _check_kept(file: Path, out: Path, names: Sequence[str]) -> None:
 def _write(
     page: Any,
     out: Path,
-    found: Any,
+    results: Any,
     progress: Progress,
     tell: Callable[[Any], str] | None,
     writing: dict[str, Any],
@@ -77,28 +77,28 @@ def _write(
     from screwgauge.report.folder import PAGES
     from screwgauge.report.terminal import terminal
 
-    lost, told = list[ScrewgaugeError](), list[bool]()
+    lost, printed = list[ScrewgaugeError](), list[bool]()
 
     def show() -> None:
-        if told:
+        if printed:
             return
-        told.append(False)
+        printed.append(False)
         progress.wipe()
         try:
-            say(tell(found) if tell else terminal(page.terminal(found)))
-            told.append(True)
+            say(tell(results) if tell else terminal(page.terminal(results)))
+            printed.append(True)
         except ScrewgaugeError as error:  # standard output takes nothing, which is no reason to draw nothing
             lost.append(error)
         progress.show("report", 0.5)
 
     progress.show("report", 0.0)
     try:
-        page.write(found, out, safe=show, **writing)
+        page.write(results, out, safe=show, **writing)
     except ScrewgaugeError as error:  # what was found is told all the same
         lost.append(error)
     show()
     progress.wipe()
-    if tell is None and told[-1]:
+    if tell is None and printed[-1]:
         say(f"\nreport: {out / PAGES[1] if (out / PAGES[1]).is_file() else 'none'}")
     if lost:
         raise lost[0]

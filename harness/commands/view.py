@@ -101,13 +101,13 @@ def _solved(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
 
     scene = scene.at(scene.t[spread(len(scene.t), FRAMES)])
     try:
-        found = run(scene, engines=("screw",))
+        results = run(scene, engines=("screw",))
     except ScrewgaugeError as error:
         complain(f"screwgauge: shown without forces: {error}")
         return scene, {}
-    for failure in found.failures.values():
+    for failure in results.failures.values():
         complain(f"screwgauge: shown without forces: {failure.reason}")
-    return scene, found.solutions
+    return scene, results.solutions
 
 
 def _kind(file: Path, option: str, *endings: str) -> None:

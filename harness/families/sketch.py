@@ -95,7 +95,7 @@ class Sketch:
         first, second = self.axes("U")
         return np.stack([first, second, np.cross(first, second)])
 
-    def beside(self, direction: Array, least: float = 0.6) -> Array:
+    def off_axis(self, direction: Array, least: float = 0.6) -> Array:
         """A random axis at an angle to a direction, sin of it at least so much. Shape (3,)."""
         while True:
             axis = self.unit()
@@ -106,7 +106,7 @@ class Sketch:
         """Random axes of a joint at home, the first of them given or not. Shape (n_axes, 3)."""
         n = max(1, sum(KINDS[kind]))
         first = self.unit() if first is None else first
-        second = np.cross(first, self.beside(first))
+        second = np.cross(first, self.off_axis(first))
         second /= np.linalg.norm(second)
         third = rotation(second, np.array(self.rng.uniform(-0.5, 0.5))) @ np.cross(first, second)
         return np.stack([first, second, third])[:n]
@@ -131,7 +131,7 @@ class Sketch:
         """Joints in a row from a to b through given points, each P along the way. Shape (n_joints, 3)."""
         ways = [points[min(i + 1, len(kinds) - 1)] - points[max(i - 1, 0)] for i in range(len(kinds))]
         axes = (
-            way / np.linalg.norm(way) if kind == "P" else self.beside(way) if way.any() else None
+            way / np.linalg.norm(way) if kind == "P" else self.off_axis(way) if way.any() else None
             for kind, way in zip(kinds, ways, strict=True)
         )
         self.place(kinds, self.between(a, b, len(kinds)), zip(points, axes, strict=True), driven)

@@ -29,7 +29,7 @@ from screwgauge.reference.description import read_toml
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, check_seed, first_few
 from screwgauge.reference.expressions import vector
-from screwgauge.reference.files import beside, check_free, is_file, is_path, stamped
+from screwgauge.reference.files import check_free, is_file, is_path, named_file, stamped
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import Drive, read_drive
@@ -226,12 +226,12 @@ def gravity_of(name: str) -> Array | None:
     """
     from screwgauge.models.importing.model import imported_file
 
-    path = beside(Path(), name)
+    path = named_file(Path(), name)
     if is_model(path):
         return imported_file(path)[1].gravity
     file = path.with_name(f"{path.stem}{SUFFIX}")
-    said = read_toml(file).get("gravity") if is_path(name) and is_file(file) else None
-    return None if said is None else vector(said, f"{file}, gravity")
+    gravity = read_toml(file).get("gravity") if is_path(name) and is_file(file) else None
+    return None if gravity is None else vector(gravity, f"{file}, gravity")
 
 
 def acting_on(imported: Imported) -> dict[str, Any]:

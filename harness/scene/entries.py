@@ -14,7 +14,7 @@ from screwgauge.reference.applied import JointSpring, Load, Motor, PointSpring, 
 from screwgauge.reference.description import check_keys, read_text, required
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number, vector
-from screwgauge.reference.files import beside, check_count
+from screwgauge.reference.files import check_count, named_file
 from screwgauge.reference.mechanism import GROUND, Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import read_terms
@@ -117,7 +117,7 @@ def read_names(value: Any, where: str) -> tuple[str, ...]:
 def read_models(table: Any, folder: Path, where: str) -> dict[str, Path]:
     if not isinstance(table, dict):
         raise DescriptionError(f"{table!r} is not a table", where, "write engine = 'file'")
-    return {engine: beside(folder, read_text(table, engine, where)) for engine in table}
+    return {engine: named_file(folder, read_text(table, engine, where)) for engine in table}
 
 
 def read_figure(table: Any, where: str) -> Figure:

@@ -18,7 +18,7 @@ from screwgauge.problem import GivenMotion, Rows
 from screwgauge.reference.description import check_keys, required
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.expressions import LARGEST, number, vector
-from screwgauge.reference.files import beside, check_count, read_bytes, read_file
+from screwgauge.reference.files import check_count, named_file, read_bytes, read_file
 from screwgauge.reference.rotations import Array
 
 if TYPE_CHECKING:
@@ -207,17 +207,17 @@ class Sampled:
         the derivative of another one, as in other units, with another sign, or sampled too coarsely to tell.
         """
         y, yd, ydd = (x.T for x in (self.samples.y, self.samples.yd, self.samples.ydd))
-        said, h = [], np.diff(self.samples.t)
+        sentences, h = [], np.diff(self.samples.t)
         for label, x, xd, order in [*zip(labels, y, yd, repeat("")), *zip(labels, yd, ydd, repeat("d"))]:
             with np.errstate(all="ignore"):
                 integral = np.append(0.0, np.cumsum(h * (xd[1:] + xd[:-1]) / 2.0))
                 moved, apart = np.abs(x - x[0]).max(), np.abs(x - x[0] - integral).max()
             if not apart <= max(moved / 2.0, np.abs(integral).max() / 2.0, _STILL):
-                said.append(
+                sentences.append(
                     f"{self.file.name}: {label}d{order} is no derivative of {label}{order} (its integral is up to "
                     f"{apart:.3g} off, {label}{order} moves by {moved:.3g}; check units, signs and step)"
                 )
-        return tuple(said)
+        return tuple(sentences)
 
 
 Drive = Analytic | Sampled
@@ -241,7 +241,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
         check_keys(table, {"csv"}, where)
         if not isinstance(table["csv"], str):
             raise DescriptionError(f"{table['csv']!r} is not a file name", f"{where}.csv", "write it in quotes")
-        return _sampled(beside(folder, table["csv"]), labels)
+        return _sampled(named_file(folder, table["csv"]), labels)
     check_keys(table, labels, where)
     terms = (read_terms(required(table, label, where), f"{where}.{label}") for label in labels)
     return Analytic(tuple(terms), where), None

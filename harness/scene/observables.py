@@ -14,7 +14,7 @@ from screwgauge.problem import Rows
 from screwgauge.reference.description import check_keys, read_text
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.files import beside
+from screwgauge.reference.files import named_file
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
@@ -107,7 +107,7 @@ def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Kn
     check_keys(table, {"file", "source"}, where)
     if not names:
         raise DescriptionError("there is nothing that it is the reference of", where, "add [[observables]]")
-    path = beside(folder, read_text(table, "file", where))
+    path = named_file(folder, read_text(table, "file", where))
     columns = read_columns(path, ["t", *names], "the observables of the scene are required")
     t = columns["t"]
     if not len(t) or (np.diff(t) <= 0.0).any():
@@ -252,7 +252,7 @@ def _read(name: str, entry: Any, folder: Path, where: str) -> Recorded:
         raise DescriptionError(f"'{name}' is no name", where, "write letters, digits, dots and dashes")
     entry = {"file": entry} if isinstance(entry, str) else entry
     check_keys(entry, {"file", "error"}, where := f"{where}.{name}")
-    path = beside(folder, read_text(entry, "file", where))
+    path = named_file(folder, read_text(entry, "file", where))
     columns = read_columns(path)
     times = [header for header in map(read_header, columns) if header.component == "t" and not header.quantity]
     if len(times) != 1:

@@ -16,7 +16,7 @@ from screwgauge.reference.applied import Applied
 from screwgauge.reference.description import check_keys, read_text, read_toml, required
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number, vector
-from screwgauge.reference.files import beside, is_path
+from screwgauge.reference.files import is_path, named_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.default import scene_file
@@ -60,7 +60,7 @@ def load_scene(name: str | Path) -> Scene:
     if str(name) in scene_names():
         return _built_in(FOLDER / f"{name}.toml")
     if is_path(str(name)) or is_model(name):
-        return _read(scene_file(beside(Path(), str(name))))
+        return _read(scene_file(named_file(Path(), str(name))))
     raise UnknownNameError("scene", str(name), [*scene_names(), "or the path of a TOML file, URDF or MJCF"])
 
 

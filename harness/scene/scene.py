@@ -84,7 +84,7 @@ class Scene:
         mechanism, t = self.mechanism, self.t
         freedoms = ", ".join(f"{label} = {name}" for label, name in mechanism.independent.items())
         acting = {name: getattr(self.applied, name) for name in ("loads", "springs", "motors")}
-        said = [f"{len(some)} {name[: -1 if len(some) == 1 else None]}" for name, some in acting.items() if some]
+        counts = [f"{len(some)} {name[: -1 if len(some) == 1 else None]}" for name, some in acting.items() if some]
         g = self.applied.gravity
         wanted = ", ".join(self.quantities)
         return {
@@ -92,7 +92,7 @@ class Scene:
             "mechanism": f"{mechanism.name}: {len(mechanism.bodies)} bodies, {len(mechanism.joints)} joints",
             "independent": freedoms if len(freedoms) < LINE else f"{len(mechanism.independent)} coordinates",
             "motion": f"{'integrated' if self.simulated else 'given'}, {len(t)} times from {t[0]:g} to {t[-1]:g} s",
-            "acting": ", ".join([*([] if g is None else [f"gravity {np.asarray(g).tolist()} m/s^2"]), *said]),
+            "acting": ", ".join([*([] if g is None else [f"gravity {np.asarray(g).tolist()} m/s^2"]), *counts]),
             "engines": ", ".join(self.engines),
             "quantities": wanted if len(wanted) < LINE else f"{len(self.quantities)}, see scene.quantities",
             "models": ", ".join(f"{engine}: {file.name}" for engine, file in self.models.items()),
@@ -209,8 +209,8 @@ class Scene:
         same_gravity = self.applied.gravity is not None and np.array_equal(
             vector(gravity, "gravity"), self.applied.gravity
         )
-        said = [read_load(self.mechanism, table, "loads") for table in loads]
-        same_loads = [load.numbers() for load in said] == [load.numbers() for load in self.applied.loads]
+        stated = [read_load(self.mechanism, table, "loads") for table in loads]
+        same_loads = [load.numbers() for load in stated] == [load.numbers() for load in self.applied.loads]
         return Wording(
             motion=motion if self._moves_as(motion) else None,
             gravity=gravity if same_gravity else None,
@@ -221,8 +221,8 @@ class Scene:
         """Whether the scene moves as the table says; never so for samples, whose doubles are what is meant."""
         if "csv" in table:
             return False
-        said, motion = read_drive(table, list(self.mechanism.independent), Path(), "motion")[0](self.t), self.motion
-        pairs = ((motion.y, said.y), (motion.yd, said.yd), (motion.ydd, said.ydd))
+        stated, motion = read_drive(table, list(self.mechanism.independent), Path(), "motion")[0](self.t), self.motion
+        pairs = ((motion.y, stated.y), (motion.yd, stated.yd), (motion.ydd, stated.ydd))
         return all(np.array_equal(a, b) for a, b in pairs)
 
     def tolerance(self, quantity: str) -> float:

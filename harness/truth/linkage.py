@@ -105,12 +105,12 @@ def directions(steps: Sequence[tuple[bool, Vector, arb_mat]], start: arb_mat) ->
         steps: Of each freedom whether it turns, its axis in the joint frame, and its matrix (4, 4).
         start: The joint frame on the parent, in the world. Shape (4, 4).
     """
-    found = []
+    axes = []
     for turns, axis, matrix in steps:
         rows = start.tolist()
-        found.append((turns, [dot(row[:3], axis) for row in rows[:3]]))
+        axes.append((turns, [dot(row[:3], axis) for row in rows[:3]]))
         start = start * matrix
-    return found
+    return axes
 
 
 #: Those of a frame, exactly.

@@ -50,14 +50,14 @@ def read(lay: Layout, guess: Array, *, near: bool = True) -> Array:
 
 def _values(at: JointPose, guess: Array, *, near: bool) -> Array:
     """Coordinates of one joint. Shape (n, f) -> (n, f)."""
-    found, turns = guess.copy(), np.array(KINDS[at.joint.kind])
+    q, turns = guess.copy(), np.array(KINDS[at.joint.kind])
     if turns.any():
         few = at.joint.angles < 3
         angles = triad_angles(transpose(at.R_parent) @ at.R_child, triad(at.joint.axes), few=few)[..., : turns.sum()]
-        found[:, turns] = nearest_angles(angles, guess[:, turns])[0] if near else angles
+        q[:, turns] = nearest_angles(angles, guess[:, turns])[0] if near else angles
     if not turns.all():
-        found[:, ~turns] = np.stack([dot(e, at.p_child - at.p_parent) for e in at.slides], axis=1)
-    return found
+        q[:, ~turns] = np.stack([dot(e, at.p_child - at.p_parent) for e in at.slides], axis=1)
+    return q
 
 
 def follow_cut_joints(lay: Layout, q: Array, near: Array) -> Array:
@@ -131,8 +131,8 @@ class LoopEquations:
     def chart_conditions(self, q: Array) -> Array:
         """Condition number of the angles of each cut joint. Shape (n, n_q) -> (n, n_cut)."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = [chart_condition(cut) + np.zeros(len(q)) for cut in self.closed(q).cuts]
-        return np.stack(found, axis=1) if found else np.zeros((len(q), 0))
+            conditions = [chart_condition(cut) + np.zeros(len(q)) for cut in self.closed(q).cuts]
+        return np.stack(conditions, axis=1) if conditions else np.zeros((len(q), 0))
 
     def evaluate(self, z: Array, y: Array) -> tuple[Array, ...]:
         """Residuals, those of the couplings too, and their Jacobian, without dimension: an `Evaluation` for Newton.
@@ -150,8 +150,8 @@ class LoopEquations:
         q[:, self.unknown] = z * self.size[self.unknown]
         at = self.closed(q)
         full = np.asarray(at.system.A)
-        found = at.residual(given) / self.loops.unit, full[..., : self.loops.moving]
-        return (*found, full) if self.fixed else found
+        equations = at.residual(given) / self.loops.unit, full[..., : self.loops.moving]
+        return (*equations, full) if self.fixed else equations
 
     def tree(self, z: Array, guess: Array) -> Array:
         """Joint coordinates, those of cut joints being guessed."""
@@ -271,11 +271,11 @@ def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
         y = home[columns] + AWAY * np.cos(1.0 + 2.3 * i + 1.7 * (1 + i) * k)
         try:
             path.restart(begun=True)  # straight on or not at all: ways round singular poses take seconds
-            found = path.follow(y[None], np.zeros(1))
+            pose = path.follow(y[None], np.zeros(1))
         except ClosureError:
             continue
-        if linear.condition(found.matrix)[0] < CLEAR:
-            closed.append((found.z[0], y, found.matrix[0]))
+        if linear.condition(pose.matrix)[0] < CLEAR:
+            closed.append((pose.z[0], y, pose.matrix[0]))
     if len(closed) < TRIALS // 2:
         return None
     z, y, matrix = (np.stack(parts) for parts in zip(*closed, strict=True))

@@ -34,16 +34,16 @@ class Region(Continuation):
             pose. Shape (n,) each.
         """
         self._look_for_turns(y)
-        found, self.floor = self._spread(y), np.inf
-        return self._of_region(y, np.maximum(found, 0)), found < 0, self._covered_twice(y, found)
+        anchor, self.floor = self._spread(y), np.inf
+        return self._of_region(y, np.maximum(anchor, 0)), anchor < 0, self._covered_twice(y, anchor)
 
     def _spread(self, y: Array) -> Indices:
         """Anchors of home's sheet in whose balls samples lie, after adding those that it takes; -1 for the others."""
         anchors, self.floor = self.anchors, STEEP * self.anchors[0].beta
         most = len(anchors) + LARGEST  # whatever was asked before
-        found, inside = anchors.cover(y, 0)
+        covering, inside = anchors.cover(y, 0)
         left = np.flatnonzero(~inside)
-        near, far, tries = found[left], anchors.distance(y[left], found[left]), np.zeros(len(left), dtype=int)
+        near, far, tries = covering[left], anchors.distance(y[left], covering[left]), np.zeros(len(left), dtype=int)
         while left.size and len(anchors) < most:
             i, first = int(np.argmin(far)), len(anchors)
             reached = self._try(y[left[i]], int(near[i]), int(tries[i]))
@@ -56,12 +56,12 @@ class Region(Continuation):
                 distance = anchors.distance(y[left], np.full(len(left), a))
                 closer = distance < far
                 near[closer], far[closer] = a, distance[closer]
-            found[left] = near
+            covering[left] = near
             rest = (far > 1.0) & (tries < PATIENCE)
-            found[left[(far > 1.0) & ~rest]] = -1
+            covering[left[(far > 1.0) & ~rest]] = -1
             left, near, far, tries = left[rest], near[rest], far[rest], tries[rest]
-        found[left] = -1
-        return found
+        covering[left] = -1
+        return covering
 
     def _try(self, y: Array, nearest: int, i: int) -> int | None:
         """The anchor of home's sheet that way number i leads to: from the nearest anchor, from home, from others."""
@@ -75,14 +75,14 @@ class Region(Continuation):
         self._keep_straight(first)
         return None if reached is None or self.anchors.table["sheet"][reached] else reached
 
-    def _covered_twice(self, y: Array, found: Indices) -> Flags:
+    def _covered_twice(self, y: Array, anchor: Indices) -> Flags:
         """Which samples that were reached lie in balls of another sheet of the same piece, too. Shape (n,)."""
         anchors, twice = self.anchors, np.zeros(len(y), dtype=bool)
         for sheet in range(1, anchors.sheets):
             if anchors.sheet_of(sheet).size:
                 other, inside = anchors.cover(y, sheet)
-                for i in np.flatnonzero(inside & (found >= 0)).tolist():
-                    twice[i] |= not anchors.alike(int(found[i]), int(other[i]))
+                for i in np.flatnonzero(inside & (anchor >= 0)).tolist():
+                    twice[i] |= not anchors.alike(int(anchor[i]), int(other[i]))
         return twice
 
     def _keep_straight(self, first: int) -> None:

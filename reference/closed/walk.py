@@ -155,10 +155,10 @@ class Walk:
         if anchor.beta > self.floor or 2.0 * anchor.beta < here.faint:
             raise Blocked(singular=True)
         sheet = int(self.anchors.table["sheet"][self.at])
-        found = self.anchors.add(anchor, sheet)
-        self.parent[found] = self.at
-        self._sort(found, sheet)
-        self._visit(found)
+        number = self.anchors.add(anchor, sheet)
+        self.parent[number] = self.at
+        self._sort(number, sheet)
+        self._visit(number)
         return True
 
     def _measured(self, z: Array, y: Array, residual: Array, J: Array, faint: float = 0.0) -> Anchor | None:
@@ -304,10 +304,10 @@ class Walk:
     @property
     def windings(self) -> Array:
         """Whole turns of the unknowns in one of each coordinate that leads back home. Shape (k, n_z)."""
-        found = np.zeros((len(self.turns), len(self.anchors.angles)))
+        turns = np.zeros((len(self.turns), len(self.anchors.angles)))
         for i, path in self.loops.items():
-            found[i] = np.rint((path[-1] - path[0]) / TURN) * self.anchors.angles
-        return found
+            turns[i] = np.rint((path[-1] - path[0]) / TURN) * self.anchors.angles
+        return turns
 
 
 def at_most(A: Array, limit: float) -> bool:

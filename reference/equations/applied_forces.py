@@ -100,12 +100,12 @@ def tension(at: Dynamics, spring: Spring) -> Any:
 
 def motor_force(at: Dynamics, motor: Motor) -> Any:
     """Force of a motor at its time: a polynomial and harmonics."""
-    found: Any = 0.0
+    total: Any = 0.0
     for coefficient in motor.polynomial[::-1].tolist():
-        found = found * at.t + coefficient
+        total = total * at.t + coefficient
     for omega, c, s in motor.harmonics.tolist():
-        found = found + c * at.ops.cos(omega * at.t) + s * at.ops.sin(omega * at.t)
-    return found
+        total = total + c * at.ops.cos(omega * at.t) + s * at.ops.sin(omega * at.t)
+    return total
 
 
 def check_applied(mechanism: Mechanism, applied: Applied) -> None:

@@ -76,9 +76,9 @@ class Dynamics(Motion):
         F = mechanism.masses[:, None] * (acceleration_at(V, A, self.com) - g)
         w, beta = (times(transpose(R), X[..., :3]) for X in (V, A))  # in the axes of the body, eq. (52)
         T = times(R, times(J, beta) + gyroscopic(J, w))
-        found = zeros(F[..., 0], F.shape[-2] + 1, 6)
-        found[..., 1:, :] = force(F, self.com) + couple(T)
-        return found
+        wrench = zeros(F[..., 0], F.shape[-2] + 1, 6)
+        wrench[..., 1:, :] = force(F, self.com) + couple(T)
+        return wrench
 
     @cached_property
     def required(self) -> Array:
@@ -92,12 +92,12 @@ class Dynamics(Motion):
 
     def along_tree(self, along: Array) -> Array:
         """Forces along the tree that have the power of forces along all joints. Shape (..., n_q) -> (..., n)."""
-        found = along[..., self.loops.columns]
+        tau = along[..., self.loops.columns]
         for column in self.loops.owner:
             if not absent(along[..., column]):
                 places, row = self.reading(column)
-                found[..., places] = found[..., places] + scale(along[..., column], row[..., 0, :])
-        return found
+                tau[..., places] = tau[..., places] + scale(along[..., column], row[..., 0, :])
+        return tau
 
     def demand(self, need: Array) -> Array:
         """Forces along the tree that actuators and constraints have to make up. Shape (..., n).
@@ -127,13 +127,13 @@ class Dynamics(Motion):
     @cached_property
     def B(self) -> Array:
         """Rates of the actuated coordinates per rate of each independent one. Shape (..., n_act, k)."""
-        K, found = self.K[..., self.loops.columns], list[Array]()
+        K, rows = self.K[..., self.loops.columns], list[Array]()
         for column in self.mechanism.actuated_columns:
             places, row = self.reading(column)
-            found.append(times(K[..., places], row[..., 0, :]))
-        if not found:
+            rows.append(times(K[..., places], row[..., 0, :]))
+        if not rows:
             return zeros(self.q, 0, len(self.loops.y_columns))
-        return np.stack(np.broadcast_arrays(*found), axis=-2)
+        return np.stack(np.broadcast_arrays(*rows), axis=-2)
 
     @cached_property
     def drive(self) -> System:
@@ -247,7 +247,7 @@ class Dynamics(Motion):
             x: Forces along the rows of M. Shape (..., m).
             need, along: Wrenches that bodies need, and forces along all coordinates. Shapes (..., b, 6), (..., n_q).
         """
-        loops, total, found = self.loops, need + 0.0 * x[..., :1, None], dict[str, Array]()
+        loops, total, wrenches = self.loops, need + 0.0 * x[..., :1, None], dict[str, Array]()
         for j, cut in enumerate(self.cuts):
             W = times(transpose(cut.W), x[..., loops.ends[j] : loops.ends[j + 1]])
             own = loops.lay.columns[cut.at.joint.name]
@@ -255,18 +255,18 @@ class Dynamics(Motion):
                 W = W + times(transpose(cut.D), along[..., own])
             total[..., cut.child, :] = total[..., cut.child, :] - W
             total[..., cut.parent, :] = total[..., cut.parent, :] + W
-            found[cut.at.joint.name] = W
-        return found | transmitted(loops.lay, total)
+            wrenches[cut.at.joint.name] = W
+        return wrenches | transmitted(loops.lay, total)
 
     def components(self, wrenches: Mapping[str, Array], x: Array) -> Array:
         """Reaction components: powers on the twists that joints forbid, and forces of couplings. Shape (..., r)."""
-        found = [
+        parts = [
             x[..., self._rows_of[joint.name]]
             if joint.name in self._rows_of
             else powers(wrenches[joint.name][..., None, :], forbidden_twists(self.pose.joint(joint)))[..., 0, :]
             for joint in by_role(self.mechanism.joints)
         ]
-        return join(*found, x[..., self.loops.ends[-1] : self.loops.given.start])
+        return join(*parts, x[..., self.loops.ends[-1] : self.loops.given.start])
 
     @cached_property
     def _rows_of(self) -> dict[str, slice]:

@@ -122,17 +122,17 @@ class Forward(Dynamics):
 def balances(com: Array, W: Array) -> Array:
     """Wrenches on bodies as in eqs. (53)-(55), moments about their centres of mass. (..., b, 6) -> (..., 6 b - 6)."""
     W = W[..., 1:, :]
-    found = join(W[..., :3], W[..., 3:] - cross(com, W[..., :3]))
-    return found.reshape(*found.shape[:-2], 6 * found.shape[-2])
+    moved = join(W[..., :3], W[..., 3:] - cross(com, W[..., :3]))
+    return moved.reshape(*moved.shape[:-2], 6 * moved.shape[-2])
 
 
 def on_bodies(at: TreePose, joint: Joint, W: Array) -> Array:
     """What wrenches of a joint on its child exert on all bodies. Shape (..., m, 6) -> (..., m, b, 6)."""
     index = at.lay.mechanism.body_index
-    found = np.zeros((*W.shape[:-1], len(index), 6), dtype=W.dtype)
-    found[..., index[joint.child], :] += W
-    found[..., index[joint.parent], :] -= W
-    return found
+    total = np.zeros((*W.shape[:-1], len(index), 6), dtype=W.dtype)
+    total[..., index[joint.child], :] += W
+    total[..., index[joint.parent], :] -= W
+    return total
 
 
 def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
@@ -144,12 +144,12 @@ def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
     Returns:
         Zero for the other coordinates. Shape (n, n_q, b, 6).
     """
-    found = np.zeros((*S.shape[:-1], len(at.lay.mechanism.body_index), 6), dtype=S.dtype)
+    total = np.zeros((*S.shape[:-1], len(at.lay.mechanism.body_index), 6), dtype=S.dtype)
     for joint in at.lay.mechanism.joints:
         own = at.lay.columns[joint.name]
         if {*own} & {*columns}:
-            found[..., own, :, :] = on_bodies(at, joint, dual_wrenches(at.joint(joint), S[..., own, :]))
-    return found
+            total[..., own, :, :] = on_bodies(at, joint, dual_wrenches(at.joint(joint), S[..., own, :]))
+    return total
 
 
 def exerted_wrenches(at: Dynamics) -> Array:

@@ -248,8 +248,8 @@ def closure_residual(at: JointPose) -> Array:
     kind, shift = at.type, at.p_child - at.p_parent
     for e in at.slides:
         shift = shift - scale(dot(e, shift), e)
-    found = times(kind.forces(at), shift)
-    return found if kind.open is None else join(found, times(kind.moments(at), kind.open(at)))
+    distances = times(kind.forces(at), shift)
+    return distances if kind.open is None else join(distances, times(kind.moments(at), kind.open(at)))
 
 
 def dual_wrenches(at: JointPose, S: Array) -> Array:

@@ -210,11 +210,11 @@ def joint_bias(V: Array, terms: Sequence[Array], bracket: Bracket | None = None)
         V: Twist of the body before it. Shape (..., 6).
         terms: ``S_j w_j`` of its freedoms.
     """
-    found: Any = 0.0
+    bias: Any = 0.0
     for term in terms:
-        found = found + (bracket or lie_bracket)(V, term)
+        bias = bias + (bracket or lie_bracket)(V, term)
         V = V + term
-    return found
+    return bias
 
 
 def transmitted(lay: Layout, wrenches: Array) -> dict[str, Array]:
@@ -226,11 +226,11 @@ def transmitted(lay: Layout, wrenches: Array) -> dict[str, Array]:
     Returns:
         Joint -> shape (..., 6).
     """
-    total, found = wrenches.copy(), dict[str, Array]()
+    total, through = wrenches.copy(), dict[str, Array]()
     for edge, near, far, _, sign, _ in reversed(walk(lay)):
-        found[edge.joint.name] = sign * total[..., far, :]
+        through[edge.joint.name] = sign * total[..., far, :]
         total[..., near, :] = total[..., near, :] + total[..., far, :]
-    return found
+    return through
 
 
 def forces_along(at: TreePose, wrenches: Array) -> Array:

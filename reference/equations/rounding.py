@@ -42,8 +42,8 @@ def extent(lay: Layout) -> Extent:
     """Worked out once a layout."""
     if "extent" not in lay.kept:
         lay.kept["extent"] = _extent(lay)
-    found: Extent = lay.kept["extent"]
-    return found
+    kept: Extent = lay.kept["extent"]
+    return kept
 
 
 def _extent(lay: Layout) -> Extent:

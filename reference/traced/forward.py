@@ -69,13 +69,13 @@ def forward_program(loops: Loops, applied: Applied, q: Array) -> Forward:
     x, way = loops.lay.mechanism.home.astype(object), K @ (y - y0)
     x[loops.y_columns], x[columns] = y, z0 + way
     at, moved = _closed(loops, x, y, folds) if columns else (coordinates(x, TRACE), 0.0)
-    found = Response(loops, at, yd, None, folds, TRACE, applied)
-    found.t = t
+    motion = Response(loops, at, yd, None, folds, TRACE, applied)
+    motion.t = t
     sizes = loops.sizes[columns]
-    far, off = squares(way, sizes), squares(found.q[columns] - z0 - way, sizes)
-    checks = [moved, _mean(found, y), _condition(found), found.inertia_gain]
+    far, off = squares(way, sizes), squares(motion.q[columns] - z0 - way, sizes)
+    checks = [moved, _mean(motion, y), _condition(motion), motion.inertia_gain]
     checks += [far * (1.0 / max(len(columns), 1)), off / (BEND**2 * far + SLACK**2)] if columns else [0.0, 0.0]
-    answer = [*found.ydd, found.input_power, *found.q[columns], *found.K[..., columns].T.flat, *y]
+    answer = [*motion.ydd, motion.input_power, *motion.q[columns], *motion.K[..., columns].T.flat, *y]
     return Forward(program(len(trace.inputs), [*answer, *checks], len(CHECKS)), tuple(columns))
 
 

@@ -114,13 +114,13 @@ class VectorMath:
             function.linkage = "internal"
             function.attributes.add("noinline")
             self.b = ir.IRBuilder(function.append_basic_block())
-            found = emit(*function.args)
-            if isinstance(found, tuple):
+            value = emit(*function.args)
+            if isinstance(value, tuple):
                 both = ir.Constant(result, ir.Undefined)
-                for i, part in enumerate(found):
+                for i, part in enumerate(value):
                     both = self.b.insert_value(both, part, i)
-                found = both
-            self.b.ret(found)
+                value = both
+            self.b.ret(value)
             self.b, self.functions[name] = outer, function
         return self.b.call(self.functions[name], x)
 
@@ -350,14 +350,14 @@ class Native:
 
     def _padded(self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None) -> Callable[[], bool]:
         """Fewer samples than a register holds: the last one fills it."""
-        given, found = ([np.empty((len(block), self.width)) for block in blocks] for blocks in (inputs, outputs))
-        inner = self.bind(given, found, weights)
+        given, results = ([np.empty((len(block), self.width)) for block in blocks] for blocks in (inputs, outputs))
+        inner = self.bind(given, results, weights)
 
         def run() -> bool:
             for block, padded in zip(inputs, given, strict=True):
                 padded[:, : block.shape[1]], padded[:, block.shape[1] :] = block, block[:, -1:]
             clear = inner()
-            for block, padded in zip(outputs, found, strict=True):
+            for block, padded in zip(outputs, results, strict=True):
                 block[:] = padded[:, : block.shape[1]]
             return clear
 

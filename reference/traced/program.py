@@ -241,10 +241,10 @@ class Lanes:
         codes, constants = [], [np.array(x) for x in self.constants]
         checks = np.zeros((0, inputs[0].shape[1])) if weights is None else outputs[-1]
         for start in range(0, inputs[0].shape[1], self.chunk):
-            given, found = (
+            given, results = (
                 [row[start : start + self.chunk] for block in x for row in block] for x in (inputs, outputs)
             )
-            rows = [*given, *found, *self.buffers[:, : len(given[0])], *constants]
+            rows = [*given, *results, *self.buffers[:, : len(given[0])], *constants]
             codes.append([(function, pick(rows)) for function, pick in self.code])
 
         def run() -> bool:

@@ -107,15 +107,15 @@ def traced(
     Raises:
         NotTraceableError: The mechanism or the question is beyond this.
     """
-    folds, left, found = [float(x.flat[0]) for x in loops.folds(samples[3])], samples, list[Traced]()
+    folds, left, parts = [float(x.flat[0]) for x in loops.folds(samples[3])], samples, list[Traced]()
     while len(left[0]):
-        if len(found) == MOST_ARCS:
+        if len(parts) == MOST_ARCS:
             raise NotTraceableError("pivots keep their size on short arcs only", "closed loops", "use backend array")
         one, kept = _traced(loops, applied, wanted, left, further, folds)
         y, yd, ydd, q = (x[~kept] for x in left)
         left = y, yd, ydd, q
-        found.append(one)
-    return replace(found[0], arcs=tuple(arc for one in found for arc in one.arcs))
+        parts.append(one)
+    return replace(parts[0], arcs=tuple(arc for one in parts for arc in one.arcs))
 
 
 def _traced(
@@ -140,11 +140,11 @@ def _traced(
     if wanted.loaded:
         loads = tuple(_given(trace, load, len(samples[0])) for load in applied.loads)
         applied = replace(applied, loads=loads)
-    found = Dynamics(loops, at, yd, ydd, folds, TRACE, applied)
-    found.near, found.t, found.axial = near, t, wanted.axial
-    reached = [at.q[c] for c in guess] + [found.w[c] for c in guess]
-    outputs = {"reached": reached} | quantities(found, wanted)
-    checks = _checks(found, y, guess, outputs)
+    motion = Dynamics(loops, at, yd, ydd, folds, TRACE, applied)
+    motion.near, motion.t, motion.axial = near, t, wanted.axial
+    reached = [at.q[c] for c in guess] + [motion.w[c] for c in guess]
+    outputs = {"reached": reached} | quantities(motion, wanted)
+    checks = _checks(motion, y, guess, outputs)
     more = dict(further({**outputs, **checks}))
     first = more.pop("first", [])
     places, flat = dict[str, slice](), list[Any]()
@@ -204,13 +204,13 @@ def _given(trace: Trace, load: Load, n: int) -> Load:
 
 def quantities(at: Dynamics, wanted: Wanted) -> dict[str, list[Any]]:
     """Quantity -> its numbers, in the order of its components."""
-    found = {}
+    outputs = {}
     for name in wanted.quantities:
         if name in QUANTITIES:
-            found[name] = [*QUANTITIES[name](at)]
+            outputs[name] = [*QUANTITIES[name](at)]
         elif wanted.shares is not None:
-            found[name] = [*at.open_tree_force(wanted.shares)[[*wanted.tree]]]
-    return found
+            outputs[name] = [*at.open_tree_force(wanted.shares)[[*wanted.tree]]]
+    return outputs
 
 
 def _checks(
