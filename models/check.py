@@ -1,4 +1,4 @@
-"""Checks of model files against the description: both are read, laid side by side, and differences are named."""
+"""Checks of model files against the description: values as the libraries read them, each on its own scale."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Comparison:
         self._add(item, what, (_short(expected), _short(actual)), difference, tolerance, difference <= tolerance)
 
     def both(self, what: str, expected: Mapping[str, T], actual: Mapping[str, T]) -> list[tuple[str, T, T]]:
-        """A row for the names of things of a kind. Returns those that are expected and found: name and both."""
+        """A row for the names of things of a kind. Returns those that both have: name and both values."""
         self.names("", f"{what} names", sorted(expected), sorted(actual))
         return [(name, want, actual[name]) for name, want in expected.items() if name in actual]
 
@@ -89,7 +89,7 @@ def _short(values: Array) -> str:
 
 
 def compare_readings(out: Comparison, expected: Reading, actual: Reading, mechanism: Mechanism) -> None:
-    """Rows for all that the reading says."""
+    """Rows for everything in the reading."""
     length = length_scale(mechanism)
     actual = collapsed(actual, keep=expected.bodies)  # joints of several freedoms are several joints in a URDF
     bodies = out.both("body", expected.bodies, actual.bodies)
@@ -122,7 +122,7 @@ def _compare_couplings(
 
 
 def _compare_closures(out: Comparison, name: str, want: ClosureReading, have: ClosureReading, length: float) -> None:
-    if (have.first, have.second) == (want.second, want.first):  # which side is named first says nothing
+    if (have.first, have.second) == (want.second, want.first):  # the order of the sides does not matter
         have = ClosureReading(have.kind, have.second, have.second_frame, have.first, have.first_frame)
     bodies = ((closure.kind, closure.first, closure.second) for closure in (want, have))
     out.names(name, "closure bodies", *bodies)
@@ -147,7 +147,7 @@ def _compare_bodies(
 
 
 def compare_loops(out: Comparison, expected: LoopsFile, actual: LoopsFile, mechanism: Mechanism) -> None:
-    """Rows for all that a loops file says."""
+    """Rows for everything in a loops file."""
     length = length_scale(mechanism)
     for what in ("mechanism", "cut"):
         out.names("", what, getattr(expected, what), getattr(actual, what))
@@ -276,7 +276,7 @@ def check_table(rows: Sequence[CheckRow]) -> str:
 
 
 def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | Array) -> Reading:
-    """The reading of a model file that says exactly what the description says, limits left out."""
+    """The reading of a model file that agrees exactly with the description, limits left out."""
     tree = lay_out(mechanism, cut)
     poses = home_poses(tree)
     bodies: dict[str, BodyReading] = {}

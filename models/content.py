@@ -23,7 +23,7 @@ from screwgauge.reference.errors import first_few
 from screwgauge.reference.files import is_file, read_file
 from screwgauge.reference.mechanism import Mechanism
 
-#: What becomes of a kind; `content.toml` says what each means.
+#: What becomes of a kind; `content.toml` explains each.
 FATES = ("held", "compared", "withheld", "aside", "irrelevant")
 #: The kind of what is in no other.
 OTHER = "not held by the reading"
@@ -58,7 +58,7 @@ class Kind:
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """Something that a file says and no other entry of a reading holds.
+    """Content of a file that no other entry of a reading holds.
 
     Attributes:
         kind: Name of a `Kind`.
@@ -66,7 +66,7 @@ class Content:
         whose: What it belongs to, to be read after it: `` of joint a``, or its own name.
         of: Each thing that it acts on: room of a reading (``joints``, ``bodies``, ``actuators``), name there, and how
             much it counts, such as the coefficient of a joint in a tendon.
-        values: Label and number or text of all that it says, in a fixed order; None where that is not known.
+        values: Label and number or text of each of its values, in a fixed order; None where that is not known.
     """
 
     kind: str
@@ -109,7 +109,7 @@ def kind_of(element: str) -> str:
 
 
 def phrases(contents: Iterable[Content]) -> tuple[str, ...]:
-    """One phrase for all that is called alike, in the order in which they were found."""
+    """One phrase for all content of one name, in the order of the file."""
     owners: dict[str, list[str]] = {}
     for each in contents:
         owners.setdefault(each.what, []).append(each.whose)
@@ -175,7 +175,7 @@ def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
 
 
 def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
-    """What a file says that a reading by a library does not hold.
+    """Content of a file that a library's reading does not hold.
 
     Args:
         root: Of the file.
@@ -231,7 +231,7 @@ class _Walk:
     kinds: tuple[str, ...] = _KINDS
 
     def through(self, root: ET.Element) -> Iterator[Extra]:
-        """All that a file says; its elements may be nested deeper than Python's calls."""
+        """Everything in a file; its elements may be nested deeper than Python's call stack."""
         waiting = [(root, ET.Element(""), "")]  # element, what it is in, tag and name of the nearest around with a name
         while waiting:
             element, around, owner = waiting.pop()

@@ -1,4 +1,4 @@
-"""A mechanism cut open: the tree and its closures from which URDF, MJCF and loops file are all written."""
+"""A mechanism cut open: the tree and its closures, from which URDF, MJCF and loops file are written."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def stood_in(names: Sequence[str]) -> Iterator[str]:
 
 
 def stand_ins(mechanism: Mechanism) -> Iterator[str]:
-    """Sentences on the moments of inertia that no MJCF can say, and on what it says instead."""
+    """Sentences on the moments of inertia that MJCF cannot express, and on what it has instead."""
     moments = {body.name: principal(body.inertia)[0] for body in mechanism.bodies if body.mass}
     for sentence in stood_in([name for name, its in moments.items() if _none(its).any()]):
         yield f"MJCF: {sentence}"

@@ -1,4 +1,4 @@
-"""Solids by which a mechanism is drawn, and what a model file can carry of them: shapes, contacts, sensors."""
+"""Shapes by which a mechanism is drawn, and those that an MJCF can carry: geoms, contacts, sensors."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ KINDS = {
     "E": "planar",
     "F": "free",
 }
-LINK, JOINT, DISTINCT = 0.012, 0.022, 1e-3  # radius of a link, size of a joint, what can be told apart
+LINK, JOINT, DISTINCT = 0.012, 0.022, 1e-3  # radius of a link, size of a joint, least visible distance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,7 +172,7 @@ def mark(joint: Joint) -> Array:
 
 
 def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Iterator[Shape]:
-    """Its axes, each in the body that carries it, with what says that it is driven or cut."""
+    """Its axes, each in the body that carries it, marked where it is driven or cut."""
     colour, name, at = DRIVEN if joint.actuated else PLAIN, joint.name, mark(joint) / unit
     second = child if joint.angles == 2 else parent
     for (turns, axis), i in zip(joint.freedoms, (parent, second, child), strict=False):

@@ -1,4 +1,8 @@
-"""URDF of a mechanism's tree, and the loops file beside it, which closes the loops that URDF cannot express."""
+"""URDF of a mechanism's tree, and its loops file, for the closures that URDF cannot express: written and read.
+
+A link's frame is the description's body frame; intermediate links of composite joints have no inertial. URDF of other
+origin is read in `readings`.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +63,7 @@ class LoopsFile:
 
 
 def loops_of(mechanism: Mechanism, cut: str) -> LoopsFile:
-    """What the loops file of a cut mechanism says."""
+    """Text of the loops file of a cut mechanism."""
     tree = lay_out(mechanism, cut)
     bodies = tuple(body.name for body in mechanism.bodies)
     named = mechanism.independent, mechanism.axial, mechanism.couplings

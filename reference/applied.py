@@ -12,7 +12,7 @@ import numpy as np
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.rotations import Array
 
-#: Gravity where nothing else is said [m/s^2].
+#: Default gravity [m/s^2].
 GRAVITY = (0.0, 0.0, -9.81)
 
 

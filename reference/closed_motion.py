@@ -1,4 +1,7 @@
-"""The equations of motion over arrays: a closed mechanism at n samples, asked for what one wants to know."""
+"""Motion and forces of a closed mechanism at n samples, over float arrays, with checks for singular poses.
+
+The equations are those of the package `equations`; closed poses come from the package `closed`.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ from screwgauge.reference.graph import Layout
 
 
 class ClosedMotion(Forward):
-    """A closed mechanism at n samples of a motion, all in floats; each quantity is worked out when it is asked for.
+    """A closed mechanism at n samples of a motion, all in floats; each quantity is computed on first access.
 
     Of a joint that closes a loop, the angles are those given; in gimbal lock its rates are not numbers.
     """

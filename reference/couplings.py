@@ -1,4 +1,4 @@
-"""Couplings: joint coordinates that are polynomials of others, as gears, screws and mimic joints make them."""
+"""Couplings: joint coordinates that are polynomials of others, as in gears, screws and mimic joints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reads a mechanism from TOML. Unknown keys are errors; every complaint names the file and the entry."""
+"""Reading of a mechanism from TOML. Unknown keys are errors; every error names the file and the entry."""
 
 from __future__ import annotations
 
@@ -278,7 +278,7 @@ def _check_names(mechanism: Mechanism, where: str) -> None:
     bodies = [body.name for body in mechanism.bodies]
     for name, what in ((GROUND, "the fixed world"), ("environment", "who exerts the loads of a scene")):
         if name in bodies:
-            raise DescriptionError(f"'{name}' is {what}", where, "name the body otherwise")
+            raise DescriptionError(f"'{name}' is {what}", where, "give the body another name")
     for joint in mechanism.joints:
         _check_sides(joint, [GROUND, *bodies])
     for name in mechanism.coordinates:

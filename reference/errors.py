@@ -1,4 +1,4 @@
-"""What goes wrong, said in one sentence: what, where, what to do; lists in words, and names from files as text."""
+"""Errors that a user can cause or mend, each one sentence: what, where, what to do; and text helpers for messages."""
 
 from __future__ import annotations
 

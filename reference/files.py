@@ -1,8 +1,8 @@
-"""Every file is opened here, those that an earlier command wrote included; what files hold is limited here.
+"""Reading and writing of files: every input is opened here, its size and content are limited here.
 
-Nothing is written over that a command reads, or that this program did not write as it is now. A text that is written
-for users to keep ends with a comment that bears the digest of all lines above it: so a file that somebody has worked on
-since is told from one that can be made again.
+A command overwrites neither its inputs nor a file that this program did not write as it is now. Text that is written
+for users to keep ends with a comment that bears the digest of all lines above it, so that an edited file is recognised.
+Nothing here knows a file format but JSON.
 """
 
 from __future__ import annotations
@@ -208,7 +208,7 @@ def check_plain(value: Any, where: str) -> None:
 
 
 def why(error: OSError | ValueError) -> str:
-    """What the system says of a file that cannot be read or written."""
+    """The system's reason why a file cannot be read or written."""
     return (getattr(error, "strerror", None) or str(error)).lower()
 
 
@@ -224,7 +224,7 @@ def read_model(path: Path) -> str:
 
 
 def replace_file(path: Path, content: str | bytes) -> None:
-    """Writes a file in whole or not at all: beside its place, onto the disk, then by renaming.
+    """Writes a file completely or not at all: a temporary file in the same folder, synced, then renamed.
 
     Raises:
         OutputError: It cannot be written; it is then as it was.
@@ -244,7 +244,7 @@ def replace_file(path: Path, content: str | bytes) -> None:
 
 
 def stamped(text: str) -> str:
-    """A text of XML, HTML, TOML or YAML with the comment that says how it was written."""
+    """Text of XML, HTML, TOML or YAML, followed by the comment with its digest."""
     text = text if text.endswith("\n") else f"{text}\n"
     return f"{text}{_last(text)}"
 

@@ -1,4 +1,4 @@
-"""The graph of a mechanism: spanning tree, paths, loops, and the serial chains between ground and the output body."""
+"""Topology of a mechanism: spanning tree, paths, loops, serial chains to a body, and the choice of cut joints."""
 
 from __future__ import annotations
 
@@ -102,8 +102,8 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
     """The tree that leaves out, where the graph allows it, S and else R joints without actuator: points close these.
 
     Kruskal's algorithm: F joints, which close no loop, those with coupled coordinates, which have to be unknowns, those
-    asked for, actuated ones, kinds that points cannot close, then few freedoms first, by name: the order of the
-    description says nothing.
+    asked for, actuated ones, kinds that points cannot close, then few freedoms first, by name: the order in the
+    description does not matter.
 
     Args:
         keep: Names of joints that are cut only where they close a loop among themselves.

@@ -1,4 +1,4 @@
-"""Linear algebra on stacks of small matrices."""
+"""Linear algebra on stacks of small matrices: solution, inverse, condition number, null space. No mechanics."""
 
 from __future__ import annotations
 

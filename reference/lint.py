@@ -1,7 +1,7 @@
-"""Lint of a mechanism: what is legal and seldom meant, in one sentence each; nothing is changed.
+"""Lint: warnings about a mechanism that is legal and probably not what was meant, one sentence each.
 
-Numbers that no machine has, such as moments of inertia in another unit and angles in degrees, are told with what they
-would be in the unit that was probably meant; geometry and masses with the place to look at.
+Implausible numbers, such as moments of inertia in another unit and angles in degrees, come with their value in the unit
+that was probably meant; implausible geometry and masses with the place to look at. Nothing is refused or changed here.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from screwgauge.reference.rotations import Array, cross, widest
 LARGER, AIR = 2.0, 1.2
 #: Half axes of its ellipsoid are taken for no less than this share of the longest one: rods and plates have a volume.
 SLENDER = 1.0 / 30.0
-#: Units in which moments of inertia are found in data sheets and CAD -> kg m^2.
+#: Units of moments of inertia in data sheets and CAD -> kg m^2.
 UNITS = {"g m^2": 1e-3, "kg cm^2": 1e-4, "kg mm^2": 1e-6, "g cm^2": 1e-7, "g mm^2": 1e-9}
 #: Radius of gyration over size of a body that can be.
 USUAL = (0.03, 1.0)
@@ -31,7 +31,7 @@ USUAL = (0.03, 1.0)
 TURNED = 4.0 * np.pi
 #: An angle in degrees is hardly larger.
 DEGREES = 720.0
-#: Bodies that are told of one by one, or named.
+#: Bodies that are reported one by one, or named.
 SHOWN = 3
 #: How to write an angle in degrees.
 WRITTEN = "degrees are written as '30*deg'"
@@ -186,7 +186,7 @@ def in_degrees(what: str, angle: float) -> str:
 
 
 def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
-    """All that is found, body by body."""
+    """All warnings, body by body."""
     unit, suspicions = length(layout(mechanism)), list[Suspicion]()
     joints = [joint for joint in mechanism.joints if joint.constrains]
     extent = _spread(mechanism, [(joint.parent, joint.parent_frame.p) for joint in joints])

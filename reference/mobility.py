@@ -1,4 +1,4 @@
-"""Counts of freedoms and constraints (section 2.2), which forces are unique, and which singularity a pose is near."""
+"""Mobility: freedoms and constraints counted (section 2.2), uniqueness of forces, nearness to singularities."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ def gimbal_lock(lay: Layout, cut: int) -> str:
 
 
 def _large(values: Array, share: float = SHARE) -> list[int]:
-    """Indices of what is not small beside the largest, the largest first."""
+    """Indices of what is not small compared with the largest, the largest first."""
     size = np.abs(values)
     order = np.argsort(-size, kind="stable")
     return [int(i) for i in order if size[i] > share * size.max(initial=0.0)]

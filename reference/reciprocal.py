@@ -1,4 +1,4 @@
-"""How legs hold a body: their wrenches, the twists these leave it, and systems of screws in terms of lines."""
+"""Reciprocal screws: wrenches of the legs on a body, the twists that they leave it, screw systems as lines."""
 
 from __future__ import annotations
 
@@ -181,7 +181,7 @@ def held(lay: Layout, at: Pose, body: str = "") -> tuple[Held, ...]:
 def idle_forces(lay: Layout, at: Pose) -> Array:
     """Forces of actuators that do no work together, at one closed pose. Shape (n_actuator, k), orthonormal.
 
-    None are told at a singular pose, where rates are not numbers.
+    There are none at a singular pose, where rates are not numbers.
     """
     rates = motion_at(lay, at.q, np.zeros((1, len(lay.mechanism.independent)))).joint_map[0].T
     sizes = np.where(lay.turns, 1.0, length(lay))[lay.mechanism.actuated_columns]
@@ -197,8 +197,8 @@ def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[Element, ..
 
     Args:
         system: Independent screws ``[direction; moment about O]``, without dimension. Shape (6, k).
-        near: Axes are told by their points next to it. Shape (3,).
-        unit: Length of the system, in which points and pitches are told [m].
+        near: Axes are given by their points next to it. Shape (3,).
+        unit: Length of the system, the unit of points and pitches [m].
     """
     if not system.shape[1]:
         return ()

@@ -1,7 +1,7 @@
 """The casebook: a table of named discrepancies, and their reproduction with the installed engines.
 
-The discrepancies are in ``casebook.toml``; the functions that reproduce them are beside the engines, and in
-`both_engines`.
+The discrepancies are in ``casebook.toml``; the functions that reproduce them are in the folders of the engines
+(`discrepancies`) and, where one needs both, in `both_engines`.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ def reproduce(id: str) -> CaseResult:
         module, name = case.run.split(":")
         run = getattr(import_module(f"screwgauge.{module}"), name)
         with ExitStack() as stack:
-            if "mujoco" in case.engines:  # whose warnings go into a file of the working directory otherwise
+            if "mujoco" in case.engines:  # whose warnings would go into a file in the working directory
                 from screwgauge.models.readings.compiler import warned
 
                 stack.enter_context(warned())

@@ -27,7 +27,7 @@ def first_tree() -> Shown:
 
 
 def gravity() -> Shown:
-    """Torque of a bar's weight on the Moon, whose gravity the file says, and set by hand."""
+    """Torque of a bar's weight on the Moon, with the file's gravity, and with gravity set by hand."""
     text = mjcf(body("a"), before='<option gravity="0 0 -1.62"/>')
     model, other = pinocchio.load_mjcf(text), mujoco.load(text)
     raw = float(pinocchio.inverse(model)[0])
@@ -62,7 +62,7 @@ def defaults_first() -> Shown:
 
 
 def _outcome(text: str, measure: Callable[[Any], float]) -> tuple[float, str]:
-    """A number of what Pinocchio reads; or, where it refuses the file, NaN and what it says."""
+    """A number of what Pinocchio reads; or, where it refuses the file, NaN and its message."""
     try:
         model = pinocchio.load_mjcf(text)
     except (
@@ -143,7 +143,7 @@ _TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 
 
 def armature() -> Shown:
-    """Moment of inertia at a hinge that the MJCF gives an armature, of Pinocchio on the URDF, and with it told."""
+    """Moment of inertia at a hinge with an armature in the MJCF: Pinocchio on the URDF, and with the armature set."""
     model, other = (
         pinocchio.load_urdf(robot(link("a"), joint("a"))),
         mujoco.load(mjcf(body("a", joint='armature="0.5"'))),

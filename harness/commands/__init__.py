@@ -32,7 +32,7 @@ def list_(options: argparse.Namespace) -> int:
 
 
 def models(options: argparse.Namespace) -> int:
-    """Writes the model files of a mechanism, and compares what programs read, if asked to."""
+    """Writes the model files of a mechanism, and with --check compares what the libraries read."""
     from screwgauge.models.catalog import load_mechanism
     from screwgauge.models.generate import keep_models
     from screwgauge.models.mjcf import left_out
@@ -60,7 +60,7 @@ def models(options: argparse.Namespace) -> int:
 
 
 def import_(options: argparse.Namespace) -> int:
-    """Writes a URDF or MJCF as a description and a scene, and says what neither holds."""
+    """Writes a URDF or MJCF as a description and a scene, and prints what neither can hold."""
     from screwgauge.diagnosis.order import indexed
     from screwgauge.models.importing.convert import Wanted
     from screwgauge.models.importing.model import Options, notes
@@ -84,7 +84,7 @@ def import_(options: argparse.Namespace) -> int:
 
 
 def imported(name: str) -> None:
-    """Imports a model file that is named in place of a mechanism or scene, and says what became of it."""
+    """Imports a model file that is named in place of a mechanism or scene, and prints notes on it."""
     if is_model(name):
         from screwgauge.models.importing.model import keep, notes
         from screwgauge.reference.files import named_file
@@ -111,7 +111,7 @@ def run(options: argparse.Namespace) -> int:
     elif options.seed is not None:
         raise DescriptionError("--seed is that of an exciting motion", "run", "add --exciting or leave it out")
     if options.pdf:
-        browser()  # or none is found, which is told before any work
+        browser()  # a missing one is an error before any work
     out = options.out or OUT / scene.name
     engines, quantities = _names(options.engines), _names(options.quantities)
     more: Any = {"limits": limits(options), "warn": lambda text: complain(f"screwgauge: warning: {text}")}
@@ -183,7 +183,7 @@ def stress(options: argparse.Namespace) -> int:
 
 
 def diagnose(options: argparse.Namespace) -> int:
-    """Compares two models, says why they differ and proves it."""
+    """Compares two models, and explains and proves their differences."""
     from screwgauge.diagnosis.diagnose import diagnose
     from screwgauge.diagnosis.record import summary
     from screwgauge.environment import json_text
@@ -205,7 +205,7 @@ def diagnose(options: argparse.Namespace) -> int:
     )
     if options.fix is not None:
         lines = [f"fixed: {diagnosis.write_fix(options.fix)}", *(f"not fixed: {text}" for text in diagnosis.not_fixed)]
-        (complain if options.json else say)("\n".join(lines))  # beside JSON nothing is printed
+        (complain if options.json else say)("\n".join(lines))  # standard output is JSON alone
     return int(diagnosis.exit_status)
 
 

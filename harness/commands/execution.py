@@ -1,4 +1,4 @@
-"""How every command is carried out: refusal of names that ended, work with progress, numbers onto the disk, pages."""
+"""Execution of a command: refusal of retired names, work with progress, numbers onto the disk, then pages."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ def carry_out(
     force: bool = False,
     **writing: Any,
 ) -> Any:
-    """Works with progress, writes and shows the page of what was found; what cannot be written is not begun.
+    """Works with progress, then writes the report and prints a summary; refuses first what cannot be written.
 
     Args:
         work: Takes the progress.
-        tell: What to print of what was found; by default what the page has for a terminal.
+        tell: Text to print for the results; by default the page's text for a terminal.
         again: File that the same command goes on from.
         inputs: Files that the command reads, which are not written over.
-        force: Files in the way are replaced, whoever wrote them.
+        force: Existing files are replaced, whatever their origin.
         writing: What else the page is written with.
 
     Returns:
-        What was found.
+        The results.
     """
     from screwgauge.report.console import Progress
     from screwgauge.report.folder import PAGES, SAMPLES, check_writable, locked
@@ -73,7 +73,7 @@ def _write(
     tell: Callable[[Any], str] | None,
     writing: dict[str, Any],
 ) -> None:
-    """Writes a report, and tells what was found as soon as its numbers are on disk, or cannot be there."""
+    """Writes a report, and prints the results as soon as their numbers are on disk, or cannot be."""
     from screwgauge.report.folder import PAGES
     from screwgauge.report.terminal import terminal
 
@@ -94,7 +94,7 @@ def _write(
     progress.show("report", 0.0)
     try:
         page.write(results, out, safe=show, **writing)
-    except ScrewgaugeError as error:  # what was found is told all the same
+    except ScrewgaugeError as error:  # results are printed all the same
         lost.append(error)
     show()
     progress.wipe()

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def view(options: argparse.Namespace) -> int:
-    """Shows a mechanism, beside another one if there are two."""
+    """Shows a mechanism, or two side by side."""
     from screwgauge.scene.scene import Scene
 
     chosen = [name for name in ("out", "png", "video", "mujoco", "port") if getattr(options, name) not in (None, False)]
@@ -94,7 +94,7 @@ def _page(what: Scene | Mechanism, other: Mechanism | None) -> str:
 
 
 def _solved(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
-    """A few samples of a scene, and what the solver says of them; nothing where it fails, which is told."""
+    """A few samples of a scene and their solution; none where the solver fails, with a warning."""
     from screwgauge.problem import spread
     from screwgauge.study.motion import FRAMES
     from screwgauge.study.run import run

@@ -1,4 +1,8 @@
-"""Scenes made by the program: an exciting motion of a mechanism, and default scenes of descriptions and model files."""
+"""Scenes made by the program: exciting motions, default scenes of descriptions and model files, and their text.
+
+A persistently exciting motion is a sum of sines of every independent coordinate, as large as limits and singular poses
+allow, and so fast that inertial forces are about as large as the others. Scenes from files are read in `read`.
+"""
 
 from __future__ import annotations
 
@@ -84,7 +88,7 @@ def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
 
 
 def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float = AMPLITUDES[0]) -> Scene:
-    """The same scene in a motion from home that excites all inertia that it can, at times of its own.
+    """The same scene in a motion from home that excites as much inertia as possible, at new times.
 
     Args:
         seed: Gives the same motion again; name and title say it.
@@ -186,14 +190,14 @@ def _pace(at: ClosedMotion, applied: Applied, heights: Array) -> float:
     return float(np.sqrt(acting / inertia if acting * inertia > 0.0 else G0 / at.loops.length))
 
 
-#: Of a scene beside its description: ``panda.toml`` has ``panda.scene.toml``.
+#: Ending of the scene of a description: ``panda.toml`` has ``panda.scene.toml``.
 SUFFIX = ".scene.toml"
 
 
 def scene_file(path: Path) -> Path:
     """The scene that a path means: itself, or that of a description or model file.
 
-    A description has the scene beside it, or else the usual one, as a model file has, in a folder that goes away with
+    A description has the scene in its folder, or else the usual one, as a model file has, in a folder that goes with
     the process.
 
     Raises:
@@ -219,10 +223,10 @@ def scene_file(path: Path) -> Path:
 
 
 def gravity_of(name: str) -> Array | None:
-    """What a model file, or the scene beside a description, says of gravity.
+    """Gravity of a model file, or of the scene next to a description.
 
     Returns:
-        World axes [m/s^2], shape (3,); None where neither says anything.
+        World axes [m/s^2], shape (3,); None where neither states it.
     """
     from screwgauge.models.importing.model import imported_file
 
@@ -252,7 +256,7 @@ def default_scene(
     """A scene as TOML.
 
     Args:
-        file: The description, by its full path or beside the scene.
+        file: The description, by its full path or relative to the scene.
         gravity: World axes [m/s^2]; the usual one by default. Shape (3,).
         springs: Springs and dampers of joints.
 
@@ -296,10 +300,10 @@ def _at_rest(mechanism: Mechanism, file: Path, applied: Applied) -> Scene:
 
 
 def write_imported(imported: Imported, file: Path, *, force: bool = False) -> tuple[Path, Path]:
-    """Writes the description and, beside it, its scene.
+    """Writes the description and its scene into one folder.
 
     Args:
-        force: Files in the way are replaced, whoever wrote them.
+        force: Existing files are replaced, whatever their origin.
 
     Returns:
         Their paths.

@@ -47,7 +47,7 @@ def read_list(data: dict[str, Any], key: str, where: str) -> list[Any]:
 
 
 def read_items(data: dict[str, Any], key: str, where: str, read: Callable[[Any, str], T]) -> tuple[T, ...]:
-    """The entries of a list, each read by `read`, which is also told where it stands."""
+    """The entries of a list, each read by `read`, which is also given its place in the file."""
     return tuple(read(item, f"{where}, {key}") for item in read_list(data, key, where))
 
 

@@ -269,7 +269,7 @@ def _sampled(path: Path, labels: list[str]) -> tuple[Drive, Array]:
     wanted = ["t", *(f"{label}{order}" for label in labels for order in ("", "d", "dd"))]
     if len(set(wanted)) < len(wanted):
         what = f"columns {', '.join(wanted)} share a name"
-        raise DescriptionError(what, str(path), "label the independent coordinates otherwise")
+        raise DescriptionError(what, str(path), "give the independent coordinates other labels")
     columns = read_columns(path, wanted, "derivatives are required")
     t = columns["t"]
     if not len(t):

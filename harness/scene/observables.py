@@ -34,7 +34,7 @@ class Observable:
     Attributes:
         unit: ``rad`` or ``m``.
         coordinate: Joint coordinate, if it is one.
-        body, point, axis: Otherwise the body, the point in its frame [m], shape (3,), and 0, 1 or 2.
+        body, point, axis: If not, the body, the point in its frame [m], shape (3,), and 0, 1 or 2.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Published:
     Attributes:
         who: Method or program, with its setting.
         remark: What the numbers do not say.
-        accuracy: Error of what `measure` says, an observable [m or rad] or the energy [J]; NaN if not stated.
+        accuracy: Error of the `measure`, an observable [m or rad] or the energy [J]; NaN if not stated.
         cpu_s: Processor time on the machine of that time [s]; NaN if not stated.
     """
 

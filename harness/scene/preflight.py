@@ -133,7 +133,7 @@ def check_actuation(
     """Quantities that the actuators determine, and a sentence on those that they do not, where nobody chose.
 
     Raises:
-        DescriptionError: No forces, or no rule's forces, that were asked for would satisfy the equations of motion.
+        DescriptionError: No forces, or no rule's forces, would satisfy the equations of motion.
     """
     ruled = [name for name in GIVEN if QUANTITIES[name].ruled]
     rest = tuple(name for name in quantities if name not in ruled)
@@ -162,7 +162,7 @@ def delivered(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...
 
 
 def _check_jumps(scene: Scene) -> None:
-    """Poses are found by following the motion; from one sample to the next it must not go round the world."""
+    """Poses are found by following the motion: consecutive samples must not be too far apart."""
     motion, mechanism = scene.motion, scene.mechanism
     way = np.diff(motion.y, axis=0, prepend=mechanism.home[mechanism.independent_columns][None])
     size = loop_equations(layout(mechanism)).size[mechanism.independent_columns]

@@ -1,4 +1,4 @@
-"""Reads scenes from TOML, see ``harness/scenes/README.md``. Which engines there are is not looked at here."""
+"""Reading of scenes from TOML, see ``harness/scenes/README.md``. Names of engines are not checked here."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ class Scene:
         observables: What is followed in a simulation.
         known: Their values from elsewhere, if there are any.
         published: What others have published.
-        tables: Numbers of one's own that stand beside the engines, by name.
+        tables: The user's values, compared like those of an engine, by name.
     """
 
     name: str
@@ -133,10 +133,10 @@ class Scene:
 
     @property
     def changed(self) -> bool:
-        """Whether its mechanism is another one than its description says by now."""
+        """Whether the description has changed since the mechanism was read."""
         try:
             return not same_content(self.mechanism, load_mechanism(self.mechanism_file))
-        except ScrewgaugeError:  # the file has gone, or says nothing that can be read
+        except ScrewgaugeError:  # the file has gone, or cannot be read
             return True
 
     def at(self, times: Sequence[float] | Array) -> Scene:
@@ -194,7 +194,7 @@ class Scene:
         return Problem(self.acting_on(engine), self.task, frozenset(wanted), self.rule, self.wording())
 
     def acting_on(self, engine: str) -> Applied:
-        """What acts on the model of an engine: an MJCF of the user's own keeps the gravity that it says.
+        """What acts on the model of an engine: a user's MJCF keeps its gravity.
 
         That, too, is judged. A URDF and a description say none.
         """
@@ -218,7 +218,7 @@ class Scene:
         )
 
     def _moves_as(self, table: dict[str, Any]) -> bool:
-        """Whether the scene moves as the table says; never so for samples, whose doubles are what is meant."""
+        """Whether the scene moves as in the table; False for samples, whose doubles are what is meant."""
         if "csv" in table:
             return False
         stated, motion = read_drive(table, list(self.mechanism.independent), Path(), "motion")[0](self.t), self.motion

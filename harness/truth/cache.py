@@ -169,7 +169,7 @@ def _content(place: int, name: str) -> bytes | None:
 
 
 def _secret(place: int) -> bytes:
-    """The secret of the folder, made when it is first asked for; one that is no secret any more is replaced."""
+    """The secret of the folder, made when it is first needed; one that others can read is replaced."""
     for replace in (False, True):
         try:
             secret = _content(place, SECRET)

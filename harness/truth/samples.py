@@ -138,7 +138,7 @@ def _doubles(load: Load, body: int) -> BallLoad:
 
 
 def _said(table: Mapping[str, Any], index: Mapping[str, int]) -> BallLoad:
-    """A load as its text says: what a body exerts on the environment comes back with the other sign."""
+    """A load from its text: what a body exerts on the environment acts on it with the other sign."""
     body, sign = (table["on"], 1) if table["by"] == "environment" else (table["by"], -1)
     at: Any = table.get("point", "com")
 

@@ -25,7 +25,7 @@ CHANGE, MARGIN = 0.5, 0.8
 STEP, FARTHEST = 1.0, 2.0
 #: Share of the distance at which another solution could lie by which Newton's method may correct a prediction.
 NEAR = 0.2
-#: ``|J^-1|`` above which rounding of the residual turns J by an eighth: branches that meet cannot be told apart.
+#: ``|J^-1|`` above which rounding of the residual turns J by an eighth: branches that meet cannot be separated.
 FLOOR = 6e6
 #: Step of the central differences of the Jacobian.
 DIFFERENCE = 5e-6

@@ -54,7 +54,7 @@ class PathEnd(ClosureError):
     Attributes:
         z, y: The last pose reached: unknowns, shape (n_z,), and independent coordinates, shape (k,). No dimension.
         t: Time of the sample that cannot be reached [s].
-        singular: Whether that pose is singular; otherwise the way is too long.
+        singular: Whether that pose is singular; if not, the way is too long.
         beyond: Whether the loops close beyond it, too.
     """
 
@@ -145,7 +145,7 @@ class Continuation(Walk):
                 i += 1
                 next_one = int(covering[gap - first])
                 if len(self.anchors) > known or not (inside[gap - first] and self._hop(next_one)):
-                    break  # what was looked up says nothing about the samples that follow
+                    break  # the anchors looked up do not hold for the samples that follow
             window = min(2 * window, WIDEST) if i == stop else max(window // 2, WINDOW)
         self.last = [t[-1], y[-1], *(x[-1] for x in rates or ())]
         return self._predicted(y, t, anchor, visit - begin, begin)

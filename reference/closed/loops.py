@@ -212,7 +212,7 @@ def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:
 
 #: How far a pose of the trial walk lies from home [rad or lengths of the mechanism], and how many there are.
 AWAY, TRIALS = 0.15, 4
-#: Far above what rounding makes of a coordinate that stands still; who is found by mistake costs time only.
+#: Far above what rounding makes of a coordinate that stands still; a false candidate costs time only.
 STILL = 1e-7
 #: Trial poses above this condition number say nothing: rounding moves coordinates that stand still.
 CLEAR = 1e4

@@ -17,7 +17,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array
 
 #: Evaluates poses: (q (n, n_q), y (n, k)) -> closure residuals (n, m), their derivative (n, m, n_q), and what else is
-#: to be known of the poses that are found, (n, ...) each.
+#: to be known of the solutions, (n, ...) each.
 Evaluation = Callable[[Array, Array], tuple[Array, ...]]
 
 # Angles are in rad, distances in lengths of the mechanism wherever these are used.

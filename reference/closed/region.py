@@ -1,7 +1,7 @@
-"""The region around home in which samples in any order are reached, by anchors that spread from there.
+"""Closed poses for samples in any order: a region around home, covered by anchors that spread from there.
 
-What is not reached, or lies under two sheets, is said by sample. No answer depends on what was asked before; which
-samples are not reached may.
+Samples that are not reached, or lie under two sheets, are flagged. No pose depends on earlier calls; which samples are
+not reached may. Motions, whose samples are in order, are followed by `continuation`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Region(Continuation):
     def _spread(self, y: Array) -> Indices:
         """Anchors of home's sheet in whose balls samples lie, after adding those that it takes; -1 for the others."""
         anchors, self.floor = self.anchors, STEEP * self.anchors[0].beta
-        most = len(anchors) + LARGEST  # whatever was asked before
+        most = len(anchors) + LARGEST  # independent of earlier calls
         covering, inside = anchors.cover(y, 0)
         left = np.flatnonzero(~inside)
         near, far, tries = covering[left], anchors.distance(y[left], covering[left]), np.zeros(len(left), dtype=int)
@@ -88,7 +88,7 @@ class Region(Continuation):
     def _keep_straight(self, first: int) -> None:
         """Leaves on home's sheet, of the anchors from a number on, those to which the straight way from home leads.
 
-        Round a cusp two ways lead to two poses: which one is meant must not depend on what was asked before.
+        Round a cusp two ways lead to two poses: which one is meant must not depend on earlier calls.
         """
         anchors = self.anchors
         for a in [a for a in range(first, len(anchors)) if not anchors.table["sheet"][a]]:

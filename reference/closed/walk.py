@@ -28,7 +28,7 @@ NEWTON, CLOSE = 8, 1e-6
 #: Share of a ball by which a motion may differ from the curve through its samples.
 MISS = 0.1
 #: Share of a way by which a singular pose is passed that is to be left behind, and the share of the largest singular
-#: value below which one says nothing about where it goes on.
+#: value below which one does not show where it goes on.
 LEAP, BLUR = 1e-3, 1e-6
 
 
@@ -151,7 +151,7 @@ class Walk:
             return False
         if not at_most(here.change((anchor.U * anchor.s) @ anchor.Vt), CHANGE):
             return False
-        # so near to a singular pose none that leads away from it can be told from one on the branch that crosses there
+        # so near to a singular pose one that leads away from it looks like one on the branch that crosses there
         if anchor.beta > self.floor or 2.0 * anchor.beta < here.faint:
             raise Blocked(singular=True)
         sheet = int(self.anchors.table["sheet"][self.at])
@@ -183,7 +183,7 @@ class Walk:
         return None
 
     def _sort(self, new: int, sheet: int) -> None:
-        """Puts a new anchor on another sheet where one of its own lies over the same y in another pose."""
+        """Puts a new anchor on another sheet where one of its sheet lies over the same y in another pose."""
         anchors, y = self.anchors, self.anchors[new].y
         for candidate in dict.fromkeys([sheet, *range(anchors.sheets + 1)]):
             rows = anchors.sheet_of(candidate)
@@ -311,7 +311,7 @@ class Walk:
 
 
 def at_most(A: Array, limit: float) -> bool:
-    """Whether a matrix is finite and its norm within a limit; the Frobenius norm, which is larger, often says so."""
+    """Whether a matrix is finite and its norm within a limit; the larger Frobenius norm often suffices."""
     if not np.isfinite(A).all():
         return False
     return bool(np.linalg.norm(A) <= limit or np.linalg.norm(A, 2) <= limit)

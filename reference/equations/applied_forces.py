@@ -1,4 +1,4 @@
-"""Loads, springs, dampers and motors: what they exert, and what of it is stored or lost."""
+"""Wrenches, power and stored energy of loads, springs, dampers and motors; the data themselves are in `applied`."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ class CutJoint:
         return np.asarray(power(self.D, (V[..., self.child, :] - V[..., self.parent, :])[..., None, :]))
 
     def _relative(self, V: Array, A: Array, bracket: Bracket | None = None) -> Array:
-        """Acceleration screw of child less parent but for brackets of its own screws, eq. (44). Shape (..., 6)."""
+        """Acceleration screw of child less parent without brackets of the joint's screws, eq. (44). Shape (..., 6)."""
         before, after = V[..., self.parent, :], V[..., self.child, :]
         between = bracket(before, after - before) if bracket else lie_bracket(before, after)  # that of equals is zero
         return np.asarray(A[..., self.child, :] - A[..., self.parent, :] - between)
@@ -266,7 +266,7 @@ class Closed:
 
 
 class Motion(Closed):
-    """Velocities and accelerations at a closed pose; each is worked out when it is first asked for.
+    """Velocities and accelerations at a closed pose; each is computed on first access.
 
     Attributes:
         yd: Rates of the independent coordinates. Shape (..., k).

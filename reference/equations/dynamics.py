@@ -1,7 +1,7 @@
 """Forces of a closed mechanism in motion (section 5 of the paper): Newton-Euler, virtual power, all reactions.
 
 Corrected against the paper: gravity as ``m (a - g)``, lever arms from the centre of mass to the point of action, the
-moment of the U-joint's wrist and ``(O - P) x F_S`` are in, and the sign of the load says who exerts it.
+moment of the U-joint's wrist and ``(O - P) x F_S`` included, and the load with the sign of what acts on the platform.
 """
 
 from __future__ import annotations

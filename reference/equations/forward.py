@@ -24,7 +24,7 @@ from screwgauge.reference.rotations import across_direction
 
 
 class Forward(Dynamics):
-    """Motion that follows from the forces at a closed pose; `Dynamics` of the accelerations found."""
+    """Motion that follows from the forces at a closed pose; `Dynamics` of the resulting accelerations."""
 
     @cached_property
     def partial_motion(self) -> tuple[Array, Array]:

@@ -194,7 +194,7 @@ class JointType:
         forces, moments: Directions of its constraint forces and moments.
         open: Small rotation by which it is open along the moments when it is cut.
         angles: Its angles when it is cut.
-        own: Power of brackets of its own screws on its last constraint wrench, from its rates, for eq. (48); they have
+        own: Power of brackets of its screws on its last constraint wrench, from its rates, for eq. (48); they have
             none on the others, and by default none at all.
     """
 

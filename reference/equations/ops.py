@@ -1,4 +1,7 @@
-"""What depends on the kind of number: functions of one number, and how a linear system is solved."""
+"""Number types: elementary functions and linear solves over float arrays and over nodes of a trace.
+
+Nothing but this module depends on the kind of number.
+"""
 
 from __future__ import annotations
 

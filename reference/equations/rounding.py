@@ -1,4 +1,4 @@
-"""By how much the equations of a pose amplify rounding, without dimension.
+"""Conditioning: by how much the equations at a pose amplify rounding, without dimension.
 
 A row that closes a loop changes with the coordinates as that loop is long, however long the mechanism is; of the
 mechanism's length is only what the poses of its bodies are rounded to.

@@ -181,7 +181,7 @@ class VectorMath:
 ENTRY = "samples"
 #: Programs of fewer operations hold sines and angles in line; a call costs all registers.
 SMALL = 6000
-#: Lines of the cache that are asked for before they are written to: a line that is not there yet holds up all others.
+#: Cache lines prefetched before they are written to: a line that is not there yet holds up all others.
 AHEAD = 40
 
 
@@ -330,7 +330,7 @@ class Native:
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
-        """What runs all samples of some arrays, again and again, and says whether none of them is in doubt.
+        """A function that runs all samples of some arrays, and returns whether none of them is in doubt.
 
         Args:
             inputs, outputs: Shapes (m, n) each, in the order of the program; a row's numbers lie side by side.
