@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
@@ -23,7 +23,7 @@ from screwgauge.reference.rotations import Array
 COLOURS = ("#0072B2", "#00795B", "#B04A87", "#8C6D31", "#5E5AA8", "#3A7D9C")
 PLAIN, DRIVEN, CUT, STANDING = "#8A9199", "#E69F00", "#D55E00", "#5F666D"
 MASS, AXIS, DOUBT = "#B58900", "#4477AA", "#CC0077"
-COMPARED = ("links", "joints", "axes")
+SIGNED = "RPUC"  # kinds of joints whose axes have a sense of direction
 KINDS = {
     "R": "revolute",
     "P": "prismatic",
@@ -137,19 +137,59 @@ def placed(mechanism: Mechanism, at: Pose | None = None) -> list[Shape]:
     return drawn
 
 
-def differing(mechanism: Mechanism, other: Mechanism) -> list[Shape]:
-    """Links, joints and axes of another mechanism at home that the first one has not: in the world, by their names.
+def differing(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str] = ()) -> list[Shape]:
+    """What another mechanism has elsewhere at home, in the world: its joints with the bodies that they hold, its axes.
 
-    Lengths count in lengths of the first one.
+    A joint is the same where its screws span the same motions and both are driven or neither is: a point that slides
+    along an axis, which of two bodies is the parent, and names do not count. Lengths count in lengths of the first.
+
+    Args:
+        unsigned: Joints of the other whose axes have no sense of direction, such as those of loops that points close.
     """
-    ratio = length(layout(other)) / length(layout(mechanism))
+    unit = length(layout(mechanism))
+    known, there = _freedoms(mechanism, unit), _freedoms(other, unit)
+    moved, turned = set[str](), set[str]()
+    for joint, span, screws in there:
+        same = [one for one in known if one[0].actuated == joint.actuated and _close(one[1], span)]
+        if not same:
+            moved.add(joint.name)
+        elif joint.kind in SIGNED and joint.name not in unsigned:
+            ways = [-way if (one.parent, one.child) == (joint.child, joint.parent) else way for one, _, way in same]
+            if not all(any(_close(screw, each) for way in ways for each in way) for screw in screws):
+                turned.add(joint.name)
+    lines = [one for one in placed(mechanism) if one.group == "links"]
+    held = {body for joint, *_ in there if joint.name in moved for body in (joint.parent, joint.child)}
+    found, ratio = list[Shape](), length(layout(other)) / unit
+    for one in placed(other):
+        one = replace(one, a=ratio * one.a, b=ratio * one.b)
+        if (
+            (one.group in ("joints", "axes") and one.name in moved)
+            or (one.group == "axes" and one.name in turned)
+            or (one.group == "links" and one.name in held and not any(_same_line(one, line) for line in lines))
+        ):
+            found.append(replace(one, group="other", colour=DOUBT))
+    return found
 
-    def key(one: Shape) -> tuple[object, ...]:
-        return one.group, one.kind, one.name, *np.round(np.concatenate([one.a, one.b]) / DISTINCT).tolist()
 
-    there = {key(one) for one in placed(mechanism) if one.group in COMPARED}
-    sized = [replace(one, a=ratio * one.a, b=ratio * one.b) for one in placed(other) if one.group in COMPARED]
-    return [replace(one, group="other", colour=DOUBT) for one in sized if key(one) not in there]
+def _freedoms(mechanism: Mechanism, unit: float) -> list[tuple[Joint, Array, Array]]:
+    """Joints with the projection onto the motions that they allow at home, and their screws [1, `unit`]."""
+    lay, found = layout(mechanism), list[tuple[Joint, Array, Array]]()
+    at = pose(lay, mechanism.home[None])
+    for joint in mechanism.joints:
+        if joint.constrains:
+            screws = at.S[0, lay.columns[joint.name]] / np.repeat([1.0, unit], 3)
+            screws /= np.maximum(np.abs(screws).max(axis=1, keepdims=True), 1e-12) if not joint.angles else 1.0
+            basis = np.linalg.qr(screws.T)[0]
+            found.append((joint, basis @ basis.T, screws))
+    return found
+
+
+def _close(a: Array, b: Array) -> bool:
+    return a.shape == b.shape and bool(np.abs(a - b).max() < DISTINCT)
+
+
+def _same_line(one: Shape, other: Shape) -> bool:
+    return any(_close(np.stack([one.a, one.b]), np.stack(ends)) for ends in ((other.a, other.b), (other.b, other.a)))
 
 
 def _body(body: Body, i: int, its: list[End], unit: float, colour: str) -> Iterator[Shape]:
@@ -200,20 +240,39 @@ def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Ite
 
 @lru_cache(maxsize=2)
 def viewed_from(mechanism: Mechanism) -> Array:
-    """Direction to who looks: face-on where it is flat, else from above, so that joints do not hide each other."""
+    """Direction to who looks: face-on where all is in a plane, else from the front, so that joints hide none."""
     points = np.array([one.a for one in placed(mechanism) if one.group == "masses" or one.kind in ("slide", "ball")])
     points = np.unique(np.concatenate([points, [place for _, place, _ in joint_marks(mechanism)]]).round(6), axis=0)
-    flat = [axis for axis in (2, 1, 0) if np.ptp(points[:, axis]) < 1e-3]
-    if flat:
-        return np.asarray(np.eye(3)[flat[0]] * (-1.0 if flat == [1] else 1.0))
+    lay = layout(mechanism)
+    screws = pose(lay, mechanism.home[None]).S[0]
+    planar = facing(points, screws[:, :3])
+    if planar is not None:
+        return planar
     i, j = np.triu_indices(len(points), 1)
 
     def hidden(direction: Array) -> float:
         seen = points @ across(direction).T
         return float(np.sum(1.0 / (np.sum((seen[i] - seen[j]) ** 2, axis=1) + 1e-3)))
 
-    angles = product(np.radians([-70, -55, -40, -25, 20, 35, 50, 65]), np.radians([18, 25, 32]))
+    angles = product(np.radians([-55, -70, -40, -25, -110, -125, -140, -155]), np.radians([25, 18, 32]))
     return min((np.array([np.cos(h) * np.cos(a), np.cos(h) * np.sin(a), np.sin(h)]) for a, h in angles), key=hidden)
+
+
+def facing(points: Array, axes: Array) -> Array | None:
+    """Direction to who sees a planar mechanism face-on: from above, from the front or from the right; None if spatial.
+
+    Args:
+        points: Of joints and bodies, in lengths of the mechanism. Shape (n, 3).
+        axes: Of all rotations; a row of zeros is a translation. Shape (m, 3).
+    """
+    flat = [axis for axis in (2, 1, 0) if np.ptp(points[:, axis]) < 1e-3]
+    if flat:
+        return np.asarray(np.eye(3)[flat[0]] * (-1.0 if flat[0] == 1 else 1.0))
+    turns = axes[np.linalg.norm(axes, axis=1) > 0.5]
+    if len(turns) < 2 or np.abs(np.cross(turns, turns[0])).max() > 1e-6:
+        return None
+    largest = int(np.argmax(np.abs(turns[0])))
+    return np.asarray(turns[0] * np.sign(turns[0, largest]) * (-1.0 if largest == 1 else 1.0))
 
 
 def across(direction: Array) -> Array:

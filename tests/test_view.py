@@ -19,6 +19,8 @@ from screwgauge.report import console
 from support import robots
 from support.browser import Opened, open_page
 from support.command import main
+from support.mechanism import load_mechanism
+from support.models import write_models
 
 pytestmark = pytest.mark.slow
 
@@ -97,6 +99,18 @@ def test_a_model_file_is_shown(tmp_path: Path) -> None:
         page = tmp_path / f"{file.suffix[1:]}.html"
         assert main(["view", str(file), "--out", str(page)]) == 0
         assert "screwgaugeStage" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["five-bar", "a03-andrews", "screw-press", "3ups-upu-s"])
+@pytest.mark.parametrize("kind", ["urdf", "xml"])
+def test_nothing_is_elsewhere_in_a_model_of_the_same_machine(name: str, kind: str, tmp_path: Path) -> None:
+    write_models(load_mechanism(name), tmp_path)
+    page = tmp_path / "page.html"
+    assert main(["view", name, str(tmp_path / f"{name}.{kind}"), "--out", str(page)]) == 0
+    text = page.read_text(encoding="utf-8")
+    assert '"g":"links"' in text
+    assert '"g":"other"' not in text
 
 
 def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path, write, command) -> None:

@@ -6,7 +6,7 @@ import argparse
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
 from io import BytesIO
@@ -40,16 +40,18 @@ def view(options: argparse.Namespace) -> int:
         check_free(file, filter(None, (options.what, options.other)), force=options.force)
     other = _load(options.other) if options.other else None
     other = other.mechanism if isinstance(other, Scene) else other
+    unsigned = _unsigned(options.what, mechanism) | (_unsigned(options.other, other) if other else set())
     if options.png:
         _kind(options.png, "png", ".png")
         from screwgauge.models.shapes import differing
         from screwgauge.report.stage.drawing import drawing
 
-        _put(options.png, _png(drawing(mechanism, differing(mechanism, other) if other else ()), scale=2.0))
+        beside = differing(mechanism, other, unsigned) if other else ()
+        _put(options.png, _png(drawing(mechanism, beside), scale=2.0))
         return 0
     if options.video:
         return _video(options.video, what, other)
-    text = _page(what, other)
+    text = _page(what, other, unsigned)
     if options.out:
         _put(options.out, stamped(text).encode())
         return 0
@@ -80,7 +82,17 @@ def _load(name: str) -> Scene | Mechanism:
         return still
 
 
-def _page(what: Scene | Mechanism, other: Mechanism | None) -> str:
+def _unsigned(name: str, mechanism: Mechanism) -> set[str]:
+    """Joints that a model file does not name: they stand for points at which loops close, axes without a sense."""
+    from screwgauge.models.importing import is_model
+
+    if not is_model(name):
+        return set()
+    text = Path(name).read_text(encoding="utf-8", errors="replace")
+    return {j.name for j in mechanism.joints if not any(f'"{each}"' in text for each in j.coordinates)}
+
+
+def _page(what: Scene | Mechanism, other: Mechanism | None, unsigned: Collection[str] = ()) -> str:
     from screwgauge.report.blocks import Heading, Paragraph
     from screwgauge.report.html import page
     from screwgauge.report.stage.picture import stage, told
@@ -88,7 +100,10 @@ def _page(what: Scene | Mechanism, other: Mechanism | None) -> str:
 
     mechanism = what.mechanism if isinstance(what, Scene) else what
     moving = isinstance(what, Scene) and other is None  # two are compared at home
-    picture = stage(*_solved(what)) if isinstance(what, Scene) and moving else stage(mechanism, other=other)
+    if isinstance(what, Scene) and moving:
+        picture = stage(*_solved(what))
+    else:
+        picture = stage(mechanism, other=other, unsigned=unsigned)
     about = [Paragraph(what.description)] if isinstance(what, Scene) and what.description else []
     return page([Heading(mechanism.title or mechanism.name, 1), *about, picture, *told(picture)])
 

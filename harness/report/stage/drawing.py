@@ -20,12 +20,14 @@ from screwgauge.models.shapes import (
     placed,
     viewed_from,
 )
-from screwgauge.reference.equations.kinematics import Pose
+from screwgauge.reference.equations.kinematics import Pose, length
+from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.study.motion import DrawnMotion
 
 WIDE, TALL, EDGE, FONT = 640.0, 400.0, 52.0, 11.0  # of the drawing, at most; its margin; of letters [pixels]
+LETTER, CORNER = 0.62 * FONT, 44.0  # a letter's width; the height of world axes and scale bar [pixels]
 MOST_NAMES = 45  # beyond, only joints that are driven or independent are named
 MARKS = {
     "R": '<circle r="5.5"/>',
@@ -35,6 +37,7 @@ MARKS = {
     "C": '<rect x="-9" y="-5" width="18" height="10" rx="5"/>',
     "E": '<path d="M-11,6L-4,-6H11L4,6Z"/><circle r="2.5"/>',
 }
+WORLD = ("#C62828", "#2E7D32", "#1565C0")  # of its axes
 TOWARDS, AWAY = '<circle r="1.6" fill="#222"/>', '<path d="M-3,-3L3,3M-3,3L3,-3" stroke="#222"/>'
 #: A revolute joint is driven round, others along.
 ROUND = '<path class="drive" d="M-8,8A11.5,11.5 0 1 1 8,8M8,8l1,-6M8,8l-6,-.5"/>'
@@ -44,7 +47,7 @@ ODD = f'<circle r="15" fill="none" stroke="{DOUBT}" stroke-width="1.5"/><text x=
 #: What a mark covers, with hatching or a cage around it.
 RIM = [(r * np.cos(a), r * np.sin(a)) for r in (2.0, 7.0, 12.0) for a in np.radians(range(0, 360, 45))]
 #: Where names may stand about what they name: distance, shape (n, 1), and direction, shape (n, 2).
-_AROUND = np.array([(r, a) for r in (12, 18, 26, 36, 50, 66, 84) for a in np.radians(range(0, 360, 30))])
+_AROUND = np.array([(r, a) for r in (15, 20, 28, 38, 50, 66, 84) for a in np.radians(range(0, 360, 30))])
 SPOTS = _AROUND[:, :1], np.stack([np.cos(_AROUND[:, 1]), np.sin(_AROUND[:, 1])], axis=1)
 LOOK = f"""text{{font:{FONT:g}px sans-serif;paint-order:stroke;stroke:#fff;stroke-width:3px;stroke-linejoin:round}}
 path,line{{fill:none}}.mark *{{fill:#fff;stroke:#222;stroke-width:1.5}}.driven *{{fill:{DRIVEN}}}
@@ -98,7 +101,7 @@ def drawing(
     scale = min((WIDE - 2 * EDGE) / size[0], (TALL - 2 * EDGE) / size[1])
     legend, head = _legend(mechanism, bool(beside))
     shift = np.array([(WIDE - scale * size[0]) / 2.0, head + EDGE]) - scale * low
-    tall = head + scale * size[1] + 2 * EDGE
+    tall = head + scale * size[1] + 2 * EDGE + CORNER
     joints = [(joint, scale * place + shift, axis) for joint, place, axis in joints]
     out, lines = list[str](), list[tuple[Shape, Array, Array]]()
     for one in sorted(solids, key=lambda one: (one.kind != "slide", one.group == "other")):
@@ -117,14 +120,57 @@ def drawing(
     wanted = _wanted(mechanism, lines if few else (), [(joint, place) for joint, place, _ in joints])
     busy = [a + (b - a) * k for _, a, b in lines for k in np.linspace(0, 1, 2 + int(np.hypot(*(b - a)) / 8))]
     out += (
-        [] if at else labels(wanted, np.array([*busy, *(place + d for _, place, _ in joints for d in RIM)]), WIDE, tall)
+        []
+        if at
+        else labels(wanted, np.array([*busy, *(place + d for _, place, _ in joints for d in RIM)]), WIDE, tall - CORNER)
     )
+    out.append(corner(view, scale / length(layout(mechanism)), tall))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDE:.0f} {tall:.0f}" width="{WIDE:.0f}" '
         f'height="{tall:.0f}"><style>{LOOK}</style><rect width="100%" height="100%" fill="#fff"/>'
         f'<text x="8" y="18">{escape(mechanism.title or mechanism.name)}: {said}</text>'
         f"{legend}{''.join(out)}</svg>\n"
     )
+
+
+def corner(view: Array, pixels: float, tall: float) -> str:
+    """World axes, and a bar of a round length, at the lower left.
+
+    Args:
+        view: Right, and down the page. Shape (2, 3).
+        pixels: Of a metre.
+        tall: Of the page.
+    """
+    place, towards, out = np.array([34.0, tall - 30.0]), -np.cross(view[0], view[1]), list[str]()
+    for name, colour, way, near in zip("xyz", WORLD, view.T, towards, strict=True):
+        flat = np.hypot(*way) < 0.2
+        tip = place + (22.0 * way if not flat else 0.0)
+        text = place + (31.0 * way if not flat else np.array([-12.0, 12.0]))
+        mark = TOWARDS if near > 0 else AWAY
+        out.append(
+            f'<g transform="translate({_xy(place)})"><circle r="4.5" fill="#fff" stroke="{colour}"/>{mark}</g>'
+            if flat
+            else f'<g style="stroke:{colour};stroke-width:1.6">{_line("", place, tip, arrow=True)}</g>'
+        )
+        spot = f'x="{text[0]:.1f}" y="{text[1] + 4.0:.1f}" text-anchor="middle"'
+        out.append(f'<text {spot} fill="{colour}">{name}</text>')
+    long = round_length(110.0 / pixels)
+    a, b = np.array([90.0, tall - 16.0]), np.array([90.0 + long * pixels, tall - 16.0])
+    ends = f"M{_xy(a)}v-6v6H{b[0]:.1f}v-6v6"
+    out.append(f'<path d="{ends}" stroke="#222" stroke-width="1.5"/>')
+    out.append(f'<text x="{a[0] + 6.0:.1f}" y="{a[1] - 5.0:.1f}" fill="#222">{metres(long)}</text>')
+    return f'<g class="world">{"".join(out)}</g>'
+
+
+def round_length(most: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above."""
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= most * (1 + 1e-9)))
+
+
+def metres(long: float) -> str:
+    """``0.2 m``, ``50 mm``."""
+    return f"{1e3 * long:.6g} mm" if long < 0.1 else f"{long:.6g} m"
 
 
 def _xy(p: Array) -> str:
@@ -155,38 +201,45 @@ def _legend(mechanism: Mechanism, compared: bool) -> tuple[str, float]:
     turning = any(joint.angles == 1 for joint in mechanism.joints)
     items = [(f'<g class="mark">{MARKS[kind]}</g>', name) for kind, name in KINDS.items() if kind in {*MARKS} & there]
     if mechanism.actuators:
-        way = ROUND if mechanism.actuators[0].angles else ALONG
-        items.append((f'<g class="mark driven"><circle r="5.5"/></g>{way}', "driven"))
+        first = mechanism.actuators[0]
+        way = ROUND if first.angles else ALONG
+        items.append((f'<g class="mark driven">{MARKS[first.kind]}</g>{way}', "driven"))
     items += [(CAGE, "cut: closes a loop")] * bool(cut_joints(mechanism))
     items += [(f'<g transform="translate(0 -8)">{FOOT}</g>', "ground")]
     items += [('<path class="axis" d="M-10,0H10l-5,-3M10,0l-5,3"/>', "axis (dot: towards you)")] * turning
     items += [('<path class="other" d="M-12,0H12"/>', "the other")] * compared
     out, x, y = [], 28.0, 40.0
     for shape, text in items:
-        if x + 26 + 5.4 * len(text) > WIDE:
+        if x + 30 + LETTER * len(text) > WIDE:
             x, y = 28.0, y + 28.0
         out.append(f'<g transform="translate({x:.0f} {y:.0f})">{shape}<text x="28" y="4" fill="#222">{text}</text></g>')
-        x += 60 + 5.4 * len(text)
+        x += 60 + LETTER * len(text)
     return "".join(out), y
 
 
-def labels(wanted: Sequence[tuple[str, str, Array]], busy: Array, wide: float, tall: float) -> list[str]:
-    """Texts, each where it covers least; with a line to what it names if that is not beside it.
+def labels(
+    wanted: Sequence[tuple[str, str, Array]], busy: Array, wide: float, tall: float, left: float = 0.0
+) -> list[str]:
+    """Texts, each where it covers least, with a line to what it names if that is not beside it; none upon another.
+
+    One for which there is no room is left out.
 
     Args:
         wanted: Texts with their colours and what they stand beside.
         busy: Points that are better left free. Shape (n, 2).
-        wide, tall: Of the page.
+        left, wide, tall: Where they have to be.
     """
     lows, highs, out, (reach, d) = np.zeros((0, 2)), np.zeros((0, 2)), list[str](), SPOTS
     for text, colour, place in wanted:
-        size = np.array([0.56 * FONT * len(text) + 2.0, FONT + 2.0])
+        size = np.array([LETTER * len(text) + 2.0, FONT + 2.0])
         low = place + reach * d + np.stack([(0.5 * d[:, 0] - 0.5) * size[0], 4.0 * d[:, 1] - 0.5 * size[1]], axis=1)
         over = np.minimum(low[:, None] + size, highs) - np.maximum(low[:, None], lows)
+        free = ~(over > 0.0).all(axis=2).any(axis=1)
+        free &= (low >= [left + 4.0, 48.0]).all(axis=1) & (low + size <= [wide - 4.0, tall - 4.0]).all(axis=1)
+        if not free.any():
+            continue
         inside = ((busy > low[:, None]) & (busy < low[:, None] + size)).all(axis=2).sum(axis=1)
-        outside = np.maximum([4.0, 48.0] - low, 0.0) + np.maximum(low + size - [wide - 4.0, tall - 4.0], 0.0)
-        cost = 2.0 * np.maximum(over, 0.0).prod(axis=2).sum(axis=1) + 12.0 * inside + 50.0 * outside.sum(axis=1)
-        best = int(np.argmin(cost + reach[:, 0]))
+        best = int(np.argmin(np.where(free, 12.0 * inside + reach[:, 0], np.inf)))
         lows, highs = np.vstack([lows, low[best]]), np.vstack([highs, low[best] + size])
         if reach[best] > 24.0:
             out.append(_line("thin", place, place + (reach[best] - 4.0) * d[best]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from screwgauge.models.readings.reading import Reading
-from screwgauge.models.shapes import DOUBT, PLAIN, across
+from screwgauge.models.shapes import DOUBT, PLAIN, across, facing
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Picture
-from screwgauge.report.stage.drawing import EDGE, FONT, labels
+from screwgauge.report.stage.drawing import CORNER, EDGE, FONT, corner, labels
 
 if TYPE_CHECKING:
     from screwgauge.diagnosis.diagnose import Diagnosis
@@ -28,7 +28,7 @@ LOOK = (
     f"text{{font:{FONT:g}px sans-serif;paint-order:stroke;stroke:#fff;stroke-width:3px;stroke-linejoin:round}}"
     f"path{{fill:none;stroke:{PLAIN};stroke-width:3.5;stroke-linecap:round}}circle{{fill:#fff;stroke:#444}}"
     f".differs{{stroke:{DOUBT}}}circle.mass{{fill:{PLAIN};stroke:none;opacity:.45}}circle.mass.differs{{fill:{DOUBT}}}"
-    "path.thin{stroke:#767676;stroke-width:1}"
+    "path.thin{stroke:#767676;stroke-width:1}.world path{stroke-width:1.5}"
 )
 
 
@@ -83,16 +83,17 @@ def machines(found: Diagnosis) -> Picture:
         Side("B", found.b.reading, found.pairing.placement, theirs),
     )
     points = [np.array([*side.joints().values(), *(p for p, _ in side.masses().values())]) for side in sides]
-    view = across(_seen(np.concatenate(points))) * [[1.0], [-1.0]]
+    view = across(_seen(np.concatenate(points), sides)) * [[1.0], [-1.0]]
     cloud = np.concatenate(points) @ view.T
     low, size = cloud.min(axis=0), np.maximum(np.ptp(cloud, axis=0), 1e-9)
     scale = min((SIDE - 2 * EDGE) / size[0], (SIDE - 2 * EDGE) / size[1])
-    tall = HEAD + scale * size[1] + 2 * EDGE
+    tall = HEAD + scale * size[1] + 2 * EDGE + CORNER
     heaviest = max((mass for side in sides for _, mass in side.masses().values()), default=1.0)
     out = []
     for k, side in enumerate(sides):
         shift = np.array([k * SIDE + (SIDE - scale * size[0]) / 2.0, HEAD + EDGE]) - scale * low
-        out.append(_drawn(side, scale * view, shift, heaviest, tall))
+        out.append(_drawn(side, scale * view, shift, heaviest, tall - CORNER, k * SIDE))
+    out.append(corner(view, scale, tall))
     svg = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {2 * SIDE:.0f} {tall:.0f}" width="{2 * SIDE:.0f}" '
         f'height="{tall:.0f}"><style>{LOOK}</style><rect width="100%" height="100%" fill="#fff"/>{"".join(out)}</svg>\n'
@@ -100,13 +101,14 @@ def machines(found: Diagnosis) -> Picture:
     return Picture("machines", "Both machines at home, what differs in colour", svg)
 
 
-def _seen(points: Array) -> Array:
-    """Direction to who looks: face-on where both are flat."""
-    flat = [axis for axis in (2, 1, 0) if np.ptp(points[:, axis]) < 1e-3 * float(np.ptp(points, axis=0).max() or 1.0)]
-    return np.asarray(np.eye(3)[flat[0]] * (-1.0 if flat == [1] else 1.0)) if flat else SEEN / np.linalg.norm(SEEN)
+def _seen(points: Array, sides: Sequence[Side]) -> Array:
+    """Direction to who looks: face-on where both are planar."""
+    axes = np.array([side.placement[:3, :3] @ one.screw[:3] for side in sides for one in side.reading.joints.values()])
+    planar = facing(points / float(np.ptp(points, axis=0).max() or 1.0), axes.reshape(-1, 3))
+    return SEEN / np.linalg.norm(SEEN) if planar is None else planar
 
 
-def _drawn(side: Side, view: Array, shift: Array, heaviest: float, tall: float) -> str:
+def _drawn(side: Side, view: Array, shift: Array, heaviest: float, tall: float, left: float) -> str:
     """Lines, masses by their cube root, joints, and names."""
     differs: Collection[str] = frozenset(side.differs)
     spots, out = {name: view @ at + shift for name, at in side.joints().items()}, list[str]()
@@ -123,7 +125,6 @@ def _drawn(side: Side, view: Array, shift: Array, heaviest: float, tall: float) 
         (x, y), mark = spots[name], ' class="differs" stroke-width="2"' if name in differs else ""
         out.append(f'<circle{mark} cx="{x:.1f}" cy="{y:.1f}" r="3"/>')
     wanted = [(name, DOUBT, spots[name]) for name in side.differs if name in spots][:NAMED]
-    out += labels(wanted, np.array([*spots.values()]), 2 * SIDE, tall)
+    out += labels(wanted, np.array([*spots.values()]), left + SIDE, tall, left)
     title = f"{side.title}: {len(side.reading.joints)} joints, {side.reading.mass:.6g} kg"
-    x = 8.0 + SIDE * (side.title == "B")
-    return f'<text x="{x:.0f}" y="18">{escape(title)}</text>{"".join(out)}'
+    return f'<text x="{left + 8.0:.0f}" y="18">{escape(title)}</text>{"".join(out)}'

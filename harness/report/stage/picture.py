@@ -3,20 +3,32 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from screwgauge.models.formats import quaternion
-from screwgauge.models.shapes import COLOURS, DRIVEN, Shape, differing, shapes, viewed_from
+from screwgauge.models.shapes import (
+    AXIS,
+    COLOURS,
+    CUT,
+    DOUBT,
+    DRIVEN,
+    MASS,
+    STANDING,
+    Shape,
+    differing,
+    shapes,
+    viewed_from,
+)
 from screwgauge.problem import spread
 from screwgauge.reference.equations.kinematics import length
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.reciprocal import Element, Held, held
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Block, Items, Paragraph, Picture
-from screwgauge.report.stage.drawing import drawing
+from screwgauge.report.stage.drawing import WORLD, drawing
 from screwgauge.report.stage.words import kind, sentences
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
@@ -24,21 +36,33 @@ from screwgauge.study.motion import Arrow, DrawnMotion, arrows, followed, still
 
 HELD = 30  # samples at which a platform is asked how it is held, at most
 LONGEST = 0.3  # of all arrows of a group, in lengths of the mechanism
-TONES = {"loads": "#D62728", "actuators": DRIVEN, "reactions": "#7B5EA7"}
+TONES = {
+    "loads": "#D62728",
+    "actuators": DRIVEN,
+    "reactions": "#7B5EA7",
+    "masses": MASS,
+    "axes": AXIS,
+    "other": DOUBT,
+    "doubts": DOUBT,
+}
 
 
 def stage(
-    what: Scene | Mechanism, solutions: Mapping[str, Solution] | None = None, other: Mechanism | None = None
+    what: Scene | Mechanism,
+    solutions: Mapping[str, Solution] | None = None,
+    other: Mechanism | None = None,
+    unsigned: Collection[str] = (),
 ) -> Picture:
     """A mechanism at home, and for pages with scripts in motion.
 
     Args:
         solutions: Of a run of the scene: whose poses and forces are shown.
         other: What it is compared with: where this one differs at home is drawn, too.
+        unsigned: Joints whose axes have no sense of direction in the model, see `differing`.
     """
     motion = followed(what, solutions or {}) if isinstance(what, Scene) else still(what)
     mechanism = motion.lay.mechanism
-    beside = differing(mechanism, other) if other else []
+    beside = differing(mechanism, other, unsigned) if other else []
     text = json.dumps(data(motion, beside), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
     title = f"{mechanism.title or mechanism.name}: home pose{' and what differs in the other' * bool(other)}"
     return Picture("mechanism", title, drawing(mechanism, beside), stage=text)
@@ -48,8 +72,11 @@ def told(picture: Picture) -> list[Block]:
     """What stands beside the picture of a mechanism: what differs in another, how it is held, and what looks odd."""
     found = json.loads(picture.stage)
     odd: list[Block] = [Paragraph("Suspicious, marked by cages:"), Items(tuple(found["doubts"]))]
-    differs = dict.fromkeys(shape["n"] for shape in found["shapes"] if shape["g"] == "other")
-    other = [Paragraph(f"Elsewhere in the other: {', '.join(differs)}.")] if differs else []
+    there = [shape for shape in found["shapes"] if shape["g"] == "other"]
+    moved = dict.fromkeys(shape["n"] for shape in there if shape["k"] != "arrow")
+    turned = dict.fromkeys(shape["n"] for shape in there if shape["n"] not in moved)
+    lines = (("Elsewhere in the other", moved), ("Axis reversed in the other", turned))
+    other = [Paragraph(f"{lead}: {', '.join(names)}.") for lead, names in lines if names]
     return [*other, Items(tuple(found["words"])), *(odd if found["doubts"] else [])]
 
 
@@ -77,13 +104,45 @@ def data(motion: DrawnMotion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
         "bodies": list(mechanism.body_index),
         "poses": _poses(at.R, (at.p - middle) / unit),
         "shapes": [_shape(one) for one in (*solids, *beside)],
+        "legend": _legend(mechanism, solids),
+        "tones": TONES,
+        "world": WORLD,
         "arrows": [_arrow(one, unit, longest[one.group, one.turns]) for one in shown],
         "scales": scales,
         "keys": keys.tolist(),
         "holds": _holds(found, middle, unit),
         "doubts": [one.name for one in solids if one.group == "doubts"],
-        "words": sentences(motion.lay, at.rows(keys), found, motion.t[keys]),
+        "words": [*sentences(motion.lay, at.rows(keys), found, motion.t[keys]), *_loads(shown)],
     }
+
+
+def _legend(mechanism: Mechanism, solids: Sequence[Shape]) -> list[tuple[str, str]]:
+    """Colours of joints with what they mean, of those that are there."""
+    kinds = {one.kind for one in solids if one.group == "joints"}
+    driven = "driven joint (turns in the ring)" if "ring" in kinds else "driven joint (slides along its arrows)"
+    if {"ring", "arrow"} <= kinds:
+        driven = "driven joint (ring: turns; arrows: slides)"
+    entries = [(DRIVEN, driven)] * bool(mechanism.actuators) + [(CUT, "cage: cut joint, closes a loop")] * (
+        "cage" in kinds
+    )
+    return [*entries, *[(STANDING, "foot: fixed to ground")] * ("foot" in kinds)]
+
+
+def _loads(found: Sequence[Arrow]) -> list[str]:
+    """Loads that the scene puts on bodies, with how large they get; weights are no arrows."""
+    loads = [one for one in found if one.group == "loads"]
+    each = [
+        f"{'a moment' if one.turns else 'a force'} on {one.name.removeprefix('load on ')}, {_range(one)}"
+        for one in loads
+    ]
+    return [f"Loads of the scene besides gravity: {'; '.join(each)}."] if each else []
+
+
+def _range(one: Arrow) -> str:
+    """How large a force is over the motion."""
+    sizes = np.linalg.norm(one.vectors, axis=1)
+    low, high, unit = f"{sizes.min():.4g}", f"{sizes.max():.4g}", f"N{' m' * one.turns}"
+    return f"{high} {unit} throughout" if low == high else f"{low} to {high} {unit}"
 
 
 def _rounded(array: Array, digits: int = 4) -> list[Any]:

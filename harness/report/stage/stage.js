@@ -185,6 +185,7 @@ function screwgaugeStage(element, data) {
     wrenches: ["constraint wrenches of the legs", false],
     freedoms: ["remaining freedoms", false],
   };
+  const swatch = colour => make("span", {}, `display:inline-block;width:.8em;height:.8em;border-radius:2px;margin-right:.35em;background:${colour}`);
   const boxes = make("div", {}, ROW);
   for (const [name, [label, shown]] of Object.entries(LAYERS)) {
     const parts = Object.values(groups[name] || {});
@@ -195,10 +196,11 @@ function screwgaugeStage(element, data) {
     };
     if (name !== "names" && !parts.length) continue;
     const box = make("input", {type: "checkbox", checked: shown, name, onchange: () => show(box.checked)});
-    boxes.append(make("label", {}, "", box, ` ${label}${data.scales[name] ? ` (${data.scales[name]})` : ""}`));
+    const colour = data.tones[name] ? [" ", swatch(data.tones[name])] : [" "];
+    boxes.append(make("label", {}, "", box, ...colour, `${label}${data.scales[name] ? ` (${data.scales[name]})` : ""}`));
     show(shown);
   }
-  const legend = make("div", {}, "font-size:.85em;opacity:.8", "gold: driven (ring or arrows); red cage: cut, closes a loop; grey foot: ground");
+  const legend = make("div", {}, `${ROW};font-size:.85em`, ...data.legend.map(([colour, text]) => make("span", {}, "", swatch(colour), text)));
   const labels = named.map(shape => {
     const style = `position:absolute;left:0;top:0;white-space:nowrap;${shape.g === "links" ? "font-style:italic;opacity:.75" : ""}`;
     const text = make("span", {textContent: shape.n}, style), a = vector(shape.a);
@@ -206,7 +208,9 @@ function screwgaugeStage(element, data) {
     return {text, body: shape.i, at: shape.k === "ball" || shape.k === "slide" ? a : a.lerp(vector(shape.b), 0.5)};
   });
   renderer.domElement.style.display = "block";
-  pane.append(renderer.domElement, overlay);
+  const corner = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  corner.setAttribute("style", "position:absolute;inset:0;width:100%;height:100%;pointer-events:none;font-size:12px");
+  pane.append(renderer.domElement, overlay, corner);
   const bar = last ? make("div", {}, ROW, button, slider, readout) : readout;
   element.append(make("div", {className: "stage"}, "", pane, bar, boxes, legend));
 
@@ -221,10 +225,48 @@ function screwgaugeStage(element, data) {
   function render() {
     requested = 0;
     renderer.render(scene, camera);
-    for (const {text, body, at} of overlay.hidden ? [] : labels) {
-      const {x, y} = inWorld(body, at).clone().project(camera);
-      text.style.transform = `translate(${(x + 1) * 0.5 * pane.clientWidth + 8}px,${(1 - y) * 0.5 * pane.clientHeight - 7}px)`;
+    drawCorner();
+    const taken = [];
+    for (const label of overlay.hidden ? [] : labels) {
+      const {x, y} = inWorld(label.body, label.at).clone().project(camera);
+      placeLabel(label, (x + 1) * 0.5 * pane.clientWidth, (1 - y) * 0.5 * pane.clientHeight, taken);
     }
+  }
+  const SPOTS = [[10, -13], [10, 13], [-10, -13], [-10, 13], [14, 0], [-14, 0], [12, -28], [12, 28], [-12, -28], [-12, 28]];
+  function placeLabel(label, x, y, taken) { // where it last was if that is free, else at the first free spot, else nowhere
+    label.width ||= label.text.offsetWidth;
+    label.height ||= label.text.offsetHeight;
+    const boxAt = ([dx, dy]) => {
+      const left = x + dx - (dx < 0 ? label.width : 0), top = y + dy - label.height / 2;
+      return {left, top, right: left + label.width, bottom: top + label.height};
+    };
+    const isFree = one => taken.every(other =>
+      one.right < other.left || one.left > other.right || one.bottom < other.top || one.top > other.bottom);
+    label.spot = [label.spot || SPOTS[0], ...SPOTS].find(spot => isFree(boxAt(spot)));
+    label.text.style.visibility = label.spot ? "" : "hidden";
+    if (!label.spot) return;
+    const box = boxAt(label.spot);
+    taken.push(box);
+    label.text.style.transform = `translate(${box.left}px,${box.top}px)`;
+  }
+  function drawCorner() { // world axes, and a bar of a round length, true in the middle of the picture
+    const turn = camera.quaternion.clone().conjugate(), parts = [], tall = pane.clientHeight;
+    ["x", "y", "z"].forEach((name, i) => {
+      const way = vector([i === 0, i === 1, i === 2].map(Number)).applyQuaternion(turn), flat = Math.hypot(way.x, way.y) < 0.2;
+      const [tx, ty] = flat ? [24, -22 + tall] : [34 + 31 * way.x, tall - 30 - 31 * way.y];
+      const shape = flat
+        ? `<circle cx="34" cy="${tall - 30}" r="4"/><circle cx="34" cy="${tall - 30}" r="${way.z > 0 ? 1 : 0}"/>`
+        : `<path d="M34,${tall - 30}l${22 * way.x},${-22 * way.y}"/>`;
+      parts.push(`<g stroke="${data.world[i]}" stroke-width="2" fill="none">${shape}</g>`);
+      parts.push(`<text x="${tx}" y="${ty + 4}" fill="${data.world[i]}" text-anchor="middle">${name}</text>`);
+    });
+    const pixels = tall / (2 * slope * eye().length() * data.unit); // of a metre
+    const power = 10 ** Math.floor(Math.log10(110 / pixels));
+    const long = power * Math.max(...[1, 2, 5].filter(step => step * power * pixels <= 110.001));
+    const said = long < 0.1 ? `${+(1e3 * long).toPrecision(6)} mm` : `${+long.toPrecision(6)} m`;
+    parts.push(`<path d="M90,${tall - 16}v-6v6h${long * pixels}v-6" stroke="currentColor" stroke-width="1.5" fill="none"/>`);
+    parts.push(`<text x="96" y="${tall - 21}" fill="currentColor">${said}</text>`);
+    corner.innerHTML = parts.join("");
   }
   function resize() {
     if (!pane.clientWidth) return; // within a closed fold
@@ -253,6 +295,7 @@ function screwgaugeStage(element, data) {
     const right = vector(Math.abs(back.z) < 0.99 ? [0, 0, 1] : [0, 1, 0]).cross(back).normalize(), up = back.clone().cross(right);
     const distances = points.map(point => add(point, target, -1)).map(p =>
       p.dot(back) + Math.max((Math.abs(p.dot(right)) + 0.12) / aspect, Math.abs(p.dot(up)) + 0.06) / slope);
+    if (Math.abs(back.z) > 0.99) back.set(0, -0.001, back.z); // so that x points to the right
     look(scaled(back, Math.max(0.3, ...distances)));
   }
 
