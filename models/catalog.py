@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.models.importing import is_model
-from screwgauge.reference.description import read_mechanism, read_tables, read_toml
+from screwgauge.reference.description import read_mechanism, read_tables
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.files import is_file, is_path, named_file
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.tables import read_toml
 
 FOLDER = Path(__file__).parent
 

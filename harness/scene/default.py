@@ -29,13 +29,13 @@ from screwgauge.reference.applied import Applied, JointSpring
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
-from screwgauge.reference.description import read_toml
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, check_seed, first_few
 from screwgauge.reference.expressions import vector
 from screwgauge.reference.files import check_free, is_file, is_path, named_file, stamped
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.tables import read_toml
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.preflight import check_home, limits_left
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_scene_type

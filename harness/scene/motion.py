@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from screwgauge.problem import GivenMotion, Rows
-from screwgauge.reference.description import check_keys, required
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.expressions import LARGEST, number, vector
 from screwgauge.reference.files import check_count, named_file, read_bytes, read_file
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.tables import check_keys, check_times, read_coefficients, required
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -250,11 +250,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
 def read_terms(table: Any, where: str) -> tuple[Array, Array]:
     """Polynomial coefficients, lowest first, shape (m,), and harmonics [omega, cos, sin], shape (k, 3)."""
     check_keys(table, {"offset", "harmonics", "polynomial"}, where)
-    raw = table.get("polynomial", [0])
-    if not isinstance(raw, list) or not raw:
-        raise DescriptionError("is not a list of coefficients", f"{where}.polynomial", "write [c0, c1, ...]")
-    check_count(len(raw), "coefficients", f"{where}.polynomial")
-    polynomial = vector(raw, f"{where}.polynomial", len(raw))
+    polynomial = read_coefficients(table.get("polynomial", [0]), f"{where}.polynomial")
     polynomial[0] += number(table.get("offset", 0), f"{where}.offset")
     harmonics = table.get("harmonics", [])
     if not isinstance(harmonics, list):
@@ -271,10 +267,6 @@ def _sampled(path: Path, labels: list[str]) -> tuple[Drive, Array]:
         what = f"columns {', '.join(wanted)} share a name"
         raise DescriptionError(what, str(path), "give the independent coordinates other labels")
     columns = read_columns(path, wanted, "derivatives are required")
-    t = columns["t"]
-    if not len(t):
-        raise DescriptionError("has no samples", str(path), "write at least one row below the header")
-    if (np.diff(t) <= 0).any():
-        raise DescriptionError("the times do not increase", str(path), "sort the rows by t")
+    check_times(t := columns["t"], str(path))
     arrays = [np.stack([columns[f"{label}{order}"] for label in labels], axis=1) for order in ("", "d", "dd")]
     return Sampled(path, GivenMotion(t, arrays[0], arrays[1], arrays[2])), t

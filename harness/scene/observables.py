@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 
 from screwgauge.problem import Rows
-from screwgauge.reference.description import check_keys, read_text
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import named_file
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.entries import check_name, positive, read_vector
+from screwgauge.reference.tables import check_keys, check_name, check_times, positive, read_text, read_vector
 from screwgauge.scene.motion import numbers, read_columns, same_times
 from screwgauge.solution import Values
 
@@ -109,9 +108,7 @@ def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Kn
         raise DescriptionError("there is nothing that it is the reference of", where, "add [[observables]]")
     path = named_file(folder, read_text(table, "file", where))
     columns = read_columns(path, ["t", *names], "the observables of the scene are required")
-    t = columns["t"]
-    if not len(t) or (np.diff(t) <= 0.0).any():
-        raise DescriptionError("the times do not increase", str(path), "sort the rows by t")
+    check_times(t := columns["t"], str(path))
     return Known(read_text(table, "source", where), t, np.stack([columns[name] for name in names], axis=1))
 
 
@@ -210,10 +207,7 @@ class Recorded:
         if np.ndim(self.t) != 1:
             raise DescriptionError("are no list of times", f"t of {self.where}", "give a list of times in s")
         t = numbers(self.t, "column 't'", self.where)
-        if not len(t):
-            raise DescriptionError("has no samples", self.where, "write at least one row below the header")
-        if (np.diff(t) <= 0).any():
-            raise DescriptionError("the times do not increase", self.where, "sort the rows by t")
+        check_times(t, self.where)
         if not self.columns:
             raise DescriptionError("has no column besides t", self.where, "name columns as components are named")
         if not isinstance(self.error, Mapping):

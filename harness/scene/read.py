@@ -13,25 +13,23 @@ from screwgauge.models.importing import is_model
 from screwgauge.problem import InitialValue, Integration
 from screwgauge.quantities import GIVEN, QUANTITIES, SIMULATED, check_quantities
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.description import check_keys, read_text, read_toml, required
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.files import is_path, named_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.default import scene_file
-from screwgauge.scene.entries import (
+from screwgauge.reference.tables import (
+    check_keys,
     check_name,
     positive,
-    read_figure,
-    read_grid,
     read_items,
-    read_load,
-    read_models,
-    read_motor,
     read_names,
-    read_spring,
+    read_text,
+    read_toml,
+    required,
 )
+from screwgauge.scene.default import scene_file
+from screwgauge.scene.entries import read_figure, read_grid, read_load, read_models, read_motor, read_spring
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.observables import read_known, read_observable, read_published, read_tables
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_order

@@ -18,7 +18,8 @@ from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.expressions import vector
 from screwgauge.reference.mechanism import Mechanism, same_content
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.entries import Figure, check_name, read_load, read_times
+from screwgauge.reference.tables import check_name
+from screwgauge.scene.entries import Figure, read_load, read_times
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.observables import Known, Observable, Published, Recorded, merged
 
