@@ -18,7 +18,7 @@ from screwgauge.reference.equations.closure import Loops
 from screwgauge.reference.equations.forward import Forward
 from screwgauge.reference.equations.kinematics import coordinates
 from screwgauge.reference.equations.ops import NUMPY
-from screwgauge.reference.equations.rounding import chart_condition
+from screwgauge.reference.equations.rounding import chart_conditions
 from screwgauge.reference.equations.screws import Array
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.graph import Layout
@@ -45,9 +45,7 @@ class ClosedMotion(Forward):
     @cached_property
     def charts(self) -> Array:
         """Condition number of the angles of each cut joint, infinite in gimbal lock. Shape (n, n_cut)."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            conditions = [chart_condition(cut) + np.zeros(len(self.q)) for cut in self.cuts]
-        return np.stack(conditions, axis=1) if conditions else np.zeros((len(self.q), 0))
+        return chart_conditions(self)
 
     def _locked(self, cut: int) -> tuple[Array, ...]:
         """Entries of the coordinates of a cut joint, by its number, where it is in gimbal lock."""

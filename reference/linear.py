@@ -109,16 +109,6 @@ def blocks(n: int) -> Iterator[slice]:
     return (slice(i, i + BLOCK) for i in range(0, n, BLOCK))
 
 
-def departure(A: Array, X: Array, near: NDArray[np.intp]) -> Array:
-    """Norms of ``X A - 1``, X being one of several, in blocks of cache size. (n, m, k), (p, k, m), (n,) -> (n,)."""
-    out, eye = np.empty(len(A)), np.eye(A.shape[2])
-    for rows in blocks(len(A)):
-        E = X[near[rows]] @ A[rows]
-        E -= eye
-        out[rows] = norms(E)
-    return out
-
-
 def norms(A: Array) -> Array:
     """Frobenius norms of a stack, faster than `numpy.linalg.norm` on small matrices. Shape (..., m, n) -> (...)."""
     return np.asarray(np.sqrt(np.einsum("...ij,...ij->...", A, A)))

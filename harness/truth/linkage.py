@@ -309,7 +309,8 @@ def _frames(kind: str, table: Mapping[str, Any], rounded: bool) -> Frames:
     parts = table.get("parent_frame", {}), table.get("child_frame", {}), table.get("axes", XYZ)
     parent, child, axes = (widened(part) for part in parts) if rounded else parts
     turns = [unit_vector(axis) for axis in axes]
-    slides = AXES if kind == "F" else [way for _, way in split(turns[0])[:2]] if kind == "E" else []
+    count = KINDS[kind].count(False)  # a single slide is along the axis
+    slides = AXES if count == 3 else [way for _, way in split(turns[0])[:2]] if count == 2 else []
     return Frames(placement(parent), placement(child), [*slides, *turns])
 
 

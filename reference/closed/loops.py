@@ -21,7 +21,7 @@ from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.joint_types import JointPose
 from screwgauge.reference.equations.kinematics import Pose, coordinates, pose, tree_pose
 from screwgauge.reference.equations.ops import NUMPY
-from screwgauge.reference.equations.rounding import chart_condition
+from screwgauge.reference.equations.rounding import chart_conditions
 from screwgauge.reference.equations.screws import dot, transpose
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.graph import Layout
@@ -130,9 +130,7 @@ class LoopEquations:
 
     def chart_conditions(self, q: Array) -> Array:
         """Condition number of the angles of each cut joint. Shape (n, n_q) -> (n, n_cut)."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            conditions = [chart_condition(cut) + np.zeros(len(q)) for cut in self.closed(q).cuts]
-        return np.stack(conditions, axis=1) if conditions else np.zeros((len(q), 0))
+        return chart_conditions(self.closed(q))
 
     def evaluate(self, z: Array, y: Array) -> tuple[Array, ...]:
         """Residuals, those of the couplings too, and their Jacobian, without dimension: an `Evaluation` for Newton.

@@ -95,6 +95,13 @@ def chart_condition(cut: CutJoint) -> Any:
     return np.sqrt((1.0 + 2.0 / (cosine * cosine)) / 3.0)
 
 
+def chart_conditions(at: Closed) -> Array:
+    """The same of each cut joint, over floats. Shape (n, n_cut)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        conditions = [chart_condition(cut) + np.zeros(len(at.q)) for cut in at.cuts]
+    return np.stack(conditions, axis=1) if conditions else np.zeros((len(at.q), 0))
+
+
 def chart_gain(at: Closed) -> Any:
     """Square of the condition of the angles of cut joints, one each where they are good. Shape (...)."""
     middle = [cut.values[1][1] for cut in at.cuts if cut.at.joint.angles == 3]
