@@ -58,7 +58,7 @@ def _read(path: Path) -> Mechanism:
     return read_mechanism(path, partial(mechanism_path, folder=path.parent, where=str(path)))
 
 
-#: What comes with the package does not change; what is worked out once a mechanism is kept with it.
+#: Built-in mechanisms do not change, and results are cached with the mechanism.
 _built_in = cache(_read)
 
 

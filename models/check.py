@@ -32,7 +32,7 @@ from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, rotation
 
 T = TypeVar("T")
-#: Of the scale of a value. A number is read to 1e-16; roll-pitch-yaw, quaternions and the products along a
+#: Share of the scale of a value. A number is read to 1e-16; roll-pitch-yaw, quaternions and the products along a
 #: chain of ten joints add about 2e-16 each.
 TOLERANCE = 1e-14
 #: MuJoCo keeps principal moments and axes; its diagonalisation leaves 1.1e-14 of the largest moment (the

@@ -77,7 +77,7 @@ class Content:
 
     @property
     def sentence(self) -> str:
-        """What and whose."""
+        """Label: kind and owner."""
         return f"{self.what}{self.whose}"
 
     def renamed(self, names: Mapping[str, Mapping[str, str]]) -> Content:
@@ -259,7 +259,7 @@ class _Walk:
             waiting += [(child, element, owner) for child in reversed(element) if read.get(child.tag, child) is child]
 
     def _absent(self, element: ET.Element, around: ET.Element) -> dict[str, str]:
-        """What counts for attributes that are not there."""
+        """Values that absent attributes stand for."""
         values: dict[str, str] = self.table.get("absent", {}).get(f"{around.get('type')}/{element.tag}", {})
         return values
 

@@ -73,7 +73,7 @@ class Link:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Closure:
-    """What holds a loop closed.
+    """The constraint that closes a loop.
 
     Attributes:
         joint: The joint of the description that closes the loop.

@@ -82,7 +82,7 @@ def without_stand_ins(mass: Array, moments: Array) -> tuple[Array, Array]:
 
 
 def stood_in(names: Sequence[str]) -> Iterator[str]:
-    """That moments of bodies stand for zero and are taken for it."""
+    """Sentences: moments of bodies stand for zero and are set to it after loading."""
     if names:
         yield (
             f"MuJoCo refuses a moment of inertia of zero: {LEAST:g} kg m^2 stands for it in "
@@ -108,7 +108,7 @@ def stand_ins(mechanism: Mechanism) -> Iterator[str]:
 FAR = 1e10
 #: Coefficients of a joint equality.
 POWERS = 5
-#: What a model can have beyond its mechanics. Contacts bring geoms with them.
+#: Optional parts of a model beyond its mechanics. Contacts bring geoms with them.
 PARTS = ("contacts", "limits", "geoms", "sensors")
 
 

@@ -19,7 +19,7 @@ from screwgauge.reference.lint import suspicious
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
-#: Of bodies; dark enough for their names.
+#: Colours of bodies; dark enough for their names.
 COLOURS = ("#0072B2", "#00795B", "#B04A87", "#8C6D31", "#5E5AA8", "#3A7D9C")
 PLAIN, DRIVEN, CUT, STANDING = "#8A9199", "#E69F00", "#D55E00", "#5F666D"
 MASS, AXIS, DOUBT = "#B58900", "#4477AA", "#CC0077"
@@ -138,7 +138,7 @@ def placed(mechanism: Mechanism, at: Pose | None = None) -> list[Shape]:
 
 
 def differing(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str] = ()) -> list[Shape]:
-    """What another mechanism has elsewhere at home, in the world: its joints with the bodies that they hold, its axes.
+    """Where another mechanism differs at home, in the world: its joints with the bodies that they hold, its axes.
 
     A joint is the same where its screws span the same motions and both are driven or neither is: a point that slides
     along an axis, which of two bodies is the parent, and names do not count. Lengths count in lengths of the first.

@@ -34,7 +34,7 @@ _CLOSURES = {"point": ("points", 1), "points": ("points", 2), "weld": ("frame", 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopsFile:
-    """What was read from a loops file.
+    """Content of a loops file.
 
     Attributes:
         mechanism: Name of the mechanism.

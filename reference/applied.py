@@ -1,4 +1,4 @@
-"""What acts on a mechanism besides its actuators: gravity, loads, springs and dampers, motors. Data only."""
+"""Applied forces besides those of actuators: gravity, loads, springs and dampers, motors. Data only."""
 
 from __future__ import annotations
 

@@ -76,7 +76,7 @@ class CouplingRows:
         return [column for column, _ in self.pairs]
 
     def derivatives(self, q: NDArray[Any], order: int) -> list[tuple[int, int | None, Any]]:
-        """Of each coupling ``q_i = p(q_j)``: columns i and j, and a derivative of p at q_j.
+        """For each coupling ``q_i = p(q_j)``: columns i and j, and a derivative of p at q_j.
 
         Args:
             q: Coordinates, any numbers. Shape (..., n_q).

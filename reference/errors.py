@@ -51,7 +51,7 @@ class ScrewgaugeError(Exception):
         remedy: What to do about it.
     """
 
-    exit_status = 2  #: Of a command that ends with it.
+    exit_status = 2  #: Exit status of a command that fails with it.
 
     def __init__(self, what: str, where: str, remedy: str) -> None:
         what, where, remedy = _one_line(what, 400), _one_line(where, 1000), _one_line(remedy, 2000)

@@ -100,7 +100,7 @@ def read_file(path: Path, most: str = "MB") -> str:
 
 
 def read_bytes(path: Path, most: str = "MB") -> bytes:
-    """What an input file holds, see `read_file`."""
+    """Content of an input file, see `read_file`."""
     with _opened(path, most) as file:
         data = file.read(LIMITS[most] * 10**6 + 1)
     if len(data) > LIMITS[most] * 10**6:  # it has grown, or does not say its size

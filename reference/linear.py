@@ -15,7 +15,7 @@ EPS = float(np.finfo(float).eps)
 SINGULAR = 1e12
 #: Rounding of one closing equation or joint axis, in units of eps, of which a few hundred operations make several.
 ROUNDED = 2.0
-#: Of so many matrices along a motion one is inverted, and so many are worked on at a time.
+#: Along a motion every so many matrices one is inverted; so many are processed at a time.
 EVERY, BLOCK = 16, 128
 #: Relative error from which not one digit is right.
 DIGIT = 0.1
@@ -65,7 +65,7 @@ def condition(A: Array) -> Array:
 
 
 def inverted(A: Array) -> tuple[Array, Array]:
-    """What solves equations, see `solve`, and the condition number. Shape (..., m, n) -> (..., n, m), (...)."""
+    """The inverse that solves equations, see `solve`, and the condition number. (..., m, n) -> (..., n, m), (...)."""
     if A.shape[-2] > A.shape[-1] > 0:
         Q, R = np.linalg.qr(A)
         back = inverse(R)

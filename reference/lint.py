@@ -35,7 +35,7 @@ DEGREES = 720.0
 SHOWN = 3
 #: How to write an angle in degrees.
 WRITTEN = "degrees are written as '30*deg'"
-#: What is exactly zero but for rounding; below the other ones, an angle [rad] or a distance [lengths of the mechanism]
+#: Zero but for rounding; below the other ones, an angle [rad] or a distance [lengths of the mechanism]
 #: is hardly meant. A right angle written as 1.5708 is 4e-6 off.
 ROUNDING, ANGLE, DISTANCE = 1e-8, 0.01, 1e-3
 
@@ -202,7 +202,7 @@ def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
 
 
 def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator[str]:
-    """What is odd about a body with these joints; `extent`: of all joints [m]."""
+    """Warnings about a body with these joints; `extent`: of all joints [m]."""
     name, points = body.name, [end.frame.p for end in its]
     if body.mass == 0.0:
         yield f"{name} has no mass of its own"
@@ -227,7 +227,7 @@ def _distance(p: Array, a: Array, b: Array) -> float:
 
 
 def _between(a: _End, b: _End, unit: float, *, few: bool) -> str:
-    """What is odd about the axes of two joints of a body, `few` if it has no others; empty if nothing is."""
+    """A warning about the axes of two joints of a body, `few` if it has no others; may be empty."""
     normal, way, names = cross(a.axis, b.axis), b.frame.p - a.frame.p, f"{a.joint.name} and {b.joint.name}"
     sine, cosine = float(np.linalg.norm(normal)), abs(float(a.axis @ b.axis))
     for off, what in ((sine, "parallel"), (cosine, "at right angles")):

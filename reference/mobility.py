@@ -137,7 +137,7 @@ def check_independent(lay: Layout, at: Pose) -> None:
 
 
 def near_singularity(lay: Layout, at: Pose) -> str:
-    """What happens at the singular pose that a pose is nearest to. `at` holds one sample.
+    """Description of the singularity that a pose is nearest to. `at` holds one sample.
 
     The smallest singular value's right vector is the motion that the loops no longer stop while the independent
     coordinates rest, its left vector the wrenches of cut joints that no longer stop it.
@@ -163,7 +163,7 @@ def near_singularity(lay: Layout, at: Pose) -> str:
 
 
 def gimbal_lock(lay: Layout, cut: int) -> str:
-    """What happens in gimbal lock of cut joint number `cut`."""
+    """Description of gimbal lock of cut joint number `cut`."""
     joint = lay.cuts[cut]
     first, last = joint.coordinates[0], joint.coordinates[-1]
     return f"{joint.name} is in gimbal lock ({first} and {last} turn about one line)"

@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 #: Tables that are one thing: what extends a description replaces all of their entries.
 WHOLE = ("inertia", "independent")
-#: Of a line: texts, words, dots and whatever else is between spaces.
+#: Parts of a line: texts, words, dots and other signs.
 _WORDS = re.compile(r"""(?P<part>"(?:[^"\\]|\\.)*+"?|'[^']*+'?|[\w-]++)|\.|\S""")
 
 

@@ -58,7 +58,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class CaseResult:
-    """What a case showed.
+    """Result of a reproduction.
 
     Attributes:
         versions: Engine -> installed version.
@@ -113,7 +113,7 @@ class CaseResult:
 
     @property
     def numbers(self) -> dict[str, str]:
-        """What was measured as text with its unit, in as few digits as tell symptom and expected value apart."""
+        """Measured values as text with units, in as few digits as distinguish symptom and expected value."""
         if self.shown is None:
             return {}
         shown = self.shown

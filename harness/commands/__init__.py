@@ -24,7 +24,7 @@ OUT = Path("screwgauge-out")
 
 
 def list_(options: argparse.Namespace) -> int:
-    """What there is to choose from."""
+    """Prints what can be chosen: mechanisms, scenes, engines, quantities."""
     from screwgauge.report.listing import listing
 
     say(listing(options.what))
@@ -231,7 +231,7 @@ def casebook(options: argparse.Namespace) -> int:
 
 
 def limits(options: argparse.Namespace) -> Limits:
-    """What a process may take, as options say."""
+    """Limits of time and memory of a process, from the options."""
     from screwgauge.study.isolation import Limits
 
     given = {"seconds": options.limit, "memory": options.memory}

@@ -123,7 +123,7 @@ def pick(rng: np.random.Generator, K: Array, rows: Iterable[int]) -> list[int]:
 
 
 def gain(K: Array, rows: list[int]) -> float:
-    """How much faster than some coordinates others move at most, where those determine all. Shape (n, k)."""
+    """Largest rate of any coordinate over those of some that determine all. Shape (n, k)."""
     return float(np.abs(K @ np.linalg.pinv(K[rows])).max())
 
 

@@ -68,7 +68,7 @@ class Placed:
 
 @dataclass(slots=True)
 class Sketch:
-    """What a family draws on. Lengths are about 1 m.
+    """A drawing of a mechanism at home, to which a family adds joints. Lengths are about 1 m.
 
     Attributes:
         rng: Where all chance comes from.

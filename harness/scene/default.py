@@ -42,7 +42,7 @@ from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_scene_ty
 
 WORSE = 4.0  # times the condition number at home is still well inside
 STEEPEST = 1.2  # [rad] of an S joint's second angle, far from its lock
-#: Of the coordinate that moves most [rad or lengths of the mechanism]: the first that stays regular is taken.
+#: Amplitude of the coordinate that moves most [rad or lengths of the mechanism]: the first regular one is taken.
 AMPLITUDES = 0.64 / 2.0 ** (np.arange(13) / 2)
 SINES = 3  # of each coordinate
 SAMPLES = 101
@@ -61,7 +61,7 @@ def stays_regular(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> 
 
 
 def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
-    """What stops a motion from home, in words: limits, or poses much worse conditioned than home; empty if none.
+    """The obstacle of a motion from home, in words: limits, or poses much worse conditioned than home; empty if none.
 
     Args:
         mode: Follows it, strictly; what was followed before is of use again.
@@ -142,7 +142,7 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
 
 
 def _room(mechanism: Mechanism) -> Array:
-    """How far the independent coordinates are from their limits at home [rad or m], infinite beyond. Shape (k,)."""
+    """Distance of the independent coordinates from their limits at home [rad or m], infinite beyond. Shape (k,)."""
     columns = mechanism.independent_columns
     low, high = mechanism.limits[columns].T
     room = np.minimum(mechanism.home[columns] - low, high - mechanism.home[columns])
@@ -239,7 +239,7 @@ def gravity_of(name: str) -> Array | None:
 
 
 def acting_on(imported: Imported) -> dict[str, Any]:
-    """What `default_scene` takes from a model file besides its mechanism."""
+    """Entries of `default_scene` from a model file besides its mechanism."""
     from screwgauge.models.importing.model import notes
 
     return {"gravity": imported.gravity, "springs": imported.springs, "description": " ".join(notes(imported))}

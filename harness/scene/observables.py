@@ -21,7 +21,7 @@ from screwgauge.reference.tables import check_keys, check_name, check_times, pos
 from screwgauge.scene.motion import numbers, read_columns, same_times
 from screwgauge.solution import Values
 
-#: What a published accuracy is one of.
+#: Measures of a published accuracy.
 MEASURES = ("observable", "energy")
 _AXES = ("x", "y", "z")
 
@@ -164,7 +164,7 @@ _NAME = re.compile(r"[\w.-]+")
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What a column is named: ``component``, ``quantity/component``, either with its unit: ``leg1 [N]``."""
+    """Name of a column: ``component``, ``quantity/component``, either with its unit: ``leg1 [N]``."""
 
     text: str
     quantity: str
@@ -219,7 +219,7 @@ class Recorded:
 
     @property
     def where(self) -> str:
-        """What to blame."""
+        """Place for error messages."""
         return str(self.file or "arrays")
 
     def _column(self, name: str) -> Array:

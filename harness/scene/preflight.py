@@ -240,7 +240,7 @@ class Walk:
         return self.system.coordinates(near[:, unknown] / self.system.size[unknown], near)
 
     def _passed(self, end: PathEnd, motion: GivenMotion) -> SingularPoseError:
-        """That a motion passes a singular pose, in words."""
+        """Warning: a motion passes a singular pose."""
         y = end.y * self.mode.unit
         ended = self.system.fill(end.z[None], self.lay.mechanism.home[None])
         near = near_singularity(self.lay, ended)

@@ -99,7 +99,7 @@ def _applied(data: dict[str, Any], mechanism: Mechanism, where: str) -> Applied:
 
 
 def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
-    """What only a scene with a given motion has."""
+    """Fields of a scene with a given motion."""
     where = str(path)
     for key in ("observables", "reference", "published"):
         if key in data:
@@ -125,7 +125,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
 
 
 def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
-    """What only a scene with a simulated motion has."""
+    """Fields of a scene with a simulated motion."""
     where = str(path)
     for key in ("motion", "rule", "tables"):
         if key in data:

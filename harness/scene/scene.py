@@ -81,7 +81,7 @@ class Scene:
 
     @property
     def _facts(self) -> dict[str, str]:
-        """What a screen shows."""
+        """Facts for the text and HTML shown on a screen."""
         mechanism, t = self.mechanism, self.t
         freedoms = ", ".join(f"{label} = {name}" for label, name in mechanism.independent.items())
         acting = {name: getattr(self.applied, name) for name in ("loads", "springs", "motors")}
@@ -195,7 +195,7 @@ class Scene:
         return Problem(self.acting_on(engine), self.task, frozenset(wanted), self.rule, self.wording())
 
     def acting_on(self, engine: str) -> Applied:
-        """What acts on the model of an engine: a user's MJCF keeps its gravity.
+        """Forces on the model of an engine: a user's MJCF keeps its gravity.
 
         That, too, is judged. A URDF and a description say none.
         """

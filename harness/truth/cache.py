@@ -1,4 +1,4 @@
-"""What was computed once, on disk: looked up by what it was made of, and taken only if this user's program wrote it.
+"""Cache on disk of results and machine code: keyed by their inputs, used only if this user's program wrote them.
 
 Each file bears a code (HMAC) over its key, the version that wrote it and its content, made with a secret that lies
 beside it. So a file that was edited, or put in the place of another one, is not used but made anew, and machine code is
@@ -72,7 +72,7 @@ def code_version(*folders: Path, extra: str = "") -> str:
 
 
 def read(key: str, version: str) -> tuple[Arrays | None, str]:
-    """What is kept under a key, and a sentence: what is wrong with the file, or nothing.
+    """The arrays kept under a key, and a sentence: what is wrong with the file, or nothing.
 
     Args:
         key: Hash of all that it was made of.
@@ -148,7 +148,7 @@ def _check_own(status: os.stat_result, what: str) -> None:
 
 
 def _content(place: int, name: str) -> bytes | None:
-    """What a file of the folder holds; None if there is none.
+    """Content of a file of the folder; None if there is none.
 
     Raises:
         OSError: It is no regular file of this user's own, or a link to one.

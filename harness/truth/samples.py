@@ -187,7 +187,7 @@ def _narrow(balls: Sequence[arb]) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """What is computed and cached: midpoints and radii by quantity (n_row, m), reasons of samples without any.
+    """Computed and cached samples: midpoints and radii by quantity (n_row, m), reasons of samples without any.
 
     Attributes:
         rounded: Long decimals of the geometry were read as rounded.

@@ -265,7 +265,7 @@ class Anchors:
     # looking up
 
     def cover(self, y: Array, sheet: int) -> tuple[Indices, Flags]:
-        """Of a sheet the nearest anchors, and whether y lies in their balls. Shape (n, k) -> (n,), (n,).
+        """The nearest anchors of a sheet, and whether y lies in their balls. Shape (n, k) -> (n,), (n,).
 
         Where it does not lie in that of the nearest, the best of the nearest eight is taken.
         """

@@ -190,7 +190,7 @@ class AssemblyMode:
 
 
 STEP, SMALLEST = 0.1, 1e-5  # of the independent coordinates [rad or lengths of the mechanism]
-#: How far the closed pose may lie from its prediction, over the way predicted. Another branch lies farther.
+#: Largest distance of the closed pose from its prediction, over the way predicted. Another branch lies farther.
 BEND = 0.3
 #: Steps that a short way may take; where more are needed, the way ends at a pose that it cannot pass.
 MOST = 40

@@ -32,7 +32,7 @@ from screwgauge.reference.rotations import TURN, Array
 
 #: Samples that are made anchors where predictions are bad.
 SOME = 8
-#: What is farther away [rad or lengths of the mechanism] is not reached by following a path.
+#: Samples farther away [rad or lengths of the mechanism] are not reached by following a path.
 LONGEST = 1e3
 #: Samples looked at together, at first and at most.
 WINDOW, WIDEST = 32, 8192
@@ -44,7 +44,7 @@ REMEDY = "shorten the motion or check the geometry"
 
 
 def no_further(y: Array) -> str:
-    """That a motion cannot be followed beyond independent coordinates `y`, shape (k,)."""
+    """Message: a motion cannot be followed beyond independent coordinates `y`, shape (k,)."""
     return f"the loops cannot close beyond y = {np.array2string(y, precision=6)}, or the pose there is singular"
 
 
@@ -82,7 +82,7 @@ class Followed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicted:
-    """What samples are predicted from.
+    """Predictions of samples, with the anchors that they come from.
 
     Attributes:
         t: Times [s], or numbers of samples in any order. Shape (n,).
@@ -271,7 +271,7 @@ class Continuation(Walk):
         return False
 
     def _end(self, curve: Curve, t: float, *, singular: bool) -> PathEnd:
-        """That a way along a curve ends here, and whether the loops close beyond."""
+        """The error that a way along a curve ends here; it states whether the loops close beyond."""
         here, (begin, end) = self.anchors[self.at], curve.t
         done = (self.piece.t[1] - begin) / (end - begin) if self.piece is not None and end > begin else 1.0
         beyond = self._beyond(curve.at(min(1.0, done + LEAP)))

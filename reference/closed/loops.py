@@ -110,7 +110,7 @@ class LoopEquations:
 
     @cached_property
     def names(self) -> list[str]:
-        """Of the rows of cut joints, their constraint wrenches."""
+        """Names of the rows of cut joints, those of their constraint wrenches."""
         ends, cuts = self.loops.ends, self.loops.cuts
         owners = [joint.name for joint, i, j in zip(cuts, ends, ends[1:], strict=False) for _ in range(i, j)]
         return [f"{owner}.{label}" for owner, (label, _) in zip(owners, self.loops.names, strict=True)]
@@ -168,7 +168,7 @@ class LoopEquations:
         return pose(self.lay, self.coordinates(z, guess))
 
     def coordinates(self, z: Array, guess: Array) -> Array:
-        """Of that pose all joint coordinates. Shape (n, n_q)."""
+        """All joint coordinates of that pose. Shape (n, n_q)."""
         return read(self.lay, self.tree(z, guess))
 
     def correct(self, q: Array, y: Array) -> tuple[Array, Array] | None:
@@ -208,7 +208,7 @@ def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:
     return equations
 
 
-#: How far a pose of the trial walk lies from home [rad or lengths of the mechanism], and how many there are.
+#: Distance of trial poses from home [rad or lengths of the mechanism], and their number.
 AWAY, TRIALS = 0.15, 4
 #: Far above what rounding makes of a coordinate that stands still; a false candidate costs time only.
 STILL = 1e-7

@@ -303,7 +303,7 @@ class Walk:
 
     @property
     def windings(self) -> Array:
-        """Whole turns of the unknowns in one of each coordinate that leads back home. Shape (k, n_z)."""
+        """Whole turns of the unknowns per turn of each coordinate that leads back home. Shape (k, n_z)."""
         turns = np.zeros((len(self.turns), len(self.anchors.angles)))
         for i, path in self.loops.items():
             turns[i] = np.rint((path[-1] - path[0]) / TURN) * self.anchors.angles

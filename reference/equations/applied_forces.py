@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Exerted(NamedTuple):
-    """What acts besides inertia, gravity and constraints.
+    """Forces besides inertia, gravity and constraints.
 
     Attributes:
         wrenches: On each body. Shape (..., b, 6).
@@ -29,7 +29,7 @@ class Exerted(NamedTuple):
 
 
 def exerted(at: Dynamics) -> Exerted:
-    """What loads, springs, dampers and motors exert, and forces that are given, see `Dynamics.given_forces`."""
+    """Forces of loads, springs, dampers and motors, and given ones, see `Dynamics.given_forces`."""
     W, along = zeros(at.q, len(at.mechanism.body_index), 6), zeros(at.q, at.q.shape[-1])
     coordinates = at.mechanism.coordinates
     for load in at.applied.loads:
@@ -80,7 +80,7 @@ def spring_length(at: Dynamics, spring: Spring) -> Any:
 
 
 def stretch(at: Dynamics, spring: Spring) -> Any:
-    """By how much a spring is longer than at rest, ``q - q0`` or ``l - l0`` [rad or m]. Shape (...)."""
+    """Elongation of a spring, ``q - q0`` or ``l - l0`` [rad or m]. Shape (...)."""
     return spring_length(at, spring) - spring.rest
 
 

@@ -80,7 +80,7 @@ class CutJoint:
 
     @cached_property
     def D(self) -> Array:
-        """What reads its rates and drives its freedoms. Shape (..., f, 6)."""
+        """Wrenches dual to its freedoms: they read its rates and drive it. Shape (..., f, 6)."""
         return dual_wrenches(self.at, self.S)
 
     def rates(self, V: Array) -> Array:
@@ -204,7 +204,7 @@ class Closed:
         return self.ops.system(self.blocks, loops.unit, loops.size, loops.moving, self.q.shape[:-1])
 
     def residual(self, y: Array) -> Array:
-        """By how much cut joints, couplings and given coordinates are off. Shape (..., m) [m or rad]."""
+        """Residuals of cut joints, couplings and given coordinates. Shape (..., m) [m or rad]."""
         rows = [closure_residual(cut.at) for cut in self.cuts]
         rows += [np.asarray(self.q[..., i] - p)[..., None] for i, _, p in self.loops.couplings.derivatives(self.q, 0)]
         rows += [np.asarray(self._off(column, y[..., k]))[..., None] for k, column in enumerate(self.loops.y_columns)]

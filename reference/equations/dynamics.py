@@ -87,7 +87,7 @@ class Dynamics(Motion):
 
     @cached_property
     def exerted(self) -> Exerted:
-        """What loads, springs, dampers and motors exert."""
+        """Wrenches and joint forces of loads, springs, dampers and motors."""
         return exerted(self)
 
     def along_tree(self, along: Array) -> Array:
@@ -114,12 +114,12 @@ class Dynamics(Motion):
         return self.demand(self.required)
 
     def virtual_power(self, tau: Array) -> Array:
-        """What forces along the tree do along y, ``K^T tau``: good next to constraint singularities, too. (..., k)."""
+        """Forces along the tree projected on y, ``K^T tau``: good next to constraint singularities, too. (..., k)."""
         return times(self.K[..., self.loops.columns], tau)
 
     @cached_property
     def generalized_force(self) -> Array:
-        """What actuators must deliver along each independent coordinate, unique whatever the preload. (..., k)."""
+        """Generalized force of the actuators along each independent coordinate; preload does not matter. (..., k)."""
         return self.virtual_power(self.tau)
 
     # actuators
@@ -137,7 +137,7 @@ class Dynamics(Motion):
 
     @cached_property
     def drive(self) -> System:
-        """What solves for the actuator forces: ``B^T`` over the rule of eq. (56), or the smaller of its squares."""
+        """Matrix of the actuator forces: ``B^T`` over the rule of eq. (56), or the smaller of its squares."""
         BT = transpose(self.B)
         if self.line is not None:
             return self.ops.square(stack(BT, self.line[0]))
@@ -214,7 +214,7 @@ class Dynamics(Motion):
 
     @cached_property
     def imbalance(self) -> Array:
-        """What reactions and actuator forces leave along the coordinates of the tree. Shape (..., n)."""
+        """Residual of the balance along the coordinates of the tree. Shape (..., n)."""
         wrenches, x = self.constraint_forces(self.actuator_force)
         left = self.exerted.along + self.along_joints(self.actuator_force)
         for row, (i, of, slope) in enumerate(self.loops.couplings.derivatives(self.q, 1), self.loops.ends[-1]):

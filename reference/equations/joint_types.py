@@ -34,7 +34,7 @@ from screwgauge.reference.mechanism import KINDS, Frame, Joint, by_role
 from screwgauge.reference.rotations import across, triad
 
 Value = tuple[Any, Any]
-"""Of an angle its sine and cosine; of a slide its length and None."""
+"""Sine and cosine of an angle; length of a slide, and None."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +188,7 @@ def _crossed(at: JointPose, w: Array) -> Any:
 
 @dataclass(frozen=True)
 class JointType:
-    """What a kind of joint is.
+    """The mechanics of a kind of joint.
 
     Attributes:
         forces, moments: Directions of its constraint forces and moments.
@@ -244,7 +244,7 @@ def forbidden_twists(at: JointPose) -> Array:
 
 
 def closure_residual(at: JointPose) -> Array:
-    """By how much a cut joint is open along each constraint wrench, m and rad; powers are its rates. Shape (..., m)."""
+    """Closure residual of a cut joint along each constraint wrench, m and rad; powers are its rates. Shape (..., m)."""
     kind, shift = at.type, at.p_child - at.p_parent
     for e in at.slides:
         shift = shift - scale(dot(e, shift), e)

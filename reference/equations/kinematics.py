@@ -27,7 +27,7 @@ Bracket = Callable[[Array, Array], Array]
 
 
 Freedoms = Sequence[tuple[bool, Array]]
-"""Of each freedom of a joint, whether it turns, and its axis in the joint's frame."""
+"""For each freedom of a joint: whether it turns, and its axis in the joint's frame."""
 
 
 class Coordinates(NamedTuple):

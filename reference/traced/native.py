@@ -30,7 +30,7 @@ _COSINE = [(-1.0) ** k / math.factorial(2 * k) for k in range(2, 10)]
 
 
 def _arc_coefficients(count: int = 11) -> list[float]:
-    """Of ``(arctan(t) / t - 1) / t^2`` as a polynomial in ``u = t^2`` up to that of pi/8, by interpolation."""
+    """Coefficients of ``(arctan(t) / t - 1) / t^2`` as a polynomial in ``u = t^2``, by interpolation up to pi/8."""
     nodes = (1.0 + np.cos(np.pi * (np.arange(count) + 0.5) / count)) * (0.5 * 1.02 * EIGHTH**2)
     u = nodes.astype(np.longdouble)
     series = sum((np.longdouble((-1.0) ** k) / (2 * k + 1) * u ** (k - 1) for k in range(40, 0, -1)), u * 0)
@@ -300,7 +300,7 @@ def machine_code(program: Program) -> bytes:
 
 
 def machine() -> Any:
-    """What compiles for this CPU."""
+    """The target machine: this CPU."""
     llvm, _, width = _host()
     features = llvm.get_host_cpu_features().flatten() + (",-prefer-256-bit" if width == 8 else "")
     target = llvm.Target.from_default_triple()

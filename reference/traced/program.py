@@ -61,7 +61,7 @@ class Program:
 
 
 def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0, first: Sequence[Scalar] = ()) -> Program:
-    """What these outputs need of their trace; operands come shortly before they are used.
+    """Instructions that these outputs need; operands come shortly before they are used.
 
     Args:
         first: What is computed before all others, in this order.

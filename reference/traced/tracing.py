@@ -78,7 +78,7 @@ class Traced:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wanted:
-    """What a program computes.
+    """The outputs of a program.
 
     Attributes:
         quantities: Names.
@@ -301,7 +301,7 @@ def forward_program(loops: Loops, applied: Applied, q: Array) -> Forward:
     return Forward(program(len(trace.inputs), [*answer, *checks], len(FORWARD_CHECKS)), tuple(columns))
 
 
-#: What y of the pose predicted from, y and yd are at the samples of a trace, of the coordinates there.
+#: Factor and shift that make y of the prediction's pose, y and yd from the coordinates at the samples of a trace.
 PLACES = ((1.0, 0.0), (1.0, 0.0), (0.0, 1.0))
 
 
