@@ -183,8 +183,8 @@ def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
         library: One that reads the format.
     """
     known = element_tables()[form]
-    own = {kind: known.get(kind, {}).get(library, {}) for kind in _OF_READINGS}
-    return list(_Walk({**known, **own}, {}, {}, (*_OF_READINGS, *_KINDS)).through(root))
+    reading = {kind: known.get(kind, {}).get(library, {}) for kind in _OF_READINGS}
+    return list(_Walk({**known, **reading}, {}, {}, (*_OF_READINGS, *_KINDS)).through(root))
 
 
 def unread_rows(library: str) -> list[str]:

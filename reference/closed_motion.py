@@ -66,9 +66,9 @@ class ClosedMotion(Forward):
         with np.errstate(divide="ignore", invalid="ignore"):
             return super().screws
 
-    def _with_cuts(self, tree: Array, own: Any) -> Array:
+    def _with_cuts(self, tree: Array, of_cut: Any) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
-            joined = super()._with_cuts(tree, own)
+            joined = super()._with_cuts(tree, of_cut)
         for j in range(len(self.cuts)):
             joined[self._locked(j)] = np.nan
         return joined

@@ -197,14 +197,14 @@ def check_plain(value: Any, where: str) -> None:
     Raises:
         DescriptionError: It holds such.
     """
-    left = [(value, 0)]
-    while left:
-        node, depth = left.pop()
+    pending = [(value, 0)]
+    while pending:
+        node, depth = pending.pop()
         check_count(depth, "nested entries", where, "write them flat")
         if isinstance(node, str) and (odd := _CONTROL.search(node)):
             raise DescriptionError(f"{node!r} holds the control character U+{ord(odd[0]):04X}", where, "remove it")
         inside = (*node, *node.values()) if isinstance(node, dict) else node if isinstance(node, list) else ()
-        left += [(item, depth + 1) for item in inside]
+        pending += [(item, depth + 1) for item in inside]
 
 
 def why(error: OSError | ValueError) -> str:

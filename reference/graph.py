@@ -172,13 +172,13 @@ def output_body(mechanism: Mechanism) -> str:
 
 def chain(first: Edge, target: str, joints: Sequence[Joint]) -> tuple[Edge, ...]:
     """Edges from the first on while a single joint leads on, up to the target body or ground."""
-    walked, left = [first], [joint for joint in joints if joint is not first.joint]
+    walked, unused = [first], [joint for joint in joints if joint is not first.joint]
     while (near := walked[-1].far) not in (target, GROUND):
-        onward = [joint for joint in left if near in joint.bodies]
+        onward = [joint for joint in unused if near in joint.bodies]
         if len(onward) != 1:
             break
         walked.append(Edge(onward[0], near))
-        left.remove(onward[0])
+        unused.remove(onward[0])
     return tuple(walked)
 
 

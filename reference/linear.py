@@ -89,17 +89,17 @@ def inverted_along(A: Array) -> tuple[Array, Array]:
     if A.shape[1] != A.shape[2]:
         return inverted(A)
     for rows in blocks(len(A)):
-        some, x, left = A[rows], X[rows], 1.0
+        some, x, error = A[rows], X[rows], 1.0
         middle = np.minimum(np.arange(EVERY // 2, len(some) + EVERY // 2, EVERY), len(some) - 1)
         x[:] = inverse(some[middle]).repeat(EVERY, axis=0)[: len(some)]
         E, more = np.empty_like(x), np.empty_like(x)
-        while left > 1e-6:  # what a step leaves is its cube
+        while error > 1e-6:  # what a step leaves is its cube
             np.subtract(eye, np.matmul(some, x, out=E), out=E)
-            before, left = left, max(E.max(), -E.min())
-            if not left < 0.1 * before:
+            before, error = error, max(E.max(), -E.min())
+            if not error < 0.1 * before:
                 return inverted(A)
             x += np.matmul(x, E, out=more)
-            if left > 1e-8:
+            if error > 1e-8:
                 x += more @ E
     return X, norms(A) * norms(X)
 

@@ -166,11 +166,11 @@ def held(lay: Layout, at: Pose, body: str = "") -> tuple[Held, ...]:
     body, ways = (body, legs(mechanism, body)) if body else end_body(mechanism)
     i = mechanism.body_index[body]
     middles = at.p[:, i] + at.R[:, i] @ mechanism.body(body).com
-    left = [body_twists(mechanism, leg.joints, body, at.q) for leg in ways]
+    allowed = [body_twists(mechanism, leg.joints, body, at.q) for leg in ways]
     free = body_twists(mechanism, mechanism.joints, body, at.q)
     bodies = []
     for k, middle in enumerate(middles):
-        systems = [reciprocal_screws(twists[k]) for twists in left]
+        systems = [reciprocal_screws(twists[k]) for twists in allowed]
         both = np.concatenate([np.zeros((6, 0)), *systems], axis=1)
         wrenches = tuple(elements(system, middle, unit) for system in systems)
         redundant = both.shape[1] - linear.rank(both)

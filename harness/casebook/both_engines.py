@@ -188,10 +188,10 @@ def free_velocity() -> Shown:
     model, other = _free()
     v, omega = np.array([0.0, 3.0, 0.0]), np.array([0.0, 0.0, 2.0])
     right = float(mujoco.inverse(other, _AT, [*v, *omega])[2])
-    own = _TURN.T @ v
-    spatial = [*-np.cross(omega, own), 0.0, 0.0, 0.0]  # of a point that does not accelerate
+    local = _TURN.T @ v
+    spatial = [*-np.cross(omega, local), 0.0, 0.0, 0.0]  # of a point that does not accelerate
     raw, mended = (
         float((_TURN @ pinocchio.inverse(model, _AT[_SCALAR_LAST], [*linear, *omega], a)[:3])[2])
-        for linear, a in ((v, 0.0), (own, spatial))
+        for linear, a in ((v, 0.0), (local, spatial))
     )
     return Shown(raw, right, mended, "N")

@@ -46,8 +46,8 @@ def models(options: argparse.Namespace) -> int:
     out = options.out or OUT / mechanism.name / "models"
     given: dict[str, Any] = {} if (g := gravity_of(options.mechanism)) is None else {"gravity": g}
     included = frozenset(_names(options.include) or ())
-    own = Path(options.mechanism)
-    inputs = filter(None, [own, loops_beside(own) if own.suffix == ".urdf" else None])
+    file = Path(options.mechanism)
+    inputs = filter(None, [file, loops_beside(file) if file.suffix == ".urdf" else None])
     paths = keep_models(mechanism, out, inputs=inputs, force=options.force, include=included, **given)
     for line in (*map(str, paths), *left_out(mechanism), *implausible(mechanism)):
         say(line)

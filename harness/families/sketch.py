@@ -204,8 +204,8 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
     joints, coordinates, homes = {}, [], list[float]()
     for placed in sketch.joints:
         n, label = len(KINDS[placed.kind]), unused(rng, used)
-        own = [unused(rng, used) for _ in range(n)] if rng.random() < 0.3 else []
-        coordinates.append(own or ([label] if n == 1 else [f"{label}.q{i + 1}" for i in range(n)]))
+        names_of_joint = [unused(rng, used) for _ in range(n)] if rng.random() < 0.3 else []
+        coordinates.append(names_of_joint or ([label] if n == 1 else [f"{label}.q{i + 1}" for i in range(n)]))
         home = np.zeros(n) if plain else rng.uniform(-0.5, 0.5, n)
         if placed.kind == "S":  # the second angle is the one that its axes include
             home[1] = placed.tilt()
@@ -220,11 +220,11 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
             "parent_frame": _frame(frames[placed.a], J, point),
             "child_frame": _frame(frames[placed.b], turn @ J, point + slide),
             **({"home": home.tolist()} if home.any() else {}),
-            **({"coordinates": own} if own else {}),
+            **({"coordinates": names_of_joint} if names_of_joint else {}),
             **({"actuated": True} if placed.driven else {}),
         }
     tables = {"name": name, "bodies": shuffled(rng, bodies), "joints": shuffled(rng, joints)}
-    flat, couplings = [name for own in coordinates for name in own], {}
+    flat, couplings = [name for names_of_joint in coordinates for name in names_of_joint], {}
     for row, of, slope, bend in sketch.ties:  # in coordinates that are not zero at home
         x = homes[of]
         polynomial = [homes[row] - slope * x + bend * x * x, slope - 2.0 * bend * x, bend]

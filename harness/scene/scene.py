@@ -199,8 +199,8 @@ class Scene:
 
         That, too, is judged. A URDF and a description say none.
         """
-        own = self.models.get(engine)
-        return self.applied if own is None or own.suffix != ".xml" else replace(self.applied, gravity=None)
+        file = self.models.get(engine)
+        return self.applied if file is None or file.suffix != ".xml" else replace(self.applied, gravity=None)
 
     def wording(self) -> Wording:
         """The text of motion, gravity and loads; None for what was replaced by other doubles since it was read."""

@@ -60,9 +60,9 @@ class Tie:
 
     def error(self, q: Sequence[Jet]) -> Jet:
         """Series of ``q_i - p(q_j)``."""
-        own = q[self.column]
-        value = self._value([arb(0) for _ in own] if self.of is None else q[self.of])
-        return [a - b for a, b in zip(own, value, strict=True)]
+        x = q[self.column]
+        value = self._value([arb(0) for _ in x] if self.of is None else q[self.of])
+        return [a - b for a, b in zip(x, value, strict=True)]
 
     def shares(self, q: Sequence[arb]) -> list[tuple[int, arb]]:
         """Derivative of the error: columns and what it is there, 1 and -p'."""

@@ -272,10 +272,10 @@ class Continuation(Walk):
 
     def _end(self, curve: Curve, t: float, *, singular: bool) -> PathEnd:
         """The error that a way along a curve ends here; it states whether the loops close beyond."""
-        here, (begin, end) = self.anchors[self.at], curve.t
+        anchor, (begin, end) = self.anchors[self.at], curve.t
         done = (self.piece.t[1] - begin) / (end - begin) if self.piece is not None and end > begin else 1.0
         beyond = self._beyond(curve.at(min(1.0, done + LEAP)))
-        return PathEnd(here.z, here.y, self.size, t, singular=singular, beyond=beyond is not None)
+        return PathEnd(anchor.z, anchor.y, self.size, t, singular=singular, beyond=beyond is not None)
 
     def follow(
         self, y: Array, t: Array, rates: tuple[Array, Array] | None = None, drive: Drive | None = None

@@ -42,25 +42,26 @@ class Region(Continuation):
         anchors, self.floor = self.anchors, STEEP * self.anchors[0].beta
         most = len(anchors) + LARGEST  # independent of earlier calls
         covering, inside = anchors.cover(y, 0)
-        left = np.flatnonzero(~inside)
-        near, far, tries = covering[left], anchors.distance(y[left], covering[left]), np.zeros(len(left), dtype=int)
-        while left.size and len(anchors) < most:
+        rows = np.flatnonzero(~inside)
+        near, tries = covering[rows], np.zeros(len(rows), dtype=int)
+        far = anchors.distance(y[rows], near)
+        while rows.size and len(anchors) < most:
             i, first = int(np.argmin(far)), len(anchors)
-            reached = self._try(y[left[i]], int(near[i]), int(tries[i]))
+            reached = self._try(y[rows[i]], int(near[i]), int(tries[i]))
             if reached is not None:
                 near[i], far[i] = reached, 0.0
             else:
                 tries[i], far[i] = tries[i] + 1, max(4.0 * far[i], 1e3)
             home = anchors.sheet_of(0)
             for a in home[home >= first].tolist():
-                distance = anchors.distance(y[left], np.full(len(left), a))
+                distance = anchors.distance(y[rows], np.full(len(rows), a))
                 closer = distance < far
                 near[closer], far[closer] = a, distance[closer]
-            covering[left] = near
+            covering[rows] = near
             rest = (far > 1.0) & (tries < PATIENCE)
-            covering[left[(far > 1.0) & ~rest]] = -1
-            left, near, far, tries = left[rest], near[rest], far[rest], tries[rest]
-        covering[left] = -1
+            covering[rows[(far > 1.0) & ~rest]] = -1
+            rows, near, far, tries = rows[rest], near[rest], far[rest], tries[rest]
+        covering[rows] = -1
         return covering
 
     def _try(self, y: Array, nearest: int, i: int) -> int | None:

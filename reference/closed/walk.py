@@ -108,19 +108,19 @@ class Walk:
 
     def _step(self, target: Array) -> None:
         """Goes to an anchor nearer to a target: an old one of the same branch, or a new one."""
-        anchors, here = self.anchors, self.anchors[self.at]
+        anchors, anchor = self.anchors, self.anchors[self.at]
         if not self.left:
             raise Blocked(singular=False)
         self.left -= 1
-        way = anchors.away(target, here.y)
+        way = anchors.away(target, anchor.y)
         far = float(anchors.distance(target, self.at))
-        goal = here.y + min(1.0, 1.0 / far) * way
+        goal = anchor.y + min(1.0, 1.0 / far) * way
         if (known := self._known(goal, target, float(np.linalg.norm(way)))) is not None:
             self._visit(known)
             return
         share, size = min(1.0, 1.0 / far), float(np.abs(way).max())
         while share * size > SHORTEST * max(1.0, float(np.abs(target).max())):
-            if self._grow(here.y + share * way):
+            if self._grow(anchor.y + share * way):
                 return
             share *= 0.5
             anchors.shrink(self.at)
@@ -131,28 +131,28 @@ class Walk:
         anchors = self.anchors
         kin = anchors.sheet_of(int(anchors.table["sheet"][self.at]))
         kin = kin[(anchors.distance(goal, kin) <= 0.5) & (kin != self.at)]
-        left = np.linalg.norm(anchors.away(target, anchors.table["y"][kin]), axis=1)
-        for i in np.argsort(left)[:2]:
-            if left[i] < length * (1.0 - 1e-9) and anchors.alike(self.at, int(kin[i])):
+        remaining = np.linalg.norm(anchors.away(target, anchors.table["y"][kin]), axis=1)
+        for i in np.argsort(remaining)[:2]:
+            if remaining[i] < length * (1.0 - 1e-9) and anchors.alike(self.at, int(kin[i])):
                 return int(kin[i])
         return None
 
     def _grow(self, goal: Array) -> bool:
         """Makes an anchor of the pose at y within the ball of this one, and goes there; whether it may be one."""
-        here = self.anchors[self.at]
-        start = here.z + here.K @ (goal - here.y)
-        both = np.stack([start, 0.5 * (start + here.z)]), np.stack([goal, 0.5 * (goal + here.y)])
+        base = self.anchors[self.at]
+        start = base.z + base.K @ (goal - base.y)
+        both = np.stack([start, 0.5 * (start + base.z)]), np.stack([goal, 0.5 * (goal + base.y)])
         begun = self.evaluate(*both)
-        ahead, half = here.change(self._full(begun[1], begun[2:]))
+        ahead, half = base.change(self._full(begun[1], begun[2:]))
         if not (at_most(ahead, CHANGE) and at_most(half - 0.5 * ahead, 0.5 * CHANGE)):
             return False
-        anchor = self._measured(start, goal, begun[0][0], begun[1][0], here.faint)
+        anchor = self._measured(start, goal, begun[0][0], begun[1][0], base.faint)
         if anchor is None or not self.anchors.corrections((anchor.z - start)[None], np.array([self.at]))[0] <= NEAR:
             return False
-        if not at_most(here.change((anchor.U * anchor.s) @ anchor.Vt), CHANGE):
+        if not at_most(base.change((anchor.U * anchor.s) @ anchor.Vt), CHANGE):
             return False
         # so near to a singular pose one that leads away from it looks like one on the branch that crosses there
-        if anchor.beta > self.floor or 2.0 * anchor.beta < here.faint:
+        if anchor.beta > self.floor or 2.0 * anchor.beta < base.faint:
             raise Blocked(singular=True)
         sheet = int(self.anchors.table["sheet"][self.at])
         number = self.anchors.add(anchor, sheet)
@@ -226,18 +226,18 @@ class Walk:
 
     def _beyond(self, y: Array) -> Anchor | None:
         """An anchor a little beyond a singular pose, predicted by what is regular there, if the loops close."""
-        here, k = self.anchors[self.at], len(y)
-        _, J, *_ = self.evaluate(here.z[None], here.y[None])
-        start = here.z + np.linalg.pinv(J[0], rcond=BLUR)[:, -k:] @ (y - here.y)
+        anchor, k = self.anchors[self.at], len(y)
+        _, J, *_ = self.evaluate(anchor.z[None], anchor.y[None])
+        start = anchor.z + np.linalg.pinv(J[0], rcond=BLUR)[:, -k:] @ (y - anchor.y)
         z, J, error, *_ = newton(self.evaluate, start[None], y[None])
         closes = error[0] < OPEN and np.abs(z[0] - start).max() < 1.0
         return self._measured(z[0], y, np.zeros(len(J[0])), J[0]) if closes else None
 
     def _leap(self, way: Array, target: Array) -> bool:
         """Lands a little beyond a singular pose; whether the loops close there."""
-        here = self.anchors[self.at]
-        last = np.linalg.norm(target - here.y) <= LEAP * np.linalg.norm(way)
-        y = target if last else here.y + LEAP * way
+        anchor = self.anchors[self.at]
+        last = np.linalg.norm(target - anchor.y) <= LEAP * np.linalg.norm(way)
+        y = target if last else anchor.y + LEAP * way
         if (beyond := self._beyond(y)) is None:
             return False
         landed = self.anchors.add(beyond, self.anchors.sheets)

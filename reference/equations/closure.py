@@ -388,9 +388,9 @@ class Motion(Closed):
         c = self.mechanism.coordinates.index(coordinate)
         return (self.joint_velocity if c in self.loops.owner else self.w)[..., c]
 
-    def _with_cuts(self, tree: Array, own: Any) -> Array:
+    def _with_cuts(self, tree: Array, of_cut: Any) -> Array:
         """Numbers of all coordinates from those of the tree, and of each cut joint from its own two bodies."""
         joined = tree + 0.0
         for cut in self.cuts:
-            joined[..., self.loops.lay.columns[cut.at.joint.name]] = own(cut)
+            joined[..., self.loops.lay.columns[cut.at.joint.name]] = of_cut(cut)
         return joined

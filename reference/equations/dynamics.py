@@ -176,9 +176,9 @@ class Dynamics(Motion):
     def _across_line(self, name: str, direction: Array) -> tuple[Array, Array]:
         n, child = len(self.mechanism.actuators), self.mechanism.joint(name).child
         across = across_direction(self.pose.R[..., self.mechanism.body_index[child], :, :], direction)
-        own = [reaction_names(self.mechanism.joints, ())[0].index(f"{name}.f{axis}") for axis in "xyz"]
+        columns = [reaction_names(self.mechanism.joints, ())[0].index(f"{name}.f{axis}") for axis in "xyz"]
         without, *unit = (
-            times(across, self.reactions(f, idle=f.any())[..., own]) for f in (np.zeros(n), *np.eye(n, dtype=float))
+            times(across, self.reactions(f, idle=f.any())[..., columns]) for f in (np.zeros(n), *np.eye(n, dtype=float))
         )
         return np.stack(unit, axis=-1), -without
 
@@ -207,8 +207,8 @@ class Dynamics(Motion):
         x = self.system.solve_transposed(tau)
         if null := self._redundant:
             N = np.stack(np.broadcast_arrays(*(scaled for _, scaled in null)), axis=-2)
-            own = times(N, self.components(self.transmitted(x, need, along), x) / self._arms)
-            share = self.ops.square(N @ transpose(N)).solve(own)
+            preload = times(N, self.components(self.transmitted(x, need, along), x) / self._arms)
+            share = self.ops.square(N @ transpose(N)).solve(preload)
             x = x - sum(scale(share[..., i], row) for i, (row, _) in enumerate(null))
         return self.transmitted(x, need, along), x
 
@@ -216,15 +216,15 @@ class Dynamics(Motion):
     def imbalance(self) -> Array:
         """Residual of the balance along the coordinates of the tree. Shape (..., n)."""
         wrenches, x = self.constraint_forces(self.actuator_force)
-        left = self.exerted.along + self.along_joints(self.actuator_force)
+        residual = self.exerted.along + self.along_joints(self.actuator_force)
         for row, (i, of, slope) in enumerate(self.loops.couplings.derivatives(self.q, 1), self.loops.ends[-1]):
-            left[..., i] = left[..., i] + x[..., row]
+            residual[..., i] = residual[..., i] + x[..., row]
             if of is not None:
-                left[..., of] = left[..., of] - slope * x[..., row]
+                residual[..., of] = residual[..., of] - slope * x[..., row]
         for edge in self.loops.lay.edges:
             for c in self.loops.lay.columns[edge.joint.name]:
-                left[..., c] = left[..., c] - power(wrenches[edge.joint.name], self.pose.S[..., c, :])
-        return left[..., self.loops.columns]
+                residual[..., c] = residual[..., c] - power(wrenches[edge.joint.name], self.pose.S[..., c, :])
+        return residual[..., self.loops.columns]
 
     @cached_property
     def _arms(self) -> Array:
@@ -250,9 +250,9 @@ class Dynamics(Motion):
         loops, total, wrenches = self.loops, need + 0.0 * x[..., :1, None], dict[str, Array]()
         for j, cut in enumerate(self.cuts):
             W = times(transpose(cut.W), x[..., loops.ends[j] : loops.ends[j + 1]])
-            own = loops.lay.columns[cut.at.joint.name]
-            if not absent(along[..., own]):
-                W = W + times(transpose(cut.D), along[..., own])
+            columns = loops.lay.columns[cut.at.joint.name]
+            if not absent(along[..., columns]):
+                W = W + times(transpose(cut.D), along[..., columns])
             total[..., cut.child, :] = total[..., cut.child, :] - W
             total[..., cut.parent, :] = total[..., cut.parent, :] + W
             wrenches[cut.at.joint.name] = W

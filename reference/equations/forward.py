@@ -146,9 +146,9 @@ def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
     """
     total = np.zeros((*S.shape[:-1], len(at.lay.mechanism.body_index), 6), dtype=S.dtype)
     for joint in at.lay.mechanism.joints:
-        own = at.lay.columns[joint.name]
-        if {*own} & {*columns}:
-            total[..., own, :, :] = on_bodies(at, joint, dual_wrenches(at.joint(joint), S[..., own, :]))
+        of_joint = at.lay.columns[joint.name]
+        if {*of_joint} & {*columns}:
+            total[..., of_joint, :, :] = on_bodies(at, joint, dual_wrenches(at.joint(joint), S[..., of_joint, :]))
     return total
 
 

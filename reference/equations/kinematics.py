@@ -98,8 +98,8 @@ class TreePose:
     @cached_property
     def com(self) -> Array:
         """Centres of mass of the moving bodies. Shape (..., b - 1, 3)."""
-        own = np.array([body.com for body in self.lay.mechanism.bodies])
-        return self.p[..., 1:, :] + times(self.R[..., 1:, :, :], own)
+        local = np.array([body.com for body in self.lay.mechanism.bodies])
+        return self.p[..., 1:, :] + times(self.R[..., 1:, :, :], local)
 
     def joint(self, joint: Joint) -> JointPose:
         """The frames of a joint on its two bodies."""
@@ -198,8 +198,8 @@ def bias_screws(at: TreePose, w: Array, V: Array, bracket: Bracket | None = None
     A = zeros(w, V.shape[-2], 6)
     for edge, near, far, columns, sign, _ in walk(at.lay):
         terms = [scale(sign * w[..., c], at.S[..., c, :]) for c in columns]
-        own = joint_bias(V[..., near, :], terms[::-1] if edge.reverse else terms, bracket)
-        A[..., far, :] = A[..., near, :] + own
+        bias = joint_bias(V[..., near, :], terms[::-1] if edge.reverse else terms, bracket)
+        A[..., far, :] = A[..., near, :] + bias
     return A
 
 

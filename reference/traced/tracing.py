@@ -112,13 +112,13 @@ def traced(
     Raises:
         NotTraceableError: The mechanism or the question is beyond this.
     """
-    folds, left, parts = [float(x.flat[0]) for x in loops.folds(samples[3])], samples, list[Traced]()
-    while len(left[0]):
+    folds, uncovered, parts = [float(x.flat[0]) for x in loops.folds(samples[3])], samples, list[Traced]()
+    while len(uncovered[0]):
         if len(parts) == MOST_ARCS:
             raise NotTraceableError("pivots keep their size on short arcs only", "closed loops", "use backend array")
-        one, kept = _traced(loops, applied, wanted, left, further, folds)
-        y, yd, ydd, q = (x[~kept] for x in left)
-        left = y, yd, ydd, q
+        one, kept = _traced(loops, applied, wanted, uncovered, further, folds)
+        y, yd, ydd, q = (x[~kept] for x in uncovered)
+        uncovered = y, yd, ydd, q
         parts.append(one)
     return replace(parts[0], arcs=tuple(arc for one in parts for arc in one.arcs))
 
