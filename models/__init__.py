@@ -1,1 +1,5 @@
-"""Descriptions of mechanisms (TOML), the URDF and MJCF models made from them, and their writers."""
+"""Built-in descriptions of mechanisms (TOML), and everything about URDF and MJCF: writers, readers, checks, import.
+
+`catalog` loads descriptions; `layout` cuts them, `urdf` and `mjcf` write them, `generate` writes all files; `readings`
+reads any model file by the libraries, `importing` turns it into a description, `check` compares the two.
+"""

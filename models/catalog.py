@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.models.importing import is_model
-from screwgauge.reference.description import read_mechanism, read_tables, read_toml
+from screwgauge.reference.description import read_mechanism, read_tables
 from screwgauge.reference.errors import UnknownNameError
-from screwgauge.reference.files import beside, is_file, is_path
+from screwgauge.reference.files import is_file, is_path, named_file
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.tables import read_toml
 
 FOLDER = Path(__file__).parent
 
@@ -31,7 +32,7 @@ def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "") -> 
     """
     if str(name) in mechanism_names():
         return FOLDER / str(name) / f"{name}.toml"
-    path = beside(folder, str(name))
+    path = named_file(folder, str(name))
     if is_model(path):
         from screwgauge.models.importing.model import imported_file
 
@@ -57,16 +58,16 @@ def _read(path: Path) -> Mechanism:
     return read_mechanism(path, partial(mechanism_path, folder=path.parent, where=str(path)))
 
 
-#: What comes with the package does not change; what is worked out once a mechanism is kept with it.
+#: Built-in mechanisms do not change, and results are cached with the mechanism.
 _built_in = cache(_read)
 
 
 def description_files(path: Path) -> list[Path]:
     """A description that can be read, and those that it extends."""
-    found = [path]
-    while "extends" in (said := read_toml(found[-1])):
-        found.append(mechanism_path(said["extends"], found[-1].parent, str(found[-1])))
-    return found
+    files = [path]
+    while "extends" in (tables := read_toml(files[-1])):
+        files.append(mechanism_path(tables["extends"], files[-1].parent, str(files[-1])))
+    return files
 
 
 def mechanism_tables(name: str | Path) -> dict[str, Any]:

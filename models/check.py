@@ -1,4 +1,4 @@
-"""Checks of model files against the description: both are read, laid side by side, and differences are named."""
+"""Checks of model files against the description: values as the libraries read them, each on its own scale."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, rotation
 
 T = TypeVar("T")
-#: Of the scale of a value. A number is read to 1e-16; roll-pitch-yaw, quaternions and the products along a
+#: Share of the scale of a value. A number is read to 1e-16; roll-pitch-yaw, quaternions and the products along a
 #: chain of ten joints add about 2e-16 each.
 TOLERANCE = 1e-14
 #: MuJoCo keeps principal moments and axes; its diagonalisation leaves 1.1e-14 of the largest moment (the
@@ -63,56 +63,58 @@ class Comparison:
     reading: str
     rows: list[CheckRow] = field(default_factory=list)
 
-    def names(self, item: str, what: str, expected: object, found: object) -> None:
-        self._add(item, what, (str(expected), str(found)), math.nan, 0.0, expected == found)
+    def names(self, item: str, what: str, expected: object, actual: object) -> None:
+        self._add(item, what, (str(expected), str(actual)), math.nan, 0.0, expected == actual)
 
     def numbers(
-        self, item: str, what: str, expected: Array, found: Array, scale: float = 1.0, tolerance: float = TOLERANCE
+        self, item: str, what: str, expected: Array, actual: Array, scale: float = 1.0, tolerance: float = TOLERANCE
     ) -> None:
         # written so that NaN is a difference, not agreement
-        difference = float(np.abs(expected - found).max()) / scale
-        self._add(item, what, (_short(expected), _short(found)), difference, tolerance, difference <= tolerance)
+        difference = float(np.abs(expected - actual).max()) / scale
+        self._add(item, what, (_short(expected), _short(actual)), difference, tolerance, difference <= tolerance)
 
-    def both(self, what: str, expected: Mapping[str, T], found: Mapping[str, T]) -> list[tuple[str, T, T]]:
-        """A row for the names of things of a kind. Returns those that are expected and found: name and both."""
-        self.names("", f"{what} names", sorted(expected), sorted(found))
-        return [(name, want, found[name]) for name, want in expected.items() if name in found]
+    def both(self, what: str, expected: Mapping[str, T], actual: Mapping[str, T]) -> list[tuple[str, T, T]]:
+        """A row for the names of things of a kind. Returns those that both have: name and both values."""
+        self.names("", f"{what} names", sorted(expected), sorted(actual))
+        return [(name, want, actual[name]) for name, want in expected.items() if name in actual]
 
-    def _add(self, item: str, what: str, said: tuple[str, str], difference: float, tolerance: float, ok: bool) -> None:
-        self.rows.append(CheckRow(self.file, self.reading, item, what, *said, difference, tolerance, ok))
+    def _add(
+        self, item: str, what: str, values: tuple[str, str], difference: float, tolerance: float, ok: bool
+    ) -> None:
+        self.rows.append(CheckRow(self.file, self.reading, item, what, *values, difference, tolerance, ok))
 
 
 def _short(values: Array) -> str:
     return " ".join(f"{value:.9g}" for value in np.ravel(values))
 
 
-def compare_readings(out: Comparison, expected: Reading, found: Reading, mechanism: Mechanism) -> None:
-    """Rows for all that the reading says."""
+def compare_readings(out: Comparison, expected: Reading, actual: Reading, mechanism: Mechanism) -> None:
+    """Rows for everything in the reading."""
     length = length_scale(mechanism)
-    found = collapsed(found, keep=expected.bodies)  # joints of several freedoms are several joints in a URDF
-    bodies = out.both("body", expected.bodies, found.bodies)
-    joints = out.both("coordinate", expected.joints, found.joints)
-    out.numbers("", "total mass", np.array([mechanism.mass]), np.array([found.mass]), mechanism.mass)
+    actual = collapsed(actual, keep=expected.bodies)  # joints of several freedoms are several joints in a URDF
+    bodies = out.both("body", expected.bodies, actual.bodies)
+    joints = out.both("coordinate", expected.joints, actual.joints)
+    out.numbers("", "total mass", np.array([mechanism.mass]), np.array([actual.mass]), mechanism.mass)
     _compare_bodies(out, bodies, length, mechanism.mass)
     for name, want, have in joints:
         scale = np.repeat([1.0, length], 3) if want.screw[:3].any() else np.ones(6)
         out.numbers(name, "joint axis at home", want.screw / scale, have.screw / scale)
-    if found.gravity is None or expected.gravity is None:
+    if actual.gravity is None or expected.gravity is None:
         return
     size = float(np.linalg.norm(expected.gravity)) or 9.81
-    out.numbers("", "gravity", expected.gravity, found.gravity, size)
-    out.names("", "actuators", dict(expected.actuators), dict(found.actuators))
-    for name, shut, otherwise in out.both("closure", expected.closures, found.closures):
+    out.numbers("", "gravity", expected.gravity, actual.gravity, size)
+    out.names("", "actuators", dict(expected.actuators), dict(actual.actuators))
+    for name, shut, otherwise in out.both("closure", expected.closures, actual.closures):
         _compare_closures(out, name, shut, otherwise, length)
-    _compare_couplings(out, expected.couplings, found.couplings)
+    _compare_couplings(out, expected.couplings, actual.couplings)
 
 
 def _compare_couplings(
-    out: Comparison, expected: Mapping[str, CouplingReading], found: Mapping[str, CouplingReading]
+    out: Comparison, expected: Mapping[str, CouplingReading], actual: Mapping[str, CouplingReading]
 ) -> None:
-    if not (expected or found):
+    if not (expected or actual):
         return
-    for name, want, have in out.both("coupling", expected, found):
+    for name, want, have in out.both("coupling", expected, actual):
         out.names(name, "coupling", (want.joint, want.of), (have.joint, have.of))
         size = max(len(want.polynomial), len(have.polynomial))
         wanted, other = (np.pad(one.polynomial, (0, size - len(one.polynomial))) for one in (want, have))
@@ -120,10 +122,10 @@ def _compare_couplings(
 
 
 def _compare_closures(out: Comparison, name: str, want: ClosureReading, have: ClosureReading, length: float) -> None:
-    if (have.first, have.second) == (want.second, want.first):  # which side is named first says nothing
+    if (have.first, have.second) == (want.second, want.first):  # the order of the sides does not matter
         have = ClosureReading(have.kind, have.second, have.second_frame, have.first, have.first_frame)
-    said = ((closure.kind, closure.first, closure.second) for closure in (want, have))
-    out.names(name, "closure bodies", *said)
+    bodies = ((closure.kind, closure.first, closure.second) for closure in (want, have))
+    out.names(name, "closure bodies", *bodies)
     metres = np.array([1.0, 1.0, 1.0, length])
     frames = [np.array([closure.first_frame, closure.second_frame]) / metres for closure in (want, have)]
     out.numbers(name, "closure frames", *frames)
@@ -144,25 +146,25 @@ def _compare_bodies(
         out.numbers(name, "pose at home", want.pose[:3] / metres, have.pose[:3] / metres)
 
 
-def compare_loops(out: Comparison, expected: LoopsFile, found: LoopsFile, mechanism: Mechanism) -> None:
-    """Rows for all that a loops file says."""
+def compare_loops(out: Comparison, expected: LoopsFile, actual: LoopsFile, mechanism: Mechanism) -> None:
+    """Rows for everything in a loops file."""
     length = length_scale(mechanism)
     for what in ("mechanism", "cut"):
-        out.names("", what, getattr(expected, what), getattr(found, what))
+        out.names("", what, getattr(expected, what), getattr(actual, what))
     for what in ("bodies", "tree"):  # in any order
-        out.names("", what, sorted(getattr(expected, what)), sorted(getattr(found, what)))
-    out.names("", "independent", dict(expected.independent), dict(found.independent))
-    out.names("", "spherical_axial", *(axial and axial[0] for axial in (expected.axial, found.axial)))
-    if expected.axial and found.axial:
-        out.numbers("", "direction of spherical_axial", expected.axial[1], found.axial[1])
-    joints = [{joint.name: joint for joint in file.joints} for file in (expected, found)]
+        out.names("", what, sorted(getattr(expected, what)), sorted(getattr(actual, what)))
+    out.names("", "independent", dict(expected.independent), dict(actual.independent))
+    out.names("", "spherical_axial", *(axial and axial[0] for axial in (expected.axial, actual.axial)))
+    if expected.axial and actual.axial:
+        out.numbers("", "direction of spherical_axial", expected.axial[1], actual.axial[1])
+    joints = [{joint.name: joint for joint in file.joints} for file in (expected, actual)]
     for name, want, have in out.both("joint", *joints):
         out.names(name, "joint", _joint_says(want), _joint_says(have))
         out.names(name, "joint limits", want.limits.tolist(), have.limits.tolist())
         if want.kind == have.kind:
             out.numbers(name, "joint axes and frames", _joint_values(want, length), _joint_values(have, length))
-    _compare_couplings(out, *(couplings_of(file.couplings) for file in (expected, found)))
-    closures = [{closure.joint: closure for closure in file.closures} for file in (expected, found)]
+    _compare_couplings(out, *(couplings_of(file.couplings) for file in (expected, actual)))
+    closures = [{closure.joint: closure for closure in file.closures} for file in (expected, actual)]
     for name, shut, other in out.both("closure", *closures):
         out.names(name, "closure", _closure_says(shut), _closure_says(other))
         if shut.type == other.type:
@@ -274,7 +276,7 @@ def check_table(rows: Sequence[CheckRow]) -> str:
 
 
 def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | Array) -> Reading:
-    """The reading of a model file that says exactly what the description says, limits left out."""
+    """The reading of a model file that agrees exactly with the description, limits left out."""
     tree = lay_out(mechanism, cut)
     poses = home_poses(tree)
     bodies: dict[str, BodyReading] = {}

@@ -23,7 +23,7 @@ from screwgauge.reference.errors import first_few
 from screwgauge.reference.files import is_file, read_file
 from screwgauge.reference.mechanism import Mechanism
 
-#: What becomes of a kind; `content.toml` says what each means.
+#: What becomes of a kind; `content.toml` explains each.
 FATES = ("held", "compared", "withheld", "aside", "irrelevant")
 #: The kind of what is in no other.
 OTHER = "not held by the reading"
@@ -58,7 +58,7 @@ class Kind:
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """Something that a file says and no other entry of a reading holds.
+    """Content of a file that no other entry of a reading holds.
 
     Attributes:
         kind: Name of a `Kind`.
@@ -66,7 +66,7 @@ class Content:
         whose: What it belongs to, to be read after it: `` of joint a``, or its own name.
         of: Each thing that it acts on: room of a reading (``joints``, ``bodies``, ``actuators``), name there, and how
             much it counts, such as the coefficient of a joint in a tendon.
-        values: Label and number or text of all that it says, in a fixed order; None where that is not known.
+        values: Label and number or text of each of its values, in a fixed order; None where that is not known.
     """
 
     kind: str
@@ -77,7 +77,7 @@ class Content:
 
     @property
     def sentence(self) -> str:
-        """What and whose."""
+        """Label: kind and owner."""
         return f"{self.what}{self.whose}"
 
     def renamed(self, names: Mapping[str, Mapping[str, str]]) -> Content:
@@ -95,12 +95,12 @@ def table() -> Mapping[str, Any]:
 @cache
 def kinds() -> Mapping[str, Kind]:
     """All kinds by name."""
-    found = {}
+    entries_by_name = {}
     for name, entry in table()["kinds"].items():
         entries = {**entry, "xml": tuple(entry.get("xml", ())), "arrays": tuple(entry.get("arrays", "").split())}
         entries["joints"] = tuple(entry.get("joints", ()))
-        found[name] = Kind(name, **entries)
-    return found
+        entries_by_name[name] = Kind(name, **entries)
+    return entries_by_name
 
 
 def kind_of(element: str) -> str:
@@ -108,10 +108,10 @@ def kind_of(element: str) -> str:
     return next((kind.name for kind in kinds().values() if element in kind.xml), OTHER)
 
 
-def phrases(found: Iterable[Content]) -> tuple[str, ...]:
-    """One phrase for all that is called alike, in the order in which they were found."""
+def phrases(contents: Iterable[Content]) -> tuple[str, ...]:
+    """One phrase for all content of one name, in the order of the file."""
     owners: dict[str, list[str]] = {}
-    for each in found:
+    for each in contents:
         owners.setdefault(each.what, []).append(each.whose)
     return tuple(f"{what}{_whose(names)}" for what, names in owners.items())
 
@@ -175,7 +175,7 @@ def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
 
 
 def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
-    """What a file says that a reading by a library does not hold.
+    """Content of a file that a library's reading does not hold.
 
     Args:
         root: Of the file.
@@ -183,8 +183,8 @@ def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
         library: One that reads the format.
     """
     known = element_tables()[form]
-    own = {kind: known.get(kind, {}).get(library, {}) for kind in _OF_READINGS}
-    return list(_Walk({**known, **own}, {}, {}, (*_OF_READINGS, *_KINDS)).through(root))
+    reading = {kind: known.get(kind, {}).get(library, {}) for kind in _OF_READINGS}
+    return list(_Walk({**known, **reading}, {}, {}, (*_OF_READINGS, *_KINDS)).through(root))
 
 
 def unread_rows(library: str) -> list[str]:
@@ -206,12 +206,12 @@ def _include(root: ET.Element, folder: Path) -> None:
 
 def _limits(mechanism: Mechanism) -> dict[str, dict[str, str]]:
     """Coordinate -> attribute -> the limits that the description gives it, as the writers write them."""
-    found = {}
+    limits_of = {}
     for joint in mechanism.joints:
         for name, limits in zip(joint.coordinates, joint.limits, strict=True):
             low, high = vector_text(np.clip(limits, -WIDE, WIDE)).split()
-            found[name] = {"lower": low, "upper": high, "range": vector_text(np.clip(limits, -FAR, FAR))}
-    return found
+            limits_of[name] = {"lower": low, "upper": high, "range": vector_text(np.clip(limits, -FAR, FAR))}
+    return limits_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,7 +231,7 @@ class _Walk:
     kinds: tuple[str, ...] = _KINDS
 
     def through(self, root: ET.Element) -> Iterator[Extra]:
-        """All that a file says; its elements may be nested deeper than Python's calls."""
+        """Everything in a file; its elements may be nested deeper than Python's call stack."""
         waiting = [(root, ET.Element(""), "")]  # element, what it is in, tag and name of the nearest around with a name
         while waiting:
             element, around, owner = waiting.pop()
@@ -259,7 +259,7 @@ class _Walk:
             waiting += [(child, element, owner) for child in reversed(element) if read.get(child.tag, child) is child]
 
     def _absent(self, element: ET.Element, around: ET.Element) -> dict[str, str]:
-        """What counts for attributes that are not there."""
+        """Values that absent attributes stand for."""
         values: dict[str, str] = self.table.get("absent", {}).get(f"{around.get('type')}/{element.tag}", {})
         return values
 

@@ -82,7 +82,7 @@ def quaternion(R: Array) -> Array:
 
 
 def adjoint(T: Array) -> Array:
-    """What a placement makes of twists ``[angular; linear]``. Shape (4, 4) -> (6, 6)."""
+    """Adjoint matrix of a placement, for twists ``[angular; linear]``. Shape (4, 4) -> (6, 6)."""
     R, out = T[:3, :3], np.zeros((6, 6))
     out[:3, :3] = out[3:, 3:] = R
     out[3:, :3] = skew(T[:3, 3]) @ R

@@ -67,7 +67,7 @@ def keep_models(
 
     Args:
         inputs: What was read, which is not written over.
-        force: Files in the way are replaced, whoever wrote them.
+        force: Existing files are replaced, whatever their origin.
 
     Raises:
         OutputError: The folder cannot be written, or holds another file of such a name.
@@ -92,7 +92,7 @@ def write_models(
 def _write(texts: Mapping[str, str], out: Path) -> list[Path]:
     try:
         out.mkdir(parents=True, exist_ok=True)
-        # Beside their destination, so that moving them is one rename each that cannot run out of space.
+        # In the destination's folder, so that moving them is one rename each that cannot run out of space.
         with tempfile.TemporaryDirectory(dir=out, prefix=".models-") as folder:
             for name, text in texts.items():
                 (Path(folder) / name).write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A mechanism cut open: the tree and its closures from which URDF, MJCF and loops file are all written."""
+"""A mechanism cut open: the tree and its closures, from which URDF, MJCF and loops file are written."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Link:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Closure:
-    """What holds a loop closed.
+    """The constraint that closes a loop.
 
     Attributes:
         joint: The joint of the description that closes the loop.

@@ -36,10 +36,10 @@ SHOWN = 6
 
 def inertial(body: Body) -> dict[str, str]:
     """The attributes of an ``<inertial>``."""
-    said = {"pos": vector_text(body.com), "mass": number_text(body.mass or LEAST)}
+    attributes = {"pos": vector_text(body.com), "mass": number_text(body.mass or LEAST)}
     if not body.mass:
-        return {**said, "diaginertia": vector_text([LEAST] * 3)}
-    return {**said, **of_tensor(body.inertia)}
+        return {**attributes, "diaginertia": vector_text([LEAST] * 3)}
+    return {**attributes, **of_tensor(body.inertia)}
 
 
 def of_tensor(I: Array) -> dict[str, str]:
@@ -82,7 +82,7 @@ def without_stand_ins(mass: Array, moments: Array) -> tuple[Array, Array]:
 
 
 def stood_in(names: Sequence[str]) -> Iterator[str]:
-    """That moments of bodies stand for zero and are taken for it."""
+    """Sentences: moments of bodies stand for zero and are set to it after loading."""
     if names:
         yield (
             f"MuJoCo refuses a moment of inertia of zero: {LEAST:g} kg m^2 stands for it in "
@@ -91,7 +91,7 @@ def stood_in(names: Sequence[str]) -> Iterator[str]:
 
 
 def stand_ins(mechanism: Mechanism) -> Iterator[str]:
-    """Sentences on the moments of inertia that no MJCF can say, and on what it says instead."""
+    """Sentences on the moments of inertia that MJCF cannot express, and on what it has instead."""
     moments = {body.name: principal(body.inertia)[0] for body in mechanism.bodies if body.mass}
     for sentence in stood_in([name for name, its in moments.items() if _none(its).any()]):
         yield f"MJCF: {sentence}"
@@ -108,7 +108,7 @@ def stand_ins(mechanism: Mechanism) -> Iterator[str]:
 FAR = 1e10
 #: Coefficients of a joint equality.
 POWERS = 5
-#: What a model can have beyond its mechanics. Contacts bring geoms with them.
+#: Optional parts of a model beyond its mechanics. Contacts bring geoms with them.
 PARTS = ("contacts", "limits", "geoms", "sensors")
 
 
@@ -138,8 +138,8 @@ def write_mjcf(
     root = ET.Element("mujoco", model=mechanism.name)
     root.append(ET.Comment(f" {cut} cut; written by screwgauge models "))
     for sentence in stand_ins(mechanism):
-        said = sentence.removeprefix("MJCF: ").replace("--", "- -")  # which would end a comment
-        root.append(ET.Comment(f" {said} "))
+        comment = sentence.removeprefix("MJCF: ").replace("--", "- -")  # which would end a comment
+        root.append(ET.Comment(f" {comment} "))
     _settings(root, gravity, include)
     bodies = _bodies(ET.SubElement(root, "worldbody"), tree, "limits" in include)
     if "geoms" in include:

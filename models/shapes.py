@@ -1,4 +1,4 @@
-"""Solids by which a mechanism is drawn, and what a model file can carry of them: shapes, contacts, sensors."""
+"""Shapes by which a mechanism is drawn, and those that an MJCF can carry: geoms, contacts, sensors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from screwgauge.reference.lint import suspicious
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
-#: Of bodies; dark enough for their names.
+#: Colours of bodies; dark enough for their names.
 COLOURS = ("#0072B2", "#00795B", "#B04A87", "#8C6D31", "#5E5AA8", "#3A7D9C")
 PLAIN, DRIVEN, CUT, STANDING = "#8A9199", "#E69F00", "#D55E00", "#5F666D"
 MASS, AXIS, DOUBT = "#B58900", "#4477AA", "#CC0077"
@@ -33,7 +33,7 @@ KINDS = {
     "E": "planar",
     "F": "free",
 }
-LINK, JOINT, DISTINCT = 0.012, 0.022, 1e-3  # radius of a link, size of a joint, what can be told apart
+LINK, JOINT, DISTINCT = 0.012, 0.022, 1e-3  # radius of a link, size of a joint, least visible distance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,13 +77,13 @@ def cut_joints(mechanism: Mechanism) -> frozenset[str]:
 
 def ends(mechanism: Mechanism) -> dict[str, list[End]]:
     """Body -> where its joints are."""
-    found: dict[str, list[End]] = {name: [] for name in mechanism.body_index}
+    ends_of: dict[str, list[End]] = {name: [] for name in mechanism.body_index}
     for joint in mechanism.joints:
         if joint.constrains:
             standing = GROUND in (joint.parent, joint.child)
             for name, frame in joint.sides:
-                found[name].append(End(frame.p, standing, joint.slides > 0))
-    return found
+                ends_of[name].append(End(frame.p, standing, joint.slides > 0))
+    return ends_of
 
 
 def segments(body: Body, its: list[End]) -> list[tuple[Array, Array]]:
@@ -113,32 +113,32 @@ def colour_of(i: int) -> str:
 def shapes(mechanism: Mechanism) -> list[Shape]:
     """All of them."""
     unit, index, points = length(layout(mechanism)), mechanism.body_index, ends(mechanism)
-    found: list[Shape] = []
+    drawn: list[Shape] = []
     for body in mechanism.bodies:
-        found += _body(body, index[body.name], points[body.name], unit, colour_of(index[body.name]))
+        drawn += _body(body, index[body.name], points[body.name], unit, colour_of(index[body.name]))
     cuts = cut_joints(mechanism)
     for joint in mechanism.joints:
         if joint.constrains:
-            found += _joint(joint, index[joint.parent], index[joint.child], unit, joint.name in cuts)
+            drawn += _joint(joint, index[joint.parent], index[joint.child], unit, joint.name in cuts)
     for odd in suspicious(mechanism):
         at = odd.point / unit
-        found.append(Shape("doubts", "cage", index[odd.body], at, at, 3.0 * JOINT, DOUBT, odd.sentence))
-    return found
+        drawn.append(Shape("doubts", "cage", index[odd.body], at, at, 3.0 * JOINT, DOUBT, odd.sentence))
+    return drawn
 
 
 def placed(mechanism: Mechanism, at: Pose | None = None) -> list[Shape]:
     """The same in the world, at home or at another pose (one sample)."""
     lay = layout(mechanism)
-    at, unit, found = at or pose(lay, mechanism.home[None]), length(lay), list[Shape]()
+    at, unit, drawn = at or pose(lay, mechanism.home[None]), length(lay), list[Shape]()
     for one in shapes(mechanism):
         ends = (one.body, one.a), (one.other if one.kind == "slide" else one.body, one.b.T)
         a, b = (at.p[0, i] / unit + v @ at.R[0, i].T for i, v in ends)
-        found.append(replace(one, body=0, other=0, a=a, b=b.T))
-    return found
+        drawn.append(replace(one, body=0, other=0, a=a, b=b.T))
+    return drawn
 
 
 def differing(mechanism: Mechanism, other: Mechanism, unsigned: Collection[str] = ()) -> list[Shape]:
-    """What another mechanism has elsewhere at home, in the world: its joints with the bodies that they hold, its axes.
+    """Where another mechanism differs at home, in the world: its joints with the bodies that they hold, its axes.
 
     A joint is the same where its screws span the same motions and both are driven or neither is: a point that slides
     along an axis, which of two bodies is the parent, and names do not count. Lengths count in lengths of the first.
@@ -212,7 +212,7 @@ def mark(joint: Joint) -> Array:
 
 
 def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Iterator[Shape]:
-    """Its axes, each in the body that carries it, with what says that it is driven or cut."""
+    """Its axes, each in the body that carries it, marked where it is driven or cut."""
     colour, name, at = DRIVEN if joint.actuated else PLAIN, joint.name, mark(joint) / unit
     second = child if joint.angles == 2 else parent
     for (turns, axis), i in zip(joint.freedoms, (parent, second, child), strict=False):

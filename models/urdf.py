@@ -1,4 +1,8 @@
-"""URDF of a mechanism's tree, and the loops file beside it, which closes the loops that URDF cannot express."""
+"""URDF of a mechanism's tree, and its loops file, for the closures that URDF cannot express: written and read.
+
+A link's frame is the description's body frame; intermediate links of composite joints have no inertial. URDF of other
+origin is read in `readings`.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +18,13 @@ import numpy as np
 from screwgauge.models.formats import document, inverse, key, lines, number_text, rpy, vector_text
 from screwgauge.models.layout import CUTS, Closure, Freedom, Link, lay_out
 from screwgauge.reference.couplings import Coupling, check_couplings
-from screwgauge.reference.description import check_keys, read_couplings, read_joint, read_toml, required
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
-from screwgauge.reference.expressions import rotation_matrix, unit_vector, vector
+from screwgauge.reference.description import read_axial, read_couplings, read_joint
+from screwgauge.reference.errors import ModelFileError, ScrewgaugeError
+from screwgauge.reference.expressions import rotation_matrix, vector
 from screwgauge.reference.files import LIMITS, check_count
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.tables import check_keys, check_name, read_toml, required
 
 _TOP = ("mechanism", "cut", "bodies", "tree", "independent", "spherical_axial", "joints", "couplings", "closures")
 _SIDES = ("parent", "child")
@@ -29,7 +34,7 @@ _CLOSURES = {"point": ("points", 1), "points": ("points", 2), "weld": ("frame", 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopsFile:
-    """What was read from a loops file.
+    """Content of a loops file.
 
     Attributes:
         mechanism: Name of the mechanism.
@@ -59,7 +64,7 @@ class LoopsFile:
 
 
 def loops_of(mechanism: Mechanism, cut: str) -> LoopsFile:
-    """What the loops file of a cut mechanism says."""
+    """Text of the loops file of a cut mechanism."""
     tree = lay_out(mechanism, cut)
     bodies = tuple(body.name for body in mechanism.bodies)
     named = mechanism.independent, mechanism.axial, mechanism.couplings
@@ -101,9 +106,7 @@ def read_loops(path: Path) -> LoopsFile:
     try:
         data = read_toml(path)
         check_keys(data, _TOP, where)
-        cut = required(data, "cut", where)
-        if cut not in CUTS:
-            raise UnknownNameError("cut", str(cut), CUTS, f"{where}, cut")
+        cut = check_name("cut", str(required(data, "cut", where)), CUTS, f"{where}, cut")
         tables = _typed(data, "joints", dict, where)
         joints = tuple(read_joint(name, table, f"{where}, joints.{name}") for name, table in tables.items())
         file = LoopsFile(
@@ -117,7 +120,7 @@ def read_loops(path: Path) -> LoopsFile:
                 for i, table in enumerate(_typed(data, "closures", list, where, []))
             ),
             independent=_typed(data, "independent", dict, where),
-            axial=_read_axial(data.get("spherical_axial"), tables, f"{where}, spherical_axial"),
+            axial=read_axial(data.get("spherical_axial"), tables, f"{where}, spherical_axial"),
             couplings=read_couplings(data, where),
         )
         _check_names(file, where)
@@ -147,13 +150,10 @@ def _names(data: dict[str, Any], key: str, where: str) -> tuple[str, ...]:
 
 def _read_closure(table: Any, tables: Mapping[str, Any], joints: tuple[Joint, ...], where: str) -> Closure:
     kind = _typed(table if isinstance(table, dict) else {}, "type", str, where)
-    if kind not in _CLOSURES:
-        raise UnknownNameError("closure type", kind, _CLOSURES, where)
+    check_name("closure type", kind, _CLOSURES, where)
     what, count = _CLOSURES[kind]
     check_keys(table, ["joint", "type", *_SIDES, *(f"{side}_{what}" for side in _SIDES)], where)
-    name = _typed(table, "joint", str, where)
-    if name not in tables:
-        raise UnknownNameError("joint", name, tables, where)
+    name = check_name("joint", _typed(table, "joint", str, where), tables, where)
     joint = joints[list(tables).index(name)]
     parent, child = (_typed(table, side, str, where) for side in _SIDES)
     if kind == "weld":
@@ -176,24 +176,13 @@ def _read_frame(table: Any, where: str) -> Frame:
     return Frame(vector(position, where), rotation_matrix(rotation, where))
 
 
-def _read_axial(table: Any, joints: Mapping[str, Any], where: str) -> tuple[str, Array] | None:
-    if table is None:
-        return None
-    check_keys(table, ("joint", "direction"), where)
-    joint = _typed(table, "joint", str, where)
-    if joint not in joints:
-        raise UnknownNameError("joint", joint, joints, where)
-    return joint, unit_vector(required(table, "direction", where), where)
-
-
 def _check_names(file: LoopsFile, where: str) -> None:
     bodies = (GROUND, *file.bodies)
     sides = [(side, joint.where) for joint in file.joints for side in (joint.parent, joint.child)]
     for closure in file.closures:
         sides += [(closure.parent, where), (closure.child.removesuffix(f"@{closure.joint}"), where)]
     for side, place in sides:
-        if side not in bodies:
-            raise UnknownNameError("body", side, bodies, place)
+        check_name("body", side, bodies, place)
     coordinates = [name for joint in file.joints for name in joint.coordinates]
     closed = [closure.joint for closure in file.closures]
     named = {"bodies": file.bodies, "tree": file.tree, "joints": coordinates, "closures": closed}
@@ -201,8 +190,7 @@ def _check_names(file: LoopsFile, where: str) -> None:
         if twice := [name for name in names if names.count(name) > 1]:
             raise ModelFileError(f"names '{twice[0]}' twice", f"{where}, {what}", "name it once")
     for name in (*file.tree, *file.independent.values()):
-        if name not in coordinates:
-            raise UnknownNameError("coordinate", str(name), coordinates, where)
+        check_name("coordinate", str(name), coordinates, where)
     check_couplings(file.couplings, file.tree)
 
 

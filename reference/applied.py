@@ -1,4 +1,4 @@
-"""What acts on a mechanism besides its actuators: gravity, loads, springs and dampers, motors. Data only."""
+"""Applied forces besides those of actuators: gravity, loads, springs and dampers, motors. Data only."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.rotations import Array
 
-#: Gravity where nothing else is said [m/s^2].
+#: Default gravity [m/s^2].
 GRAVITY = (0.0, 0.0, -9.81)
 
 

@@ -1,4 +1,7 @@
-"""The equations of motion over arrays: a closed mechanism at n samples, asked for what one wants to know."""
+"""Motion and forces of a closed mechanism at n samples, over float arrays, with checks for singular poses.
+
+The equations are those of the package `equations`; closed poses come from the package `closed`.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +18,14 @@ from screwgauge.reference.equations.closure import Loops
 from screwgauge.reference.equations.forward import Forward
 from screwgauge.reference.equations.kinematics import coordinates
 from screwgauge.reference.equations.ops import NUMPY
-from screwgauge.reference.equations.rounding import chart_condition
+from screwgauge.reference.equations.rounding import chart_conditions
 from screwgauge.reference.equations.screws import Array
 from screwgauge.reference.errors import DescriptionError, SingularPoseError
 from screwgauge.reference.graph import Layout
 
 
 class ClosedMotion(Forward):
-    """A closed mechanism at n samples of a motion, all in floats; each quantity is worked out when it is asked for.
+    """A closed mechanism at n samples of a motion, all in floats; each quantity is computed on first access.
 
     Of a joint that closes a loop, the angles are those given; in gimbal lock its rates are not numbers.
     """
@@ -42,9 +45,7 @@ class ClosedMotion(Forward):
     @cached_property
     def charts(self) -> Array:
         """Condition number of the angles of each cut joint, infinite in gimbal lock. Shape (n, n_cut)."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            found = [chart_condition(cut) + np.zeros(len(self.q)) for cut in self.cuts]
-        return np.stack(found, axis=1) if found else np.zeros((len(self.q), 0))
+        return chart_conditions(self)
 
     def _locked(self, cut: int) -> tuple[Array, ...]:
         """Entries of the coordinates of a cut joint, by its number, where it is in gimbal lock."""
@@ -54,10 +55,10 @@ class ClosedMotion(Forward):
     @cached_property
     def joint_position(self) -> Array:
         """Coordinates of all joints, those of a joint in gimbal lock as given. Shape (n, n_q)."""
-        found = super().joint_position
+        q = super().joint_position
         for j in range(len(self.cuts)):
-            found[self._locked(j)] = self.q[self._locked(j)]
-        return found
+            q[self._locked(j)] = self.q[self._locked(j)]
+        return q
 
     @cached_property
     def screws(self) -> Array:
@@ -65,12 +66,12 @@ class ClosedMotion(Forward):
         with np.errstate(divide="ignore", invalid="ignore"):
             return super().screws
 
-    def _with_cuts(self, tree: Array, own: Any) -> Array:
+    def _with_cuts(self, tree: Array, of_cut: Any) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = super()._with_cuts(tree, own)
+            joined = super()._with_cuts(tree, of_cut)
         for j in range(len(self.cuts)):
-            found[self._locked(j)] = np.nan
-        return found
+            joined[self._locked(j)] = np.nan
+        return joined
 
     @cached_property
     def response(self) -> Array:

@@ -1,4 +1,4 @@
-"""Couplings: joint coordinates that are polynomials of others, as gears, screws and mimic joints make them."""
+"""Couplings: joint coordinates that are polynomials of others, as in gears, screws and mimic joints."""
 
 from __future__ import annotations
 
@@ -45,10 +45,10 @@ class Coupling:
 
     def derivative(self, order: int) -> Array:
         """Coefficients of a derivative of the polynomial, lowest first; none where it is zero."""
-        found = self.polynomial.astype(float)
+        coefficients = self.polynomial.astype(float)
         for _ in range(order):  # numpy's polyder takes five times as long, in every evaluation of a motion
-            found = found[1:] * np.arange(1, len(found))
-        return found
+            coefficients = coefficients[1:] * np.arange(1, len(coefficients))
+        return coefficients
 
     def scaled(self, unit: float, of_unit: float) -> Coupling:
         """The same where the two coordinates are counted in other units."""
@@ -76,18 +76,18 @@ class CouplingRows:
         return [column for column, _ in self.pairs]
 
     def derivatives(self, q: NDArray[Any], order: int) -> list[tuple[int, int | None, Any]]:
-        """Of each coupling ``q_i = p(q_j)``: columns i and j, and a derivative of p at q_j.
+        """For each coupling ``q_i = p(q_j)``: columns i and j, and a derivative of p at q_j.
 
         Args:
             q: Coordinates, any numbers. Shape (..., n_q).
         """
-        found = []
+        entries = []
         for coupling, (i, j) in zip(self.couplings, self.pairs, strict=True):
             value: Any = 0.0
             for coefficient in coupling.derivative(order)[::-1].tolist():  # Horner
                 value = coefficient if j is None else value * q[..., j] + coefficient
-            found.append((i, j, value))
-        return found
+            entries.append((i, j, value))
+        return entries
 
     def residuals(self, q: Array) -> Array:
         """``q_i - p(q_j)`` [rad or m]. Shape (n, n_q) -> (n, m)."""

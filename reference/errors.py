@@ -1,4 +1,4 @@
-"""What goes wrong, said in one sentence: what, where, what to do; lists in words, and names from files as text."""
+"""Errors that a user can cause or mend, each one sentence: what, where, what to do; and text helpers for messages."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class ScrewgaugeError(Exception):
         remedy: What to do about it.
     """
 
-    exit_status = 2  #: Of a command that ends with it.
+    exit_status = 2  #: Exit status of a command that fails with it.
 
     def __init__(self, what: str, where: str, remedy: str) -> None:
         what, where, remedy = _one_line(what, 400), _one_line(where, 1000), _one_line(remedy, 2000)
@@ -90,7 +90,7 @@ def check_seed(seed: object) -> None:
         DescriptionError: It is not.
     """
     if not (isinstance(seed, Integral) and int(seed) >= 0):
-        raise DescriptionError(f"{seed!r} is no seed", "seed", "give a whole number from 0 on")
+        raise DescriptionError(f"{seed!r} is not a seed", "seed", "give a whole number from 0 on")
 
 
 def check_choice(kind: str, names: object, known: Iterable[str], where: str = "") -> list[str]:
@@ -100,7 +100,7 @@ def check_choice(kind: str, names: object, known: Iterable[str], where: str = ""
         ScrewgaugeError: It is no list, there is none, or one is not known.
     """
     if isinstance(names, str) or not isinstance(names, Iterable):
-        raise DescriptionError(f"{names!r} is no list of names", where or f"{kind} names", "write a list")
+        raise DescriptionError(f"{names!r} is not a list of names", where or f"{kind} names", "write a list")
     wanted, choice = list(names), list(known)
     for name in wanted:
         if name not in choice:

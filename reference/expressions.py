@@ -1,4 +1,4 @@
-"""Numbers and rotations as a description writes them: decimals, or expressions as text."""
+"""Numbers, vectors and rotations of a description: decimals, or expressions as text."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _evaluate(node: ast.expr) -> float:
 
 @lru_cache(maxsize=4096)
 def _parsed(text: str) -> float:
-    """A description says the same numbers again and again, and parsing one takes long."""
+    """Cached: a description repeats the same numbers, and parsing one takes long."""
     if _DECIMAL.fullmatch(text):
         return float(text)
     with warnings.catch_warnings():  # the parser warns of "1if"
@@ -91,7 +91,7 @@ def vector(value: Any, where: str, size: int = 3) -> Array:
 
 
 def unit_vector(value: Any, where: str) -> Array:
-    """Reads a unit vector; expressions such as ``"1/sqrt(2)"`` reach the accuracy asked for.
+    """Reads a unit vector; expressions such as ``"1/sqrt(2)"`` reach the accuracy required.
 
     Raises:
         DescriptionError: Its norm differs from 1 by more than 1e-12.

@@ -1,8 +1,8 @@
-"""Every file is opened here, those that an earlier command wrote included; what files hold is limited here.
+"""Reading and writing of files: every input is opened here, its size and content are limited here.
 
-Nothing is written over that a command reads, or that this program did not write as it is now. A text that is written
-for users to keep ends with a comment that bears the digest of all lines above it: so a file that somebody has worked on
-since is told from one that can be made again.
+A command overwrites neither its inputs nor a file that this program did not write as it is now. Text that is written
+for users to keep ends with a comment that bears the digest of all lines above it, so that an edited file is recognised.
+Nothing here knows a file format but JSON.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def is_path(name: str) -> bool:
     return "/" in name or name.endswith(".toml")
 
 
-def beside(folder: Path, name: str) -> Path:
+def named_file(folder: Path, name: str) -> Path:
     """The file that another one in `folder` names; ``~`` is the user's own folder."""
     try:
         return folder / Path(name).expanduser()
@@ -100,7 +100,7 @@ def read_file(path: Path, most: str = "MB") -> str:
 
 
 def read_bytes(path: Path, most: str = "MB") -> bytes:
-    """What an input file holds, see `read_file`."""
+    """Content of an input file, see `read_file`."""
     with _opened(path, most) as file:
         data = file.read(LIMITS[most] * 10**6 + 1)
     if len(data) > LIMITS[most] * 10**6:  # it has grown, or does not say its size
@@ -134,10 +134,10 @@ def _opened(path: Path, most: str) -> Iterator[BufferedReader]:
     try:
         # opening a FIFO would wait for somebody to write into it
         with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
-            found = os.fstat(file.fileno())
-            if not stat.S_ISREG(found.st_mode):
+            status = os.fstat(file.fileno())
+            if not stat.S_ISREG(status.st_mode):
                 raise ValueError("it is no regular file")
-            if found.st_size > LIMITS[most] * 10**6:
+            if status.st_size > LIMITS[most] * 10**6:
                 raise ValueError(_too_large(most))
             if (read := _READ.get()) is not None:
                 read.append(path)
@@ -197,18 +197,18 @@ def check_plain(value: Any, where: str) -> None:
     Raises:
         DescriptionError: It holds such.
     """
-    left = [(value, 0)]
-    while left:
-        node, depth = left.pop()
+    pending = [(value, 0)]
+    while pending:
+        node, depth = pending.pop()
         check_count(depth, "nested entries", where, "write them flat")
         if isinstance(node, str) and (odd := _CONTROL.search(node)):
             raise DescriptionError(f"{node!r} holds the control character U+{ord(odd[0]):04X}", where, "remove it")
         inside = (*node, *node.values()) if isinstance(node, dict) else node if isinstance(node, list) else ()
-        left += [(item, depth + 1) for item in inside]
+        pending += [(item, depth + 1) for item in inside]
 
 
 def why(error: OSError | ValueError) -> str:
-    """What the system says of a file that cannot be read or written."""
+    """The system's reason why a file cannot be read or written."""
     return (getattr(error, "strerror", None) or str(error)).lower()
 
 
@@ -224,34 +224,34 @@ def read_model(path: Path) -> str:
 
 
 def replace_file(path: Path, content: str | bytes) -> None:
-    """Writes a file in whole or not at all: beside its place, onto the disk, then by renaming.
+    """Writes a file completely or not at all: a temporary file in the same folder, synced, then renamed.
 
     Raises:
         OutputError: It cannot be written; it is then as it was.
     """
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         try:
-            with beside.open("wb") as file:
+            with temporary.open("wb") as file:
                 file.write(content.encode() if isinstance(content, str) else content)
                 file.flush()
                 os.fsync(file.fileno())
-            os.replace(beside, path)
+            os.replace(temporary, path)
         finally:
-            beside.unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
     except (OSError, ValueError) as error:
         raise OutputError(f"cannot be written ({why(error)})", str(path), "name another file") from error
 
 
 def stamped(text: str) -> str:
-    """A text of XML, HTML, TOML or YAML with the comment that says how it was written."""
+    """Text of XML, HTML, TOML or YAML, followed by the comment with its digest."""
     text = text if text.endswith("\n") else f"{text}\n"
     return f"{text}{_last(text)}"
 
 
 def _last(text: str) -> str:
-    said = f"{_SAID}{hashlib.sha256(text.encode(errors='surrogateescape')).hexdigest()}"
-    return f"<!-- {said} -->\n" if text.lstrip("\ufeff \n").startswith("<") else f"# {said}\n"
+    line = f"{_SAID}{hashlib.sha256(text.encode(errors='surrogateescape')).hexdigest()}"
+    return f"<!-- {line} -->\n" if text.lstrip("\ufeff \n").startswith("<") else f"# {line}\n"
 
 
 def is_as_written(path: Path) -> bool:

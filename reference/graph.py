@@ -1,4 +1,4 @@
-"""The graph of a mechanism: spanning tree, paths, loops, and the serial chains between ground and the output body."""
+"""Topology of a mechanism: spanning tree, paths, loops, serial chains to a body, and the choice of cut joints."""
 
 from __future__ import annotations
 
@@ -102,8 +102,8 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
     """The tree that leaves out, where the graph allows it, S and else R joints without actuator: points close these.
 
     Kruskal's algorithm: F joints, which close no loop, those with coupled coordinates, which have to be unknowns, those
-    asked for, actuated ones, kinds that points cannot close, then few freedoms first, by name: the order of the
-    description says nothing.
+    asked for, actuated ones, kinds that points cannot close, then few freedoms first, by name: the order in the
+    description does not matter.
 
     Args:
         keep: Names of joints that are cut only where they close a loop among themselves.
@@ -172,13 +172,13 @@ def output_body(mechanism: Mechanism) -> str:
 
 def chain(first: Edge, target: str, joints: Sequence[Joint]) -> tuple[Edge, ...]:
     """Edges from the first on while a single joint leads on, up to the target body or ground."""
-    walked, left = [first], [joint for joint in joints if joint is not first.joint]
+    walked, unused = [first], [joint for joint in joints if joint is not first.joint]
     while (near := walked[-1].far) not in (target, GROUND):
-        onward = [joint for joint in left if near in joint.bodies]
+        onward = [joint for joint in unused if near in joint.bodies]
         if len(onward) != 1:
             break
         walked.append(Edge(onward[0], near))
-        left.remove(onward[0])
+        unused.remove(onward[0])
     return tuple(walked)
 
 
@@ -190,4 +190,4 @@ def serial_chains(mechanism: Mechanism) -> tuple[tuple[Edge, ...], ...]:
     target = output_body(mechanism)
     starts = [Edge(joint, GROUND) for joint in mechanism.joints if GROUND in joint.bodies]
     chains = [chain(start, target, mechanism.joints) for start in starts]
-    return tuple(found for found in chains if found[-1].far == target)
+    return tuple(way for way in chains if way[-1].far == target)

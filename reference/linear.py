@@ -1,4 +1,4 @@
-"""Linear algebra on stacks of small matrices."""
+"""Linear algebra on stacks of small matrices: solution, inverse, condition number, null space. No mechanics."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ EPS = float(np.finfo(float).eps)
 SINGULAR = 1e12
 #: Rounding of one closing equation or joint axis, in units of eps, of which a few hundred operations make several.
 ROUNDED = 2.0
-#: Of so many matrices along a motion one is inverted, and so many are worked on at a time.
+#: Along a motion every so many matrices one is inverted; so many are processed at a time.
 EVERY, BLOCK = 16, 128
 #: Relative error from which not one digit is right.
 DIGIT = 0.1
@@ -60,22 +60,22 @@ def condition(A: Array) -> Array:
         s = np.linalg.svd(A, compute_uv=False)
         with np.errstate(divide="ignore"):
             return np.asarray(size * np.sqrt(np.sum(s**-2.0, axis=-1)))
-    found = size * norms(inverse(A))
-    return np.asarray(np.where(np.isnan(found) & np.isfinite(size), np.inf, found))
+    number = size * norms(inverse(A))
+    return np.asarray(np.where(np.isnan(number) & np.isfinite(size), np.inf, number))
 
 
 def inverted(A: Array) -> tuple[Array, Array]:
-    """What solves equations, see `solve`, and the condition number. Shape (..., m, n) -> (..., n, m), (...)."""
+    """The inverse that solves equations, see `solve`, and the condition number. (..., m, n) -> (..., n, m), (...)."""
     if A.shape[-2] > A.shape[-1] > 0:
         Q, R = np.linalg.qr(A)
         back = inverse(R)
-        found = norms(A) * norms(back)
-        if (found < 1e7).all():
-            return back @ Q.swapaxes(-1, -2), found
+        number = norms(A) * norms(back)
+        if (number < 1e7).all():
+            return back @ Q.swapaxes(-1, -2), number
     if A.shape[-1] == A.shape[-2]:
         with suppress(np.linalg.LinAlgError):
-            found = np.asarray(np.linalg.inv(A))
-            return found, norms(A) * norms(found)
+            back = np.asarray(np.linalg.inv(A))
+            return back, norms(A) * norms(back)
     return solve(A, np.eye(A.shape[-2])), condition(A)
 
 
@@ -89,17 +89,17 @@ def inverted_along(A: Array) -> tuple[Array, Array]:
     if A.shape[1] != A.shape[2]:
         return inverted(A)
     for rows in blocks(len(A)):
-        some, x, left = A[rows], X[rows], 1.0
+        some, x, error = A[rows], X[rows], 1.0
         middle = np.minimum(np.arange(EVERY // 2, len(some) + EVERY // 2, EVERY), len(some) - 1)
         x[:] = inverse(some[middle]).repeat(EVERY, axis=0)[: len(some)]
         E, more = np.empty_like(x), np.empty_like(x)
-        while left > 1e-6:  # what a step leaves is its cube
+        while error > 1e-6:  # what a step leaves is its cube
             np.subtract(eye, np.matmul(some, x, out=E), out=E)
-            before, left = left, max(E.max(), -E.min())
-            if not left < 0.1 * before:
+            before, error = error, max(E.max(), -E.min())
+            if not error < 0.1 * before:
                 return inverted(A)
             x += np.matmul(x, E, out=more)
-            if left > 1e-8:
+            if error > 1e-8:
                 x += more @ E
     return X, norms(A) * norms(X)
 
@@ -107,16 +107,6 @@ def inverted_along(A: Array) -> tuple[Array, Array]:
 def blocks(n: int) -> Iterator[slice]:
     """Rows that are worked on at a time, so that what is made of them stays in the cache."""
     return (slice(i, i + BLOCK) for i in range(0, n, BLOCK))
-
-
-def departure(A: Array, X: Array, near: NDArray[np.intp]) -> Array:
-    """Norms of ``X A - 1``, X being one of several, in blocks of cache size. (n, m, k), (p, k, m), (n,) -> (n,)."""
-    out, eye = np.empty(len(A)), np.eye(A.shape[2])
-    for rows in blocks(len(A)):
-        E = X[near[rows]] @ A[rows]
-        E -= eye
-        out[rows] = norms(E)
-    return out
 
 
 def norms(A: Array) -> Array:

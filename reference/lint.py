@@ -1,7 +1,7 @@
-"""Lint of a mechanism: what is legal and seldom meant, in one sentence each; nothing is changed.
+"""Lint: warnings about a mechanism that is legal and probably not what was meant, one sentence each.
 
-Numbers that no machine has, such as moments of inertia in another unit and angles in degrees, are told with what they
-would be in the unit that was probably meant; geometry and masses with the place to look at.
+Implausible numbers, such as moments of inertia in another unit and angles in degrees, come with their value in the unit
+that was probably meant; implausible geometry and masses with the place to look at. Nothing is refused or changed here.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from screwgauge.reference.rotations import Array, cross, widest
 LARGER, AIR = 2.0, 1.2
 #: Half axes of its ellipsoid are taken for no less than this share of the longest one: rods and plates have a volume.
 SLENDER = 1.0 / 30.0
-#: Units in which moments of inertia are found in data sheets and CAD -> kg m^2.
+#: Units of moments of inertia in data sheets and CAD -> kg m^2.
 UNITS = {"g m^2": 1e-3, "kg cm^2": 1e-4, "kg mm^2": 1e-6, "g cm^2": 1e-7, "g mm^2": 1e-9}
 #: Radius of gyration over size of a body that can be.
 USUAL = (0.03, 1.0)
@@ -31,11 +31,11 @@ USUAL = (0.03, 1.0)
 TURNED = 4.0 * np.pi
 #: An angle in degrees is hardly larger.
 DEGREES = 720.0
-#: Bodies that are told of one by one, or named.
+#: Bodies that are reported one by one, or named.
 SHOWN = 3
 #: How to write an angle in degrees.
 WRITTEN = "degrees are written as '30*deg'"
-#: What is exactly zero but for rounding; below the other ones, an angle [rad] or a distance [lengths of the mechanism]
+#: Zero but for rounding; below the other ones, an angle [rad] or a distance [lengths of the mechanism]
 #: is hardly meant. A right angle written as 1.5708 is 4e-6 off.
 ROUNDING, ANGLE, DISTANCE = 1e-8, 0.01, 1e-3
 
@@ -97,12 +97,12 @@ class _End(NamedTuple):
 
 def _ends(mechanism: Mechanism) -> dict[str, list[_End]]:
     """The joints of each body; F joints hold none."""
-    found: dict[str, list[_End]] = {body.name: [] for body in mechanism.bodies}
+    ends: dict[str, list[_End]] = {body.name: [] for body in mechanism.bodies}
     for joint in mechanism.joints:
         for side, (body, frame) in enumerate(joint.sides):
-            if body in found and joint.constrains:
-                found[body].append(_End(joint, frame, side))
-    return found
+            if body in ends and joint.constrains:
+                ends[body].append(_End(joint, frame, side))
+    return ends
 
 
 def _spread(mechanism: Mechanism, places: Iterable[tuple[str, Array]]) -> float:
@@ -118,11 +118,11 @@ def implausible(mechanism: Mechanism) -> tuple[str, ...]:
 
 def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
     """Sentences on the bodies that `too_wide` tells of, the rest being named in one where there are many."""
-    found = {one.name: text for one in bodies if (text := too_wide(one))}
-    if len(found) <= SHOWN:
-        return (*found.values(),)
-    first, *rest = found
-    return found[first], f"{len(rest)} more bodies are lighter than air in the same way: {first_few(rest, SHOWN)}"
+    sentences = {one.name: text for one in bodies if (text := too_wide(one))}
+    if len(sentences) <= SHOWN:
+        return (*sentences.values(),)
+    first, *rest = sentences
+    return sentences[first], f"{len(rest)} more bodies are lighter than air in the same way: {first_few(rest, SHOWN)}"
 
 
 def solids(mechanism: Mechanism) -> Iterator[Solid]:
@@ -186,23 +186,23 @@ def in_degrees(what: str, angle: float) -> str:
 
 
 def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
-    """All that is found, body by body."""
-    unit, found = length(layout(mechanism)), list[Suspicion]()
+    """All warnings, body by body."""
+    unit, suspicions = length(layout(mechanism)), list[Suspicion]()
     joints = [joint for joint in mechanism.joints if joint.constrains]
     extent = _spread(mechanism, [(joint.parent, joint.parent_frame.p) for joint in joints])
     wide, ends = {solid.name: too_wide(solid) for solid in solids(mechanism)}, _ends(mechanism)
     for body in mechanism.bodies:
         its = ends[body.name]
-        said = [wide.get(body.name, ""), *_masses(body, its, unit, extent)]
-        found += [Suspicion(body.name, body.com, text) for text in said if text]
+        sentences = [wide.get(body.name, ""), *_masses(body, its, unit, extent)]
+        suspicions += [Suspicion(body.name, body.com, text) for text in sentences if text]
         for a, b in combinations([end for end in its if end.joint.angles < 3], 2):
             if text := _between(a, b, unit, few=len(its) == 2):
-                found.append(Suspicion(body.name, a.frame.p, text))
-    return tuple(found)
+                suspicions.append(Suspicion(body.name, a.frame.p, text))
+    return tuple(suspicions)
 
 
 def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator[str]:
-    """What is odd about a body with these joints; `extent`: of all joints [m]."""
+    """Warnings about a body with these joints; `extent`: of all joints [m]."""
     name, points = body.name, [end.frame.p for end in its]
     if body.mass == 0.0:
         yield f"{name} has no mass of its own"
@@ -227,7 +227,7 @@ def _distance(p: Array, a: Array, b: Array) -> float:
 
 
 def _between(a: _End, b: _End, unit: float, *, few: bool) -> str:
-    """What is odd about the axes of two joints of a body, `few` if it has no others; empty if nothing is."""
+    """A warning about the axes of two joints of a body, `few` if it has no others; may be empty."""
     normal, way, names = cross(a.axis, b.axis), b.frame.p - a.frame.p, f"{a.joint.name} and {b.joint.name}"
     sine, cosine = float(np.linalg.norm(normal)), abs(float(a.axis @ b.axis))
     for off, what in ((sine, "parallel"), (cosine, "at right angles")):

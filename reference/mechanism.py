@@ -1,4 +1,4 @@
-"""What a mechanism is: bodies, joints and what is driven. Immutable, checked when made."""
+"""The mechanism as data: bodies, joints, actuated and independent coordinates. Immutable, checked when made."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 GROUND = "ground"
-#: Of its trace: by how much rounding may make an inertia tensor one that no body has.
+#: Share of the trace by which rounding may violate the inequalities of an inertia tensor.
 SLACK = 1e-12
 
 #: Freedoms of each joint kind in order: True turns about its axis, False slides along it. Composite joints are

@@ -1,4 +1,4 @@
-"""Counts of freedoms and constraints (section 2.2), which forces are unique, and which singularity a pose is near."""
+"""Mobility: freedoms and constraints counted (section 2.2), uniqueness of forces, nearness to singularities."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def check_independent(lay: Layout, at: Pose) -> None:
 
 
 def near_singularity(lay: Layout, at: Pose) -> str:
-    """What happens at the singular pose that a pose is nearest to. `at` holds one sample.
+    """Description of the singularity that a pose is nearest to. `at` holds one sample.
 
     The smallest singular value's right vector is the motion that the loops no longer stop while the independent
     coordinates rest, its left vector the wrenches of cut joints that no longer stop it.
@@ -163,14 +163,14 @@ def near_singularity(lay: Layout, at: Pose) -> str:
 
 
 def gimbal_lock(lay: Layout, cut: int) -> str:
-    """What happens in gimbal lock of cut joint number `cut`."""
+    """Description of gimbal lock of cut joint number `cut`."""
     joint = lay.cuts[cut]
     first, last = joint.coordinates[0], joint.coordinates[-1]
     return f"{joint.name} is in gimbal lock ({first} and {last} turn about one line)"
 
 
 def _large(values: Array, share: float = SHARE) -> list[int]:
-    """Indices of what is not small beside the largest, the largest first."""
+    """Indices of what is not small compared with the largest, the largest first."""
     size = np.abs(values)
     order = np.argsort(-size, kind="stable")
     return [int(i) for i in order if size[i] > share * size.max(initial=0.0)]

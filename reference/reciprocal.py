@@ -1,4 +1,4 @@
-"""How legs hold a body: their wrenches, the twists these leave it, and systems of screws in terms of lines."""
+"""Reciprocal screws: wrenches of the legs on a body, the twists that they leave it, screw systems as lines."""
 
 from __future__ import annotations
 
@@ -86,9 +86,9 @@ def end_body(mechanism: Mechanism) -> tuple[str, tuple[Leg, ...]]:
             if body in joint.bodies and (far := Edge(joint, body).far) not in away:
                 away[far] = away[body] + 1
                 rim.append(far)
-    found = {body.name: legs(mechanism, body.name) for body in mechanism.bodies}
-    best = max(found, key=lambda name: (len(found[name]), away[name]))
-    return best, found[best]
+    reached = {body.name: legs(mechanism, body.name) for body in mechanism.bodies}
+    best = max(reached, key=lambda name: (len(reached[name]), away[name]))
+    return best, reached[best]
 
 
 def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
@@ -166,22 +166,22 @@ def held(lay: Layout, at: Pose, body: str = "") -> tuple[Held, ...]:
     body, ways = (body, legs(mechanism, body)) if body else end_body(mechanism)
     i = mechanism.body_index[body]
     middles = at.p[:, i] + at.R[:, i] @ mechanism.body(body).com
-    left = [body_twists(mechanism, leg.joints, body, at.q) for leg in ways]
+    allowed = [body_twists(mechanism, leg.joints, body, at.q) for leg in ways]
     free = body_twists(mechanism, mechanism.joints, body, at.q)
-    found = []
+    bodies = []
     for k, middle in enumerate(middles):
-        systems = [reciprocal_screws(twists[k]) for twists in left]
+        systems = [reciprocal_screws(twists[k]) for twists in allowed]
         both = np.concatenate([np.zeros((6, 0)), *systems], axis=1)
         wrenches = tuple(elements(system, middle, unit) for system in systems)
         redundant = both.shape[1] - linear.rank(both)
-        found.append(Held(body, ways, wrenches, elements(free[k], middle, unit), redundant))
-    return tuple(found)
+        bodies.append(Held(body, ways, wrenches, elements(free[k], middle, unit), redundant))
+    return tuple(bodies)
 
 
 def idle_forces(lay: Layout, at: Pose) -> Array:
     """Forces of actuators that do no work together, at one closed pose. Shape (n_actuator, k), orthonormal.
 
-    None are told at a singular pose, where rates are not numbers.
+    There are none at a singular pose, where rates are not numbers.
     """
     rates = motion_at(lay, at.q, np.zeros((1, len(lay.mechanism.independent)))).joint_map[0].T
     sizes = np.where(lay.turns, 1.0, length(lay))[lay.mechanism.actuated_columns]
@@ -197,8 +197,8 @@ def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[Element, ..
 
     Args:
         system: Independent screws ``[direction; moment about O]``, without dimension. Shape (6, k).
-        near: Axes are told by their points next to it. Shape (3,).
-        unit: Length of the system, in which points and pitches are told [m].
+        near: Axes are given by their points next to it. Shape (3,).
+        unit: Length of the system, the unit of points and pitches [m].
     """
     if not system.shape[1]:
         return ()

@@ -189,7 +189,7 @@ def other_triple(angles: Array) -> Array:
 
 
 def nearest_angles(angles: Array, near: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Of the triples of the same rotation, and of all whole turns, the angles nearest to others.
+    """The angles nearest to others, among both triples of the same rotation and all whole turns.
 
     Args:
         angles, near: Angles about orthogonal axes [rad]; fewer than three have no other triple. Shape (..., m).

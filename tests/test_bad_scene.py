@@ -57,7 +57,7 @@ def test_unknown_engine_or_quantity_in_the_scene_is_refused(key, kind, value, pa
 def test_names_that_are_no_list_are_refused(key, value, paper_scene, refused):
     said = refused("run", paper_scene(names=f"{key} = {value}"))
     assert "scene.toml: " in said
-    assert "is no list of names" in said or "no engine is named" in said or "no quantity is named" in said
+    assert "is not a list of names" in said or "no engine is named" in said or "no quantity is named" in said
 
 
 @pytest.mark.parametrize(("option", "kind"), [("--engines", "engine"), ("--quantities", "quantity")])
@@ -185,10 +185,10 @@ def test_a_load_that_is_none_is_refused(load, what, paper_scene, refused):
         ("{ duration = nan, step = 1 }", "time.duration: 'nan' cannot be read"),
         ("{ duration = inf, step = 1 }", "time.duration: 'inf' cannot be read"),
         ("{ duration = true, step = 1 }", "time.duration: 'True' cannot be read"),
-        ("{ duration = 1, step = 1, times = [0] }", "'times' is no list on its own"),
+        ("{ duration = 1, step = 1, times = [0] }", "'times' is not a list on its own"),
         ("{ times = [] }", "at least one time"),
-        ("{ times = 1 }", "'times' is no list"),
-        ('{ times = "0, 1" }', "'times' is no list"),
+        ("{ times = 1 }", "'times' is not a list"),
+        ('{ times = "0, 1" }', "'times' is not a list"),
         ("{ times = [[0], [1]] }", "cannot be read as a number"),
         ("{ times = [0, nan] }", "'nan' cannot be read as a number"),
         ("{ times = [0, true] }", "'True' cannot be read as a number"),

@@ -11,7 +11,7 @@ import pytest
 from fuzz import document
 
 from screwgauge import ScrewgaugeError, load_scene
-from support.command import LIMITS, beside, main, read_file
+from support.command import LIMITS, main, named_file, read_file
 from support.errors import DescriptionError, ModelFileError
 from support.mechanism import ROD, load_mechanism
 from support.models import read_loops
@@ -86,7 +86,7 @@ def test_the_users_own_folder_is_known_in_every_path(folder, monkeypatch):
     scene = load_scene("~/elsewhere/scene.toml")
     assert scene.models["screw"] == scene.mechanism_file == folder / "rod.toml"
     assert load_mechanism("~/elsewhere/more.toml").name == "more"
-    assert beside(folder, "~nobody-of-that-name/x") == folder / "~nobody-of-that-name/x"
+    assert named_file(folder, "~nobody-of-that-name/x") == folder / "~nobody-of-that-name/x"
 
 
 @pytest.mark.parametrize("key", ["title", "description", '"\\u001b[31m"', "figures = [{ panels"])

@@ -168,7 +168,7 @@ def test_what_is_no_seed_is_refused(seed):
         lambda: screwgauge.exciting(scene, seed),
         lambda: screwgauge.diagnose("slider-crank", "slider-crank", seed=seed),
     ):
-        with pytest.raises(screwgauge.ScrewgaugeError, match="is no seed; give a whole number from 0 on"):
+        with pytest.raises(screwgauge.ScrewgaugeError, match="is not a seed; give a whole number from 0 on"):
             call()
 
 

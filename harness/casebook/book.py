@@ -1,7 +1,7 @@
 """The casebook: a table of named discrepancies, and their reproduction with the installed engines.
 
-The discrepancies are in ``casebook.toml``; the functions that reproduce them are beside the engines, and in
-`both_engines`.
+The discrepancies are in ``casebook.toml``; the functions that reproduce them are in the folders of the engines
+(`discrepancies`) and, where one needs both, in `both_engines`.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class CaseResult:
-    """What a case showed.
+    """Result of a reproduction.
 
     Attributes:
         versions: Engine -> installed version.
@@ -113,23 +113,23 @@ class CaseResult:
 
     @property
     def numbers(self) -> dict[str, str]:
-        """What was measured as text with its unit, in as few digits as tell symptom and expected value apart."""
+        """Measured values as text with units, in as few digits as distinguish symptom and expected value."""
         if self.shown is None:
             return {}
-        found = self.shown
-        values = (found.symptom, found.expected, found.mended)
+        shown = self.shown
+        values = (shown.symptom, shown.expected, shown.mended)
         for digits in range(4, 18 if self.status == "shown" else 5):
-            texts = [_text(value, digits, found) for value in values]
+            texts = [_text(value, digits, shown) for value in values]
             if texts[0] != texts[1]:
                 break
-        return dict(zip(("symptom", "expected", "mended"), texts, strict=True)) | {"said": found.said.rstrip(".")}
+        return dict(zip(("symptom", "expected", "mended"), texts, strict=True)) | {"said": shown.said.rstrip(".")}
 
 
-def _text(value: float, digits: int, found: Shown) -> str:
+def _text(value: float, digits: int, shown: Shown) -> str:
     if not math.isfinite(value):
-        return "nothing" if found.said else str(value).replace("nan", "NaN")
-    space = "" if found.unit in ("", "%") else " "
-    return f"{value + 0.0:.{digits}g}{space}{found.unit}"
+        return "nothing" if shown.said else str(value).replace("nan", "NaN")
+    space = "" if shown.unit in ("", "%") else " "
+    return f"{value + 0.0:.{digits}g}{space}{shown.unit}"
 
 
 #: Engine -> distribution.
@@ -160,7 +160,7 @@ def reproduce(id: str) -> CaseResult:
         module, name = case.run.split(":")
         run = getattr(import_module(f"screwgauge.{module}"), name)
         with ExitStack() as stack:
-            if "mujoco" in case.engines:  # whose warnings go into a file of the working directory otherwise
+            if "mujoco" in case.engines:  # whose warnings would go into a file in the working directory
                 from screwgauge.models.readings.compiler import warned
 
                 stack.enter_context(warned())
@@ -174,9 +174,9 @@ def suspects(bad: Set[str], good: Set[str], packages: Set[str]) -> Iterator[Case
     for case in CASES.values():
         touches, takes_part = {*case.touches}, {_PACKAGES[engine] for engine in case.engines}
         if touches & bad and not touches & good and takes_part <= packages:
-            found = reproduce(case.id)
-            if found.status == "shown":
-                yield found
+            result = reproduce(case.id)
+            if result.status == "shown":
+                yield result
 
 
 def _version(engine: str) -> str:

@@ -27,7 +27,7 @@ def first_tree() -> Shown:
 
 
 def gravity() -> Shown:
-    """Torque of a bar's weight on the Moon, whose gravity the file says, and set by hand."""
+    """Torque of a bar's weight on the Moon, with the file's gravity, and with gravity set by hand."""
     text = mjcf(body("a"), before='<option gravity="0 0 -1.62"/>')
     model, other = pinocchio.load_mjcf(text), mujoco.load(text)
     raw = float(pinocchio.inverse(model)[0])
@@ -56,13 +56,13 @@ def defaults_first() -> Shown:
     classes = '<default><default class="geared"><joint armature="0.5"/></default></default>'
     bar = body("a", joint='class="geared"')
     text = mjcf(bar, after=classes)
-    value, said = _outcome(text, lambda model: float(model.armature[0]))
+    value, refusal = _outcome(text, lambda model: float(model.armature[0]))
     mended = pinocchio.load_mjcf(mjcf(bar, before=classes)).armature[0]
-    return Shown(value, float(mujoco.load(text).dof_armature[0]), float(mended), "kg m^2", said)
+    return Shown(value, float(mujoco.load(text).dof_armature[0]), float(mended), "kg m^2", refusal)
 
 
 def _outcome(text: str, measure: Callable[[Any], float]) -> tuple[float, str]:
-    """A number of what Pinocchio reads; or, where it refuses the file, NaN and what it says."""
+    """A number of what Pinocchio reads; or, where it refuses the file, NaN and its message."""
     try:
         model = pinocchio.load_mjcf(text)
     except (
@@ -78,8 +78,8 @@ def bare_body() -> Shown:
     """Degrees of freedom of a bar whose body has no attribute, and with a name."""
     named = mjcf(body("a"))
     bare = re.sub(r"<body [^>]*>", "<body>", named)
-    value, said = _outcome(bare, lambda model: float(model.nv))
-    return Shown(value, mujoco.load(bare).nv, pinocchio.load_mjcf(named).nv, "", said)
+    value, refusal = _outcome(bare, lambda model: float(model.nv))
+    return Shown(value, mujoco.load(bare).nv, pinocchio.load_mjcf(named).nv, "", refusal)
 
 
 def frame_element() -> Shown:
@@ -127,12 +127,12 @@ def site_on_world() -> Shown:
 def closures_dropped() -> Shown:
     """Closures that are read of a four-bar closed by a weld, and by a connect."""
     bar, ends = FourBar(), 'site1="coupler" site2="rocker"'
-    found = []
+    counts = []
     for kind in ("weld", "connect"):
         whole = bar.mjcf(f"<{kind} {ends}/>")
         rooted = whole.replace("<worldbody>", f'<worldbody><body name="ground">{INERTIAL}')
-        found.append(len(pinocchio.load_closed(rooted.replace("</worldbody>", "</body></worldbody>"))[1]))
-    return Shown(found[0], mujoco.load(bar.mjcf(f"<weld {ends}/>")).neq, found[1], "")
+        counts.append(len(pinocchio.load_closed(rooted.replace("</worldbody>", "</body></worldbody>"))[1]))
+    return Shown(counts[0], mujoco.load(bar.mjcf(f"<weld {ends}/>")).neq, counts[1], "")
 
 
 #: A free body at the origin, a right angle about y from upright: MuJoCo's coordinates, their order in Pinocchio, and
@@ -143,7 +143,7 @@ _TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 
 
 def armature() -> Shown:
-    """Moment of inertia at a hinge that the MJCF gives an armature, of Pinocchio on the URDF, and with it told."""
+    """Moment of inertia at a hinge with an armature in the MJCF: Pinocchio on the URDF, and with the armature set."""
     model, other = (
         pinocchio.load_urdf(robot(link("a"), joint("a"))),
         mujoco.load(mjcf(body("a", joint='armature="0.5"'))),
@@ -178,8 +178,8 @@ def quaternion_order() -> Shown:
     with the scalar last."""
     model, other = _free()
     right = _TURN.T @ mujoco.inverse(other, _AT)[:3]
-    found = [float(pinocchio.inverse(model, q)[0]) for q in (_AT, _AT[_SCALAR_LAST])]
-    return Shown(found[0], float(right[0]), found[1], "N")
+    forces = [float(pinocchio.inverse(model, q)[0]) for q in (_AT, _AT[_SCALAR_LAST])]
+    return Shown(forces[0], float(right[0]), forces[1], "N")
 
 
 def free_velocity() -> Shown:
@@ -188,10 +188,10 @@ def free_velocity() -> Shown:
     model, other = _free()
     v, omega = np.array([0.0, 3.0, 0.0]), np.array([0.0, 0.0, 2.0])
     right = float(mujoco.inverse(other, _AT, [*v, *omega])[2])
-    own = _TURN.T @ v
-    spatial = [*-np.cross(omega, own), 0.0, 0.0, 0.0]  # of a point that does not accelerate
+    local = _TURN.T @ v
+    spatial = [*-np.cross(omega, local), 0.0, 0.0, 0.0]  # of a point that does not accelerate
     raw, mended = (
         float((_TURN @ pinocchio.inverse(model, _AT[_SCALAR_LAST], [*linear, *omega], a)[:3])[2])
-        for linear, a in ((v, 0.0), (own, spatial))
+        for linear, a in ((v, 0.0), (local, spatial))
     )
     return Shown(raw, right, mended, "N")

@@ -24,7 +24,7 @@ OUT = Path("screwgauge-out")
 
 
 def list_(options: argparse.Namespace) -> int:
-    """What there is to choose from."""
+    """Prints what can be chosen: mechanisms, scenes, engines, quantities."""
     from screwgauge.report.listing import listing
 
     say(listing(options.what))
@@ -32,7 +32,7 @@ def list_(options: argparse.Namespace) -> int:
 
 
 def models(options: argparse.Namespace) -> int:
-    """Writes the model files of a mechanism, and compares what programs read, if asked to."""
+    """Writes the model files of a mechanism, and with --check compares what the libraries read."""
     from screwgauge.models.catalog import load_mechanism
     from screwgauge.models.generate import keep_models
     from screwgauge.models.mjcf import left_out
@@ -44,23 +44,23 @@ def models(options: argparse.Namespace) -> int:
     imported(options.mechanism)
     check_home(mechanism := load_mechanism(options.mechanism))
     out = options.out or OUT / mechanism.name / "models"
-    said: dict[str, Any] = {} if (g := gravity_of(options.mechanism)) is None else {"gravity": g}
+    given: dict[str, Any] = {} if (g := gravity_of(options.mechanism)) is None else {"gravity": g}
     included = frozenset(_names(options.include) or ())
-    own = Path(options.mechanism)
-    inputs = filter(None, [own, loops_beside(own) if own.suffix == ".urdf" else None])
-    paths = keep_models(mechanism, out, inputs=inputs, force=options.force, include=included, **said)
+    file = Path(options.mechanism)
+    inputs = filter(None, [file, loops_beside(file) if file.suffix == ".urdf" else None])
+    paths = keep_models(mechanism, out, inputs=inputs, force=options.force, include=included, **given)
     for line in (*map(str, paths), *left_out(mechanism), *implausible(mechanism)):
         say(line)
     if not options.check:
         return 0
     from screwgauge.models.check import check_models, check_table
 
-    say(check_table(rows := check_models(mechanism, out, **said)))
+    say(check_table(rows := check_models(mechanism, out, **given)))
     return 0 if all(row.ok for row in rows) else 1
 
 
 def import_(options: argparse.Namespace) -> int:
-    """Writes a URDF or MJCF as a description and a scene, and says what neither holds."""
+    """Writes a URDF or MJCF as a description and a scene, and prints what neither can hold."""
     from screwgauge.diagnosis.order import indexed
     from screwgauge.models.importing.convert import Wanted
     from screwgauge.models.importing.model import Options, notes
@@ -72,21 +72,25 @@ def import_(options: argparse.Namespace) -> int:
     choice = Options(options.loops, options.reader or "", options.floating, options.meshes, wanted)
     out = options.out or Path(f"{options.file.stem}.toml")
     check_free(out, filter(None, (options.file, options.loops)), force=options.force)
-    found = import_isolated(options.file, choice)
-    written = write_imported(found, out, force=options.force)
-    for said in (*map(str, written), *notes(found), *indexed(options.file, found, meshes=options.meshes)):
-        say(said)
+    imported_model = import_isolated(options.file, choice)
+    written = write_imported(imported_model, out, force=options.force)
+    for line in (
+        *map(str, written),
+        *notes(imported_model),
+        *indexed(options.file, imported_model, meshes=options.meshes),
+    ):
+        say(line)
     return 0
 
 
 def imported(name: str) -> None:
-    """Imports a model file that is named in place of a mechanism or scene, and says what became of it."""
+    """Imports a model file that is named in place of a mechanism or scene, and prints notes on it."""
     if is_model(name):
         from screwgauge.models.importing.model import keep, notes
-        from screwgauge.reference.files import beside
+        from screwgauge.reference.files import named_file
         from screwgauge.study.loading import import_isolated
 
-        for sentence in notes(keep(path := beside(Path(), name), import_isolated(path))[1]):
+        for sentence in notes(keep(path := named_file(Path(), name), import_isolated(path))[1]):
             complain(f"screwgauge: {sentence}")
 
 
@@ -107,7 +111,7 @@ def run(options: argparse.Namespace) -> int:
     elif options.seed is not None:
         raise DescriptionError("--seed is that of an exciting motion", "run", "add --exciting or leave it out")
     if options.pdf:
-        browser()  # or none is found, which is told before any work
+        browser()  # a missing one is an error before any work
     out = options.out or OUT / scene.name
     engines, quantities = _names(options.engines), _names(options.quantities)
     more: Any = {"limits": limits(options), "warn": lambda text: complain(f"screwgauge: warning: {text}")}
@@ -115,7 +119,7 @@ def run(options: argparse.Namespace) -> int:
         page,
         out,
         lambda progress: run(scene, engines, quantities, progress=progress, **more),
-        tell=(lambda found: json_text(page.summary(found), escaped=True)) if options.json else None,
+        tell=(lambda answer: json_text(page.summary(answer), escaped=True)) if options.json else None,
         inputs=_files(scene),
         force=options.force,
         samples=options.samples,
@@ -155,8 +159,8 @@ def bench(options: argparse.Namespace) -> int:
         carry_out(SIMULATION, out, lambda progress: contest(scene, progress=progress, **more), force=options.force)
         return 0
     more["journal"] = out / NAME
-    asked = partial(given_run.bench, scene, **more)
-    carry_out(PAGE, out, lambda progress: asked(progress=progress), again=NAME, force=options.force)
+    work = partial(given_run.bench, scene, **more)
+    carry_out(PAGE, out, lambda progress: work(progress=progress), again=NAME, force=options.force)
     return 0
 
 
@@ -170,16 +174,16 @@ def stress(options: argparse.Namespace) -> int:
     severities = None if texts is None else [number(text, "--severity") for text in texts]
     out = options.out or OUT / "stress"
     more = {"quick": options.quick, "severities": severities, "execute": executor(options), "journal": out / NAME}
-    asked = partial(stress, options.cases or None, **more)
-    found = carry_out(page, out, lambda progress: asked(progress=progress), again=NAME, force=options.force)
-    if found.broken:
-        complain(f"screwgauge: a rung broke: {found.broken[0]}")
+    work = partial(stress, options.cases or None, **more)
+    table = carry_out(page, out, lambda progress: work(progress=progress), again=NAME, force=options.force)
+    if table.broken:
+        complain(f"screwgauge: a rung broke: {table.broken[0]}")
         return 3
-    return 0 if found.ok else 1
+    return 0 if table.ok else 1
 
 
 def diagnose(options: argparse.Namespace) -> int:
-    """Compares two models, says why they differ and proves it."""
+    """Compares two models, and explains and proves their differences."""
     from screwgauge.diagnosis.diagnose import diagnose
     from screwgauge.diagnosis.record import summary
     from screwgauge.environment import json_text
@@ -190,8 +194,8 @@ def diagnose(options: argparse.Namespace) -> int:
     more |= {} if options.limit is None else {"limit": options.limit}
     if options.fix is not None:
         check_free(options.fix, _models(options), force=options.force)
-    tell = (lambda found: json_text(summary(found), escaped=True)) if options.json else None
-    found = carry_out(
+    tell = (lambda answer: json_text(summary(answer), escaped=True)) if options.json else None
+    diagnosis = carry_out(
         PAGE,
         options.out or OUT / "diagnosis",
         lambda progress: diagnose(*sides(options.a, options.b, options.meshes), load=read_isolated, **more),
@@ -200,9 +204,9 @@ def diagnose(options: argparse.Namespace) -> int:
         force=options.force,
     )
     if options.fix is not None:
-        said = [f"fixed: {found.write_fix(options.fix)}", *(f"not fixed: {text}" for text in found.not_fixed)]
-        (complain if options.json else say)("\n".join(said))  # beside JSON nothing is printed
-    return int(found.exit_status)
+        lines = [f"fixed: {diagnosis.write_fix(options.fix)}", *(f"not fixed: {text}" for text in diagnosis.not_fixed)]
+        (complain if options.json else say)("\n".join(lines))  # standard output is JSON alone
+    return int(diagnosis.exit_status)
 
 
 def _models(options: argparse.Namespace) -> list[Path]:
@@ -227,7 +231,7 @@ def casebook(options: argparse.Namespace) -> int:
 
 
 def limits(options: argparse.Namespace) -> Limits:
-    """What a process may take, as options say."""
+    """Limits of time and memory of a process, from the options."""
     from screwgauge.study.isolation import Limits
 
     given = {"seconds": options.limit, "memory": options.memory}
@@ -260,11 +264,11 @@ def check(options: argparse.Namespace) -> int:
     out, old = options.out or OUT / "check", None if options.update else options.baseline
     more = {"smoke": options.smoke, "tolerances": options.tolerances, "baseline": old}
     execute = executor(options, limits(options))
-    found = carry_out(
+    outcome = carry_out(
         page,
         out,
         lambda progress: check_with(execute, options.what, **more, progress=progress, journal=out / NAME),
-        tell=(lambda found: found.json) if options.json else None,
+        tell=(lambda outcome: outcome.json) if options.json else None,
         again=NAME,
         inputs=map(Path, options.what),
         force=options.force,
@@ -272,10 +276,10 @@ def check(options: argparse.Namespace) -> int:
         baseline=options.baseline if options.update else None,
     )
     if options.store is not None:
-        keep(options.store, found.rows, found.smoke)
-    for line in found.annotations() if os.environ.get("GITHUB_ACTIONS") and not options.json else ():
+        keep(options.store, outcome.rows, outcome.smoke)
+    for line in outcome.annotations() if os.environ.get("GITHUB_ACTIONS") and not options.json else ():
         say(line)
-    return int(found.exit_status)
+    return int(outcome.exit_status)
 
 
 def history(options: argparse.Namespace) -> int:
@@ -306,7 +310,7 @@ def matrix(options: argparse.Namespace) -> int:
     named = {"pin": options.pin, "mujoco": options.mujoco}
     versions = [check_versions((text or version(package)).split(","), package) for package, text in named.items()]
     out, pairs = options.out or OUT / "matrix", [(pin, mujoco) for pin, mujoco in product(*versions)]
-    asked = partial(matrix, pairs, out / page.NAME, execute=executor(options))
-    found = carry_out(page, out, lambda progress: asked(progress=progress), again=page.NAME, force=options.force)
-    statuses = {*found["status"]}
+    work = partial(matrix, pairs, out / page.NAME, execute=executor(options))
+    table = carry_out(page, out, lambda progress: work(progress=progress), again=page.NAME, force=options.force)
+    statuses = {*table["status"]}
     return 0 if statuses == {"agree"} else 1 if statuses <= {"agree", "differ"} else 3

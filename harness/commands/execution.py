@@ -1,4 +1,4 @@
-"""How every command is carried out: refusal of names that ended, work with progress, numbers onto the disk, pages."""
+"""Execution of a command: refusal of retired names, work with progress, numbers onto the disk, then pages."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ def carry_out(
     force: bool = False,
     **writing: Any,
 ) -> Any:
-    """Works with progress, writes and shows the page of what was found; what cannot be written is not begun.
+    """Works with progress, then writes the report and prints a summary; refuses first what cannot be written.
 
     Args:
         work: Takes the progress.
-        tell: What to print of what was found; by default what the page has for a terminal.
+        tell: Text to print for the results; by default the page's text for a terminal.
         again: File that the same command goes on from.
         inputs: Files that the command reads, which are not written over.
-        force: Files in the way are replaced, whoever wrote them.
+        force: Existing files are replaced, whatever their origin.
         writing: What else the page is written with.
 
     Returns:
-        What was found.
+        The results.
     """
     from screwgauge.report.console import Progress
     from screwgauge.report.folder import PAGES, SAMPLES, check_writable, locked
@@ -49,11 +49,11 @@ def carry_out(
         check_writable(out, names, force=force)
         with Progress(sys.stderr) as progress:
             try:
-                found = work(progress.show)
+                results = work(progress.show)
             except KeyboardInterrupt:
                 raise KeyboardInterrupt(again and f"run the same command again to go on from {out / again}") from None
-            _write(page, out, found, progress, tell, {**writing, **({"force": True} if force else {})})
-    return found
+            _write(page, out, results, progress, tell, {**writing, **({"force": True} if force else {})})
+    return results
 
 
 def _check_kept(file: Path, out: Path, names: Sequence[str]) -> None:
@@ -68,37 +68,37 @@ def _check_kept(file: Path, out: Path, names: Sequence[str]) -> None:
 def _write(
     page: Any,
     out: Path,
-    found: Any,
+    results: Any,
     progress: Progress,
     tell: Callable[[Any], str] | None,
     writing: dict[str, Any],
 ) -> None:
-    """Writes a report, and tells what was found as soon as its numbers are on disk, or cannot be there."""
+    """Writes a report, and prints the results as soon as their numbers are on disk, or cannot be."""
     from screwgauge.report.folder import PAGES
     from screwgauge.report.terminal import terminal
 
-    lost, told = list[ScrewgaugeError](), list[bool]()
+    lost, printed = list[ScrewgaugeError](), list[bool]()
 
     def show() -> None:
-        if told:
+        if printed:
             return
-        told.append(False)
+        printed.append(False)
         progress.wipe()
         try:
-            say(tell(found) if tell else terminal(page.terminal(found)))
-            told.append(True)
+            say(tell(results) if tell else terminal(page.terminal(results)))
+            printed.append(True)
         except ScrewgaugeError as error:  # standard output takes nothing, which is no reason to draw nothing
             lost.append(error)
         progress.show("report", 0.5)
 
     progress.show("report", 0.0)
     try:
-        page.write(found, out, safe=show, **writing)
-    except ScrewgaugeError as error:  # what was found is told all the same
+        page.write(results, out, safe=show, **writing)
+    except ScrewgaugeError as error:  # results are printed all the same
         lost.append(error)
     show()
     progress.wipe()
-    if tell is None and told[-1]:
+    if tell is None and printed[-1]:
         say(f"\nreport: {out / PAGES[1] if (out / PAGES[1]).is_file() else 'none'}")
     if lost:
         raise lost[0]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def view(options: argparse.Namespace) -> int:
-    """Shows a mechanism, beside another one if there are two."""
+    """Shows a mechanism, or two side by side."""
     from screwgauge.scene.scene import Scene
 
     chosen = [name for name in ("out", "png", "video", "mujoco", "port") if getattr(options, name) not in (None, False)]
@@ -109,20 +109,20 @@ def _page(what: Scene | Mechanism, other: Mechanism | None, unsigned: Collection
 
 
 def _solved(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
-    """A few samples of a scene, and what the solver says of them; nothing where it fails, which is told."""
+    """A few samples of a scene and their solution; none where the solver fails, with a warning."""
     from screwgauge.problem import spread
     from screwgauge.study.motion import FRAMES
     from screwgauge.study.run import run
 
     scene = scene.at(scene.t[spread(len(scene.t), FRAMES)])
     try:
-        found = run(scene, engines=("screw",))
+        results = run(scene, engines=("screw",))
     except ScrewgaugeError as error:
         complain(f"screwgauge: shown without forces: {error}")
         return scene, {}
-    for failure in found.failures.values():
+    for failure in results.failures.values():
         complain(f"screwgauge: shown without forces: {failure.reason}")
-    return scene, found.solutions
+    return scene, results.solutions
 
 
 def _kind(file: Path, option: str, *endings: str) -> None:

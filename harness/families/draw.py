@@ -123,7 +123,7 @@ def pick(rng: np.random.Generator, K: Array, rows: Iterable[int]) -> list[int]:
 
 
 def gain(K: Array, rows: list[int]) -> float:
-    """How much faster than some coordinates others move at most, where those determine all. Shape (n, k)."""
+    """Largest rate of any coordinate over those of some that determine all. Shape (n, k)."""
     return float(np.abs(K @ np.linalg.pinv(K[rows])).max())
 
 
@@ -149,7 +149,7 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
     home = mechanism.home[mechanism.independent_columns]
     sines = [rng.normal(size=(2, 3)) for _ in home]
     mode = AssemblyMode(layout(mechanism), strict=True)
-    found: Tables | None = None
+    largest: Tables | None = None
     for amplitude in AMPLITUDES:
         motion: Tables = {}
         for label, value, (a, b) in zip(mechanism.independent, home, sines, strict=True):
@@ -162,8 +162,8 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
                 break
         except ScrewgaugeError:  # it leads to a singular pose, or to where the loops do not close
             break
-        found = motion
-    return found and shuffled(rng, found)
+        largest = motion
+    return largest and shuffled(rng, largest)
 
 
 def _load(sketch: Sketch, mechanism: Mechanism) -> Tables:

@@ -208,7 +208,7 @@ def _three_upu(s: Sketch) -> None:
         _legs(s, 3, "UPU", 1)
     else:
         for foot, head in _ends(s, 3):
-            axes, along = s.axes("U", s.beside(head - foot)), (head - foot) / np.linalg.norm(head - foot)
+            axes, along = s.axes("U", s.off_axis(head - foot)), (head - foot) / np.linalg.norm(head - foot)
             places = (foot, axes), (foot, along), (head, axes[::-1])
             s.place("UPU", s.between(GROUND, "platform", 3), places, driven=1)
 

@@ -68,7 +68,7 @@ class Placed:
 
 @dataclass(slots=True)
 class Sketch:
-    """What a family draws on. Lengths are about 1 m.
+    """A drawing of a mechanism at home, to which a family adds joints. Lengths are about 1 m.
 
     Attributes:
         rng: Where all chance comes from.
@@ -95,7 +95,7 @@ class Sketch:
         first, second = self.axes("U")
         return np.stack([first, second, np.cross(first, second)])
 
-    def beside(self, direction: Array, least: float = 0.6) -> Array:
+    def off_axis(self, direction: Array, least: float = 0.6) -> Array:
         """A random axis at an angle to a direction, sin of it at least so much. Shape (3,)."""
         while True:
             axis = self.unit()
@@ -106,7 +106,7 @@ class Sketch:
         """Random axes of a joint at home, the first of them given or not. Shape (n_axes, 3)."""
         n = max(1, sum(KINDS[kind]))
         first = self.unit() if first is None else first
-        second = np.cross(first, self.beside(first))
+        second = np.cross(first, self.off_axis(first))
         second /= np.linalg.norm(second)
         third = rotation(second, np.array(self.rng.uniform(-0.5, 0.5))) @ np.cross(first, second)
         return np.stack([first, second, third])[:n]
@@ -131,7 +131,7 @@ class Sketch:
         """Joints in a row from a to b through given points, each P along the way. Shape (n_joints, 3)."""
         ways = [points[min(i + 1, len(kinds) - 1)] - points[max(i - 1, 0)] for i in range(len(kinds))]
         axes = (
-            way / np.linalg.norm(way) if kind == "P" else self.beside(way) if way.any() else None
+            way / np.linalg.norm(way) if kind == "P" else self.off_axis(way) if way.any() else None
             for kind, way in zip(kinds, ways, strict=True)
         )
         self.place(kinds, self.between(a, b, len(kinds)), zip(points, axes, strict=True), driven)
@@ -204,8 +204,8 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
     joints, coordinates, homes = {}, [], list[float]()
     for placed in sketch.joints:
         n, label = len(KINDS[placed.kind]), unused(rng, used)
-        own = [unused(rng, used) for _ in range(n)] if rng.random() < 0.3 else []
-        coordinates.append(own or ([label] if n == 1 else [f"{label}.q{i + 1}" for i in range(n)]))
+        names_of_joint = [unused(rng, used) for _ in range(n)] if rng.random() < 0.3 else []
+        coordinates.append(names_of_joint or ([label] if n == 1 else [f"{label}.q{i + 1}" for i in range(n)]))
         home = np.zeros(n) if plain else rng.uniform(-0.5, 0.5, n)
         if placed.kind == "S":  # the second angle is the one that its axes include
             home[1] = placed.tilt()
@@ -220,11 +220,11 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
             "parent_frame": _frame(frames[placed.a], J, point),
             "child_frame": _frame(frames[placed.b], turn @ J, point + slide),
             **({"home": home.tolist()} if home.any() else {}),
-            **({"coordinates": own} if own else {}),
+            **({"coordinates": names_of_joint} if names_of_joint else {}),
             **({"actuated": True} if placed.driven else {}),
         }
     tables = {"name": name, "bodies": shuffled(rng, bodies), "joints": shuffled(rng, joints)}
-    flat, couplings = [name for own in coordinates for name in own], {}
+    flat, couplings = [name for names_of_joint in coordinates for name in names_of_joint], {}
     for row, of, slope, bend in sketch.ties:  # in coordinates that are not zero at home
         x = homes[of]
         polynomial = [homes[row] - slope * x + bend * x * x, slope - 2.0 * bend * x, bend]

@@ -1,4 +1,8 @@
-"""Scenes made by the program: an exciting motion of a mechanism, and default scenes of descriptions and model files."""
+"""Scenes made by the program: exciting motions, default scenes of descriptions and model files, and their text.
+
+A persistently exciting motion is a sum of sines of every independent coordinate, as large as limits and singular poses
+allow, and so fast that inertial forces are about as large as the others. Scenes from files are read in `read`.
+"""
 
 from __future__ import annotations
 
@@ -25,20 +29,20 @@ from screwgauge.reference.applied import Applied, JointSpring
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
-from screwgauge.reference.description import read_toml
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, check_seed, first_few
 from screwgauge.reference.expressions import vector
-from screwgauge.reference.files import beside, check_free, is_file, is_path, stamped
+from screwgauge.reference.files import check_free, is_file, is_path, named_file, stamped
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.tables import read_toml
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.preflight import check_home, limits_left
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_scene_type
 
 WORSE = 4.0  # times the condition number at home is still well inside
 STEEPEST = 1.2  # [rad] of an S joint's second angle, far from its lock
-#: Of the coordinate that moves most [rad or lengths of the mechanism]: the first that stays regular is taken.
+#: Amplitude of the coordinate that moves most [rad or lengths of the mechanism]: the first regular one is taken.
 AMPLITUDES = 0.64 / 2.0 ** (np.arange(13) / 2)
 SINES = 3  # of each coordinate
 SAMPLES = 101
@@ -57,7 +61,7 @@ def stays_regular(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> 
 
 
 def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
-    """What stops a motion from home, in words: limits, or poses much worse conditioned than home; empty if none.
+    """The obstacle of a motion from home, in words: limits, or poses much worse conditioned than home; empty if none.
 
     Args:
         mode: Follows it, strictly; what was followed before is of use again.
@@ -84,7 +88,7 @@ def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
 
 
 def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float = AMPLITUDES[0]) -> Scene:
-    """The same scene in a motion from home that excites all inertia that it can, at times of its own.
+    """The same scene in a motion from home that excites as much inertia as possible, at new times.
 
     Args:
         seed: Gives the same motion again; name and title say it.
@@ -138,7 +142,7 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
 
 
 def _room(mechanism: Mechanism) -> Array:
-    """How far the independent coordinates are from their limits at home [rad or m], infinite beyond. Shape (k,)."""
+    """Distance of the independent coordinates from their limits at home [rad or m], infinite beyond. Shape (k,)."""
     columns = mechanism.independent_columns
     low, high = mechanism.limits[columns].T
     room = np.minimum(mechanism.home[columns] - low, high - mechanism.home[columns])
@@ -186,14 +190,14 @@ def _pace(at: ClosedMotion, applied: Applied, heights: Array) -> float:
     return float(np.sqrt(acting / inertia if acting * inertia > 0.0 else G0 / at.loops.length))
 
 
-#: Of a scene beside its description: ``panda.toml`` has ``panda.scene.toml``.
+#: Ending of the scene of a description: ``panda.toml`` has ``panda.scene.toml``.
 SUFFIX = ".scene.toml"
 
 
 def scene_file(path: Path) -> Path:
     """The scene that a path means: itself, or that of a description or model file.
 
-    A description has the scene beside it, or else the usual one, as a model file has, in a folder that goes away with
+    A description has the scene in its folder, or else the usual one, as a model file has, in a folder that goes with
     the process.
 
     Raises:
@@ -219,23 +223,23 @@ def scene_file(path: Path) -> Path:
 
 
 def gravity_of(name: str) -> Array | None:
-    """What a model file, or the scene beside a description, says of gravity.
+    """Gravity of a model file, or of the scene next to a description.
 
     Returns:
-        World axes [m/s^2], shape (3,); None where neither says anything.
+        World axes [m/s^2], shape (3,); None where neither states it.
     """
     from screwgauge.models.importing.model import imported_file
 
-    path = beside(Path(), name)
+    path = named_file(Path(), name)
     if is_model(path):
         return imported_file(path)[1].gravity
     file = path.with_name(f"{path.stem}{SUFFIX}")
-    said = read_toml(file).get("gravity") if is_path(name) and is_file(file) else None
-    return None if said is None else vector(said, f"{file}, gravity")
+    gravity = read_toml(file).get("gravity") if is_path(name) and is_file(file) else None
+    return None if gravity is None else vector(gravity, f"{file}, gravity")
 
 
 def acting_on(imported: Imported) -> dict[str, Any]:
-    """What `default_scene` takes from a model file besides its mechanism."""
+    """Entries of `default_scene` from a model file besides its mechanism."""
     from screwgauge.models.importing.model import notes
 
     return {"gravity": imported.gravity, "springs": imported.springs, "description": " ".join(notes(imported))}
@@ -252,7 +256,7 @@ def default_scene(
     """A scene as TOML.
 
     Args:
-        file: The description, by its full path or beside the scene.
+        file: The description, by its full path or relative to the scene.
         gravity: World axes [m/s^2]; the usual one by default. Shape (3,).
         springs: Springs and dampers of joints.
 
@@ -296,10 +300,10 @@ def _at_rest(mechanism: Mechanism, file: Path, applied: Applied) -> Scene:
 
 
 def write_imported(imported: Imported, file: Path, *, force: bool = False) -> tuple[Path, Path]:
-    """Writes the description and, beside it, its scene.
+    """Writes the description and its scene into one folder.
 
     Args:
-        force: Files in the way are replaced, whoever wrote them.
+        force: Existing files are replaced, whatever their origin.
 
     Returns:
         Their paths.

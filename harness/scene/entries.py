@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.applied import JointSpring, Load, Motor, PointSpring, Spring
-from screwgauge.reference.description import check_keys, read_text, required
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.expressions import number, vector
-from screwgauge.reference.files import beside, check_count
+from screwgauge.reference.files import check_count, named_file
 from screwgauge.reference.mechanism import GROUND, Mechanism
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.tables import check_keys, check_name, positive, read_text, read_vector, required
 from screwgauge.scene.motion import read_terms
 
 
@@ -34,44 +33,7 @@ class Figure:
     panels: tuple[tuple[str, tuple[str, ...]], ...]
 
 
-T = TypeVar("T")
 GRID = "take a longer step or a shorter duration"
-
-
-def read_list(data: dict[str, Any], key: str, where: str) -> list[Any]:
-    items = data.get(key, [])
-    if not isinstance(items, list):
-        raise DescriptionError(f"'{key}' is not a list", where, f"write [[{key}]]")
-    check_count(len(items), "entries", f"{where}, {key}")
-    return items
-
-
-def read_items(data: dict[str, Any], key: str, where: str, read: Callable[[Any, str], T]) -> tuple[T, ...]:
-    """The entries of a list, each read by `read`, which is also told where it stands."""
-    return tuple(read(item, f"{where}, {key}") for item in read_list(data, key, where))
-
-
-def check_name(kind: str, name: str, known: Iterable[str], where: str) -> str:
-    """The name, if it is one of those known.
-
-    Raises:
-        UnknownNameError: It is not.
-    """
-    if name not in known:
-        raise UnknownNameError(kind, name, known, where)
-    return name
-
-
-def read_vector(table: dict[str, Any], key: str, where: str) -> Array:
-    """Three numbers, zeros where there are none. Shape (3,)."""
-    return vector(table.get(key, [0, 0, 0]), f"{where}.{key}")
-
-
-def positive(value: Any, where: str, remedy: str = "give a positive number") -> float:
-    result = number(value, where)
-    if result <= 0.0:
-        raise DescriptionError(f"{result:g} is not positive", where, remedy)
-    return result
 
 
 def read_times(values: list[Any], where: str) -> Array:
@@ -95,7 +57,9 @@ def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
     check_keys(table, {"duration", "step", "times"}, where)
     if "times" in table:
         if not isinstance(table["times"], list) or len(table) > 1:
-            raise DescriptionError("'times' is no list on its own", where, "write times = [...], or duration and step")
+            raise DescriptionError(
+                "'times' is not a list on its own", where, "write times = [...], or duration and step"
+            )
         return read_times(table["times"], f"{where}.times")
     duration = positive(required(table, "duration", where), f"{where}.duration")
     step = positive(required(table, "step", where), f"{where}.step")
@@ -107,17 +71,10 @@ def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
     return np.arange(int(duration / step * (1 + 1e-12)) + 1, dtype=float) * step
 
 
-def read_names(value: Any, where: str) -> tuple[str, ...]:
-    """A list of names, once each; whether they are known, and any is there, is for others to say."""
-    if not isinstance(value, list):
-        raise DescriptionError(f"{value!r} is no list of names", where, "write a list")
-    return tuple(dict.fromkeys(str(name) for name in value))
-
-
 def read_models(table: Any, folder: Path, where: str) -> dict[str, Path]:
     if not isinstance(table, dict):
         raise DescriptionError(f"{table!r} is not a table", where, "write engine = 'file'")
-    return {engine: beside(folder, read_text(table, engine, where)) for engine in table}
+    return {engine: named_file(folder, read_text(table, engine, where)) for engine in table}
 
 
 def read_figure(table: Any, where: str) -> Figure:

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from screwgauge.problem import GivenMotion, Rows
-from screwgauge.reference.description import check_keys, required
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.expressions import LARGEST, number, vector
-from screwgauge.reference.files import beside, check_count, read_bytes, read_file
+from screwgauge.reference.files import check_count, named_file, read_bytes, read_file
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.tables import check_keys, check_times, read_coefficients, required
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -207,17 +207,17 @@ class Sampled:
         the derivative of another one, as in other units, with another sign, or sampled too coarsely to tell.
         """
         y, yd, ydd = (x.T for x in (self.samples.y, self.samples.yd, self.samples.ydd))
-        said, h = [], np.diff(self.samples.t)
+        sentences, h = [], np.diff(self.samples.t)
         for label, x, xd, order in [*zip(labels, y, yd, repeat("")), *zip(labels, yd, ydd, repeat("d"))]:
             with np.errstate(all="ignore"):
                 integral = np.append(0.0, np.cumsum(h * (xd[1:] + xd[:-1]) / 2.0))
                 moved, apart = np.abs(x - x[0]).max(), np.abs(x - x[0] - integral).max()
             if not apart <= max(moved / 2.0, np.abs(integral).max() / 2.0, _STILL):
-                said.append(
+                sentences.append(
                     f"{self.file.name}: {label}d{order} is no derivative of {label}{order} (its integral is up to "
                     f"{apart:.3g} off, {label}{order} moves by {moved:.3g}; check units, signs and step)"
                 )
-        return tuple(said)
+        return tuple(sentences)
 
 
 Drive = Analytic | Sampled
@@ -241,7 +241,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
         check_keys(table, {"csv"}, where)
         if not isinstance(table["csv"], str):
             raise DescriptionError(f"{table['csv']!r} is not a file name", f"{where}.csv", "write it in quotes")
-        return _sampled(beside(folder, table["csv"]), labels)
+        return _sampled(named_file(folder, table["csv"]), labels)
     check_keys(table, labels, where)
     terms = (read_terms(required(table, label, where), f"{where}.{label}") for label in labels)
     return Analytic(tuple(terms), where), None
@@ -250,11 +250,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
 def read_terms(table: Any, where: str) -> tuple[Array, Array]:
     """Polynomial coefficients, lowest first, shape (m,), and harmonics [omega, cos, sin], shape (k, 3)."""
     check_keys(table, {"offset", "harmonics", "polynomial"}, where)
-    raw = table.get("polynomial", [0])
-    if not isinstance(raw, list) or not raw:
-        raise DescriptionError("is not a list of coefficients", f"{where}.polynomial", "write [c0, c1, ...]")
-    check_count(len(raw), "coefficients", f"{where}.polynomial")
-    polynomial = vector(raw, f"{where}.polynomial", len(raw))
+    polynomial = read_coefficients(table.get("polynomial", [0]), f"{where}.polynomial")
     polynomial[0] += number(table.get("offset", 0), f"{where}.offset")
     harmonics = table.get("harmonics", [])
     if not isinstance(harmonics, list):
@@ -269,12 +265,8 @@ def _sampled(path: Path, labels: list[str]) -> tuple[Drive, Array]:
     wanted = ["t", *(f"{label}{order}" for label in labels for order in ("", "d", "dd"))]
     if len(set(wanted)) < len(wanted):
         what = f"columns {', '.join(wanted)} share a name"
-        raise DescriptionError(what, str(path), "label the independent coordinates otherwise")
+        raise DescriptionError(what, str(path), "give the independent coordinates other labels")
     columns = read_columns(path, wanted, "derivatives are required")
-    t = columns["t"]
-    if not len(t):
-        raise DescriptionError("has no samples", str(path), "write at least one row below the header")
-    if (np.diff(t) <= 0).any():
-        raise DescriptionError("the times do not increase", str(path), "sort the rows by t")
+    check_times(t := columns["t"], str(path))
     arrays = [np.stack([columns[f"{label}{order}"] for label in labels], axis=1) for order in ("", "d", "dd")]
     return Sampled(path, GivenMotion(t, arrays[0], arrays[1], arrays[2])), t

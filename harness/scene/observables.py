@@ -11,18 +11,17 @@ from typing import Any
 import numpy as np
 
 from screwgauge.problem import Rows
-from screwgauge.reference.description import check_keys, read_text
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.files import beside
+from screwgauge.reference.files import named_file
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.entries import check_name, positive, read_vector
+from screwgauge.reference.tables import check_keys, check_name, check_times, positive, read_text, read_vector
 from screwgauge.scene.motion import numbers, read_columns, same_times
 from screwgauge.solution import Values
 
-#: What a published accuracy is one of.
+#: Measures of a published accuracy.
 MEASURES = ("observable", "energy")
 _AXES = ("x", "y", "z")
 
@@ -34,7 +33,7 @@ class Observable:
     Attributes:
         unit: ``rad`` or ``m``.
         coordinate: Joint coordinate, if it is one.
-        body, point, axis: Otherwise the body, the point in its frame [m], shape (3,), and 0, 1 or 2.
+        body, point, axis: If not, the body, the point in its frame [m], shape (3,), and 0, 1 or 2.
     """
 
     name: str
@@ -67,7 +66,7 @@ class Published:
     Attributes:
         who: Method or program, with its setting.
         remark: What the numbers do not say.
-        accuracy: Error of what `measure` says, an observable [m or rad] or the energy [J]; NaN if not stated.
+        accuracy: Error of the `measure`, an observable [m or rad] or the energy [J]; NaN if not stated.
         cpu_s: Processor time on the machine of that time [s]; NaN if not stated.
     """
 
@@ -107,11 +106,9 @@ def read_known(table: Any, names: Sequence[str], folder: Path, where: str) -> Kn
     check_keys(table, {"file", "source"}, where)
     if not names:
         raise DescriptionError("there is nothing that it is the reference of", where, "add [[observables]]")
-    path = beside(folder, read_text(table, "file", where))
+    path = named_file(folder, read_text(table, "file", where))
     columns = read_columns(path, ["t", *names], "the observables of the scene are required")
-    t = columns["t"]
-    if not len(t) or (np.diff(t) <= 0.0).any():
-        raise DescriptionError("the times do not increase", str(path), "sort the rows by t")
+    check_times(t := columns["t"], str(path))
     return Known(read_text(table, "source", where), t, np.stack([columns[name] for name in names], axis=1))
 
 
@@ -167,7 +164,7 @@ _NAME = re.compile(r"[\w.-]+")
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What a column is named: ``component``, ``quantity/component``, either with its unit: ``leg1 [N]``."""
+    """Name of a column: ``component``, ``quantity/component``, either with its unit: ``leg1 [N]``."""
 
     text: str
     quantity: str
@@ -210,10 +207,7 @@ class Recorded:
         if np.ndim(self.t) != 1:
             raise DescriptionError("are no list of times", f"t of {self.where}", "give a list of times in s")
         t = numbers(self.t, "column 't'", self.where)
-        if not len(t):
-            raise DescriptionError("has no samples", self.where, "write at least one row below the header")
-        if (np.diff(t) <= 0).any():
-            raise DescriptionError("the times do not increase", self.where, "sort the rows by t")
+        check_times(t, self.where)
         if not self.columns:
             raise DescriptionError("has no column besides t", self.where, "name columns as components are named")
         if not isinstance(self.error, Mapping):
@@ -225,7 +219,7 @@ class Recorded:
 
     @property
     def where(self) -> str:
-        """What to blame."""
+        """Place for error messages."""
         return str(self.file or "arrays")
 
     def _column(self, name: str) -> Array:
@@ -252,7 +246,7 @@ def _read(name: str, entry: Any, folder: Path, where: str) -> Recorded:
         raise DescriptionError(f"'{name}' is no name", where, "write letters, digits, dots and dashes")
     entry = {"file": entry} if isinstance(entry, str) else entry
     check_keys(entry, {"file", "error"}, where := f"{where}.{name}")
-    path = beside(folder, read_text(entry, "file", where))
+    path = named_file(folder, read_text(entry, "file", where))
     columns = read_columns(path)
     times = [header for header in map(read_header, columns) if header.component == "t" and not header.quantity]
     if len(times) != 1:

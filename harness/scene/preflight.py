@@ -104,8 +104,8 @@ def far_from_home(scene: Scene) -> tuple[str, ...]:
     size = loop_equations(layout(mechanism)).size[mechanism.independent_columns]
     if (np.abs(start - home) <= FAR * size).all():
         return ()
-    said = mechanism.described(start), mechanism.described(home)
-    return (f"the motion starts at {said[0]}, home is {said[1]} (coordinates do not count from home)",)
+    places = mechanism.described(start), mechanism.described(home)
+    return (f"the motion starts at {places[0]}, home is {places[1]} (coordinates do not count from home)",)
 
 
 def _walked(scene: Scene) -> Mobility:
@@ -128,17 +128,17 @@ def _walked(scene: Scene) -> Mobility:
 
 
 def check_actuation(
-    scene: Scene, found: Mobility, quantities: Collection[str]
+    scene: Scene, freedoms: Mobility, quantities: Collection[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Quantities that the actuators determine, and a sentence on those that they do not, where nobody chose.
 
     Raises:
-        DescriptionError: No forces, or no rule's forces, that were asked for would satisfy the equations of motion.
+        DescriptionError: No forces, or no rule's forces, would satisfy the equations of motion.
     """
     ruled = [name for name in GIVEN if QUANTITIES[name].ruled]
     rest = tuple(name for name in quantities if name not in ruled)
     mechanism = scene.mechanism
-    driven = len(mechanism.actuators) - found.actuation_redundancy
+    driven = len(mechanism.actuators) - freedoms.actuation_redundancy
     short = f"the actuated joints drive {driven} of {len(mechanism.independent)} freedoms"
     if driven < len(mechanism.independent) and {*quantities} == {*GIVEN}:
         return rest, (f"{' and '.join(ruled)} are left out: {short} (actuate more joints to compare them)",)
@@ -146,9 +146,9 @@ def check_actuation(
         return rest, ()
     if driven < len(mechanism.independent):
         raise DescriptionError(short, mechanism.where, f"actuate more joints, or ask for no {' and '.join(ruled)}")
-    if scene.rule == "spherical_axial" and found.actuation_redundancy != 2:
+    if scene.rule == "spherical_axial" and freedoms.actuation_redundancy != 2:
         raise DescriptionError(
-            f"rule spherical_axial needs 2 redundant actuators, not {found.actuation_redundancy}",
+            f"rule spherical_axial needs 2 redundant actuators, not {freedoms.actuation_redundancy}",
             mechanism.where,
             "use the rule min_norm",
         )
@@ -162,7 +162,7 @@ def delivered(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...
 
 
 def _check_jumps(scene: Scene) -> None:
-    """Poses are found by following the motion; from one sample to the next it must not go round the world."""
+    """Poses are found by following the motion: consecutive samples must not be too far apart."""
     motion, mechanism = scene.motion, scene.mechanism
     way = np.diff(motion.y, axis=0, prepend=mechanism.home[mechanism.independent_columns][None])
     size = loop_equations(layout(mechanism)).size[mechanism.independent_columns]
@@ -219,16 +219,16 @@ class Walk:
         unit, mechanism = self.mode.unit, self.lay.mechanism
         try:
             guess = self.mode.predict(motion.y, motion.t, (motion.yd, motion.ydd), motion.scaled(unit))
-            found = self.mode.follow(guess)
+            poses = self.mode.follow(guess)
         except PathEnd as end:
             if not end.beyond:
                 raise ClosureError(end.what, end.where, end.remedy) from None
             raise self._passed(end, motion) from None
-        matrix = found.more[0] if found.more else found.matrix
+        matrix = poses.more[0] if poses.more else poses.matrix
         regular = (linear.inverted_along(matrix)[1] <= linear.SINGULAR).all()
-        q = self.system.tree(found.z, guess.q)
+        q = self.system.tree(poses.z, guess.q)
         if not regular or np.isfinite(mechanism.limits[self.lay.cut_columns]).any():
-            q = self.system.coordinates(found.z, q)
+            q = self.system.coordinates(poses.z, q)
         if not regular:
             check_regular(self.lay, q, motion.t, motion.y, matrix)
         self.before = float(motion.t[-1])
@@ -240,7 +240,7 @@ class Walk:
         return self.system.coordinates(near[:, unknown] / self.system.size[unknown], near)
 
     def _passed(self, end: PathEnd, motion: GivenMotion) -> SingularPoseError:
-        """That a motion passes a singular pose, in words."""
+        """Warning: a motion passes a singular pose."""
         y = end.y * self.mode.unit
         ended = self.system.fill(end.z[None], self.lay.mechanism.home[None])
         near = near_singularity(self.lay, ended)
@@ -286,13 +286,13 @@ def _mobility(lay: Layout, poses: Sequence[Array]) -> Mobility:
     Next to a singular pose rounding decides on ranks, so that only poses of the highest rank count, that of home among
     them if there is no other.
     """
-    *found, home = (mobility(lay, pose(lay, q[None])) for q in [*poses, lay.mechanism.home])
+    *sampled, home = (mobility(lay, pose(lay, q[None])) for q in [*poses, lay.mechanism.home])
 
     def ranks(one: Mobility) -> tuple[int, int]:
         return one.constraint_rank, -one.actuation_redundancy
 
-    most = max([*found, home], key=ranks)
-    general = [one for one in found if ranks(one) == ranks(most)] or [most]
+    most = max([*sampled, home], key=ranks)
+    general = [one for one in sampled if ranks(one) == ranks(most)] or [most]
     unique = tuple(all(flags) for flags in zip(*(one.unique for one in general), strict=True))
     determined = tuple(all(flags) for flags in zip(*(one.determined for one in general), strict=True))
     return replace(most, unique=unique, determined=determined)

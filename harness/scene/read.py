@@ -1,4 +1,4 @@
-"""Reads scenes from TOML, see ``harness/scenes/README.md``. Which engines there are is not looked at here."""
+"""Reading of scenes from TOML, see ``harness/scenes/README.md``. Names of engines are not checked here."""
 
 from __future__ import annotations
 
@@ -13,25 +13,23 @@ from screwgauge.models.importing import is_model
 from screwgauge.problem import InitialValue, Integration
 from screwgauge.quantities import GIVEN, QUANTITIES, SIMULATED, check_quantities
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.description import check_keys, read_text, read_toml, required
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number, vector
-from screwgauge.reference.files import beside, is_path
+from screwgauge.reference.files import is_path, named_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.default import scene_file
-from screwgauge.scene.entries import (
+from screwgauge.reference.tables import (
+    check_keys,
     check_name,
     positive,
-    read_figure,
-    read_grid,
     read_items,
-    read_load,
-    read_models,
-    read_motor,
     read_names,
-    read_spring,
+    read_text,
+    read_toml,
+    required,
 )
+from screwgauge.scene.default import scene_file
+from screwgauge.scene.entries import read_figure, read_grid, read_load, read_models, read_motor, read_spring
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.observables import read_known, read_observable, read_published, read_tables
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_order
@@ -60,7 +58,7 @@ def load_scene(name: str | Path) -> Scene:
     if str(name) in scene_names():
         return _built_in(FOLDER / f"{name}.toml")
     if is_path(str(name)) or is_model(name):
-        return _read(scene_file(beside(Path(), str(name))))
+        return _read(scene_file(named_file(Path(), str(name))))
     raise UnknownNameError("scene", str(name), [*scene_names(), "or the path of a TOML file, URDF or MJCF"])
 
 
@@ -101,7 +99,7 @@ def _applied(data: dict[str, Any], mechanism: Mechanism, where: str) -> Applied:
 
 
 def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
-    """What only a scene with a given motion has."""
+    """Fields of a scene with a given motion."""
     where = str(path)
     for key in ("observables", "reference", "published"):
         if key in data:
@@ -127,7 +125,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
 
 
 def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:
-    """What only a scene with a simulated motion has."""
+    """Fields of a scene with a simulated motion."""
     where = str(path)
     for key in ("motion", "rule", "tables"):
         if key in data:

@@ -18,7 +18,8 @@ from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.expressions import vector
 from screwgauge.reference.mechanism import Mechanism, same_content
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.entries import Figure, check_name, read_load, read_times
+from screwgauge.reference.tables import check_name
+from screwgauge.scene.entries import Figure, read_load, read_times
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.observables import Known, Observable, Published, Recorded, merged
 
@@ -46,7 +47,7 @@ class Scene:
         observables: What is followed in a simulation.
         known: Their values from elsewhere, if there are any.
         published: What others have published.
-        tables: Numbers of one's own that stand beside the engines, by name.
+        tables: The user's values, compared like those of an engine, by name.
     """
 
     name: str
@@ -80,11 +81,11 @@ class Scene:
 
     @property
     def _facts(self) -> dict[str, str]:
-        """What a screen shows."""
+        """Facts for the text and HTML shown on a screen."""
         mechanism, t = self.mechanism, self.t
         freedoms = ", ".join(f"{label} = {name}" for label, name in mechanism.independent.items())
         acting = {name: getattr(self.applied, name) for name in ("loads", "springs", "motors")}
-        said = [f"{len(some)} {name[: -1 if len(some) == 1 else None]}" for name, some in acting.items() if some]
+        counts = [f"{len(some)} {name[: -1 if len(some) == 1 else None]}" for name, some in acting.items() if some]
         g = self.applied.gravity
         wanted = ", ".join(self.quantities)
         return {
@@ -92,7 +93,7 @@ class Scene:
             "mechanism": f"{mechanism.name}: {len(mechanism.bodies)} bodies, {len(mechanism.joints)} joints",
             "independent": freedoms if len(freedoms) < LINE else f"{len(mechanism.independent)} coordinates",
             "motion": f"{'integrated' if self.simulated else 'given'}, {len(t)} times from {t[0]:g} to {t[-1]:g} s",
-            "acting": ", ".join([*([] if g is None else [f"gravity {np.asarray(g).tolist()} m/s^2"]), *said]),
+            "acting": ", ".join([*([] if g is None else [f"gravity {np.asarray(g).tolist()} m/s^2"]), *counts]),
             "engines": ", ".join(self.engines),
             "quantities": wanted if len(wanted) < LINE else f"{len(self.quantities)}, see scene.quantities",
             "models": ", ".join(f"{engine}: {file.name}" for engine, file in self.models.items()),
@@ -133,10 +134,10 @@ class Scene:
 
     @property
     def changed(self) -> bool:
-        """Whether its mechanism is another one than its description says by now."""
+        """Whether the description has changed since the mechanism was read."""
         try:
             return not same_content(self.mechanism, load_mechanism(self.mechanism_file))
-        except ScrewgaugeError:  # the file has gone, or says nothing that can be read
+        except ScrewgaugeError:  # the file has gone, or cannot be read
             return True
 
     def at(self, times: Sequence[float] | Array) -> Scene:
@@ -194,12 +195,12 @@ class Scene:
         return Problem(self.acting_on(engine), self.task, frozenset(wanted), self.rule, self.wording())
 
     def acting_on(self, engine: str) -> Applied:
-        """What acts on the model of an engine: an MJCF of the user's own keeps the gravity that it says.
+        """Forces on the model of an engine: a user's MJCF keeps its gravity.
 
         That, too, is judged. A URDF and a description say none.
         """
-        own = self.models.get(engine)
-        return self.applied if own is None or own.suffix != ".xml" else replace(self.applied, gravity=None)
+        file = self.models.get(engine)
+        return self.applied if file is None or file.suffix != ".xml" else replace(self.applied, gravity=None)
 
     def wording(self) -> Wording:
         """The text of motion, gravity and loads; None for what was replaced by other doubles since it was read."""
@@ -209,8 +210,8 @@ class Scene:
         same_gravity = self.applied.gravity is not None and np.array_equal(
             vector(gravity, "gravity"), self.applied.gravity
         )
-        said = [read_load(self.mechanism, table, "loads") for table in loads]
-        same_loads = [load.numbers() for load in said] == [load.numbers() for load in self.applied.loads]
+        stated = [read_load(self.mechanism, table, "loads") for table in loads]
+        same_loads = [load.numbers() for load in stated] == [load.numbers() for load in self.applied.loads]
         return Wording(
             motion=motion if self._moves_as(motion) else None,
             gravity=gravity if same_gravity else None,
@@ -218,11 +219,11 @@ class Scene:
         )
 
     def _moves_as(self, table: dict[str, Any]) -> bool:
-        """Whether the scene moves as the table says; never so for samples, whose doubles are what is meant."""
+        """Whether the scene moves as in the table; False for samples, whose doubles are what is meant."""
         if "csv" in table:
             return False
-        said, motion = read_drive(table, list(self.mechanism.independent), Path(), "motion")[0](self.t), self.motion
-        pairs = ((motion.y, said.y), (motion.yd, said.yd), (motion.ydd, said.ydd))
+        stated, motion = read_drive(table, list(self.mechanism.independent), Path(), "motion")[0](self.t), self.motion
+        pairs = ((motion.y, stated.y), (motion.yd, stated.yd), (motion.ydd, stated.ydd))
         return all(np.array_equal(a, b) for a, b in pairs)
 
     def tolerance(self, quantity: str) -> float:

@@ -1,4 +1,4 @@
-"""What is checked of a simulated scene before any engine runs: home, start, stiffness."""
+"""Checks of a simulated scene before any engine runs: home, start, stiffness. Given motions: `preflight`."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def eigenvalues(lay: Layout, applied: Applied, start: Array, yd: Array, t: float
 
 
 def stiffness(lay: Layout, applied: Applied, task: InitialValue) -> complex:
-    """The fastest eigenvalue at the start [1/s]; 0 where poses beside the start do not exist."""
+    """The fastest eigenvalue at the start [1/s]; 0 where poses next to the start do not exist."""
     try:
         fastest = complex(max(eigenvalues(lay, applied, task.start, task.rates, task.since), key=abs))
     except ScrewgaugeError:

@@ -1,4 +1,4 @@
-"""What was computed once, on disk: looked up by what it was made of, and taken only if this user's program wrote it.
+"""Cache on disk of results and machine code: keyed by their inputs, used only if this user's program wrote them.
 
 Each file bears a code (HMAC) over its key, the version that wrote it and its content, made with a secret that lies
 beside it. So a file that was edited, or put in the place of another one, is not used but made anew, and machine code is
@@ -72,7 +72,7 @@ def code_version(*folders: Path, extra: str = "") -> str:
 
 
 def read(key: str, version: str) -> tuple[Arrays | None, str]:
-    """What is kept under a key, and a sentence: what is wrong with the file, or nothing.
+    """The arrays kept under a key, and a sentence: what is wrong with the file, or nothing.
 
     Args:
         key: Hash of all that it was made of.
@@ -89,12 +89,12 @@ def read(key: str, version: str) -> tuple[Arrays | None, str]:
     if data is None:
         return None, ""
     head, _, payload = data.partition(b"\n")
-    magic, said, code = (*head.split(b" ", 2), b"", b"")[:3]
+    magic, written_by, code = (*head.split(b" ", 2), b"", b"")[:3]
     if magic != _MAGIC:
         return None, STALE if magic.startswith(_FAMILY) else DAMAGED
-    if said != version.encode():
+    if written_by != version.encode():
         return None, STALE
-    if not hmac.compare_digest(code, _code(secret, key, said, payload)):
+    if not hmac.compare_digest(code, _code(secret, key, written_by, payload)):
         return None, DAMAGED
     try:
         with np.load(io.BytesIO(payload), allow_pickle=False) as stored:
@@ -107,11 +107,11 @@ def write(key: str, version: str, arrays: Arrays) -> str:
     """Keeps a result; a sentence if that fails, which is no reason to lose it."""
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
-    payload, said = buffer.getvalue(), version.encode()
+    payload, writer = buffer.getvalue(), version.encode()
     try:
         folder().mkdir(mode=0o700, parents=True, exist_ok=True)
         with _opened() as place:
-            head = b" ".join([_MAGIC, said, _code(_secret(place), key, said, payload)])
+            head = b" ".join([_MAGIC, writer, _code(_secret(place), key, writer, payload)])
             _put(place, key, head + b"\n" + payload)
     except OSError as error:
         return f"the cache cannot be written ({_reason(error)})"
@@ -140,15 +140,15 @@ def _opened() -> Iterator[int]:
         os.close(place)
 
 
-def _check_own(found: os.stat_result, what: str) -> None:
-    if found.st_uid != os.geteuid():
+def _check_own(status: os.stat_result, what: str) -> None:
+    if status.st_uid != os.geteuid():
         raise _UnsafeError(f"the {what} belongs to another user")
-    if found.st_mode & _CHANGEABLE:
+    if status.st_mode & _CHANGEABLE:
         raise _UnsafeError(f"others can write the {what}; chmod go-w makes it yours alone")
 
 
 def _content(place: int, name: str) -> bytes | None:
-    """What a file of the folder holds; None if there is none.
+    """Content of a file of the folder; None if there is none.
 
     Raises:
         OSError: It is no regular file of this user's own, or a link to one.
@@ -158,30 +158,30 @@ def _content(place: int, name: str) -> bytes | None:
     except FileNotFoundError:
         return None
     with open(file, "rb") as stream:
-        found = os.fstat(file)
+        status = os.fstat(file)
         # the secret has two names for a moment while it is made
-        if not stat.S_ISREG(found.st_mode) or found.st_size > MOST or (found.st_nlink > 1 and name != SECRET):
+        if not stat.S_ISREG(status.st_mode) or status.st_size > MOST or (status.st_nlink > 1 and name != SECRET):
             raise _UnsafeError("the file is a link, too large or no regular file")
-        _check_own(found, "file")
-        if name == SECRET and found.st_mode & _OTHERS:
+        _check_own(status, "file")
+        if name == SECRET and status.st_mode & _OTHERS:
             raise _UnsafeError("others can read the secret")
         return stream.read(MOST)
 
 
 def _secret(place: int) -> bytes:
-    """The secret of the folder, made when it is first asked for; one that is no secret any more is replaced."""
+    """The secret of the folder, made when it is first needed; one that others can read is replaced."""
     for replace in (False, True):
         try:
-            found = _content(place, SECRET)
+            secret = _content(place, SECRET)
         except OSError:
-            found = b""
-        if found is not None and len(found) == LENGTH:
-            return found
-        _put(place, SECRET, secrets.token_bytes(LENGTH), replace=replace or found is not None)
-    found = _content(place, SECRET)
-    if found is None or len(found) != LENGTH:
+            secret = b""
+        if secret is not None and len(secret) == LENGTH:
+            return secret
+        _put(place, SECRET, secrets.token_bytes(LENGTH), replace=replace or secret is not None)
+    secret = _content(place, SECRET)
+    if secret is None or len(secret) != LENGTH:
         raise _UnsafeError("there can be no secret")
-    return found
+    return secret
 
 
 def _put(place: int, name: str, data: bytes, *, replace: bool = True) -> None:

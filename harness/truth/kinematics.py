@@ -39,18 +39,18 @@ def independent_rows(J: Array, n: int) -> list[int]:
     """
     if len(J) == n:
         return list(range(n))
-    left = J.copy()
+    rest = J.copy()
     chosen: list[int] = []
     order = list(range(len(J)))[::-1]
     for _ in range(n):
-        size = np.linalg.norm(left, axis=1)
+        size = np.linalg.norm(rest, axis=1)
         size[chosen] = -1.0
         best = max(order, key=lambda i: size[i] * (1.0 + 1e-9 * i))
         if size[best] < 1e-9:
             raise _singular()
         chosen.append(best)
-        unit = left[best] / size[best]
-        left = left - np.outer(left @ unit, unit)
+        unit = rest[best] / size[best]
+        rest = rest - np.outer(rest @ unit, unit)
     return sorted(chosen)
 
 
@@ -189,9 +189,9 @@ def state(certifier: Certifier, y: Sequence[Jet], start: Sequence[float]) -> Sta
     partial = _solve(J, arb_mat([*([[0] * k] * (n - k)), *unit]))
     q1 = (partial * arb_mat([[x[1]] for x in y])).entries()
     q: list[Jet] = [[a, b, arb(0)] for a, b in zip(q0, q1, strict=True)]
-    left = [e for G in linkage.close(q, linkage.place(q)) for e in error(G[2])]
-    left += [*(tie.error(q)[2] for tie in linkage.ties), *(-x[2] for x in y)]
-    q2 = _solve(J, arb_mat([[-left[i]] for i in rows])).entries()
+    remainder = [e for G in linkage.close(q, linkage.place(q)) for e in error(G[2])]
+    remainder += [*(tie.error(q)[2] for tie in linkage.ties), *(-x[2] for x in y)]
+    q2 = _solve(J, arb_mat([[-remainder[i]] for i in rows])).entries()
     q = [[a, b, c] for a, b, c in zip(q0, q1, q2, strict=True)]
     return State(q, partial, linkage.place(q))
 

@@ -60,9 +60,9 @@ class Tie:
 
     def error(self, q: Sequence[Jet]) -> Jet:
         """Series of ``q_i - p(q_j)``."""
-        own = q[self.column]
-        value = self._value([arb(0) for _ in own] if self.of is None else q[self.of])
-        return [a - b for a, b in zip(own, value, strict=True)]
+        x = q[self.column]
+        value = self._value([arb(0) for _ in x] if self.of is None else q[self.of])
+        return [a - b for a, b in zip(x, value, strict=True)]
 
     def shares(self, q: Sequence[arb]) -> list[tuple[int, arb]]:
         """Derivative of the error: columns and what it is there, 1 and -p'."""
@@ -105,12 +105,12 @@ def directions(steps: Sequence[tuple[bool, Vector, arb_mat]], start: arb_mat) ->
         steps: Of each freedom whether it turns, its axis in the joint frame, and its matrix (4, 4).
         start: The joint frame on the parent, in the world. Shape (4, 4).
     """
-    found = []
+    axes = []
     for turns, axis, matrix in steps:
         rows = start.tolist()
-        found.append((turns, [dot(row[:3], axis) for row in rows[:3]]))
+        axes.append((turns, [dot(row[:3], axis) for row in rows[:3]]))
         start = start * matrix
-    return found
+    return axes
 
 
 #: Those of a frame, exactly.
@@ -309,7 +309,8 @@ def _frames(kind: str, table: Mapping[str, Any], rounded: bool) -> Frames:
     parts = table.get("parent_frame", {}), table.get("child_frame", {}), table.get("axes", XYZ)
     parent, child, axes = (widened(part) for part in parts) if rounded else parts
     turns = [unit_vector(axis) for axis in axes]
-    slides = AXES if kind == "F" else [way for _, way in split(turns[0])[:2]] if kind == "E" else []
+    count = KINDS[kind].count(False)  # a single slide is along the axis
+    slides = AXES if count == 3 else [way for _, way in split(turns[0])[:2]] if count == 2 else []
     return Frames(placement(parent), placement(child), [*slides, *turns])
 
 

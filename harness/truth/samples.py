@@ -46,8 +46,8 @@ class Sampler:
             redundant: Loops and routes have to agree beyond what the solution needs; else the rows chosen count alone.
         """
         self.linkage, self.depth, self.clock, self.redundant = linkage, depth, clock, redundant
-        self.certifier, self.bits, said = Certifier(linkage), ctx.prec, problem.wording.motion
-        self.terms = None if said is None else read_terms(said, list(linkage.mechanism.independent))
+        self.certifier, self.bits, motion = Certifier(linkage), ctx.prec, problem.wording.motion
+        self.terms = None if motion is None else read_terms(motion, list(linkage.mechanism.independent))
         self.ruled = ruled(problem)
         self.axial = problem.rule == "spherical_axial"
         if problem.applied.gravity is None:
@@ -138,7 +138,7 @@ def _doubles(load: Load, body: int) -> BallLoad:
 
 
 def _said(table: Mapping[str, Any], index: Mapping[str, int]) -> BallLoad:
-    """A load as its text says: what a body exerts on the environment comes back with the other sign."""
+    """A load from its text: what a body exerts on the environment acts on it with the other sign."""
     body, sign = (table["on"], 1) if table["by"] == "environment" else (table["by"], -1)
     at: Any = table.get("point", "com")
 
@@ -187,7 +187,7 @@ def _narrow(balls: Sequence[arb]) -> bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """What is computed and cached: midpoints and radii by quantity (n_row, m), reasons of samples without any.
+    """Computed and cached samples: midpoints and radii by quantity (n_row, m), reasons of samples without any.
 
     Attributes:
         rounded: Long decimals of the geometry were read as rounded.
@@ -240,16 +240,16 @@ class Table:
         return bool(len(self.reasons) == lost.sum() < len(y) and all(there) and all(known) and same)
 
 
-def enclosures(found: list[Balls | None], rounded: bool) -> tuple[dict[str, Array], dict[str, Array]]:
+def enclosures(samples: list[Balls | None], rounded: bool) -> tuple[dict[str, Array], dict[str, Array]]:
     """Midpoints rounded to doubles, and upper bounds of the radii; NaN where there is nothing.
 
     A ball that holds zero is centred there, what vanishes by symmetry being zero and not 1e-58; if decimals were
     rounded, it may be as wide as a number that does not vanish.
     """
-    first = next(one for one in found if one is not None)
-    mid = {name: np.full((len(found), len(balls)), np.nan) for name, balls in first.items()}
+    first = next(one for one in samples if one is not None)
+    mid = {name: np.full((len(samples), len(balls)), np.nan) for name, balls in first.items()}
     radius = {name: array.copy() for name, array in mid.items()}
-    for i, one in enumerate(found):
+    for i, one in enumerate(samples):
         for name, balls in (one or {}).items():
             centred = [not rounded and ball.contains(0) for ball in balls]
             mid[name][i] = [0.0 if zero else float(b.mid()) for b, zero in zip(balls, centred, strict=True)]

@@ -25,7 +25,7 @@ CHANGE, MARGIN = 0.5, 0.8
 STEP, FARTHEST = 1.0, 2.0
 #: Share of the distance at which another solution could lie by which Newton's method may correct a prediction.
 NEAR = 0.2
-#: ``|J^-1|`` above which rounding of the residual turns J by an eighth: branches that meet cannot be told apart.
+#: ``|J^-1|`` above which rounding of the residual turns J by an eighth: branches that meet cannot be separated.
 FLOOR = 6e6
 #: Step of the central differences of the Jacobian.
 DIFFERENCE = 5e-6
@@ -230,25 +230,25 @@ class Anchors:
 
     def distances(self, y: Array, a: Indices) -> Array:
         """The same of many samples, which may be several points each. Shapes (n, ..., k), (n,) -> (n, ...)."""
-        found = np.empty(y.shape[:-1])
+        squared = np.empty(y.shape[:-1])
         for rows, i in _groups(a):
             way = self.away(y[rows], self.table["y"][i])
-            found[rows] = ((way @ self.table["W"][i]) * way).sum(-1)
-        return np.sqrt(found)
+            squared[rows] = ((way @ self.table["W"][i]) * way).sum(-1)
+        return np.sqrt(squared)
 
     def predict(self, y: Array, a: Indices) -> Array:
         """Unknowns to first order, whole turns of y left out. Shapes (n, k), (n,) -> (n, n_z)."""
-        found = np.empty((len(y), len(self.angles)))
+        z = np.empty((len(y), len(self.angles)))
         for rows, i in _groups(a):
-            found[rows] = self.table["z"][i] + self.away(y[rows], self.table["y"][i]) @ self.table["K"][i].T
-        return found
+            z[rows] = self.table["z"][i] + self.away(y[rows], self.table["y"][i]) @ self.table["K"][i].T
+        return z
 
     def corrections(self, z: Array, a: Indices) -> Array:
         """Size of corrections of unknowns over the distance of other solutions, infinite beyond 1. (n, n_z) -> (n,)."""
-        found = np.empty(len(z))
+        norm = np.empty(len(z))
         for rows, i in _groups(a):
-            found[rows] = np.linalg.norm(z[rows] @ self[i].weight.T, axis=1)
-        return np.where(np.abs(z).max(axis=1, initial=0.0) < 1.0, found, np.inf)
+            norm[rows] = np.linalg.norm(z[rows] @ self[i].weight.T, axis=1)
+        return np.where(np.abs(z).max(axis=1, initial=0.0) < 1.0, norm, np.inf)
 
     def alike(self, a: int, b: int) -> bool:
         """Whether two anchors whose balls meet lie on one branch: their predictions agree half-way."""
@@ -265,23 +265,23 @@ class Anchors:
     # looking up
 
     def cover(self, y: Array, sheet: int) -> tuple[Indices, Flags]:
-        """Of a sheet the nearest anchors, and whether y lies in their balls. Shape (n, k) -> (n,), (n,).
+        """The nearest anchors of a sheet, and whether y lies in their balls. Shape (n, k) -> (n,), (n,).
 
         Where it does not lie in that of the nearest, the best of the nearest eight is taken.
         """
         look = self.lookups.get(sheet)
         if look is None or look.count != len(self):
             look = self.lookups[sheet] = _Lookup(self, sheet)
-        found = look.nearest(y, 1)[:, 0]
-        inside = self.distances(y, found) <= 1.0
+        nearest = look.nearest(y, 1)[:, 0]
+        inside = self.distances(y, nearest) <= 1.0
         outside = np.flatnonzero(~inside)
         if outside.size and len(look.rows) > 1:
             some = look.nearest(y[outside], min(8, len(look.rows)))
             far = self.distance(y[outside][:, None], some)
             best = np.argmin(far, axis=1)
             pick = np.arange(len(outside)), best
-            found[outside], inside[outside] = some[pick], far[pick] <= 1.0
-        return found, inside
+            nearest[outside], inside[outside] = some[pick], far[pick] <= 1.0
+        return nearest, inside
 
 
 def _groups(a: Indices) -> Iterator[tuple[Indices, int]]:
@@ -315,10 +315,10 @@ class _Lookup:
 
     def nearest(self, y: Array, m: int) -> Indices:
         """Anchors nearest to each y. Shape (n, k) -> (n, m)."""
-        found = np.empty((len(y), m), dtype=np.intp)
+        places = np.empty((len(y), m), dtype=np.intp)
         some = max(1, BLOCK // len(self.rows))
         for first in range(0, len(y), some):
             far = self.squares - 2.0 * self._points(y[first : first + some]) @ self.points.T
             pick = np.argmin(far, axis=1)[:, None] if m == 1 else np.argpartition(far, m - 1, axis=1)[:, :m]
-            found[first : first + some] = pick
-        return np.asarray(self.rows[found])
+            places[first : first + some] = pick
+        return np.asarray(self.rows[places])

@@ -142,14 +142,18 @@ class AssemblyMode:
             q = np.tile(self.lay.mechanism.home, (len(y), 1))
             q[:, self.columns] = y
             return Guess(self.system, y, None, lambda: q)
-        found = None if self.strict else closed_form(self.lay, y, NUMPY, self.system.fixed)
-        return None if found is None else Guess(self.system, y, None, lambda: read(self.lay, found.q, near=False))
+        coordinates = None if self.strict else closed_form(self.lay, y, NUMPY, self.system.fixed)
+        return (
+            None
+            if coordinates is None
+            else Guess(self.system, y, None, lambda: read(self.lay, coordinates.q, near=False))
+        )
 
     def _visited(self, z: Array) -> Array:
         """All joint coordinates of the anchors along a way, which goes on from the last one. Shape (v, n_q)."""
-        found = self._followed(z, self.near)
-        self.near = found[-1]
-        return found
+        q = self._followed(z, self.near)
+        self.near = q[-1]
+        return q
 
     def _followed(self, z: Array, near: Array) -> Array:
         q = self.system.tree(z, np.tile(near, (len(z), 1)))
@@ -186,7 +190,7 @@ class AssemblyMode:
 
 
 STEP, SMALLEST = 0.1, 1e-5  # of the independent coordinates [rad or lengths of the mechanism]
-#: How far the closed pose may lie from its prediction, over the way predicted. Another branch lies farther.
+#: Largest distance of the closed pose from its prediction, over the way predicted. Another branch lies farther.
 BEND = 0.3
 #: Steps that a short way may take; where more are needed, the way ends at a pose that it cannot pass.
 MOST = 40
@@ -286,5 +290,5 @@ def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None) -> Ar
 
 def closed_form_positions(lay: Layout, y: Array, fixed: Collection[int] | None = None) -> Array | None:
     """Joint coordinates in closed form, if there is one, see `equations.closed_form`. Shape (n, k) -> (n, n_q)."""
-    found = closed_form(lay, y, NUMPY, fixed)
-    return None if found is None else read(lay, found.q, near=False)
+    coordinates = closed_form(lay, y, NUMPY, fixed)
+    return None if coordinates is None else read(lay, coordinates.q, near=False)

@@ -32,7 +32,7 @@ from screwgauge.reference.rotations import TURN, Array
 
 #: Samples that are made anchors where predictions are bad.
 SOME = 8
-#: What is farther away [rad or lengths of the mechanism] is not reached by following a path.
+#: Samples farther away [rad or lengths of the mechanism] are not reached by following a path.
 LONGEST = 1e3
 #: Samples looked at together, at first and at most.
 WINDOW, WIDEST = 32, 8192
@@ -44,7 +44,7 @@ REMEDY = "shorten the motion or check the geometry"
 
 
 def no_further(y: Array) -> str:
-    """That a motion cannot be followed beyond independent coordinates `y`, shape (k,)."""
+    """Message: a motion cannot be followed beyond independent coordinates `y`, shape (k,)."""
     return f"the loops cannot close beyond y = {np.array2string(y, precision=6)}, or the pose there is singular"
 
 
@@ -54,7 +54,7 @@ class PathEnd(ClosureError):
     Attributes:
         z, y: The last pose reached: unknowns, shape (n_z,), and independent coordinates, shape (k,). No dimension.
         t: Time of the sample that cannot be reached [s].
-        singular: Whether that pose is singular; otherwise the way is too long.
+        singular: Whether that pose is singular; if not, the way is too long.
         beyond: Whether the loops close beyond it, too.
     """
 
@@ -82,7 +82,7 @@ class Followed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicted:
-    """What samples are predicted from.
+    """Predictions of samples, with the anchors that they come from.
 
     Attributes:
         t: Times [s], or numbers of samples in any order. Shape (n,).
@@ -133,9 +133,9 @@ class Continuation(Walk):
         i, window, begin = 0, WINDOW, len(self.visits) - 1
         while i < len(y):
             first, stop, known = i, min(i + window, len(y)), len(self.anchors)
-            found, inside, linked = self._linked(curves[first:stop], miss[first:stop])
+            covering, inside, linked = self._linked(curves[first:stop], miss[first:stop])
             for gap in (*(first + np.flatnonzero(~linked)).tolist(), stop):
-                anchor[i:gap], visit[i:gap] = self._pass(found[i - first : gap - first])
+                anchor[i:gap], visit[i:gap] = self._pass(covering[i - first : gap - first])
                 i = gap
                 if i == stop:
                     break
@@ -143,20 +143,20 @@ class Continuation(Walk):
                 self._go(Curve(curves[i], ends, drive if moving[i] else None), moving=bool(moving[i]))
                 anchor[i], visit[i], self.begun = self.at, len(self.visits) - 1, True
                 i += 1
-                next_one = int(found[gap - first])
+                next_one = int(covering[gap - first])
                 if len(self.anchors) > known or not (inside[gap - first] and self._hop(next_one)):
-                    break  # what was looked up says nothing about the samples that follow
+                    break  # the anchors looked up do not hold for the samples that follow
             window = min(2 * window, WIDEST) if i == stop else max(window // 2, WINDOW)
         self.last = [t[-1], y[-1], *(x[-1] for x in rates or ())]
         return self._predicted(y, t, anchor, visit - begin, begin)
 
-    def _pass(self, found: Indices) -> tuple[Indices, Indices]:
+    def _pass(self, covering: Indices) -> tuple[Indices, Indices]:
         """Passes samples that are linked. Anchors, shape (n,) -> the same, and which visit each is."""
-        changed = np.flatnonzero(np.diff(found, prepend=self.at))
-        visit = len(self.visits) - 1 + np.searchsorted(changed, np.arange(len(found)), side="right")
-        self.visits += found[changed].tolist()
-        self.at, self.begun = int(self.visits[-1]), self.begun or len(found) > 0
-        return found, visit
+        changed = np.flatnonzero(np.diff(covering, prepend=self.at))
+        visit = len(self.visits) - 1 + np.searchsorted(changed, np.arange(len(covering)), side="right")
+        self.visits += covering[changed].tolist()
+        self.at, self.begun = int(self.visits[-1]), self.begun or len(covering) > 0
+        return covering, visit
 
     def _hop(self, a: int) -> bool:
         """Goes to an anchor whose ball holds the sample that has been reached, if it is of the same branch."""
@@ -205,19 +205,19 @@ class Continuation(Walk):
         anchor is of the same branch, and the curve from there, or each half of it, lies in one ball. Shape (n, 6, k).
         """
         anchors, y = self.anchors, curves[:, -1]
-        found, inside = anchors.cover(y, int(anchors.table["sheet"][self.at]))
-        before = np.concatenate([[self.at], found[:-1]])
+        covering, inside = anchors.cover(y, int(anchors.table["sheet"][self.at]))
+        before = np.concatenate([[self.at], covering[:-1]])
         within = self._within(curves, miss, before)
-        other = np.flatnonzero(~within & (found != before))
-        within[other] = self._within(curves[other], miss[other], found[other])
-        other = np.flatnonzero(~within & (found != before))
+        other = np.flatnonzero(~within & (covering != before))
+        within[other] = self._within(curves[other], miss[other], covering[other])
+        other = np.flatnonzero(~within & (covering != before))
         left, right = HALVES[:, None] @ curves[other]
         within[other] = self._within(left, miss[other], before[other])
-        within[other] &= self._within(right, miss[other], found[other])
+        within[other] &= self._within(right, miss[other], covering[other])
         good = inside & within
-        for i in np.flatnonzero(good & (found != before)).tolist():
-            good[i] = anchors.alike(int(before[i]), int(found[i]))
-        return found, inside, good
+        for i in np.flatnonzero(good & (covering != before)).tolist():
+            good[i] = anchors.alike(int(before[i]), int(covering[i]))
+        return covering, inside, good
 
     def _within(self, curves: Array, miss: Array, a: Indices) -> Flags:
         """Whether curves lie in the balls of anchors. Shapes (n, 6, k), (n, k), (n,) -> (n,)."""
@@ -271,11 +271,11 @@ class Continuation(Walk):
         return False
 
     def _end(self, curve: Curve, t: float, *, singular: bool) -> PathEnd:
-        """That a way along a curve ends here, and whether the loops close beyond."""
-        here, (begin, end) = self.anchors[self.at], curve.t
+        """The error that a way along a curve ends here; it states whether the loops close beyond."""
+        anchor, (begin, end) = self.anchors[self.at], curve.t
         done = (self.piece.t[1] - begin) / (end - begin) if self.piece is not None and end > begin else 1.0
         beyond = self._beyond(curve.at(min(1.0, done + LEAP)))
-        return PathEnd(here.z, here.y, self.size, t, singular=singular, beyond=beyond is not None)
+        return PathEnd(anchor.z, anchor.y, self.size, t, singular=singular, beyond=beyond is not None)
 
     def follow(
         self, y: Array, t: Array, rates: tuple[Array, Array] | None = None, drive: Drive | None = None
@@ -293,14 +293,14 @@ class Continuation(Walk):
         if prediction.ordered and len(y) > DENSE and 2 * len(rows := knots(y, EVERY, SPREAD)) <= len(y):
             z, J, *_ = newton(self.evaluate, start[rows], y[rows])
             start = predicted(y, rows, z, velocity_map(J, y.shape[1]))
-        found = list(newton(self.evaluate, start, y))
-        z, _, error = found[:3]
+        solution = list(newton(self.evaluate, start, y))
+        z, _, error = solution[:3]
         far = self.anchors.corrections(z - prediction.z, prediction.anchor)
         for i in np.flatnonzero(~((error < OPEN) & (far <= NEAR))).tolist():
             exact = self._exact_pose(i, y, prediction)
-            for array, value in zip(found, newton(self.evaluate, exact[None], y[i : i + 1]), strict=True):
+            for array, value in zip(solution, newton(self.evaluate, exact[None], y[i : i + 1]), strict=True):
                 array[i] = value[0]
-        z, J, error, *more = found
+        z, J, error, *more = solution
         return Followed(z, J, error, tuple(more))
 
     def refine(self, y: Array, prediction: Predicted) -> Predicted:
@@ -314,8 +314,8 @@ class Continuation(Walk):
             self._exact_pose(i, y, prediction)
         for sheet in np.unique(self.anchors.table["sheet"][anchor]).tolist():
             rows = np.flatnonzero(self.anchors.table["sheet"][anchor] == sheet)
-            found, inside = self.anchors.cover(y[rows], sheet)
-            anchor[rows] = np.where(inside, found, anchor[rows])
+            covering, inside = self.anchors.cover(y[rows], sheet)
+            anchor[rows] = np.where(inside, covering, anchor[rows])
         z = self.anchors.predict(y, anchor)
         z += TURN * np.where(self.anchors.angles, np.rint((prediction.z - z) / TURN), 0.0)
         return replace(prediction, z=z, anchor=anchor)

@@ -21,7 +21,7 @@ from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.joint_types import JointPose
 from screwgauge.reference.equations.kinematics import Pose, coordinates, pose, tree_pose
 from screwgauge.reference.equations.ops import NUMPY
-from screwgauge.reference.equations.rounding import chart_condition
+from screwgauge.reference.equations.rounding import chart_conditions
 from screwgauge.reference.equations.screws import dot, transpose
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.graph import Layout
@@ -50,14 +50,14 @@ def read(lay: Layout, guess: Array, *, near: bool = True) -> Array:
 
 def _values(at: JointPose, guess: Array, *, near: bool) -> Array:
     """Coordinates of one joint. Shape (n, f) -> (n, f)."""
-    found, turns = guess.copy(), np.array(KINDS[at.joint.kind])
+    q, turns = guess.copy(), np.array(KINDS[at.joint.kind])
     if turns.any():
         few = at.joint.angles < 3
         angles = triad_angles(transpose(at.R_parent) @ at.R_child, triad(at.joint.axes), few=few)[..., : turns.sum()]
-        found[:, turns] = nearest_angles(angles, guess[:, turns])[0] if near else angles
+        q[:, turns] = nearest_angles(angles, guess[:, turns])[0] if near else angles
     if not turns.all():
-        found[:, ~turns] = np.stack([dot(e, at.p_child - at.p_parent) for e in at.slides], axis=1)
-    return found
+        q[:, ~turns] = np.stack([dot(e, at.p_child - at.p_parent) for e in at.slides], axis=1)
+    return q
 
 
 def follow_cut_joints(lay: Layout, q: Array, near: Array) -> Array:
@@ -110,7 +110,7 @@ class LoopEquations:
 
     @cached_property
     def names(self) -> list[str]:
-        """Of the rows of cut joints, their constraint wrenches."""
+        """Names of the rows of cut joints, those of their constraint wrenches."""
         ends, cuts = self.loops.ends, self.loops.cuts
         owners = [joint.name for joint, i, j in zip(cuts, ends, ends[1:], strict=False) for _ in range(i, j)]
         return [f"{owner}.{label}" for owner, (label, _) in zip(owners, self.loops.names, strict=True)]
@@ -130,9 +130,7 @@ class LoopEquations:
 
     def chart_conditions(self, q: Array) -> Array:
         """Condition number of the angles of each cut joint. Shape (n, n_q) -> (n, n_cut)."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            found = [chart_condition(cut) + np.zeros(len(q)) for cut in self.closed(q).cuts]
-        return np.stack(found, axis=1) if found else np.zeros((len(q), 0))
+        return chart_conditions(self.closed(q))
 
     def evaluate(self, z: Array, y: Array) -> tuple[Array, ...]:
         """Residuals, those of the couplings too, and their Jacobian, without dimension: an `Evaluation` for Newton.
@@ -150,8 +148,8 @@ class LoopEquations:
         q[:, self.unknown] = z * self.size[self.unknown]
         at = self.closed(q)
         full = np.asarray(at.system.A)
-        found = at.residual(given) / self.loops.unit, full[..., : self.loops.moving]
-        return (*found, full) if self.fixed else found
+        equations = at.residual(given) / self.loops.unit, full[..., : self.loops.moving]
+        return (*equations, full) if self.fixed else equations
 
     def tree(self, z: Array, guess: Array) -> Array:
         """Joint coordinates, those of cut joints being guessed."""
@@ -170,7 +168,7 @@ class LoopEquations:
         return pose(self.lay, self.coordinates(z, guess))
 
     def coordinates(self, z: Array, guess: Array) -> Array:
-        """Of that pose all joint coordinates. Shape (n, n_q)."""
+        """All joint coordinates of that pose. Shape (n, n_q)."""
         return read(self.lay, self.tree(z, guess))
 
     def correct(self, q: Array, y: Array) -> tuple[Array, Array] | None:
@@ -210,9 +208,9 @@ def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:
     return equations
 
 
-#: How far a pose of the trial walk lies from home [rad or lengths of the mechanism], and how many there are.
+#: Distance of trial poses from home [rad or lengths of the mechanism], and their number.
 AWAY, TRIALS = 0.15, 4
-#: Far above what rounding makes of a coordinate that stands still; who is found by mistake costs time only.
+#: Far above what rounding makes of a coordinate that stands still; a false candidate costs time only.
 STILL = 1e-7
 #: Trial poses above this condition number say nothing: rounding moves coordinates that stand still.
 CLEAR = 1e4
@@ -271,11 +269,11 @@ def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
         y = home[columns] + AWAY * np.cos(1.0 + 2.3 * i + 1.7 * (1 + i) * k)
         try:
             path.restart(begun=True)  # straight on or not at all: ways round singular poses take seconds
-            found = path.follow(y[None], np.zeros(1))
+            pose = path.follow(y[None], np.zeros(1))
         except ClosureError:
             continue
-        if linear.condition(found.matrix)[0] < CLEAR:
-            closed.append((found.z[0], y, found.matrix[0]))
+        if linear.condition(pose.matrix)[0] < CLEAR:
+            closed.append((pose.z[0], y, pose.matrix[0]))
     if len(closed) < TRIALS // 2:
         return None
     z, y, matrix = (np.stack(parts) for parts in zip(*closed, strict=True))

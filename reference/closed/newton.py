@@ -17,7 +17,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array
 
 #: Evaluates poses: (q (n, n_q), y (n, k)) -> closure residuals (n, m), their derivative (n, m, n_q), and what else is
-#: to be known of the poses that are found, (n, ...) each.
+#: to be known of the solutions, (n, ...) each.
 Evaluation = Callable[[Array, Array], tuple[Array, ...]]
 
 # Angles are in rad, distances in lengths of the mechanism wherever these are used.
@@ -134,7 +134,7 @@ def slopes(y: Array) -> Array:
 def interpolated(n: int, rows: Rows, values: Array, rates: Array) -> Array:
     """Numbers at n samples from those at some, see `predicted`, and their derivatives. Shapes (m, d) -> (n, d)."""
     x, c = _differences(rows.astype(float), values, rates)
-    found, some = np.empty((n, values.shape[1])), max(1, CACHED // values.shape[1])
+    result, some = np.empty((n, values.shape[1])), max(1, CACHED // values.shape[1])
     for first in range(0, n, some):
         at = np.arange(first, min(first + some, n))
         i = _interval(at, rows)
@@ -142,8 +142,8 @@ def interpolated(n: int, rows: Rows, values: Array, rates: Array) -> Array:
         for j in reversed(range(x.shape[1] - 1)):
             value *= (at - x[i, j])[:, None]
             value += c[i, j]
-        found[at] = value
-    return found
+        result[at] = value
+    return result
 
 
 def _interval(at: Rows, rows: Rows) -> Rows:

@@ -1,7 +1,7 @@
-"""The region around home in which samples in any order are reached, by anchors that spread from there.
+"""Closed poses for samples in any order: a region around home, covered by anchors that spread from there.
 
-What is not reached, or lies under two sheets, is said by sample. No answer depends on what was asked before; which
-samples are not reached may.
+Samples that are not reached, or lie under two sheets, are flagged. No pose depends on earlier calls; which samples are
+not reached may. Motions, whose samples are in order, are followed by `continuation`.
 """
 
 from __future__ import annotations
@@ -34,34 +34,35 @@ class Region(Continuation):
             pose. Shape (n,) each.
         """
         self._look_for_turns(y)
-        found, self.floor = self._spread(y), np.inf
-        return self._of_region(y, np.maximum(found, 0)), found < 0, self._covered_twice(y, found)
+        anchor, self.floor = self._spread(y), np.inf
+        return self._of_region(y, np.maximum(anchor, 0)), anchor < 0, self._covered_twice(y, anchor)
 
     def _spread(self, y: Array) -> Indices:
         """Anchors of home's sheet in whose balls samples lie, after adding those that it takes; -1 for the others."""
         anchors, self.floor = self.anchors, STEEP * self.anchors[0].beta
-        most = len(anchors) + LARGEST  # whatever was asked before
-        found, inside = anchors.cover(y, 0)
-        left = np.flatnonzero(~inside)
-        near, far, tries = found[left], anchors.distance(y[left], found[left]), np.zeros(len(left), dtype=int)
-        while left.size and len(anchors) < most:
+        most = len(anchors) + LARGEST  # independent of earlier calls
+        covering, inside = anchors.cover(y, 0)
+        rows = np.flatnonzero(~inside)
+        near, tries = covering[rows], np.zeros(len(rows), dtype=int)
+        far = anchors.distance(y[rows], near)
+        while rows.size and len(anchors) < most:
             i, first = int(np.argmin(far)), len(anchors)
-            reached = self._try(y[left[i]], int(near[i]), int(tries[i]))
+            reached = self._try(y[rows[i]], int(near[i]), int(tries[i]))
             if reached is not None:
                 near[i], far[i] = reached, 0.0
             else:
                 tries[i], far[i] = tries[i] + 1, max(4.0 * far[i], 1e3)
             home = anchors.sheet_of(0)
             for a in home[home >= first].tolist():
-                distance = anchors.distance(y[left], np.full(len(left), a))
+                distance = anchors.distance(y[rows], np.full(len(rows), a))
                 closer = distance < far
                 near[closer], far[closer] = a, distance[closer]
-            found[left] = near
+            covering[rows] = near
             rest = (far > 1.0) & (tries < PATIENCE)
-            found[left[(far > 1.0) & ~rest]] = -1
-            left, near, far, tries = left[rest], near[rest], far[rest], tries[rest]
-        found[left] = -1
-        return found
+            covering[rows[(far > 1.0) & ~rest]] = -1
+            rows, near, far, tries = rows[rest], near[rest], far[rest], tries[rest]
+        covering[rows] = -1
+        return covering
 
     def _try(self, y: Array, nearest: int, i: int) -> int | None:
         """The anchor of home's sheet that way number i leads to: from the nearest anchor, from home, from others."""
@@ -75,20 +76,20 @@ class Region(Continuation):
         self._keep_straight(first)
         return None if reached is None or self.anchors.table["sheet"][reached] else reached
 
-    def _covered_twice(self, y: Array, found: Indices) -> Flags:
+    def _covered_twice(self, y: Array, anchor: Indices) -> Flags:
         """Which samples that were reached lie in balls of another sheet of the same piece, too. Shape (n,)."""
         anchors, twice = self.anchors, np.zeros(len(y), dtype=bool)
         for sheet in range(1, anchors.sheets):
             if anchors.sheet_of(sheet).size:
                 other, inside = anchors.cover(y, sheet)
-                for i in np.flatnonzero(inside & (found >= 0)).tolist():
-                    twice[i] |= not anchors.alike(int(found[i]), int(other[i]))
+                for i in np.flatnonzero(inside & (anchor >= 0)).tolist():
+                    twice[i] |= not anchors.alike(int(anchor[i]), int(other[i]))
         return twice
 
     def _keep_straight(self, first: int) -> None:
         """Leaves on home's sheet, of the anchors from a number on, those to which the straight way from home leads.
 
-        Round a cusp two ways lead to two poses: which one is meant must not depend on what was asked before.
+        Round a cusp two ways lead to two poses: which one is meant must not depend on earlier calls.
         """
         anchors = self.anchors
         for a in [a for a in range(first, len(anchors)) if not anchors.table["sheet"][a]]:

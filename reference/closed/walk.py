@@ -28,7 +28,7 @@ NEWTON, CLOSE = 8, 1e-6
 #: Share of a ball by which a motion may differ from the curve through its samples.
 MISS = 0.1
 #: Share of a way by which a singular pose is passed that is to be left behind, and the share of the largest singular
-#: value below which one says nothing about where it goes on.
+#: value below which one does not show where it goes on.
 LEAP, BLUR = 1e-3, 1e-6
 
 
@@ -108,19 +108,19 @@ class Walk:
 
     def _step(self, target: Array) -> None:
         """Goes to an anchor nearer to a target: an old one of the same branch, or a new one."""
-        anchors, here = self.anchors, self.anchors[self.at]
+        anchors, anchor = self.anchors, self.anchors[self.at]
         if not self.left:
             raise Blocked(singular=False)
         self.left -= 1
-        way = anchors.away(target, here.y)
+        way = anchors.away(target, anchor.y)
         far = float(anchors.distance(target, self.at))
-        goal = here.y + min(1.0, 1.0 / far) * way
+        goal = anchor.y + min(1.0, 1.0 / far) * way
         if (known := self._known(goal, target, float(np.linalg.norm(way)))) is not None:
             self._visit(known)
             return
         share, size = min(1.0, 1.0 / far), float(np.abs(way).max())
         while share * size > SHORTEST * max(1.0, float(np.abs(target).max())):
-            if self._grow(here.y + share * way):
+            if self._grow(anchor.y + share * way):
                 return
             share *= 0.5
             anchors.shrink(self.at)
@@ -131,34 +131,34 @@ class Walk:
         anchors = self.anchors
         kin = anchors.sheet_of(int(anchors.table["sheet"][self.at]))
         kin = kin[(anchors.distance(goal, kin) <= 0.5) & (kin != self.at)]
-        left = np.linalg.norm(anchors.away(target, anchors.table["y"][kin]), axis=1)
-        for i in np.argsort(left)[:2]:
-            if left[i] < length * (1.0 - 1e-9) and anchors.alike(self.at, int(kin[i])):
+        remaining = np.linalg.norm(anchors.away(target, anchors.table["y"][kin]), axis=1)
+        for i in np.argsort(remaining)[:2]:
+            if remaining[i] < length * (1.0 - 1e-9) and anchors.alike(self.at, int(kin[i])):
                 return int(kin[i])
         return None
 
     def _grow(self, goal: Array) -> bool:
         """Makes an anchor of the pose at y within the ball of this one, and goes there; whether it may be one."""
-        here = self.anchors[self.at]
-        start = here.z + here.K @ (goal - here.y)
-        both = np.stack([start, 0.5 * (start + here.z)]), np.stack([goal, 0.5 * (goal + here.y)])
+        base = self.anchors[self.at]
+        start = base.z + base.K @ (goal - base.y)
+        both = np.stack([start, 0.5 * (start + base.z)]), np.stack([goal, 0.5 * (goal + base.y)])
         begun = self.evaluate(*both)
-        ahead, half = here.change(self._full(begun[1], begun[2:]))
+        ahead, half = base.change(self._full(begun[1], begun[2:]))
         if not (at_most(ahead, CHANGE) and at_most(half - 0.5 * ahead, 0.5 * CHANGE)):
             return False
-        anchor = self._measured(start, goal, begun[0][0], begun[1][0], here.faint)
+        anchor = self._measured(start, goal, begun[0][0], begun[1][0], base.faint)
         if anchor is None or not self.anchors.corrections((anchor.z - start)[None], np.array([self.at]))[0] <= NEAR:
             return False
-        if not at_most(here.change((anchor.U * anchor.s) @ anchor.Vt), CHANGE):
+        if not at_most(base.change((anchor.U * anchor.s) @ anchor.Vt), CHANGE):
             return False
-        # so near to a singular pose none that leads away from it can be told from one on the branch that crosses there
-        if anchor.beta > self.floor or 2.0 * anchor.beta < here.faint:
+        # so near to a singular pose one that leads away from it looks like one on the branch that crosses there
+        if anchor.beta > self.floor or 2.0 * anchor.beta < base.faint:
             raise Blocked(singular=True)
         sheet = int(self.anchors.table["sheet"][self.at])
-        found = self.anchors.add(anchor, sheet)
-        self.parent[found] = self.at
-        self._sort(found, sheet)
-        self._visit(found)
+        number = self.anchors.add(anchor, sheet)
+        self.parent[number] = self.at
+        self._sort(number, sheet)
+        self._visit(number)
         return True
 
     def _measured(self, z: Array, y: Array, residual: Array, J: Array, faint: float = 0.0) -> Anchor | None:
@@ -183,7 +183,7 @@ class Walk:
         return None
 
     def _sort(self, new: int, sheet: int) -> None:
-        """Puts a new anchor on another sheet where one of its own lies over the same y in another pose."""
+        """Puts a new anchor on another sheet where one of its sheet lies over the same y in another pose."""
         anchors, y = self.anchors, self.anchors[new].y
         for candidate in dict.fromkeys([sheet, *range(anchors.sheets + 1)]):
             rows = anchors.sheet_of(candidate)
@@ -226,18 +226,18 @@ class Walk:
 
     def _beyond(self, y: Array) -> Anchor | None:
         """An anchor a little beyond a singular pose, predicted by what is regular there, if the loops close."""
-        here, k = self.anchors[self.at], len(y)
-        _, J, *_ = self.evaluate(here.z[None], here.y[None])
-        start = here.z + np.linalg.pinv(J[0], rcond=BLUR)[:, -k:] @ (y - here.y)
+        anchor, k = self.anchors[self.at], len(y)
+        _, J, *_ = self.evaluate(anchor.z[None], anchor.y[None])
+        start = anchor.z + np.linalg.pinv(J[0], rcond=BLUR)[:, -k:] @ (y - anchor.y)
         z, J, error, *_ = newton(self.evaluate, start[None], y[None])
         closes = error[0] < OPEN and np.abs(z[0] - start).max() < 1.0
         return self._measured(z[0], y, np.zeros(len(J[0])), J[0]) if closes else None
 
     def _leap(self, way: Array, target: Array) -> bool:
         """Lands a little beyond a singular pose; whether the loops close there."""
-        here = self.anchors[self.at]
-        last = np.linalg.norm(target - here.y) <= LEAP * np.linalg.norm(way)
-        y = target if last else here.y + LEAP * way
+        anchor = self.anchors[self.at]
+        last = np.linalg.norm(target - anchor.y) <= LEAP * np.linalg.norm(way)
+        y = target if last else anchor.y + LEAP * way
         if (beyond := self._beyond(y)) is None:
             return False
         landed = self.anchors.add(beyond, self.anchors.sheets)
@@ -303,15 +303,15 @@ class Walk:
 
     @property
     def windings(self) -> Array:
-        """Whole turns of the unknowns in one of each coordinate that leads back home. Shape (k, n_z)."""
-        found = np.zeros((len(self.turns), len(self.anchors.angles)))
+        """Whole turns of the unknowns per turn of each coordinate that leads back home. Shape (k, n_z)."""
+        turns = np.zeros((len(self.turns), len(self.anchors.angles)))
         for i, path in self.loops.items():
-            found[i] = np.rint((path[-1] - path[0]) / TURN) * self.anchors.angles
-        return found
+            turns[i] = np.rint((path[-1] - path[0]) / TURN) * self.anchors.angles
+        return turns
 
 
 def at_most(A: Array, limit: float) -> bool:
-    """Whether a matrix is finite and its norm within a limit; the Frobenius norm, which is larger, often says so."""
+    """Whether a matrix is finite and its norm within a limit; the larger Frobenius norm often suffices."""
     if not np.isfinite(A).all():
         return False
     return bool(np.linalg.norm(A) <= limit or np.linalg.norm(A, 2) <= limit)

@@ -1,4 +1,4 @@
-"""Loads, springs, dampers and motors: what they exert, and what of it is stored or lost."""
+"""Wrenches, power and stored energy of loads, springs, dampers and motors; the data themselves are in `applied`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Exerted(NamedTuple):
-    """What acts besides inertia, gravity and constraints.
+    """Forces besides inertia, gravity and constraints.
 
     Attributes:
         wrenches: On each body. Shape (..., b, 6).
@@ -29,7 +29,7 @@ class Exerted(NamedTuple):
 
 
 def exerted(at: Dynamics) -> Exerted:
-    """What loads, springs, dampers and motors exert, and forces that are given, see `Dynamics.given_forces`."""
+    """Forces of loads, springs, dampers and motors, and given ones, see `Dynamics.given_forces`."""
     W, along = zeros(at.q, len(at.mechanism.body_index), 6), zeros(at.q, at.q.shape[-1])
     coordinates = at.mechanism.coordinates
     for load in at.applied.loads:
@@ -80,7 +80,7 @@ def spring_length(at: Dynamics, spring: Spring) -> Any:
 
 
 def stretch(at: Dynamics, spring: Spring) -> Any:
-    """By how much a spring is longer than at rest, ``q - q0`` or ``l - l0`` [rad or m]. Shape (...)."""
+    """Elongation of a spring, ``q - q0`` or ``l - l0`` [rad or m]. Shape (...)."""
     return spring_length(at, spring) - spring.rest
 
 
@@ -100,12 +100,12 @@ def tension(at: Dynamics, spring: Spring) -> Any:
 
 def motor_force(at: Dynamics, motor: Motor) -> Any:
     """Force of a motor at its time: a polynomial and harmonics."""
-    found: Any = 0.0
+    total: Any = 0.0
     for coefficient in motor.polynomial[::-1].tolist():
-        found = found * at.t + coefficient
+        total = total * at.t + coefficient
     for omega, c, s in motor.harmonics.tolist():
-        found = found + c * at.ops.cos(omega * at.t) + s * at.ops.sin(omega * at.t)
-    return found
+        total = total + c * at.ops.cos(omega * at.t) + s * at.ops.sin(omega * at.t)
+    return total
 
 
 def check_applied(mechanism: Mechanism, applied: Applied) -> None:

@@ -32,17 +32,17 @@ def closed_form(lay: Layout, y: Array, ops: Ops, fixed: Collection[int] | None =
     Returns:
         Those of cut joints are as at home.
     """
-    found = _legs(lay)
-    if found is None:
+    legs = _legs(lay)
+    if legs is None:
         return None
-    if fixed is not None and not {*lay.columns[found[0].name]} - {*lay.mechanism.independent_columns} <= {*fixed}:
+    if fixed is not None and not {*lay.columns[legs[0].name]} - {*lay.mechanism.independent_columns} <= {*fixed}:
         return None
-    at_home = _coordinates(lay, *found, lay.mechanism.home[lay.mechanism.independent_columns], NUMPY)
+    at_home = _coordinates(lay, *legs, lay.mechanism.home[lay.mechanism.independent_columns], NUMPY)
     tree = lay.tree_columns
     close = max(HOME, 64 * float(np.finfo(lay.path.dtype).eps))  # single precision has no 1e-8
     if not np.abs(at_home.q - lay.mechanism.home)[tree].max() < close:
         return None
-    return _coordinates(lay, *found, y, ops)
+    return _coordinates(lay, *legs, y, ops)
 
 
 def _legs(lay: Layout) -> tuple[Joint, list[list[Joint]]] | None:

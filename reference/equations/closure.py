@@ -80,7 +80,7 @@ class CutJoint:
 
     @cached_property
     def D(self) -> Array:
-        """What reads its rates and drives its freedoms. Shape (..., f, 6)."""
+        """Wrenches dual to its freedoms: they read its rates and drive it. Shape (..., f, 6)."""
         return dual_wrenches(self.at, self.S)
 
     def rates(self, V: Array) -> Array:
@@ -88,7 +88,7 @@ class CutJoint:
         return np.asarray(power(self.D, (V[..., self.child, :] - V[..., self.parent, :])[..., None, :]))
 
     def _relative(self, V: Array, A: Array, bracket: Bracket | None = None) -> Array:
-        """Acceleration screw of child less parent but for brackets of its own screws, eq. (44). Shape (..., 6)."""
+        """Acceleration screw of child less parent without brackets of the joint's screws, eq. (44). Shape (..., 6)."""
         before, after = V[..., self.parent, :], V[..., self.child, :]
         between = bracket(before, after - before) if bracket else lie_bracket(before, after)  # that of equals is zero
         return np.asarray(A[..., self.child, :] - A[..., self.parent, :] - between)
@@ -99,10 +99,10 @@ class CutJoint:
         Args:
             V, A: Of all bodies. Shape (..., b, 6).
         """
-        found = np.asarray(power(self.W, self._relative(V, A)[..., None, :]))
+        bias = np.asarray(power(self.W, self._relative(V, A)[..., None, :]))
         if self.at.type.own is not None:
-            found[..., -1] = found[..., -1] - self.at.type.own(self.at, self.rates(V))
-        return found
+            bias[..., -1] = bias[..., -1] - self.at.type.own(self.at, self.rates(V))
+        return bias
 
     def accelerations(self, V: Array, A: Array, bracket: Bracket | None = None) -> Array:
         """Second derivatives of its coordinates. Shape (..., f).
@@ -186,16 +186,16 @@ class Closed:
     def blocks(self) -> list[Block]:
         """The matrix M: eq. (15) of each loop by reciprocal products, eq. (8), slopes of couplings, selection of y."""
         loops, one = self.loops, np.ones((1, 1), dtype=self.loops.lay.path.dtype)
-        found: list[Block] = [
+        blocks: list[Block] = [
             (slice(loops.ends[j], loops.ends[j + 1]), *self.rates_around(j, cut.W)) for j, cut in enumerate(self.cuts)
         ]
         for row, (i, of, slope) in enumerate(loops.couplings.derivatives(self.q, 1), loops.ends[-1]):
-            found.append((slice(row, row + 1), [loops.place[i]], one))
+            blocks.append((slice(row, row + 1), [loops.place[i]], one))
             if of is not None:
-                found.append((slice(row, row + 1), [loops.place[of]], -np.asarray(slope)[..., None, None]))
+                blocks.append((slice(row, row + 1), [loops.place[of]], -np.asarray(slope)[..., None, None]))
         for row, column in enumerate(loops.y_columns, loops.given.start):
-            found.append((slice(row, row + 1), *self.reading(column)))
-        return found
+            blocks.append((slice(row, row + 1), *self.reading(column)))
+        return blocks
 
     @cached_property
     def system(self) -> Any:
@@ -204,11 +204,11 @@ class Closed:
         return self.ops.system(self.blocks, loops.unit, loops.size, loops.moving, self.q.shape[:-1])
 
     def residual(self, y: Array) -> Array:
-        """By how much cut joints, couplings and given coordinates are off. Shape (..., m) [m or rad]."""
-        found = [closure_residual(cut.at) for cut in self.cuts]
-        found += [np.asarray(self.q[..., i] - p)[..., None] for i, _, p in self.loops.couplings.derivatives(self.q, 0)]
-        found += [np.asarray(self._off(column, y[..., k]))[..., None] for k, column in enumerate(self.loops.y_columns)]
-        return join(*found)
+        """Residuals of cut joints, couplings and given coordinates. Shape (..., m) [m or rad]."""
+        rows = [closure_residual(cut.at) for cut in self.cuts]
+        rows += [np.asarray(self.q[..., i] - p)[..., None] for i, _, p in self.loops.couplings.derivatives(self.q, 0)]
+        rows += [np.asarray(self._off(column, y[..., k]))[..., None] for k, column in enumerate(self.loops.y_columns)]
+        return join(*rows)
 
     def _off(self, column: int, y: Any) -> Any:
         """A coordinate less its given value."""
@@ -227,9 +227,9 @@ class Closed:
 
     def spread(self, x: Array) -> Array:
         """Unknowns that move, among all coordinates. Shape (..., moving) -> (..., n_q)."""
-        found = np.zeros(x.shape[:-1] + self.q.shape[-1:], dtype=x.dtype)
-        found[..., self.loops.columns[: self.loops.moving]] = x
-        return found
+        full = np.zeros(x.shape[:-1] + self.q.shape[-1:], dtype=x.dtype)
+        full[..., self.loops.columns[: self.loops.moving]] = x
+        return full
 
     def solve(self, given: Array, above: Array | None = None) -> Array:
         """Coordinates of the tree from the right side of M: zero, or `above`, over that of y. Shape (..., n_q)."""
@@ -266,7 +266,7 @@ class Closed:
 
 
 class Motion(Closed):
-    """Velocities and accelerations at a closed pose; each is worked out when it is first asked for.
+    """Velocities and accelerations at a closed pose; each is computed on first access.
 
     Attributes:
         yd: Rates of the independent coordinates. Shape (..., k).
@@ -348,13 +348,13 @@ class Motion(Closed):
         return self._with_cuts(self.q, self._cut_position)
 
     def _cut_position(self, cut: CutJoint) -> Array:
-        found = list[Any]()
+        q = list[Any]()
         for column, (x, cosine) in zip(self.loops.lay.columns[cut.at.joint.name], cut.values, strict=True):
             angle = self.near.get(column, 0.0)
             s, c = self.ops.sin(angle), self.ops.cos(angle)
             turns = cosine is not None
-            found.append(angle + self.ops.atan2(x * c - cosine * s, cosine * c + x * s) if turns else x)
-        return np.stack(np.broadcast_arrays(*found), axis=-1)
+            q.append(angle + self.ops.atan2(x * c - cosine * s, cosine * c + x * s) if turns else x)
+        return np.stack(np.broadcast_arrays(*q), axis=-1)
 
     @cached_property
     def joint_velocity(self) -> Array:
@@ -388,9 +388,9 @@ class Motion(Closed):
         c = self.mechanism.coordinates.index(coordinate)
         return (self.joint_velocity if c in self.loops.owner else self.w)[..., c]
 
-    def _with_cuts(self, tree: Array, own: Any) -> Array:
+    def _with_cuts(self, tree: Array, of_cut: Any) -> Array:
         """Numbers of all coordinates from those of the tree, and of each cut joint from its own two bodies."""
-        found = tree + 0.0
+        joined = tree + 0.0
         for cut in self.cuts:
-            found[..., self.loops.lay.columns[cut.at.joint.name]] = own(cut)
-        return found
+            joined[..., self.loops.lay.columns[cut.at.joint.name]] = of_cut(cut)
+        return joined

@@ -1,7 +1,7 @@
 """Forces of a closed mechanism in motion (section 5 of the paper): Newton-Euler, virtual power, all reactions.
 
 Corrected against the paper: gravity as ``m (a - g)``, lever arms from the centre of mass to the point of action, the
-moment of the U-joint's wrist and ``(O - P) x F_S`` are in, and the sign of the load says who exerts it.
+moment of the U-joint's wrist and ``(O - P) x F_S`` included, and the load with the sign of what acts on the platform.
 """
 
 from __future__ import annotations
@@ -76,9 +76,9 @@ class Dynamics(Motion):
         F = mechanism.masses[:, None] * (acceleration_at(V, A, self.com) - g)
         w, beta = (times(transpose(R), X[..., :3]) for X in (V, A))  # in the axes of the body, eq. (52)
         T = times(R, times(J, beta) + gyroscopic(J, w))
-        found = zeros(F[..., 0], F.shape[-2] + 1, 6)
-        found[..., 1:, :] = force(F, self.com) + couple(T)
-        return found
+        wrench = zeros(F[..., 0], F.shape[-2] + 1, 6)
+        wrench[..., 1:, :] = force(F, self.com) + couple(T)
+        return wrench
 
     @cached_property
     def required(self) -> Array:
@@ -87,17 +87,17 @@ class Dynamics(Motion):
 
     @cached_property
     def exerted(self) -> Exerted:
-        """What loads, springs, dampers and motors exert."""
+        """Wrenches and joint forces of loads, springs, dampers and motors."""
         return exerted(self)
 
     def along_tree(self, along: Array) -> Array:
         """Forces along the tree that have the power of forces along all joints. Shape (..., n_q) -> (..., n)."""
-        found = along[..., self.loops.columns]
+        tau = along[..., self.loops.columns]
         for column in self.loops.owner:
             if not absent(along[..., column]):
                 places, row = self.reading(column)
-                found[..., places] = found[..., places] + scale(along[..., column], row[..., 0, :])
-        return found
+                tau[..., places] = tau[..., places] + scale(along[..., column], row[..., 0, :])
+        return tau
 
     def demand(self, need: Array) -> Array:
         """Forces along the tree that actuators and constraints have to make up. Shape (..., n).
@@ -114,12 +114,12 @@ class Dynamics(Motion):
         return self.demand(self.required)
 
     def virtual_power(self, tau: Array) -> Array:
-        """What forces along the tree do along y, ``K^T tau``: good next to constraint singularities, too. (..., k)."""
+        """Forces along the tree projected on y, ``K^T tau``: good next to constraint singularities, too. (..., k)."""
         return times(self.K[..., self.loops.columns], tau)
 
     @cached_property
     def generalized_force(self) -> Array:
-        """What actuators must deliver along each independent coordinate, unique whatever the preload. (..., k)."""
+        """Generalized force of the actuators along each independent coordinate; preload does not matter. (..., k)."""
         return self.virtual_power(self.tau)
 
     # actuators
@@ -127,17 +127,17 @@ class Dynamics(Motion):
     @cached_property
     def B(self) -> Array:
         """Rates of the actuated coordinates per rate of each independent one. Shape (..., n_act, k)."""
-        K, found = self.K[..., self.loops.columns], list[Array]()
+        K, rows = self.K[..., self.loops.columns], list[Array]()
         for column in self.mechanism.actuated_columns:
             places, row = self.reading(column)
-            found.append(times(K[..., places], row[..., 0, :]))
-        if not found:
+            rows.append(times(K[..., places], row[..., 0, :]))
+        if not rows:
             return zeros(self.q, 0, len(self.loops.y_columns))
-        return np.stack(np.broadcast_arrays(*found), axis=-2)
+        return np.stack(np.broadcast_arrays(*rows), axis=-2)
 
     @cached_property
     def drive(self) -> System:
-        """What solves for the actuator forces: ``B^T`` over the rule of eq. (56), or the smaller of its squares."""
+        """Matrix of the actuator forces: ``B^T`` over the rule of eq. (56), or the smaller of its squares."""
         BT = transpose(self.B)
         if self.line is not None:
             return self.ops.square(stack(BT, self.line[0]))
@@ -176,9 +176,9 @@ class Dynamics(Motion):
     def _across_line(self, name: str, direction: Array) -> tuple[Array, Array]:
         n, child = len(self.mechanism.actuators), self.mechanism.joint(name).child
         across = across_direction(self.pose.R[..., self.mechanism.body_index[child], :, :], direction)
-        own = [reaction_names(self.mechanism.joints, ())[0].index(f"{name}.f{axis}") for axis in "xyz"]
+        columns = [reaction_names(self.mechanism.joints, ())[0].index(f"{name}.f{axis}") for axis in "xyz"]
         without, *unit = (
-            times(across, self.reactions(f, idle=f.any())[..., own]) for f in (np.zeros(n), *np.eye(n, dtype=float))
+            times(across, self.reactions(f, idle=f.any())[..., columns]) for f in (np.zeros(n), *np.eye(n, dtype=float))
         )
         return np.stack(unit, axis=-1), -without
 
@@ -207,24 +207,24 @@ class Dynamics(Motion):
         x = self.system.solve_transposed(tau)
         if null := self._redundant:
             N = np.stack(np.broadcast_arrays(*(scaled for _, scaled in null)), axis=-2)
-            own = times(N, self.components(self.transmitted(x, need, along), x) / self._arms)
-            share = self.ops.square(N @ transpose(N)).solve(own)
+            preload = times(N, self.components(self.transmitted(x, need, along), x) / self._arms)
+            share = self.ops.square(N @ transpose(N)).solve(preload)
             x = x - sum(scale(share[..., i], row) for i, (row, _) in enumerate(null))
         return self.transmitted(x, need, along), x
 
     @cached_property
     def imbalance(self) -> Array:
-        """What reactions and actuator forces leave along the coordinates of the tree. Shape (..., n)."""
+        """Residual of the balance along the coordinates of the tree. Shape (..., n)."""
         wrenches, x = self.constraint_forces(self.actuator_force)
-        left = self.exerted.along + self.along_joints(self.actuator_force)
+        residual = self.exerted.along + self.along_joints(self.actuator_force)
         for row, (i, of, slope) in enumerate(self.loops.couplings.derivatives(self.q, 1), self.loops.ends[-1]):
-            left[..., i] = left[..., i] + x[..., row]
+            residual[..., i] = residual[..., i] + x[..., row]
             if of is not None:
-                left[..., of] = left[..., of] - slope * x[..., row]
+                residual[..., of] = residual[..., of] - slope * x[..., row]
         for edge in self.loops.lay.edges:
             for c in self.loops.lay.columns[edge.joint.name]:
-                left[..., c] = left[..., c] - power(wrenches[edge.joint.name], self.pose.S[..., c, :])
-        return left[..., self.loops.columns]
+                residual[..., c] = residual[..., c] - power(wrenches[edge.joint.name], self.pose.S[..., c, :])
+        return residual[..., self.loops.columns]
 
     @cached_property
     def _arms(self) -> Array:
@@ -247,26 +247,26 @@ class Dynamics(Motion):
             x: Forces along the rows of M. Shape (..., m).
             need, along: Wrenches that bodies need, and forces along all coordinates. Shapes (..., b, 6), (..., n_q).
         """
-        loops, total, found = self.loops, need + 0.0 * x[..., :1, None], dict[str, Array]()
+        loops, total, wrenches = self.loops, need + 0.0 * x[..., :1, None], dict[str, Array]()
         for j, cut in enumerate(self.cuts):
             W = times(transpose(cut.W), x[..., loops.ends[j] : loops.ends[j + 1]])
-            own = loops.lay.columns[cut.at.joint.name]
-            if not absent(along[..., own]):
-                W = W + times(transpose(cut.D), along[..., own])
+            columns = loops.lay.columns[cut.at.joint.name]
+            if not absent(along[..., columns]):
+                W = W + times(transpose(cut.D), along[..., columns])
             total[..., cut.child, :] = total[..., cut.child, :] - W
             total[..., cut.parent, :] = total[..., cut.parent, :] + W
-            found[cut.at.joint.name] = W
-        return found | transmitted(loops.lay, total)
+            wrenches[cut.at.joint.name] = W
+        return wrenches | transmitted(loops.lay, total)
 
     def components(self, wrenches: Mapping[str, Array], x: Array) -> Array:
         """Reaction components: powers on the twists that joints forbid, and forces of couplings. Shape (..., r)."""
-        found = [
+        parts = [
             x[..., self._rows_of[joint.name]]
             if joint.name in self._rows_of
             else powers(wrenches[joint.name][..., None, :], forbidden_twists(self.pose.joint(joint)))[..., 0, :]
             for joint in by_role(self.mechanism.joints)
         ]
-        return join(*found, x[..., self.loops.ends[-1] : self.loops.given.start])
+        return join(*parts, x[..., self.loops.ends[-1] : self.loops.given.start])
 
     @cached_property
     def _rows_of(self) -> dict[str, slice]:

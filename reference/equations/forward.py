@@ -24,7 +24,7 @@ from screwgauge.reference.rotations import across_direction
 
 
 class Forward(Dynamics):
-    """Motion that follows from the forces at a closed pose; `Dynamics` of the accelerations found."""
+    """Motion that follows from the forces at a closed pose; `Dynamics` of the resulting accelerations."""
 
     @cached_property
     def partial_motion(self) -> tuple[Array, Array]:
@@ -75,7 +75,7 @@ class Forward(Dynamics):
 
     @cached_property
     def inertia_gain(self) -> Any:
-        """By how much M amplifies, ones on its diagonal; of one coordinate over all mass at the full length. (...)."""
+        """Condition of M with ones on its diagonal; of one coordinate over all mass at the full length. (...)."""
         if self.K.shape[-2] == 1:
             size = self.loops.sizes[self.loops.y_columns[0]]
             return self.mechanism.mass * (self.loops.length / size) ** 2 / self.inertia_matrix[..., 0, 0]
@@ -91,7 +91,7 @@ class Forward(Dynamics):
 
     @property
     def potential_energy(self) -> Any:
-        """What is stored in gravity and springs [J]. Shape (...)."""
+        """Potential energy of gravity and springs [J]. Shape (...)."""
         total = -(self.mechanism.masses * dot(self.com, self.applied.g)).sum(-1)
         for spring in self.applied.springs:
             length = stretch(self, spring)
@@ -122,21 +122,21 @@ class Forward(Dynamics):
 def balances(com: Array, W: Array) -> Array:
     """Wrenches on bodies as in eqs. (53)-(55), moments about their centres of mass. (..., b, 6) -> (..., 6 b - 6)."""
     W = W[..., 1:, :]
-    found = join(W[..., :3], W[..., 3:] - cross(com, W[..., :3]))
-    return found.reshape(*found.shape[:-2], 6 * found.shape[-2])
+    moved = join(W[..., :3], W[..., 3:] - cross(com, W[..., :3]))
+    return moved.reshape(*moved.shape[:-2], 6 * moved.shape[-2])
 
 
 def on_bodies(at: TreePose, joint: Joint, W: Array) -> Array:
-    """What wrenches of a joint on its child exert on all bodies. Shape (..., m, 6) -> (..., m, b, 6)."""
+    """Wrenches of a joint on its child, as wrenches on all bodies. Shape (..., m, 6) -> (..., m, b, 6)."""
     index = at.lay.mechanism.body_index
-    found = np.zeros((*W.shape[:-1], len(index), 6), dtype=W.dtype)
-    found[..., index[joint.child], :] += W
-    found[..., index[joint.parent], :] -= W
-    return found
+    total = np.zeros((*W.shape[:-1], len(index), 6), dtype=W.dtype)
+    total[..., index[joint.child], :] += W
+    total[..., index[joint.parent], :] -= W
+    return total
 
 
 def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
-    """What unit forces along some joint coordinates exert on all bodies: no power on the joint's others, eq. (8).
+    """Unit forces along some joint coordinates as wrenches on all bodies: no power on the joint's others, eq. (8).
 
     Args:
         S: Unit screws of all joints. Shape (n, n_q, 6).
@@ -144,16 +144,16 @@ def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
     Returns:
         Zero for the other coordinates. Shape (n, n_q, b, 6).
     """
-    found = np.zeros((*S.shape[:-1], len(at.lay.mechanism.body_index), 6), dtype=S.dtype)
+    total = np.zeros((*S.shape[:-1], len(at.lay.mechanism.body_index), 6), dtype=S.dtype)
     for joint in at.lay.mechanism.joints:
-        own = at.lay.columns[joint.name]
-        if {*own} & {*columns}:
-            found[..., own, :, :] = on_bodies(at, joint, dual_wrenches(at.joint(joint), S[..., own, :]))
-    return found
+        of_joint = at.lay.columns[joint.name]
+        if {*of_joint} & {*columns}:
+            total[..., of_joint, :, :] = on_bodies(at, joint, dual_wrenches(at.joint(joint), S[..., of_joint, :]))
+    return total
 
 
 def exerted_wrenches(at: Dynamics) -> Array:
-    """What all that is applied exerts on the bodies, along joints, too. Shape (n, b, 6)."""
+    """Wrenches of all applied forces on the bodies, those along joints included. Shape (n, b, 6)."""
     driven = np.flatnonzero(at.exerted.along.any(axis=0)).tolist()
     along = np.einsum("ni,nibx->nbx", at.exerted.along, joint_wrenches(at.pose, at.screws, driven))
     return np.asarray(at.exerted.wrenches + along)
@@ -253,7 +253,7 @@ class NewtonEuler:
 
     @property
     def need(self) -> Array:
-        """What joints and actuators must exert on the bodies for the motion, see `balances`. Shape (n, 6 (b - 1))."""
+        """Wrenches that joints and actuators must exert on the bodies, see `balances`. Shape (n, 6 (b - 1))."""
         return balances(self.at.com, self.at.required - exerted_wrenches(self.at))
 
     def response(self) -> tuple[Array, Array]:

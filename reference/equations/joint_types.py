@@ -34,7 +34,7 @@ from screwgauge.reference.mechanism import KINDS, Frame, Joint, by_role
 from screwgauge.reference.rotations import across, triad
 
 Value = tuple[Any, Any]
-"""Of an angle its sine and cosine; of a slide its length and None."""
+"""Sine and cosine of an angle; length of a slide, and None."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,13 +188,13 @@ def _crossed(at: JointPose, w: Array) -> Any:
 
 @dataclass(frozen=True)
 class JointType:
-    """What a kind of joint is.
+    """The mechanics of a kind of joint.
 
     Attributes:
         forces, moments: Directions of its constraint forces and moments.
         open: Small rotation by which it is open along the moments when it is cut.
         angles: Its angles when it is cut.
-        own: Power of brackets of its own screws on its last constraint wrench, from its rates, for eq. (48); they have
+        own: Power of brackets of its screws on its last constraint wrench, from its rates, for eq. (48); they have
             none on the others, and by default none at all.
     """
 
@@ -244,12 +244,12 @@ def forbidden_twists(at: JointPose) -> Array:
 
 
 def closure_residual(at: JointPose) -> Array:
-    """By how much a cut joint is open along each constraint wrench, m and rad; powers are its rates. Shape (..., m)."""
+    """Closure residual of a cut joint along each constraint wrench, m and rad; powers are its rates. Shape (..., m)."""
     kind, shift = at.type, at.p_child - at.p_parent
     for e in at.slides:
         shift = shift - scale(dot(e, shift), e)
-    found = times(kind.forces(at), shift)
-    return found if kind.open is None else join(found, times(kind.moments(at), kind.open(at)))
+    distances = times(kind.forces(at), shift)
+    return distances if kind.open is None else join(distances, times(kind.moments(at), kind.open(at)))
 
 
 def dual_wrenches(at: JointPose, S: Array) -> Array:

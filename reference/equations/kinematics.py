@@ -27,7 +27,7 @@ Bracket = Callable[[Array, Array], Array]
 
 
 Freedoms = Sequence[tuple[bool, Array]]
-"""Of each freedom of a joint, whether it turns, and its axis in the joint's frame."""
+"""For each freedom of a joint: whether it turns, and its axis in the joint's frame."""
 
 
 class Coordinates(NamedTuple):
@@ -98,8 +98,8 @@ class TreePose:
     @cached_property
     def com(self) -> Array:
         """Centres of mass of the moving bodies. Shape (..., b - 1, 3)."""
-        own = np.array([body.com for body in self.lay.mechanism.bodies])
-        return self.p[..., 1:, :] + times(self.R[..., 1:, :, :], own)
+        local = np.array([body.com for body in self.lay.mechanism.bodies])
+        return self.p[..., 1:, :] + times(self.R[..., 1:, :, :], local)
 
     def joint(self, joint: Joint) -> JointPose:
         """The frames of a joint on its two bodies."""
@@ -198,8 +198,8 @@ def bias_screws(at: TreePose, w: Array, V: Array, bracket: Bracket | None = None
     A = zeros(w, V.shape[-2], 6)
     for edge, near, far, columns, sign, _ in walk(at.lay):
         terms = [scale(sign * w[..., c], at.S[..., c, :]) for c in columns]
-        own = joint_bias(V[..., near, :], terms[::-1] if edge.reverse else terms, bracket)
-        A[..., far, :] = A[..., near, :] + own
+        bias = joint_bias(V[..., near, :], terms[::-1] if edge.reverse else terms, bracket)
+        A[..., far, :] = A[..., near, :] + bias
     return A
 
 
@@ -210,11 +210,11 @@ def joint_bias(V: Array, terms: Sequence[Array], bracket: Bracket | None = None)
         V: Twist of the body before it. Shape (..., 6).
         terms: ``S_j w_j`` of its freedoms.
     """
-    found: Any = 0.0
+    bias: Any = 0.0
     for term in terms:
-        found = found + (bracket or lie_bracket)(V, term)
+        bias = bias + (bracket or lie_bracket)(V, term)
         V = V + term
-    return found
+    return bias
 
 
 def transmitted(lay: Layout, wrenches: Array) -> dict[str, Array]:
@@ -226,11 +226,11 @@ def transmitted(lay: Layout, wrenches: Array) -> dict[str, Array]:
     Returns:
         Joint -> shape (..., 6).
     """
-    total, found = wrenches.copy(), dict[str, Array]()
+    total, through = wrenches.copy(), dict[str, Array]()
     for edge, near, far, _, sign, _ in reversed(walk(lay)):
-        found[edge.joint.name] = sign * total[..., far, :]
+        through[edge.joint.name] = sign * total[..., far, :]
         total[..., near, :] = total[..., near, :] + total[..., far, :]
-    return found
+    return through
 
 
 def forces_along(at: TreePose, wrenches: Array) -> Array:

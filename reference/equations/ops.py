@@ -1,4 +1,7 @@
-"""What depends on the kind of number: functions of one number, and how a linear system is solved."""
+"""Number types: elementary functions and linear solves over float arrays and over nodes of a trace.
+
+Nothing but this module depends on the kind of number.
+"""
 
 from __future__ import annotations
 
@@ -158,8 +161,8 @@ class Sparse:
         self.factors, self.moving = Factors(entries, unit.tolist(), size.tolist(), stages), moving
 
     def solve(self, b: Array) -> Array:
-        found = self.factors.solve([*b], self.moving)
-        return _objects(found[i] for i in range(self.moving))
+        x = self.factors.solve([*b], self.moving)
+        return _objects(x[i] for i in range(self.moving))
 
     def solve_transposed(self, tau: Array) -> Array:
         return _objects(self.factors.solve_transposed(dict(enumerate(tau))))

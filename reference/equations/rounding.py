@@ -1,4 +1,4 @@
-"""By how much the equations of a pose amplify rounding, without dimension.
+"""Conditioning: by how much the equations at a pose amplify rounding, without dimension.
 
 A row that closes a loop changes with the coordinates as that loop is long, however long the mechanism is; of the
 mechanism's length is only what the poses of its bodies are rounded to.
@@ -42,8 +42,8 @@ def extent(lay: Layout) -> Extent:
     """Worked out once a layout."""
     if "extent" not in lay.kept:
         lay.kept["extent"] = _extent(lay)
-    found: Extent = lay.kept["extent"]
-    return found
+    kept: Extent = lay.kept["extent"]
+    return kept
 
 
 def _extent(lay: Layout) -> Extent:
@@ -93,6 +93,13 @@ def chart_condition(cut: CutJoint) -> Any:
         return 1.0
     cosine = cut.values[1][1]
     return np.sqrt((1.0 + 2.0 / (cosine * cosine)) / 3.0)
+
+
+def chart_conditions(at: Closed) -> Array:
+    """The same of each cut joint, over floats. Shape (n, n_cut)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        conditions = [chart_condition(cut) + np.zeros(len(at.q)) for cut in at.cuts]
+    return np.stack(conditions, axis=1) if conditions else np.zeros((len(at.q), 0))
 
 
 def chart_gain(at: Closed) -> Any:

@@ -30,7 +30,7 @@ _COSINE = [(-1.0) ** k / math.factorial(2 * k) for k in range(2, 10)]
 
 
 def _arc_coefficients(count: int = 11) -> list[float]:
-    """Of ``(arctan(t) / t - 1) / t^2`` as a polynomial in ``u = t^2`` up to that of pi/8, by interpolation."""
+    """Coefficients of ``(arctan(t) / t - 1) / t^2`` as a polynomial in ``u = t^2``, by interpolation up to pi/8."""
     nodes = (1.0 + np.cos(np.pi * (np.arange(count) + 0.5) / count)) * (0.5 * 1.02 * EIGHTH**2)
     u = nodes.astype(np.longdouble)
     series = sum((np.longdouble((-1.0) ** k) / (2 * k + 1) * u ** (k - 1) for k in range(40, 0, -1)), u * 0)
@@ -114,13 +114,13 @@ class VectorMath:
             function.linkage = "internal"
             function.attributes.add("noinline")
             self.b = ir.IRBuilder(function.append_basic_block())
-            found = emit(*function.args)
-            if isinstance(found, tuple):
+            value = emit(*function.args)
+            if isinstance(value, tuple):
                 both = ir.Constant(result, ir.Undefined)
-                for i, part in enumerate(found):
+                for i, part in enumerate(value):
                     both = self.b.insert_value(both, part, i)
-                found = both
-            self.b.ret(found)
+                value = both
+            self.b.ret(value)
             self.b, self.functions[name] = outer, function
         return self.b.call(self.functions[name], x)
 
@@ -181,7 +181,7 @@ class VectorMath:
 ENTRY = "samples"
 #: Programs of fewer operations hold sines and angles in line; a call costs all registers.
 SMALL = 6000
-#: Lines of the cache that are asked for before they are written to: a line that is not there yet holds up all others.
+#: Cache lines prefetched before they are written to: a line that is not there yet holds up all others.
 AHEAD = 40
 
 
@@ -300,7 +300,7 @@ def machine_code(program: Program) -> bytes:
 
 
 def machine() -> Any:
-    """What compiles for this CPU."""
+    """The target machine: this CPU."""
     llvm, _, width = _host()
     features = llvm.get_host_cpu_features().flatten() + (",-prefer-256-bit" if width == 8 else "")
     target = llvm.Target.from_default_triple()
@@ -330,7 +330,7 @@ class Native:
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
-        """What runs all samples of some arrays, again and again, and says whether none of them is in doubt.
+        """A function that runs all samples of some arrays, and returns whether none of them is in doubt.
 
         Args:
             inputs, outputs: Shapes (m, n) each, in the order of the program; a row's numbers lie side by side.
@@ -350,14 +350,14 @@ class Native:
 
     def _padded(self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None) -> Callable[[], bool]:
         """Fewer samples than a register holds: the last one fills it."""
-        given, found = ([np.empty((len(block), self.width)) for block in blocks] for blocks in (inputs, outputs))
-        inner = self.bind(given, found, weights)
+        given, results = ([np.empty((len(block), self.width)) for block in blocks] for blocks in (inputs, outputs))
+        inner = self.bind(given, results, weights)
 
         def run() -> bool:
             for block, padded in zip(inputs, given, strict=True):
                 padded[:, : block.shape[1]], padded[:, block.shape[1] :] = block, block[:, -1:]
             clear = inner()
-            for block, padded in zip(outputs, found, strict=True):
+            for block, padded in zip(outputs, results, strict=True):
                 block[:] = padded[:, : block.shape[1]]
             return clear
 

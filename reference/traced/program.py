@@ -61,7 +61,7 @@ class Program:
 
 
 def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0, first: Sequence[Scalar] = ()) -> Program:
-    """What these outputs need of their trace; operands come shortly before they are used.
+    """Instructions that these outputs need; operands come shortly before they are used.
 
     Args:
         first: What is computed before all others, in this order.
@@ -220,15 +220,15 @@ class Lanes:
             self.code += [(np.copyto, itemgetter(row, source)) for row in rows]
 
         for value, (op, args) in enumerate(program.code, program.inputs):
-            rows, own = [place(x) for x in args], wanted.pop(value, [])
+            rows, places = [place(x) for x in args], wanted.pop(value, [])
             free += [at[x] for x in {*args} if isinstance(x, int) and last[x] == value and at[x] >= first]
-            if not own and not free:
+            if not places and not free:
                 free, count = [count], count + 1
-            at.append(own[0] if own else free.pop())
+            at.append(places[0] if places else free.pop())
             if op == "mul" and rows[0] == rows[1]:
                 op, rows = "square", rows[:1]
             self.code.append((_FUNCTIONS[op], itemgetter(*rows, at[value])))
-            copy(at[value], own[1:])  # while it is in the cache
+            copy(at[value], places[1:])  # while it is in the cache
         for row, x in enumerate(program.outputs, program.inputs):
             if isinstance(x, float) or x < program.inputs:
                 copy(place(x), [row])
@@ -241,10 +241,10 @@ class Lanes:
         codes, constants = [], [np.array(x) for x in self.constants]
         checks = np.zeros((0, inputs[0].shape[1])) if weights is None else outputs[-1]
         for start in range(0, inputs[0].shape[1], self.chunk):
-            given, found = (
+            given, results = (
                 [row[start : start + self.chunk] for block in x for row in block] for x in (inputs, outputs)
             )
-            rows = [*given, *found, *self.buffers[:, : len(given[0])], *constants]
+            rows = [*given, *results, *self.buffers[:, : len(given[0])], *constants]
             codes.append([(function, pick(rows)) for function, pick in self.code])
 
         def run() -> bool:

@@ -98,8 +98,8 @@ def apply(name: str, *x: Scalar) -> Scalar:
     for value in x:
         if isinstance(value, Node):
             return value.trace.function(name, *x)
-    found = FUNCTIONS[name](*x)
-    return found if np.ndim(found) else float(found)
+    applied = FUNCTIONS[name](*x)
+    return applied if np.ndim(applied) else float(applied)
 
 
 def _ordered(a: Scalar, b: Scalar) -> tuple[Scalar, Scalar]:
@@ -267,14 +267,14 @@ class Factors:
             if column not in self.shares:
                 rows.setdefault(column, []).append(row)
         self.shares |= {column: self._large(some, column) for column, some in rows.items()}
-        best, found = (np.inf, 0.0), None
+        best, pivot = (np.inf, 0.0), None
         for row, column in active:
             share = self.shares[column].get(row)
             if share is not None:
                 rank = ((in_row[row] - 1) * (in_column[column] - 1), -share)
                 if rank < best:
-                    best, found = rank, (row, column)
-        return found or self._where_most(active)
+                    best, pivot = rank, (row, column)
+        return pivot or self._where_most(active)
 
     def _where_most(self, active: Sequence[tuple[int, int]]) -> tuple[int, int]:
         """The entry that is large in its column at most of the samples; the trace is of no use at the others.
@@ -282,18 +282,18 @@ class Factors:
         Raises:
             NotTraceableError: There is none, or the trace has to be of use at all samples.
         """
-        trace, best, found = self.trace, 0, None
+        trace, best, pivot = self.trace, 0, None
         if trace is not None and trace.kept is not None:
             samples = trace.kept
             for column in dict.fromkeys(column for _, column in active):
                 rows = [row for row, c in active if c == column]
                 for row, large in zip(rows, samples & self._shares(rows, column)[1], strict=True):
                     if np.count_nonzero(large) > best:
-                        best, found, trace.kept = int(np.count_nonzero(large)), (row, column), large
-        if found is None:
+                        best, pivot, trace.kept = int(np.count_nonzero(large)), (row, column), large
+        if pivot is None:
             raise NotTraceableError("no pivot keeps its size over the motion", "closed loops", "use backend array")
         self.shares = {}
-        return found
+        return pivot
 
     def _large(self, rows: Sequence[int], column: int) -> dict[int, float]:
         """Row -> least share of the largest entry of a column, of those that are large at every sample."""

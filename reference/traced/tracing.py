@@ -1,4 +1,7 @@
-"""Programs of inverse dynamics: the equations of motion, recorded for some quantities of one mechanism."""
+"""Traced equations of motion as programs: inverse dynamics for chosen quantities, forward dynamics for simulations.
+
+The equations themselves are in the package `equations`; `program` and `native` run the programs.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference.applied import Applied, JointSpring, Load
+from screwgauge.reference.closed.newton import ROUNDING
 from screwgauge.reference.equations.closed_form import closed_form
 from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.dynamics import QUANTITIES, Dynamics
+from screwgauge.reference.equations.forward import Forward as Response
 from screwgauge.reference.equations.kinematics import Coordinates, coordinates
 from screwgauge.reference.equations.ops import NUMPY, TRACE
 from screwgauge.reference.equations.rounding import chart_gain, drive_gain, extent, gain, squares
@@ -73,7 +78,7 @@ class Traced:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wanted:
-    """What a program computes.
+    """The outputs of a program.
 
     Attributes:
         quantities: Names.
@@ -107,15 +112,15 @@ def traced(
     Raises:
         NotTraceableError: The mechanism or the question is beyond this.
     """
-    folds, left, found = [float(x.flat[0]) for x in loops.folds(samples[3])], samples, list[Traced]()
-    while len(left[0]):
-        if len(found) == MOST_ARCS:
+    folds, uncovered, parts = [float(x.flat[0]) for x in loops.folds(samples[3])], samples, list[Traced]()
+    while len(uncovered[0]):
+        if len(parts) == MOST_ARCS:
             raise NotTraceableError("pivots keep their size on short arcs only", "closed loops", "use backend array")
-        one, kept = _traced(loops, applied, wanted, left, further, folds)
-        y, yd, ydd, q = (x[~kept] for x in left)
-        left = y, yd, ydd, q
-        found.append(one)
-    return replace(found[0], arcs=tuple(arc for one in found for arc in one.arcs))
+        one, kept = _traced(loops, applied, wanted, uncovered, further, folds)
+        y, yd, ydd, q = (x[~kept] for x in uncovered)
+        uncovered = y, yd, ydd, q
+        parts.append(one)
+    return replace(parts[0], arcs=tuple(arc for one in parts for arc in one.arcs))
 
 
 def _traced(
@@ -140,11 +145,11 @@ def _traced(
     if wanted.loaded:
         loads = tuple(_given(trace, load, len(samples[0])) for load in applied.loads)
         applied = replace(applied, loads=loads)
-    found = Dynamics(loops, at, yd, ydd, folds, TRACE, applied)
-    found.near, found.t, found.axial = near, t, wanted.axial
-    reached = [at.q[c] for c in guess] + [found.w[c] for c in guess]
-    outputs = {"reached": reached} | quantities(found, wanted)
-    checks = _checks(found, y, guess, outputs)
+    motion = Dynamics(loops, at, yd, ydd, folds, TRACE, applied)
+    motion.near, motion.t, motion.axial = near, t, wanted.axial
+    reached = [at.q[c] for c in guess] + [motion.w[c] for c in guess]
+    outputs = {"reached": reached} | quantities(motion, wanted)
+    checks = _checks(motion, y, guess, outputs)
     more = dict(further({**outputs, **checks}))
     first = more.pop("first", [])
     places, flat = dict[str, slice](), list[Any]()
@@ -204,13 +209,13 @@ def _given(trace: Trace, load: Load, n: int) -> Load:
 
 def quantities(at: Dynamics, wanted: Wanted) -> dict[str, list[Any]]:
     """Quantity -> its numbers, in the order of its components."""
-    found = {}
+    outputs = {}
     for name in wanted.quantities:
         if name in QUANTITIES:
-            found[name] = [*QUANTITIES[name](at)]
+            outputs[name] = [*QUANTITIES[name](at)]
         elif wanted.shares is not None:
-            found[name] = [*at.open_tree_force(wanted.shares)[[*wanted.tree]]]
-    return found
+            outputs[name] = [*at.open_tree_force(wanted.shares)[[*wanted.tree]]]
+    return outputs
 
 
 def _checks(
@@ -234,3 +239,101 @@ def _checks(
         "rush": squares(at.beta[moving], loops.sizes[moving]),
     }
     return {name: [numbers[name]] for name in CHECKS}
+
+
+#: Per-sample diagnostics, without dimension: squares of the last step of Newton's method, of the mean closure residual
+#: after it, and of an estimate of the condition number of the closed loops, what the inertia matrix was divided by,
+#: the square of the mean way to the prediction, and that of the correction over what it may be.
+FORWARD_CHECKS = ("moved", "residual", "condition", "inertia", "far", "strayed")
+#: Steps of Newton's method.
+FORWARD_STEPS = 2
+#: Share of the way predicted by which a pose may miss its prediction, another branch lying farther, and rounding.
+BEND, SLACK = 0.3, 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Forward:
+    """A program and what its numbers mean.
+
+    Attributes:
+        program: Inputs are a closed pose, that is d dependent coordinates, their velocity map row by row and y, then y,
+            yd and time of a state nearby. Outputs: ydd, power of all that stores no energy, the closed pose of the
+            state, and `FORWARD_CHECKS`.
+        dependent: Columns of the dependent coordinates.
+    """
+
+    program: Program
+    dependent: tuple[int, ...]
+
+
+def forward_program(loops: Loops, applied: Applied, q: Array) -> Forward:
+    """Traces forward dynamics.
+
+    Args:
+        applied: What acts.
+        q: Joint coordinates of closed poses where pivots are chosen. Shape (n, n_q).
+
+    Raises:
+        NotTraceableError: The mechanism or what acts on it is beyond this.
+    """
+    if sprung := sprung_cuts(loops, applied):
+        name = loops.lay.mechanism.coordinates[sprung[0]]
+        raise NotTraceableError("a spring acts on an angle of a joint that closes a loop", name, "use backend array")
+    columns, folds, trace = dependent(loops), [float(x.flat[0]) for x in loops.folds(q)], Trace()
+    k, zero = len(loops.y_columns), 0.0 * q[:, 0]
+
+    def inputs(*values: Array) -> Array:
+        return np.array([trace.input(x) for x in values], dtype=object)
+
+    z0, K = inputs(*q[:, columns].T), inputs(*[zero] * (len(columns) * k)).reshape(len(columns), k)
+    y0, y, yd = (inputs(*(factor * q[:, c] + shift for c in loops.y_columns)) for factor, shift in PLACES)
+    t = trace.input(zero)
+    x, way = loops.lay.mechanism.home.astype(object), K @ (y - y0)
+    x[loops.y_columns], x[columns] = y, z0 + way
+    at, moved = _corrected(loops, x, y, folds) if columns else (coordinates(x, TRACE), 0.0)
+    motion = Response(loops, at, yd, None, folds, TRACE, applied)
+    motion.t = t
+    sizes = loops.sizes[columns]
+    far, off = squares(way, sizes), squares(motion.q[columns] - z0 - way, sizes)
+    checks = [moved, _mean(motion, y), _condition(motion), motion.inertia_gain]
+    checks += [far * (1.0 / max(len(columns), 1)), off / (BEND**2 * far + SLACK**2)] if columns else [0.0, 0.0]
+    answer = [*motion.ydd, motion.input_power, *motion.q[columns], *motion.K[..., columns].T.flat, *y]
+    return Forward(program(len(trace.inputs), [*answer, *checks], len(FORWARD_CHECKS)), tuple(columns))
+
+
+#: Factor and shift that make y of the prediction's pose, y and yd from the coordinates at the samples of a trace.
+PLACES = ((1.0, 0.0), (1.0, 0.0), (0.0, 1.0))
+
+
+def _mean(at: Closed, y: Array) -> Any:
+    """Square of the mean closure residual."""
+    return squares(at.residual(y), at.loops.unit) * (1.0 / max(1, at.loops.given.start))
+
+
+def _corrected(loops: Loops, x: Array, y: Array, folds: list[float]) -> tuple[Coordinates, Any]:
+    """Coordinates after steps of Newton's method, and the square of the last one.
+
+    Where only rounding is left a step would move the pose by that, magnified: it fades out there.
+    """
+    step: Any = 0.0 * x
+    for _ in range(FORWARD_STEPS):
+        at = Closed(loops, coordinates(x, TRACE), folds, TRACE)
+        share = TRACE.maximum(0.0, 1.0 - ROUNDING**2 / TRACE.maximum(_mean(at, y), 1e-300))
+        step = share * at.newton_step(y)
+        x = x + step
+    return coordinates(x, TRACE), squares(step, loops.sizes)
+
+
+def _condition(at: Closed) -> Any:
+    """Square of an estimate of the condition number of the closed loops."""
+    loops = at.loops
+    if not at.cuts and not len(loops.couplings):
+        return 1.0
+    total: Any = 0.0
+    for rows, columns, block in at.blocks:
+        moving = [i for i, c in enumerate(columns) if c < loops.moving]
+        scale = loops.size[[columns[i] for i in moving]] / loops.unit[rows, None]
+        entries = block[:, moving] * scale
+        total = total + (entries * entries).sum()
+    inverse = at.system.response(loops.unit) / loops.size[: loops.moving] ** 2
+    return total * inverse.sum()

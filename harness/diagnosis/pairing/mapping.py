@@ -14,10 +14,10 @@ from screwgauge.diagnosis.machine.alignment import Match, matched
 from screwgauge.diagnosis.mechanics.lines import CLOSE, apart, fitting
 from screwgauge.models.kinematics import moved, rehomed, size
 from screwgauge.models.readings.reading import BodyReading, Reading
-from screwgauge.reference.description import read_toml
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
+from screwgauge.reference.tables import read_toml
 
 #: Below this share of joints with a partner, two models are of different machines.
 ALIKE = 0.5

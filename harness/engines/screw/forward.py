@@ -15,8 +15,8 @@ from screwgauge.reference.closed.newton import OPEN
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.linear import SINGULAR
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.forward import CHECKS, forward_program
 from screwgauge.reference.traced.trace import NotTraceableError
+from screwgauge.reference.traced.tracing import FORWARD_CHECKS, forward_program
 from screwgauge.solution import Stopwatch
 
 #: How often the program goes on from where Newton's method came to, and the square of a step, without dimension, after
@@ -25,7 +25,7 @@ AGAIN, SETTLED = 4, 1e-20
 #: Longest way to a predicted pose, on average of all coordinates [rad or lengths of the mechanism].
 FARTHEST = 1.0
 #: The checks that ask whether the pose was predicted well.
-PREDICTED = [CHECKS.index(name) for name in ("moved", "residual", "far", "strayed")]
+PREDICTED = [FORWARD_CHECKS.index(name) for name in ("moved", "residual", "far", "strayed")]
 #: Pieces of the straight way to a state, if the whole of it is too long for a prediction.
 PIECES = (2, 4, 8)
 #: How much closer to a singular pose than `Integration.near` the estimate of the condition may put a state.
@@ -71,7 +71,7 @@ class TracedForward:
         d = len(self.dependent)
         self.pose, self.state = np.zeros((d + d * k + k, width)), np.zeros((2 * k + 1, width))
         self.reached, self.answer = np.zeros_like(self.pose), np.zeros((k + 1, width))
-        self.checks = np.zeros((len(CHECKS), width))
+        self.checks = np.zeros((len(FORWARD_CHECKS), width))
         limits = SETTLED, OPEN**2, (self.near / MARGIN) ** 2, SINGULAR, FARTHEST**2, 1.0
         #: Answers to the states of all lanes; whether none is in doubt.
         self.weights = 1.0 / np.array(limits)

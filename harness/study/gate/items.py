@@ -10,11 +10,10 @@ from pathlib import Path
 from screwgauge.models.importing import SUFFIXES, is_model
 from screwgauge.models.readings.loops import OWN as LOOPS
 from screwgauge.quantities import QUANTITIES
-from screwgauge.reference.description import check_keys, read_toml
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.files import is_file, is_path, why
+from screwgauge.reference.tables import check_keys, positive, read_toml
 from screwgauge.scene.default import SUFFIX
-from screwgauge.scene.entries import positive
 from screwgauge.scene.read import scene_names
 
 #: Keys that only scenes have: a file that misses one of them is no other file but a scene that is refused.

@@ -1,0 +1,182 @@
+"""Tables of TOML files: reading one, and its entries checked: keys, texts, names, lists, numbers in range.
+
+What the entries mean is in `description` for mechanisms, and in the package `scene` for scenes.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.expressions import number, vector
+from screwgauge.reference.files import LIMITS, check_count, check_plain, read_file
+from screwgauge.reference.rotations import Array
+
+T = TypeVar("T")
+
+#: Tables that are one thing: what extends a description replaces all of their entries.
+WHOLE = ("inertia", "independent")
+#: Parts of a line: texts, words, dots and other signs.
+_WORDS = re.compile(r"""(?P<part>"(?:[^"\\]|\\.)*+"?|'[^']*+'?|[\w-]++)|\.|\S""")
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Reads a TOML file; decimals stay text, so that they can be read exactly.
+
+    Raises:
+        DescriptionError: The file cannot be read or is not TOML.
+    """
+    text = read_file(path)
+    _check_dots(text, str(path))
+    try:
+        data = tomllib.loads(text, parse_float=str)
+    except tomllib.TOMLDecodeError as error:
+        raise DescriptionError(f"TOML syntax error: {error}", str(path), "mend that line") from None
+    except (ValueError, RecursionError):  # integers of thousands of digits, lists in lists in lists
+        raise DescriptionError("holds what TOML readers refuse to read", str(path), "simplify it") from None
+    check_plain(data, str(path))
+    return data
+
+
+def _check_dots(text: str, where: str) -> None:
+    """Refuses keys of very many parts: the time that `tomllib` takes grows with the square of these."""
+    for line in text.splitlines():
+        parts, joined = 0, False
+        for word in _WORDS.finditer(line) if line.count(".") >= LIMITS["parts of a dotted key"] else ():
+            if word["part"]:
+                parts = parts + 1 if joined else 1
+                check_count(parts, "parts of a dotted key", where)
+            elif word[0] != ".":
+                parts = 0
+            joined = word[0] == "."
+
+
+def check_keys(table: Any, known: Iterable[str], where: str) -> None:
+    """Refuses a table with unknown keys, and values that are not tables."""
+    known = list(known)
+    if not isinstance(table, dict):
+        raise DescriptionError(f"{table!r} is not a table", where, "write key = value entries")
+    for key in table:
+        if key not in known:
+            raise UnknownNameError("key", key, sorted(known), where)
+
+
+def required(table: dict[str, Any], key: str, where: str) -> Any:
+    """An entry that must be there."""
+    if key not in table:
+        raise DescriptionError(f"'{key}' is missing", where, f"add {key} = ...")
+    return table[key]
+
+
+def read_text(table: dict[str, Any], key: str, where: str, default: str | None = None) -> str:
+    """An entry that is text; required if it has no default."""
+    value = required(table, key, where) if default is None else table.get(key, default)
+    if not isinstance(value, str):
+        raise DescriptionError(f"{value!r} is not text", f"{where}, {key}", "write it in quotes")
+    return value
+
+
+def merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
+    """`base` with the entries of `change`, table by table; `WHOLE` ones are replaced as a whole."""
+    result = dict(base)
+    for key, value in change.items():
+        deep = isinstance(value, dict) and isinstance(result.get(key), dict) and key not in WHOLE
+        result[key] = merge(result[key], value) if deep else value
+    return result
+
+
+def read_name(value: Any, where: str) -> str:
+    """A name that can stand in file names, URDF and MJCF ('@' marks the parts that these add)."""
+    if not re.fullmatch(r"\w[\w.:+-]*", check_text(value, where)):
+        raise DescriptionError(f"{value!r} is not a name", where, "use letters, digits and . _ - + : only")
+    return str(value)
+
+
+def read_table(data: dict[str, Any], key: str, where: str) -> dict[str, Any]:
+    """A required table of named entries, at least one."""
+    table = required(data, key, where)
+    if not isinstance(table, dict) or not table:
+        raise DescriptionError(f"'{key}' has no entries", where, f"write at least one [{key}.NAME]")
+    if key in LIMITS:
+        check_count(len(table), key, where)
+    return table
+
+
+def check_length(value: Any, n: int, what: str, where: str, remedy: str) -> None:
+    """Refuses what is not a list of n entries."""
+    if not isinstance(value, list) or len(value) != n:
+        raise DescriptionError(what, where, remedy)
+
+
+def read_list(data: dict[str, Any], key: str, where: str) -> list[Any]:
+    """A list of tables, ``[[key]]``; empty if there is none."""
+    items = data.get(key, [])
+    if not isinstance(items, list):
+        raise DescriptionError(f"'{key}' is not a list", where, f"write [[{key}]]")
+    check_count(len(items), "entries", f"{where}, {key}")
+    return items
+
+
+def read_items(data: dict[str, Any], key: str, where: str, read: Callable[[Any, str], T]) -> tuple[T, ...]:
+    """The entries of a list, each read by `read`, which is also given its place in the file."""
+    return tuple(read(item, f"{where}, {key}") for item in read_list(data, key, where))
+
+
+def check_name(kind: str, name: str, known: Iterable[str], where: str) -> str:
+    """The name, if it is one of those known.
+
+    Raises:
+        UnknownNameError: It is not.
+    """
+    if name not in known:
+        raise UnknownNameError(kind, name, known, where)
+    return name
+
+
+def read_vector(table: dict[str, Any], key: str, where: str) -> Array:
+    """Three numbers, zeros where there are none. Shape (3,)."""
+    return vector(table.get(key, [0, 0, 0]), f"{where}.{key}")
+
+
+def positive(value: Any, where: str, remedy: str = "give a positive number") -> float:
+    """A positive number."""
+    result = number(value, where)
+    if result <= 0.0:
+        raise DescriptionError(f"{result:g} is not positive", where, remedy)
+    return result
+
+
+def read_names(value: Any, where: str) -> tuple[str, ...]:
+    """A list of names without repetitions, which may be unknown or none at all."""
+    if not isinstance(value, list):
+        raise DescriptionError(f"{value!r} is not a list of names", where, "write a list")
+    return tuple(dict.fromkeys(str(name) for name in value))
+
+
+def check_text(value: Any, where: str) -> str:
+    """A text that is not empty, unless it is a source."""
+    if not isinstance(value, str) or (value == "" and not where.endswith("source")):
+        raise DescriptionError(f"{value!r} is not text", where, "write a name in quotes")
+    return value
+
+
+def read_coefficients(value: Any, where: str) -> Array:
+    """Coefficients of a polynomial, lowest first, at least one. Shape (m,)."""
+    if not isinstance(value, list) or not value:
+        raise DescriptionError(f"{value!r} is not a list of coefficients", where, "write them lowest first: [c0, c1]")
+    check_count(len(value), "coefficients", where)
+    return vector(value, where, len(value))
+
+
+def check_times(t: Array, where: str) -> None:
+    """Refuses times of samples that do not increase, and none at all. Shape (n,)."""
+    if not len(t):
+        raise DescriptionError("has no samples", where, "write at least one row below the header")
+    if (np.diff(t) <= 0.0).any():
+        raise DescriptionError("the times do not increase", where, "sort the rows by t")
