@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.models.comparison import CheckRow, Comparison, compare_loops, compare_readings
+from screwgauge.models.comparison import CheckRow, ModelComparison, compare_loops, compare_readings
 from screwgauge.models.generate import stem
 from screwgauge.models.layout import CUTS, Link, Tree, lay_out
 from screwgauge.models.loops import loops_of, read_loops
@@ -68,7 +68,7 @@ def check_file(
 
     A file that cannot be read, or a library that is missing, is a row with the reason.
     """
-    out = Comparison(path.name, reader)
+    out = ModelComparison(path.name, reader)
     home = dict(zip(mechanism.coordinates, map(float, mechanism.home), strict=True))
     try:
         if reader == "loops":

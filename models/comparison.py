@@ -41,7 +41,7 @@ class CheckRow:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
+class ModelComparison:
     """The rows of one file and reading, in the making."""
 
     file: str
@@ -71,7 +71,7 @@ def _short(values: Array) -> str:
     return " ".join(f"{value:.9g}" for value in np.ravel(values))
 
 
-def compare_readings(out: Comparison, expected: Reading, found: Reading, mechanism: Mechanism) -> None:
+def compare_readings(out: ModelComparison, expected: Reading, found: Reading, mechanism: Mechanism) -> None:
     """Rows for all that the reading says."""
     length = length_scale(mechanism)
     found = collapsed(found, keep=expected.bodies)  # joints of several freedoms are several joints in a URDF
@@ -93,7 +93,7 @@ def compare_readings(out: Comparison, expected: Reading, found: Reading, mechani
 
 
 def _compare_couplings(
-    out: Comparison, expected: Mapping[str, CouplingReading], found: Mapping[str, CouplingReading]
+    out: ModelComparison, expected: Mapping[str, CouplingReading], found: Mapping[str, CouplingReading]
 ) -> None:
     if not (expected or found):
         return
@@ -104,7 +104,9 @@ def _compare_couplings(
         out.numbers(name, "coupling polynomial", wanted, other, float(np.abs(wanted).max()) or 1.0)
 
 
-def _compare_closures(out: Comparison, name: str, want: ClosureReading, have: ClosureReading, length: float) -> None:
+def _compare_closures(
+    out: ModelComparison, name: str, want: ClosureReading, have: ClosureReading, length: float
+) -> None:
     if (have.first, have.second) == (want.second, want.first):  # which side is named first says nothing
         have = ClosureReading(have.kind, have.second, have.second_frame, have.first, have.first_frame)
     said = ((closure.kind, closure.first, closure.second) for closure in (want, have))
@@ -115,7 +117,7 @@ def _compare_closures(out: Comparison, name: str, want: ClosureReading, have: Cl
 
 
 def _compare_bodies(
-    out: Comparison, pairs: list[tuple[str, BodyReading, BodyReading]], length: float, total: float
+    out: ModelComparison, pairs: list[tuple[str, BodyReading, BodyReading]], length: float, total: float
 ) -> None:
     for name, want, have in pairs:
         out.names(name, "parent and joints", (want.near, *want.joints), (have.near, *have.joints))
@@ -129,7 +131,7 @@ def _compare_bodies(
         out.numbers(name, "pose at home", want.pose[:3] / metres, have.pose[:3] / metres)
 
 
-def compare_loops(out: Comparison, expected: LoopsFile, found: LoopsFile, mechanism: Mechanism) -> None:
+def compare_loops(out: ModelComparison, expected: LoopsFile, found: LoopsFile, mechanism: Mechanism) -> None:
     """Rows for all that a loops file says."""
     length = length_scale(mechanism)
     for what in ("mechanism", "cut"):

@@ -261,7 +261,7 @@ def _axial(table: Any, joints: dict[str, Any], where: str) -> tuple[str, Array] 
     joint = _text(required(table, "joint", where), where)
     if joint not in joints:
         raise UnknownNameError("joint", joint, joints, where)
-    if joints[joint].get("kind") != "S":
+    if KINDS.get(str(joints[joint].get("kind"))) != (True, True, True):
         raise DescriptionError(f"joint '{joint}' is not spherical", where, "name an S joint")
     return joint, unit_vector(required(table, "direction", where), where)
 

@@ -30,6 +30,8 @@ KINDS: dict[str, tuple[bool, ...]] = {
     "E": (False, False, True),
     "F": (False, False, False, True, True, True),
 }
+#: Kinds of joint whose loop is closed by points of the two bodies that coincide, and how many.
+POINTS = {"R": 2, "S": 1}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,7 +18,7 @@ from support.engines import (
     ENGINES,
     MOTION,
     Engine,
-    Model,
+    EngineModel,
     ModelFiles,
     Problem,
     Solution,
@@ -82,7 +82,7 @@ class Loaded:
 
     engine: Engine
     files: ModelFiles
-    model: Model
+    model: EngineModel
     quantities: tuple[str, ...]
 
     def ask(self, problem: Problem, **more: object) -> Solution:

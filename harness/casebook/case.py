@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from screwgauge.engines.shown import Shown
+from screwgauge.engines.shown import Evidence
 
 Status = Literal["shown", "not shown", "cannot be shown", "failed"]
 
@@ -58,7 +58,7 @@ class CaseResult:
 
     case: Case
     versions: Mapping[str, str]
-    shown: Shown | None = None
+    shown: Evidence | None = None
     failure: str = ""
 
     @property
@@ -115,7 +115,7 @@ class CaseResult:
         return dict(zip(("symptom", "expected", "mended"), texts, strict=True)) | {"said": found.said.rstrip(".")}
 
 
-def _text(value: float, digits: int, found: Shown) -> str:
+def _text(value: float, digits: int, found: Evidence) -> str:
     if not math.isfinite(value):
         return "nothing" if found.said else str(value).replace("nan", "NaN")
     space = "" if found.unit in ("", "%") else " "

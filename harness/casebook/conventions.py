@@ -10,7 +10,7 @@ import numpy as np
 from screwgauge.engines.mujoco.discrepancies import probe as mujoco
 from screwgauge.engines.pinocchio.discrepancies import probe as pinocchio
 from screwgauge.engines.samples import MASS, body, joint, link, mjcf, robot
-from screwgauge.engines.shown import Shown
+from screwgauge.engines.shown import Evidence
 
 #: A free body at the origin, a right angle about y from upright: MuJoCo's coordinates, their order in Pinocchio, and
 #: the rotation.
@@ -19,7 +19,7 @@ _SCALAR_LAST = [0, 1, 2, 4, 5, 6, 3]
 _TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 
 
-def armature() -> Shown:
+def armature() -> Evidence:
     """Moment of inertia at a hinge that the MJCF gives an armature, of Pinocchio on the URDF, and with it told."""
     model, other = (
         pinocchio.load_urdf(robot(link("a"), joint("a"))),
@@ -31,16 +31,16 @@ def armature() -> Shown:
 
     raw = moment()
     model.armature = np.array(other.dof_armature)
-    return Shown(raw, mujoco.moment(other), moment(), "kg m^2")
+    return Evidence(raw, mujoco.moment(other), moment(), "kg m^2")
 
 
-def damping() -> Shown:
+def damping() -> Evidence:
     """Torque at 1 rad/s against a damper in a URDF, which both engines read and MuJoCo alone applies."""
     text = robot(link("a"), joint("a", inside='<dynamics damping="2"/>'))
     model = pinocchio.load_urdf(text)
     raw = float(pinocchio.inverse(model, v=1.0)[0])
     right = float(mujoco.inverse(mujoco.load(text), v=1.0)[0])
-    return Shown(raw, right, raw + float(model.damping[0]), "N m")
+    return Evidence(raw, right, raw + float(model.damping[0]), "N m")
 
 
 def _free() -> tuple[Any, Any]:
@@ -50,16 +50,16 @@ def _free() -> tuple[Any, Any]:
     return pinocchio.load_mjcf(text), mujoco.load(text)
 
 
-def quaternion_order() -> Shown:
+def quaternion_order() -> Evidence:
     """Force that holds a free body a right angle from upright along its own x: MuJoCo's coordinates handed over, and
     with the scalar last."""
     model, other = _free()
     right = _TURN.T @ mujoco.inverse(other, _AT)[:3]
     found = [float(pinocchio.inverse(model, q)[0]) for q in (_AT, _AT[_SCALAR_LAST])]
-    return Shown(found[0], float(right[0]), found[1], "N")
+    return Evidence(found[0], float(right[0]), found[1], "N")
 
 
-def free_velocity() -> Shown:
+def free_velocity() -> Evidence:
     """Upward force on a free body that moves and turns without accelerating: MuJoCo's velocities handed over, and
     turned into the body's own axes."""
     model, other = _free()
@@ -71,4 +71,4 @@ def free_velocity() -> Shown:
         float((_TURN @ pinocchio.inverse(model, _AT[_SCALAR_LAST], [*linear, *omega], a)[:3])[2])
         for linear, a in ((v, 0.0), (own, spatial))
     )
-    return Shown(raw, right, mended, "N")
+    return Evidence(raw, right, mended, "N")

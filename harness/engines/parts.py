@@ -142,7 +142,7 @@ def assemble(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reading:
+class JointMotion:
     """A motion in the joint coordinates of the description, at m states.
 
     Attributes:
@@ -166,7 +166,7 @@ class Simulated:
         reactions: Names and units of constraint forces, and their values [N or N m], shape (m, k), if they are wanted.
     """
 
-    read: Reading
+    read: JointMotion
     work: Array
     cost: Cost
     stopped: str = ""

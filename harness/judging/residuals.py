@@ -11,7 +11,7 @@ import numpy as np
 
 from screwgauge.judging.answer import Answer, largest
 from screwgauge.judging.integration import MOST, SAFETY
-from screwgauge.judging.residual import Deviation
+from screwgauge.judging.residual import Residuals
 from screwgauge.quantities import FLOOR, FORCE
 from screwgauge.reference import linear
 from screwgauge.reference.graph import Layout, spanning_tree
@@ -82,7 +82,7 @@ def amount(answer: Answer, quantity: str, unit: UnitWrench) -> Array:
     return np.ascontiguousarray(values.array[:, values.components.index(unit.name)])[:, None]
 
 
-def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Deviation]:
+def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
     """What the reported reactions and actuator forces leave over of the balance of each body."""
     mechanism, missing, sizes, loose = answer.mechanism, required.copy("K"), sizes.copy(), np.zeros_like(sizes)
     for quantity, unit in unit_wrenches_of(answer, "reaction", "actuator_force"):
@@ -101,7 +101,7 @@ def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Devi
         yield answer.residual("newton_euler", unit_name, names, values, np.repeat(sizes[:, part], 3), about)
 
 
-def power_balance(answer: Answer, required: Array) -> Iterator[Deviation]:
+def power_balance(answer: Answer, required: Array) -> Residuals:
     """What motion, gravity and loads take up less the power of the actuators."""
     rates = answer.joints[1][:, answer.mechanism.actuated_columns]
     given = answer["actuator_force"] * rates
@@ -118,7 +118,7 @@ def _loose(answer: Answer, rates: Array) -> Array:
     return np.tensordot(np.abs(rates), forces, (1, 0))
 
 
-def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, sizes: Array) -> Iterator[Deviation]:
+def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, sizes: Array) -> Residuals:
     """Work of the required wrenches on every admissible motion less that of the generalised and actuator forces.
 
     Where an answer has no forces the first must vanish, whatever the reactions, and is measured by its largest term.
@@ -147,7 +147,7 @@ def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, 
 TREE_FORCES = ("tree_force", "tree_force_soft")
 
 
-def tree_forces(answer: Answer) -> Iterator[Deviation]:
+def tree_forces(answer: Answer) -> Residuals:
     """Reported forces less the work that gravity and inertia of the bodies want, one joint of the tree moving alone.
 
     The tree is that of the joints named. One that leads to a body which another joint reaches leads to a copy of that
@@ -224,13 +224,13 @@ def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
     return replace(answer, values={**answer.values, quantity: solved})
 
 
-def force_rule(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Deviation]:
+def force_rule(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
     """What the forces of redundant actuators leave over of the rule that fixes them."""
     if _ruled(answer):
         yield from _axial(answer) if answer.rule == "spherical_axial" else _smallest(answer, admissible)
 
 
-def _smallest(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Deviation]:
+def _smallest(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
     """The part of the actuator forces that moves nothing: those of the smallest norm have none.
 
     They are orthogonal to every preload, which does no work on any admissible motion.
@@ -247,7 +247,7 @@ def _smallest(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Deviatio
         yield answer.residual("force_rule", unit, names, left, size, ("actuator_force",))
 
 
-def _axial(answer: Answer) -> Iterator[Deviation]:
+def _axial(answer: Answer) -> Residuals:
     """The force of the spherical joint across the line that it should lie along (eq. 56)."""
     mechanism = answer.mechanism
     if mechanism.axial is None:
@@ -266,7 +266,7 @@ def _axial(answer: Answer) -> Iterator[Deviation]:
     yield answer.residual("force_rule", "N", names, cross(line, F), max(sizes), ("reaction", "actuator_force"))
 
 
-def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Iterator[Deviation]:
+def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Residuals:
     """Energy gained since the first sample less the work done since [J], if that work is known.
 
     It is measured by the largest of its parts: kinetic, gravity, springs, work.

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import ParseError
 from screwgauge.engines.registry import ENGINES, Engine, get_engine
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.check import SUFFIXES, check_file, expected_reading
-from screwgauge.models.comparison import CheckRow, Comparison, compare_loops, compare_readings
+from screwgauge.models.comparison import CheckRow, ModelComparison, compare_loops, compare_readings
 from screwgauge.models.elements import FORMATS, extras, unread_rows
 from screwgauge.models.loops import loops_of
 from screwgauge.models.readings.read import LIBRARIES, read
@@ -127,7 +127,7 @@ def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -
 
 def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
     """A description of the user's own against that of the scene; their names may differ."""
-    own, out = replace(load_mechanism(path), name=mechanism.name), Comparison(path.name, "screw")
+    own, out = replace(load_mechanism(path), name=mechanism.name), ModelComparison(path.name, "screw")
     compare_loops(out, loops_of(mechanism, "full"), loops_of(own, "full"), mechanism)
     said, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (own, mechanism))
     compare_readings(out, expected, replace(said, gravity=None), mechanism)

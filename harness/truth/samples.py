@@ -188,7 +188,7 @@ def _narrow(balls: Sequence[arb]) -> bool:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Table:
+class SampleTable:
     """What is computed and cached: midpoints and radii by quantity (n_row, m), reasons of samples without any.
 
     Attributes:
@@ -212,7 +212,7 @@ class Table:
         }
 
     @classmethod
-    def unpack(cls, stored: cache.Arrays) -> Table:
+    def unpack(cls, stored: cache.Arrays) -> SampleTable:
         mid, radius = (
             {name.removeprefix(part): array for name, array in stored.items() if name.startswith(part)}
             for part in ("mid.", "radius.")

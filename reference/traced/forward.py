@@ -30,7 +30,7 @@ BEND, SLACK = 0.3, 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Forward:
+class ForwardTrace:
     """A program and what its numbers mean.
 
     Attributes:
@@ -44,7 +44,7 @@ class Forward:
     dependent: tuple[int, ...]
 
 
-def forward_program(loops: Loops, applied: Applied, q: Array) -> Forward:
+def forward_program(loops: Loops, applied: Applied, q: Array) -> ForwardTrace:
     """Traces forward dynamics.
 
     Args:
@@ -76,7 +76,7 @@ def forward_program(loops: Loops, applied: Applied, q: Array) -> Forward:
     checks = [moved, _mean(found, y), _condition(found), found.inertia_gain]
     checks += [far * (1.0 / max(len(columns), 1)), off / (BEND**2 * far + SLACK**2)] if columns else [0.0, 0.0]
     answer = [*found.ydd, found.input_power, *found.q[columns], *found.K[..., columns].T.flat, *y]
-    return Forward(program(len(trace.inputs), [*answer, *checks], len(CHECKS)), tuple(columns))
+    return ForwardTrace(program(len(trace.inputs), [*answer, *checks], len(CHECKS)), tuple(columns))
 
 
 #: What y of the pose predicted from, y and yd are at the samples of a trace, of the coordinates there.

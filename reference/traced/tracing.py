@@ -72,7 +72,7 @@ class Traced:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Wanted:
+class TracedQuantities:
     """What a program computes.
 
     Attributes:
@@ -93,7 +93,7 @@ class Wanted:
 def traced(
     loops: Loops,
     applied: Applied,
-    wanted: Wanted,
+    wanted: TracedQuantities,
     samples: tuple[Array, Array, Array, Array],
     further: Further = lambda outputs: {},
 ) -> Traced:
@@ -121,7 +121,7 @@ def traced(
 def _traced(
     loops: Loops,
     applied: Applied,
-    wanted: Wanted,
+    wanted: TracedQuantities,
     samples: tuple[Array, Array, Array, Array],
     further: Further,
     folds: Sequence[float],
@@ -202,7 +202,7 @@ def _given(trace: Trace, load: Load, n: int) -> Load:
     return replace(load, force=force, torque=torque)
 
 
-def quantities(at: Dynamics, wanted: Wanted) -> dict[str, list[Any]]:
+def quantities(at: Dynamics, wanted: TracedQuantities) -> dict[str, list[Any]]:
     """Quantity -> its numbers, in the order of its components."""
     found = {}
     for name in wanted.quantities:
