@@ -13,7 +13,7 @@ from screwgauge.judging.answer import Answer, answer_at, largest, timed
 from screwgauge.judging.refusals import Refusal
 from screwgauge.judging.residual import JUDGE_COLUMNS, Residuals, frame
 from screwgauge.problem import GivenMotion, Problem, Rows
-from screwgauge.quantities import QUANTITIES, SOLVED, arm, integrated_tolerance
+from screwgauge.quantities import BODY_MOTION, QUANTITIES, SOLVED, arm, integrated_tolerance
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.solution import Solution, common_rows
 from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
@@ -161,10 +161,10 @@ def _largest(answer: Answer, order: int, unit: str) -> float:
 
 def body_motions(answer: Answer) -> Residuals:
     """Reported motions of the bodies less those that follow from the joint coordinates."""
-    for quantity in residuals.BODY_MOTION:
+    for what, quantity in BODY_MOTION.items():
         if answer.has(quantity):
             values = answer.values[quantity]
-            walked = residuals.body_motion(answer, quantity).reshape(values.array.shape)
+            walked = residuals.body_motion(answer, what).reshape(values.array.shape)
             missing, size = values.array - walked, largest(values.array)
             about = (quantity, *_MOTION)
             yield answer.residual("body_motion", values.units[0], values.components, missing, size, about)

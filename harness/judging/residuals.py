@@ -12,7 +12,7 @@ import numpy as np
 from screwgauge.judging.answer import Answer, largest
 from screwgauge.judging.integration import MOST, SAFETY
 from screwgauge.judging.residual import Residuals
-from screwgauge.quantities import FLOOR, FORCE
+from screwgauge.quantities import BODY_MOTION, FLOOR, FORCE, OF_BODIES
 from screwgauge.reference import linear
 from screwgauge.reference.graph import Layout, spanning_tree
 from screwgauge.reference.rotations import Array, cross, lanes
@@ -25,13 +25,10 @@ from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates
 from screwgauge.witness.wrenches import UnitWrench, exerted_wrenches, spring_energy, unit_wrenches
 
-#: Motion of the bodies: quantity -> field of `Moving`.
-BODY_MOTION = {"body_angular_velocity": "w", "body_angular_acceleration": "b", "com_acceleration": "a"}
 
-
-def body_motion(answer: Answer, quantity: str) -> Array:
+def body_motion(answer: Answer, what: str) -> Array:
     """One of `BODY_MOTION` as it follows from the joint coordinates. Shape (n, n_body, 3)."""
-    return np.asarray(getattr(answer.motion.com, BODY_MOTION[quantity]))
+    return np.asarray(getattr(answer.motion.com, what))
 
 
 def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Array]:
@@ -47,7 +44,10 @@ def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Ar
         Wrenches, shape (n, n_body, 6), and the largest force and moment among the terms of each, shape (n_body, 2).
     """
     tree, applied = answer.tree, answer.applied
-    w, b, a = (_vectors(answer[name]) if answer.has(name) else body_motion(answer, name) for name in BODY_MOTION)
+    w, b, a = (
+        _vectors(answer[BODY_MOTION[what]]) if answer.has(BODY_MOTION[what]) else body_motion(answer, what)
+        for what in "wba"
+    )
     terms = body_equations(tree.matter, answer.motion.com.R, w, b, a, applied.g)
     wrenches, sizes = terms.wrenches, np.zeros((len(tree.matter.mass), 2))
     for k, parts in enumerate(
@@ -97,7 +97,7 @@ def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
     for part, (unit_name, label) in enumerate((("N", "f"), ("N m", "m"))):
         names = [f"{body.name}.{label}{axis}" for body in mechanism.bodies for axis in "xyz"]
         values = missing[:, :, 3 * part : 3 * part + 3].reshape(len(missing), -1)
-        about = ("reaction", "actuator_force", *BODY_MOTION)
+        about = ("reaction", "actuator_force", *OF_BODIES)
         yield answer.residual("newton_euler", unit_name, names, values, np.repeat(sizes[:, part], 3), about)
 
 
@@ -108,7 +108,7 @@ def power_balance(answer: Answer, required: Array) -> Residuals:
     taken = required * np.concatenate([answer.motion.com.v, answer.motion.com.w], axis=2)
     missing = np.sum(taken, axis=(1, 2)) - np.sum(given, axis=1)
     # at a dead centre the sum is zero and only its terms tell how large rounding is
-    size, about = largest(given, taken, _loose(answer, rates)), ("actuator_force", "joint_velocity", *BODY_MOTION)
+    size, about = largest(given, taken, _loose(answer, rates)), ("actuator_force", "joint_velocity", *OF_BODIES)
     yield answer.residual("power_balance", "W", ["all actuators"], missing[:, None], size, about)
 
 
@@ -140,7 +140,7 @@ def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, 
         names = [f"{list(mechanism.independent)[k]}{how}" for how in given or [""] for k in columns]
         missing = [needed[:, columns] - forces[:, columns] for forces in given.values()] or [needed[:, columns]]
         size = largest(needed[:, columns], loose[..., columns]) if given else terms[columns]
-        left, about = np.concatenate(missing, axis=1), ("generalized_force", "actuator_force", *BODY_MOTION)
+        left, about = np.concatenate(missing, axis=1), ("generalized_force", "actuator_force", *OF_BODIES)
         yield answer.residual("virtual_work", FORCE[unit], names, left, size, about)
 
 
