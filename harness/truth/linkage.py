@@ -225,7 +225,7 @@ def _frames(kind: str, table: Mapping[str, Any], rounded: bool) -> Frames:
     parts = table.get("parent_frame", {}), table.get("child_frame", {}), table.get("axes", XYZ)
     parent, child, axes = (widened(part) for part in parts) if rounded else parts
     turns = [unit_vector(axis) for axis in axes]
-    slides = AXES if kind == "F" else [way for _, way in split(turns[0])[:2]] if kind == "E" else []
+    slides = {3: AXES, 2: [way for _, way in split(turns[0])[:2]]}.get(KINDS[kind].count(False), [])
     return Frames(placement(parent), placement(child), [*slides, *turns])
 
 
