@@ -21,18 +21,27 @@ class Quantity:
     """A quantity that engines compute.
 
     Attributes:
+        of: What has a component each: ``joint`` coordinates, axes of each ``body``, coordinates of the ``tree``,
+            ``independent`` coordinates, ``actuator``, ``reaction`` components, ``observable``.
         needs: What has to be known before: ``q``, ``v``, ``a`` (positions, rates, accelerations) or ``f`` (forces).
         tolerance: Scaled error up to which two engines agree.
         ruled: Whether a rule fixes what redundant actuation leaves open.
+        body: Which motion of a body in world axes it is: one of `BODY_UNITS`.
     """
 
     name: str
     meaning: str
+    of: str
     needs: str
     tolerance: float
     ruled: bool = False
+    body: str = ""
 
 
+#: Unit of each motion of a body: angular velocity and acceleration, velocity and acceleration of the centre of mass.
+BODY_UNITS = {"w": "rad/s", "b": "rad/s^2", "v": "m/s", "a": "m/s^2"}
+#: What the unit of a coordinate is followed by, by what a quantity of joints needs.
+RATE = {"q": "", "v": "/s", "a": "/s^2"}
 # 1e-11: rounding (2.2e-16) times the condition of the closure and force systems (up to 1e3 away from singular
 # poses) leaves about 12.5 digits; a wrong term leaves none. 1e-12 where nothing is solved: recursions only.
 SOLVED, RECURSIVE = 1e-11, 1e-12
@@ -40,23 +49,38 @@ SOLVED, RECURSIVE = 1e-11, 1e-12
 QUANTITIES = {
     quantity.name: quantity
     for quantity in (
-        Quantity("joint_position", "all joint coordinates", "q", SOLVED),
-        Quantity("joint_velocity", "their rates", "v", SOLVED),
-        Quantity("joint_acceleration", "their second derivatives", "a", SOLVED),
-        Quantity("body_angular_velocity", "angular velocity of each body, world axes", "v", SOLVED),
-        Quantity("body_angular_acceleration", "angular acceleration of each body, world axes", "a", SOLVED),
-        Quantity("com_acceleration", "acceleration of each centre of mass, world axes", "a", SOLVED),
-        Quantity("tree_force", "joint forces of the open tree: RNEA against mj_inverse", "a", RECURSIVE),
-        Quantity("tree_force_soft", "the same with MuJoCo's equality constraints on", "a", RECURSIVE),
-        Quantity("generalized_force", "what the actuators must deliver for each coordinate", "f", SOLVED),
-        Quantity("actuator_force", "force of each actuator", "f", SOLVED, ruled=True),
-        Quantity("reaction", "every constraint force and moment, predecessor on successor", "f", SOLVED, ruled=True),
-        Quantity("observable", "what a forward scene follows", "q", SOLVED),
+        Quantity("joint_position", "all joint coordinates", "joint", "q", SOLVED),
+        Quantity("joint_velocity", "their rates", "joint", "v", SOLVED),
+        Quantity("joint_acceleration", "their second derivatives", "joint", "a", SOLVED),
+        Quantity("body_angular_velocity", "angular velocity of each body, world axes", "body", "v", SOLVED, body="w"),
+        Quantity(
+            "body_angular_acceleration", "angular acceleration of each body, world axes", "body", "a", SOLVED, body="b"
+        ),
+        Quantity("com_acceleration", "acceleration of each centre of mass, world axes", "body", "a", SOLVED, body="a"),
+        Quantity("tree_force", "joint forces of the open tree: RNEA against mj_inverse", "tree", "a", RECURSIVE),
+        Quantity("tree_force_soft", "the same with MuJoCo's equality constraints on", "tree", "a", RECURSIVE),
+        Quantity(
+            "generalized_force", "what the actuators must deliver for each coordinate", "independent", "f", SOLVED
+        ),
+        Quantity("actuator_force", "force of each actuator", "actuator", "f", SOLVED, ruled=True),
+        Quantity(
+            "reaction",
+            "every constraint force and moment, predecessor on successor",
+            "reaction",
+            "f",
+            SOLVED,
+            ruled=True,
+        ),
+        Quantity("observable", "what a forward scene follows", "observable", "q", SOLVED),
     )
 }
+#: Those of joint coordinates, and those of bodies; the motions of a body -> their quantities.
+OF_JOINTS = tuple(name for name, quantity in QUANTITIES.items() if quantity.of == "joint")
+OF_BODIES = tuple(name for name, quantity in QUANTITIES.items() if quantity.of == "body")
+BODY_MOTION = {QUANTITIES[name].body: name for name in OF_BODIES}
 #: What engines compute when the motion is given, and when it is integrated.
 GIVEN = tuple(name for name in QUANTITIES if name != "observable")
-SIMULATED = ("joint_position", "joint_velocity", "joint_acceleration", "observable")
+SIMULATED = (*OF_JOINTS, "observable")
 #: Unit of a coordinate -> unit of a force along it.
 FORCE = {"rad": "N m", "m": "N"}
 #: Share of its natural scale, or of its largest summand, below which no magnitude is a measure.

@@ -56,7 +56,7 @@ class CheckRow:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Comparison:
+class ModelComparison:
     """The rows of one file and reading, in the making."""
 
     file: str
@@ -88,7 +88,7 @@ def _short(values: Array) -> str:
     return " ".join(f"{value:.9g}" for value in np.ravel(values))
 
 
-def compare_readings(out: Comparison, expected: Reading, actual: Reading, mechanism: Mechanism) -> None:
+def compare_readings(out: ModelComparison, expected: Reading, actual: Reading, mechanism: Mechanism) -> None:
     """Rows for everything in the reading."""
     length = length_scale(mechanism)
     actual = collapsed(actual, keep=expected.bodies)  # joints of several freedoms are several joints in a URDF
@@ -110,7 +110,7 @@ def compare_readings(out: Comparison, expected: Reading, actual: Reading, mechan
 
 
 def _compare_couplings(
-    out: Comparison, expected: Mapping[str, CouplingReading], actual: Mapping[str, CouplingReading]
+    out: ModelComparison, expected: Mapping[str, CouplingReading], actual: Mapping[str, CouplingReading]
 ) -> None:
     if not (expected or actual):
         return
@@ -121,7 +121,9 @@ def _compare_couplings(
         out.numbers(name, "coupling polynomial", wanted, other, float(np.abs(wanted).max()) or 1.0)
 
 
-def _compare_closures(out: Comparison, name: str, want: ClosureReading, have: ClosureReading, length: float) -> None:
+def _compare_closures(
+    out: ModelComparison, name: str, want: ClosureReading, have: ClosureReading, length: float
+) -> None:
     if (have.first, have.second) == (want.second, want.first):  # the order of the sides does not matter
         have = ClosureReading(have.kind, have.second, have.second_frame, have.first, have.first_frame)
     bodies = ((closure.kind, closure.first, closure.second) for closure in (want, have))
@@ -132,7 +134,7 @@ def _compare_closures(out: Comparison, name: str, want: ClosureReading, have: Cl
 
 
 def _compare_bodies(
-    out: Comparison, pairs: list[tuple[str, BodyReading, BodyReading]], length: float, total: float
+    out: ModelComparison, pairs: list[tuple[str, BodyReading, BodyReading]], length: float, total: float
 ) -> None:
     for name, want, have in pairs:
         out.names(name, "parent and joints", (want.near, *want.joints), (have.near, *have.joints))
@@ -146,7 +148,7 @@ def _compare_bodies(
         out.numbers(name, "pose at home", want.pose[:3] / metres, have.pose[:3] / metres)
 
 
-def compare_loops(out: Comparison, expected: LoopsFile, actual: LoopsFile, mechanism: Mechanism) -> None:
+def compare_loops(out: ModelComparison, expected: LoopsFile, actual: LoopsFile, mechanism: Mechanism) -> None:
     """Rows for everything in a loops file."""
     length = length_scale(mechanism)
     for what in ("mechanism", "cut"):
@@ -239,7 +241,7 @@ def check_file(
 
     A file that cannot be read, or a library that is missing, is a row with the reason.
     """
-    out = Comparison(path.name, reader)
+    out = ModelComparison(path.name, reader)
     home = dict(zip(mechanism.coordinates, map(float, mechanism.home), strict=True))
     try:
         if reader == "loops":

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.graph import POINTS, Edge, Layout, spanning_tree
-from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
+from screwgauge.reference.graph import Edge, Layout, spanning_tree
+from screwgauge.reference.mechanism import GROUND, POINTS, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
 #: minimal: the smallest tree, its left-out joints closed by points. full: every joint is in the tree; a joint

@@ -24,15 +24,6 @@ COLOURS = ("#0072B2", "#00795B", "#B04A87", "#8C6D31", "#5E5AA8", "#3A7D9C")
 PLAIN, DRIVEN, CUT, STANDING = "#8A9199", "#E69F00", "#D55E00", "#5F666D"
 MASS, AXIS, DOUBT = "#B58900", "#4477AA", "#CC0077"
 SIGNED = "RPUC"  # kinds of joints whose axes have a sense of direction
-KINDS = {
-    "R": "revolute",
-    "P": "prismatic",
-    "U": "universal",
-    "S": "spherical",
-    "C": "cylindrical",
-    "E": "planar",
-    "F": "free",
-}
 LINK, JOINT, DISTINCT = 0.012, 0.022, 1e-3  # radius of a link, size of a joint, least visible distance
 
 

@@ -169,7 +169,7 @@ def read_axial(table: Any, joints: Mapping[str, Any], where: str) -> tuple[str, 
         return None
     check_keys(table, {"joint", "direction"}, where)
     joint = check_name("joint", check_text(required(table, "joint", where), where), joints, where)
-    if joints[joint].get("kind") != "S":
+    if KINDS.get(str(joints[joint].get("kind"))) != (True, True, True):
         raise DescriptionError(f"joint '{joint}' is not spherical", where, "name an S joint")
     return joint, unit_vector(required(table, "direction", where), where)
 

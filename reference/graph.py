@@ -11,11 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
+from screwgauge.reference.mechanism import GROUND, POINTS, Joint, Mechanism
 from screwgauge.reference.rotations import Array
-
-#: Kinds of joint whose loop is closed by points of the two bodies that coincide, and how many.
-POINTS = {"R": 2, "S": 1}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

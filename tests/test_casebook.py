@@ -15,7 +15,7 @@ import screwgauge
 from screwgauge.casebook import book
 from screwgauge.casebook.book import CASES, Case, CaseResult, reproduce
 from screwgauge.engines.samples import FourBar
-from screwgauge.engines.shown import Shown
+from screwgauge.engines.shown import Evidence
 from support.command import main
 from support.models import write_models
 from support.report import verdict
@@ -85,7 +85,7 @@ CASE = Case(
 
 
 def result(*values: float, **more: str) -> CaseResult:
-    return CaseResult(CASE, {"mujoco": "9.9"}, Shown(*values, "N", **more))
+    return CaseResult(CASE, {"mujoco": "9.9"}, Evidence(*values, "N", **more))
 
 
 def test_a_number_that_no_longer_shows_the_symptom_says_so() -> None:
@@ -113,7 +113,7 @@ def test_what_is_no_number_is_a_symptom() -> None:
 
 
 def test_close_numbers_are_told_apart() -> None:
-    near = CaseResult(replace(CASE, differs=1e-9), {}, Shown(1.0000001, 1.0, 1.0, ""))
+    near = CaseResult(replace(CASE, differs=1e-9), {}, Evidence(1.0000001, 1.0, 1.0, ""))
     assert near.numbers["symptom"] == "1.0000001"
 
 

@@ -18,7 +18,7 @@ from support.engines import (
     ENGINES,
     MOTION,
     Engine,
-    Model,
+    EngineModel,
     ModelFiles,
     Problem,
     Solution,
@@ -29,7 +29,7 @@ from support.engines import (
     model_files,
 )
 from support.errors import ModelFileError, UnknownNameError
-from support.scene import GIVEN, GivenMotion, InitialValue, Integration, States
+from support.scene import BODY_UNITS, GIVEN, RATE, TABLE, GivenMotion, InitialValue, Integration, States
 from support.tolerances import LINEAR
 
 LIBRARIES = {"truth": "flint", "drake": "pydrake"}  # what is not installed with the package
@@ -61,12 +61,11 @@ REACTIONS = {
 
 def components(quantity: str, cut: str) -> dict[str, str]:
     """Name -> unit of the components of a quantity."""
-    per = {"joint_position": "", "joint_velocity": "/s", "joint_acceleration": "/s^2"}
-    if quantity in per:
-        return {name: f"{unit}{per[quantity]}" for name, unit in JOINTS.items()}
-    of_bodies = {"body_angular_velocity": "rad/s", "body_angular_acceleration": "rad/s^2", "com_acceleration": "m/s^2"}
-    if quantity in of_bodies:
-        return dict.fromkeys(BODIES, of_bodies[quantity])
+    known = TABLE[quantity]
+    if known.of == "joint":
+        return {name: f"{unit}{RATE[known.needs]}" for name, unit in JOINTS.items()}
+    if known.of == "body":
+        return dict.fromkeys(BODIES, BODY_UNITS[known.body])
     if quantity.startswith("tree_force"):
         return {name: FORCE[JOINTS[name]] for name in TREES[cut]}
     return {
@@ -82,7 +81,7 @@ class Loaded:
 
     engine: Engine
     files: ModelFiles
-    model: Model
+    model: EngineModel
     quantities: tuple[str, ...]
 
     def ask(self, problem: Problem, **more: object) -> Solution:

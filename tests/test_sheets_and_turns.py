@@ -21,7 +21,7 @@ from screwgauge import Scene, load_scene
 from support.errors import ClosureError, SingularPoseError
 from support.questions import BASE_LOCK, WRIST_LOCKS
 from support.scene import GivenMotion
-from support.singular import AROUND, SHEETS, Linkage, Passing, five_bar, four_bar, slider_crank, three_rpr
+from support.singular import AROUND, SHEETS, Passing, PlanarLinkage, five_bar, four_bar, slider_crank, three_rpr
 
 TURNS = 1000
 PER_TURN = 12
@@ -52,7 +52,7 @@ def moved(scene: Scene, t: np.ndarray, y: np.ndarray, yd: np.ndarray, ydd: np.nd
     return replace(scene, task=GivenMotion(t, y, yd, ydd), drive=None, text={})
 
 
-def of(linkage: Linkage) -> Scene:
+def of(linkage: PlanarLinkage) -> Scene:
     """Any scene of a linkage, at home."""
     home = {pin.name: pin.home for pin in linkage.pins}
     still = {name: {"offset": home[name]} for name in linkage.independent}

@@ -22,7 +22,7 @@ from support.judging import Reference
 from support.mechanism import load_mechanism
 from support.questions import Question, findings
 from support.scene import States
-from support.stress import COLUMNS, DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding, stress
+from support.stress import COLUMNS, DEGRADED, GOOD, OK, REFUSED, SILENT, Finding, StressCase, stress
 
 NOWHERE = ModelFiles(Path("nowhere"))
 
@@ -72,8 +72,8 @@ def ask_broken(severity: float, quick: bool, folder: Path) -> Iterator[Question]
 
 
 RUNGS = (0.0, 1.0, 1e3, 1e4, 1e5)
-TOY = Case("toy", "A toy", "severity [1]", "What is seen.", "force", 0.0, 1e6, RUNGS, (1.0, 1e4), ask_toy)
-BROKEN = Case("broken", "Broken", "severity [1]", "", "force", 0.0, 1.0, (1.0,), (1.0,), ask_broken)
+TOY = StressCase("toy", "A toy", "severity [1]", "What is seen.", "force", 0.0, 1e6, RUNGS, (1.0, 1e4), ask_toy)
+BROKEN = StressCase("broken", "Broken", "severity [1]", "", "force", 0.0, 1.0, (1.0,), (1.0,), ask_broken)
 
 
 @pytest.fixture(autouse=True)

@@ -13,13 +13,13 @@ from screwgauge.report.figures.stress import inks, make_plots
 from screwgauge.report.pages.stress import PAGE, headline
 from support.pages import Banner, markdown, walk
 from support.report import CROSS, SHAPES
-from support.stress import GOOD, Case, Finding, Stress
+from support.stress import GOOD, Finding, Stress, StressCase
 
 ENGINES = ("screw", "pinocchio", "mujoco", "mujoco RK4", "mujoco Euler")
 
 
-def case(name: str, *, falling: bool = False) -> Case:
-    return Case(
+def case(name: str, *, falling: bool = False) -> StressCase:
+    return StressCase(
         name, f"Title of {name}", "severity [m]", "About it.", "force", 0.0, 1e9, (), (),
         lambda severity, quick, folder: [], falling=falling,
     )  # fmt: skip

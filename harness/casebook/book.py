@@ -16,7 +16,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Literal
 
-from screwgauge.engines.shown import Shown
+from screwgauge.engines.shown import Evidence
 from screwgauge.reference.errors import check_choice
 
 Status = Literal["shown", "not shown", "cannot be shown", "failed"]
@@ -68,7 +68,7 @@ class CaseResult:
 
     case: Case
     versions: Mapping[str, str]
-    shown: Shown | None = None
+    shown: Evidence | None = None
     failure: str = ""
 
     @property
@@ -125,7 +125,7 @@ class CaseResult:
         return dict(zip(("symptom", "expected", "mended"), texts, strict=True)) | {"said": shown.said.rstrip(".")}
 
 
-def _text(value: float, digits: int, shown: Shown) -> str:
+def _text(value: float, digits: int, shown: Evidence) -> str:
     if not math.isfinite(value):
         return "nothing" if shown.said else str(value).replace("nan", "NaN")
     space = "" if shown.unit in ("", "%") else " "

@@ -12,53 +12,53 @@ import numpy as np
 from screwgauge.engines.mujoco.discrepancies import probe as mujoco
 from screwgauge.engines.pinocchio.discrepancies import probe as pinocchio
 from screwgauge.engines.samples import ARM, INERTIAL, MASS, WEIGHT, FourBar, body, joint, link, mjcf, robot
-from screwgauge.engines.shown import Shown
+from screwgauge.engines.shown import Evidence
 
 
-def _freedoms(text: str, mended: str) -> Shown:
+def _freedoms(text: str, mended: str) -> Evidence:
     """Degrees of freedom: of a file as Pinocchio and MuJoCo read it, and of a mended one as Pinocchio does."""
-    return Shown(pinocchio.load_mjcf(text).nv, mujoco.load(text).nv, pinocchio.load_mjcf(mended).nv, "")
+    return Evidence(pinocchio.load_mjcf(text).nv, mujoco.load(text).nv, pinocchio.load_mjcf(mended).nv, "")
 
 
-def first_tree() -> Shown:
+def first_tree() -> Evidence:
     """Degrees of freedom of two bars on the world, and of two on a fixed body with mass."""
     bars = body("a") + body("b", at="0 1 0")
     return _freedoms(mjcf(bars), mjcf(f'<body name="ground">{INERTIAL}{bars}</body>'))
 
 
-def gravity() -> Shown:
+def gravity() -> Evidence:
     """Torque of a bar's weight on the Moon, with the file's gravity, and with gravity set by hand."""
     text = mjcf(body("a"), before='<option gravity="0 0 -1.62"/>')
     model, other = pinocchio.load_mjcf(text), mujoco.load(text)
     raw = float(pinocchio.inverse(model)[0])
     model.gravity.linear[:] = other.opt.gravity
-    return Shown(raw, float(mujoco.inverse(other)[0]), float(pinocchio.inverse(model)[0]), "N m")
+    return Evidence(raw, float(mujoco.inverse(other)[0]), float(pinocchio.inverse(model)[0]), "N m")
 
 
-def gravcomp() -> Shown:
+def gravcomp() -> Evidence:
     """Torque of the weight of a bar that the file compensates wholly, and with the compensation taken off by hand."""
     share = 1.0
     text = mjcf(body("a", attributes=f'gravcomp="{share}"'))
     raw = float(pinocchio.inverse(pinocchio.load_mjcf(text))[0])
-    return Shown(raw, float(mujoco.inverse(mujoco.load(text))[0]), raw - share * WEIGHT, "N m")
+    return Evidence(raw, float(mujoco.inverse(mujoco.load(text))[0]), raw - share * WEIGHT, "N m")
 
 
-def include() -> Shown:
+def include() -> Evidence:
     """Degrees of freedom of a bar with a second one in an included file, and put where it is included."""
     second = body("b", at=f"{ARM} 0 0")
     parts, whole = mjcf(body("a", '<include file="b.xml"/>')), mjcf(body("a", second))
     model = pinocchio.load_mjcf(parts, {"b.xml": f"<mujocoinclude>{second}</mujocoinclude>"})
-    return Shown(model.nv, mujoco.load(whole).nv, pinocchio.load_mjcf(whole).nv, "")
+    return Evidence(model.nv, mujoco.load(whole).nv, pinocchio.load_mjcf(whole).nv, "")
 
 
-def defaults_first() -> Shown:
+def defaults_first() -> Evidence:
     """Armature that the file gives a joint by a default class written after its use, and before."""
     classes = '<default><default class="geared"><joint armature="0.5"/></default></default>'
     bar = body("a", joint='class="geared"')
     text = mjcf(bar, after=classes)
     value, refusal = _outcome(text, lambda model: float(model.armature[0]))
     mended = pinocchio.load_mjcf(mjcf(bar, before=classes)).armature[0]
-    return Shown(value, float(mujoco.load(text).dof_armature[0]), float(mended), "kg m^2", refusal)
+    return Evidence(value, float(mujoco.load(text).dof_armature[0]), float(mended), "kg m^2", refusal)
 
 
 def _outcome(text: str, measure: Callable[[Any], float]) -> tuple[float, str]:
@@ -74,57 +74,57 @@ def _outcome(text: str, measure: Callable[[Any], float]) -> tuple[float, str]:
     return measure(model), ""
 
 
-def bare_body() -> Shown:
+def bare_body() -> Evidence:
     """Degrees of freedom of a bar whose body has no attribute, and with a name."""
     named = mjcf(body("a"))
     bare = re.sub(r"<body [^>]*>", "<body>", named)
     value, refusal = _outcome(bare, lambda model: float(model.nv))
-    return Shown(value, mujoco.load(bare).nv, pinocchio.load_mjcf(named).nv, "", refusal)
+    return Evidence(value, mujoco.load(bare).nv, pinocchio.load_mjcf(named).nv, "", refusal)
 
 
-def frame_element() -> Shown:
+def frame_element() -> Evidence:
     """Degrees of freedom of a bar with a second one in a `<frame>`, and with the frame's place in the body's."""
     inside = body("b")
     framed, placed = f'<frame pos="{ARM} 0 0">{inside}</frame>', body("b", at=f"{ARM} 0 0")
     return _freedoms(mjcf(body("a", framed)), mjcf(body("a", placed)))
 
 
-def cart_pole() -> Shown:
+def cart_pole() -> Evidence:
     """Degrees of freedom of a pole on a cart whose body is the root."""
     text = mjcf(body("cart", body("pole")).replace("<joint", '<joint type="slide"', 1))
     return _freedoms(text, text)
 
 
-def one_joint_of_two() -> Shown:
+def one_joint_of_two() -> Evidence:
     """Joints of a body with two hinges, and of two bodies of which the first carries hardly any mass."""
     two = body("a").replace(INERTIAL, f'<joint name="b" axis="1 0 0"/>{INERTIAL}')
     light = '<inertial pos="0 0 0" mass="1e-9" diaginertia="1e-9 1e-9 1e-9"/>'
     inner = body("b").replace("0 1 0", "1 0 0")
     apart = mjcf(f'<body name="light"><joint name="a" axis="0 1 0"/>{light}{inner}</body>')
     count = pinocchio.load_mjcf(mjcf(two)).njoints - 1, pinocchio.load_mjcf(apart).njoints - 1
-    return Shown(count[0], mujoco.load(mjcf(two)).njnt, count[1], "")
+    return Evidence(count[0], mujoco.load(mjcf(two)).njnt, count[1], "")
 
 
-def spring_and_damper() -> Shown:
+def spring_and_damper() -> Evidence:
     """Torque of a level bar at 1 rad/s with a damper and a stretched spring in its hinge, and with both added."""
     text = mjcf(body("a", joint='damping="2" stiffness="3" springref="0.4"'))
     model, other = pinocchio.load_mjcf(text), mujoco.load(text)
     raw = float(pinocchio.inverse(model, v=1.0)[0])
     mended = raw + other.dof_damping[0] + other.jnt_stiffness[0] * (0.0 - other.qpos_spring[0])
-    return Shown(raw, float(mujoco.inverse(other, v=1.0)[0]), float(mended), "N m")
+    return Evidence(raw, float(mujoco.inverse(other, v=1.0)[0]), float(mended), "N m")
 
 
-def site_on_world() -> Shown:
+def site_on_world() -> Evidence:
     """How far the ends of a loop are apart that is closed at home, one end being a site of the world, and by body and
     anchor."""
     tip = '<site name="tip" pos="0.3 0 0"/>'
     bars = f'<site name="ground" pos="0.3 0 0"/>{body("a", tip)}'
     ends = ('body1="a" anchor="0.3 0 0"', 'site1="tip" site2="ground"')
     by_body, by_site = pinocchio.gaps(*(mjcf(bars, after=f"<equality><connect {pair}/></equality>") for pair in ends))
-    return Shown(by_site, 0.0, by_body, "m")
+    return Evidence(by_site, 0.0, by_body, "m")
 
 
-def closures_dropped() -> Shown:
+def closures_dropped() -> Evidence:
     """Closures that are read of a four-bar closed by a weld, and by a connect."""
     bar, ends = FourBar(), 'site1="coupler" site2="rocker"'
     counts = []
@@ -132,7 +132,7 @@ def closures_dropped() -> Shown:
         whole = bar.mjcf(f"<{kind} {ends}/>")
         rooted = whole.replace("<worldbody>", f'<worldbody><body name="ground">{INERTIAL}')
         counts.append(len(pinocchio.load_closed(rooted.replace("</worldbody>", "</body></worldbody>"))[1]))
-    return Shown(counts[0], mujoco.load(bar.mjcf(f"<weld {ends}/>")).neq, counts[1], "")
+    return Evidence(counts[0], mujoco.load(bar.mjcf(f"<weld {ends}/>")).neq, counts[1], "")
 
 
 #: A free body at the origin, a right angle about y from upright: MuJoCo's coordinates, their order in Pinocchio, and
@@ -142,7 +142,7 @@ _SCALAR_LAST = [0, 1, 2, 4, 5, 6, 3]
 _TURN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 
 
-def armature() -> Shown:
+def armature() -> Evidence:
     """Moment of inertia at a hinge with an armature in the MJCF: Pinocchio on the URDF, and with the armature set."""
     model, other = (
         pinocchio.load_urdf(robot(link("a"), joint("a"))),
@@ -154,16 +154,16 @@ def armature() -> Shown:
 
     raw = moment()
     model.armature = np.array(other.dof_armature)
-    return Shown(raw, mujoco.moment(other), moment(), "kg m^2")
+    return Evidence(raw, mujoco.moment(other), moment(), "kg m^2")
 
 
-def damping() -> Shown:
+def damping() -> Evidence:
     """Torque at 1 rad/s against a damper in a URDF, which both engines read and MuJoCo alone applies."""
     text = robot(link("a"), joint("a", inside='<dynamics damping="2"/>'))
     model = pinocchio.load_urdf(text)
     raw = float(pinocchio.inverse(model, v=1.0)[0])
     right = float(mujoco.inverse(mujoco.load(text), v=1.0)[0])
-    return Shown(raw, right, raw + float(model.damping[0]), "N m")
+    return Evidence(raw, right, raw + float(model.damping[0]), "N m")
 
 
 def _free() -> tuple[Any, Any]:
@@ -173,16 +173,16 @@ def _free() -> tuple[Any, Any]:
     return pinocchio.load_mjcf(text), mujoco.load(text)
 
 
-def quaternion_order() -> Shown:
+def quaternion_order() -> Evidence:
     """Force that holds a free body a right angle from upright along its own x: MuJoCo's coordinates handed over, and
     with the scalar last."""
     model, other = _free()
     right = _TURN.T @ mujoco.inverse(other, _AT)[:3]
     forces = [float(pinocchio.inverse(model, q)[0]) for q in (_AT, _AT[_SCALAR_LAST])]
-    return Shown(forces[0], float(right[0]), forces[1], "N")
+    return Evidence(forces[0], float(right[0]), forces[1], "N")
 
 
-def free_velocity() -> Shown:
+def free_velocity() -> Evidence:
     """Upward force on a free body that moves and turns without accelerating: MuJoCo's velocities handed over, and
     turned into the body's own axes."""
     model, other = _free()
@@ -194,4 +194,4 @@ def free_velocity() -> Shown:
         float((_TURN @ pinocchio.inverse(model, _AT[_SCALAR_LAST], [*linear, *omega], a)[:3])[2])
         for linear, a in ((v, 0.0), (local, spatial))
     )
-    return Shown(raw, right, mended, "N")
+    return Evidence(raw, right, mended, "N")

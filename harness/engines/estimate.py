@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from screwgauge.problem import Rows
-from screwgauge.quantities import FLOOR, QUANTITIES, arm, scales_of
+from screwgauge.quantities import FLOOR, OF_JOINTS, QUANTITIES, arm, scales_of
 from screwgauge.reference import linear
 from screwgauge.reference.linear import DIGIT, ROUNDED
 from screwgauge.reference.rotations import Array
@@ -35,8 +35,7 @@ SHARE = 0.01
 Units = Mapping[str, Sequence[str]]
 """Quantity -> unit of each component."""
 
-_POWER = {"joint_position": 1, "joint_velocity": 2, "body_angular_velocity": 2}  # of g; others 3
-_JOINTS = ("joint_position", "joint_velocity", "joint_acceleration")
+_POWER = {"q": 1, "v": 2, "a": 3, "f": 3}  # of g, by what a quantity needs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +99,7 @@ class Trust:
     def of(self, quantity: str) -> Array:
         """Condition number of all that a quantity was solved from."""
         found = np.maximum(self.condition, self.forces.get(quantity, 0.0))
-        return np.maximum(found, self.charts) if quantity in _JOINTS else found
+        return np.maximum(found, self.charts) if quantity in OF_JOINTS else found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,7 +166,7 @@ def examined(
         clock.spent = spent
         for name, array in values.items():
             # at a chart lock angles are arbitrary, but they close the loops; rates of that joint alone are none
-            condition = trust.condition if name in _JOINTS else trust.of(name)
+            condition = trust.condition if name in OF_JOINTS else trust.of(name)
             bad = ~(condition <= linear.SINGULAR)
             if bad.any():
                 values[name] = np.where(bad[:, None], np.nan, array)
@@ -284,10 +283,10 @@ def by_powers(name: str, trust: Trust) -> Scalar:
 def amplified(name: str, trust: Trust) -> Scalar:
     """By what rounding is multiplied in a well-conditioned sample."""
     g = apply("max", trust.gain, 1.0)
-    if name in _JOINTS:
+    if name in OF_JOINTS:
         g = apply("max", g, trust.charts)
     power = g
-    for _ in range(_POWER.get(name, 3) - 1):
+    for _ in range(_POWER[QUANTITIES[name].needs] - 1):
         power = power * g
     return apply("max", trust.stretch * power, trust.forces.get(name, 1.0))
 

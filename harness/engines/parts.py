@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from screwgauge.engines.estimate import Part, errors
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress
-from screwgauge.quantities import FORCE, QUANTITIES
+from screwgauge.quantities import BODY_UNITS, FORCE, GIVEN, OF_JOINTS, QUANTITIES, RATE, Quantity
 from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.errors import ClosureError, ModelFileError
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
@@ -70,29 +70,23 @@ def component_names(
         reactions: Names and units of the reaction components.
     """
     unit = joint_units(joints)
-    q = tuple(unit)
-    xyz = tuple(f"{body}.{axis}" for body in bodies for axis in "xyz")
-
-    def same(text: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        return xyz, (text,) * len(xyz)
-
-    def forces(coordinates: Iterable[str]) -> tuple[str, ...]:
-        return tuple(FORCE[unit[name]] for name in coordinates)
-
+    axes = tuple(f"{body}.{axis}" for body in bodies for axis in "xyz")
     driven = [joint.coordinates[0] for joint in joints if joint.actuated]
-    return {
-        "joint_position": (q, tuple(unit.values())),
-        "joint_velocity": (q, tuple(f"{u}/s" for u in unit.values())),
-        "joint_acceleration": (q, tuple(f"{u}/s^2" for u in unit.values())),
-        "body_angular_velocity": same("rad/s"),
-        "body_angular_acceleration": same("rad/s^2"),
-        "com_acceleration": same("m/s^2"),
-        "tree_force": (tuple(tree), forces(tree)),
-        "tree_force_soft": (tuple(tree), forces(tree)),
-        "generalized_force": (tuple(independent), forces(independent.values())),
-        "actuator_force": (tuple(actuators), forces(driven)),
-        "reaction": reactions,
+    along = {
+        "tree": (tuple(tree), tree),
+        "independent": (tuple(independent), independent.values()),
+        "actuator": (tuple(actuators), driven),
     }
+    forces = {of: (names, tuple(FORCE[unit[c]] for c in coordinates)) for of, (names, coordinates) in along.items()}
+
+    def components(quantity: Quantity) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        if quantity.of == "joint":
+            return tuple(unit), tuple(f"{each}{RATE[quantity.needs]}" for each in unit.values())
+        if quantity.of == "body":
+            return axes, (BODY_UNITS[quantity.body],) * len(axes)
+        return reactions if quantity.of == "reaction" else forces[quantity.of]
+
+    return {name: components(QUANTITIES[name]) for name in GIVEN}
 
 
 def described(mechanism: Mechanism) -> Names:
@@ -142,7 +136,7 @@ def assemble(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reading:
+class JointMotion:
     """A motion in the joint coordinates of the description, at m states.
 
     Attributes:
@@ -166,7 +160,7 @@ class Simulated:
         reactions: Names and units of constraint forces, and their values [N or N m], shape (m, k), if they are wanted.
     """
 
-    read: Reading
+    read: JointMotion
     work: Array
     cost: Cost
     stopped: str = ""
@@ -195,12 +189,8 @@ class Simulated:
 
         units, read = joint_units(joints), self.read
         values = {
-            f"joint_{what}": Values(tuple(units), tuple(f"{unit}{per}" for unit in units.values()), filled(array))
-            for what, array, per in (
-                ("position", read.q, ""),
-                ("velocity", read.v, "/s"),
-                ("acceleration", read.a, "/s^2"),
-            )
+            name: Values(tuple(units), tuple(f"{unit}{per}" for unit in units.values()), filled(array))
+            for name, array, per in zip(OF_JOINTS, (read.q, read.v, read.a), RATE.values(), strict=True)
         }
         if self.reactions is not None:
             names, force_units, forces = self.reactions

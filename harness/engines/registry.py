@@ -27,7 +27,7 @@ _WORDS: dict[type[Task], str] = {
 }
 
 
-class Model(Protocol):
+class EngineModel(Protocol):
     """A loaded model file, to which any number of problems can be put.
 
     It may have an attribute `independent`: labels of its independent coordinates, if they are to be in another order
@@ -48,8 +48,8 @@ class Engine:
 
     Attributes:
         meaning: What it is, in a few words.
-        source: ``module:function``, imported only when used; ``function(files, **settings) -> Model``. What it can be
-            set are its keywords, or the fields of ``Settings`` in its module.
+        source: ``module:function``, imported only when used; ``function(files, **settings) -> EngineModel``.
+            Settings are its keywords, or the fields of ``Settings`` in its module.
         tasks: The kinds of task that it takes.
         package: Distribution that has to be installed.
         reads: Ending of its model file.
@@ -76,7 +76,7 @@ class Engine:
         except PackageNotFoundError:
             return False
 
-    def load(self, files: ModelFiles, **settings: Any) -> Model:
+    def load(self, files: ModelFiles, **settings: Any) -> EngineModel:
         """Loads a model file.
 
         Args:
@@ -92,7 +92,7 @@ class Engine:
         load = getattr(source, function)
         if settings:
             self._check_settings(settings, getattr(source, "Settings", load))
-        return cast(Model, load(files, **settings))
+        return cast(EngineModel, load(files, **settings))
 
     def _check_settings(self, names: Iterable[str], takes: Callable[..., Any]) -> None:
         """Refuses names that are no parameters of what takes the settings."""

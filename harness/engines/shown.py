@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class Evidence:
     """One number, got in three ways.
 
     Attributes:

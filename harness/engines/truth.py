@@ -34,7 +34,7 @@ from screwgauge.truth.exact import LONG
 from screwgauge.truth.forces import RoutesDisagree
 from screwgauge.truth.kinematics import LoopsOpen, NotCertified
 from screwgauge.truth.linkage import Linkage
-from screwgauge.truth.samples import Balls, Sampler, Table, centred, enclosed, enclosures, ruled
+from screwgauge.truth.samples import Balls, Sampler, SampleTable, centred, enclosed, enclosures, ruled
 
 BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are asked for
 MOST = 201
@@ -95,10 +95,10 @@ def _certifiable(problem: Problem) -> frozenset[str]:
     return problem.wanted - set(ENGINES["truth"].lacks)
 
 
-def _kept(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, y: Array) -> Table | None:
+def _kept(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, y: Array) -> SampleTable | None:
     """A table from the cache; none if it has anything but what the answer to this problem has."""
     try:
-        table = Table.unpack(stored)
+        table = SampleTable.unpack(stored)
     except (KeyError, TypeError, ValueError):
         return None
     sizes, wanted = {name: len(found[0]) for name, found in described(mechanism).items()}, _certifiable(problem)
@@ -121,7 +121,7 @@ def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: st
 
 def _compute(
     model: TruthModel, problem: Problem, motion: GivenMotion, rows: Rows, depth: str, progress: Progress
-) -> Table:
+) -> SampleTable:
     """Reads the decimals exactly; where redundant loops then stay open, long ones as rounded."""
     try:
         return _table(model, problem, motion, rows, depth, progress)
@@ -138,7 +138,7 @@ def _table(
     progress: Progress,
     *,
     rounded: bool = False,
-) -> Table:
+) -> SampleTable:
     mechanism, clock = model.mechanism, Clock()
     tables = mechanism_tables(model.file)
 
@@ -171,7 +171,7 @@ def _table(
     if all(one is None for one in found):
         where, _, what = reasons[0].partition(": ")
         raise NotCertified(f"no sample can be certified: {what}", where, remedy)
-    return Table(*enclosures(found, rounded), reasons, dict(clock.spent), rounded)
+    return SampleTable(*enclosures(found, rounded), reasons, dict(clock.spent), rounded)
 
 
 def _where(mechanism: Mechanism, t: float, y: Array) -> str:
@@ -179,7 +179,7 @@ def _where(mechanism: Mechanism, t: float, y: Array) -> str:
 
 
 def _solution(
-    problem: Problem, mechanism: Mechanism, rows: Rows, table: Table, notes: list[str], *, cached: bool
+    problem: Problem, mechanism: Mechanism, rows: Rows, table: SampleTable, notes: list[str], *, cached: bool
 ) -> Solution:
     n = len(problem.task)
     done = ~np.isnan(next(iter(table.mid.values()))).any(axis=1)
@@ -210,7 +210,7 @@ def _solution(
     )
 
 
-def _notes(table: Table, names: Names, mechanism: Mechanism, how_many: str) -> list[str]:
+def _notes(table: SampleTable, names: Names, mechanism: Mechanism, how_many: str) -> list[str]:
     sizes = {
         f"{name}, {unit}": _scaled_radius(table, name, [i for i, u in enumerate(names[name][1]) if u == unit])
         for name in table.mid
@@ -237,6 +237,6 @@ def _notes(table: Table, names: Names, mechanism: Mechanism, how_many: str) -> l
     return notes
 
 
-def _scaled_radius(table: Table, name: str, columns: list[int]) -> float:
+def _scaled_radius(table: SampleTable, name: str, columns: list[int]) -> float:
     mid, radius = table.mid[name][:, columns], table.radius[name][:, columns]
     return float(np.nanmax(radius)) / (float(np.nanmax(np.abs(mid) + radius)) or 1.0)

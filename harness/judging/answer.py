@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from screwgauge.judging.residual import JUDGE, Deviation
+from screwgauge.judging.residual import JUDGE, SizedResidual
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Rows, States
 from screwgauge.quantities import FLOOR, SOLVED, arm, natural_scales
 from screwgauge.reference.applied import Applied
@@ -86,7 +86,7 @@ class Answer:
 
     def residual(
         self, name: str, unit: str, components: Sequence[str], missing: Array, size: float | Array, of: Sequence[str]
-    ) -> Deviation:
+    ) -> SizedResidual:
         """The worst of what an equation leaves over: how large, where, when.
 
         Args:
@@ -109,7 +109,7 @@ class Answer:
         lost = ~np.isfinite(scaled)
         i, k = divmod(int(np.argmax(np.where(lost, np.inf, scaled))), len(components))
         worst, t = float(scaled[i, k]), float(self.t[i])
-        return Deviation(
+        return SizedResidual(
             name,
             unit,
             self.engine,

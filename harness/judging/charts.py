@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, nearest_angles, nearest_turn
@@ -23,7 +24,7 @@ NEAR = 0.1
 
 _POSITION = "joint_position"
 #: What turns its sign with the middle axis of a triple: rates, and forces along coordinates of a tree.
-_ALONG = ("joint_velocity", "joint_acceleration", "tree_force", "tree_force_soft")
+_ALONG = tuple(name for name in QUANTITIES if QUANTITIES[name].of in ("joint", "tree") and name != _POSITION)
 
 
 def in_one_chart(mechanism: Mechanism, solutions: Mapping[str, Solution]) -> dict[str, Solution]:

@@ -14,7 +14,7 @@ from screwgauge.judging.assembly import other_assemblies
 from screwgauge.judging.conditioning import LIMIT
 from screwgauge.judging.integration import Left, left
 from screwgauge.judging.refusals import Refusal
-from screwgauge.judging.residual import ERROR_COLUMNS, PAIR_COLUMNS, Deviation, frame
+from screwgauge.judging.residual import ERROR_COLUMNS, PAIR_COLUMNS, SizedResidual, frame
 from screwgauge.problem import Problem
 from screwgauge.quantities import FLOOR, QUANTITIES, natural_scales
 from screwgauge.reference.mechanism import Mechanism
@@ -50,7 +50,7 @@ def compare(
     Returns:
         One row per component, and one row per quantity and unit (see `Results`).
     """
-    errors, pairs = list[Deviation](), list[Deviation]()
+    errors, pairs = list[SizedResidual](), list[SizedResidual]()
     t, scales = timed(problem).t, natural_scales(mechanism)
     # what has radii is the reference: first of its pairs, and the measure of all others
     ordered = sorted(solutions.values(), key=lambda solution: not solution.radius)
@@ -94,7 +94,7 @@ def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
     return not (names < others or others < names) if quantity.startswith("tree_force") else bool(names & others)
 
 
-def _within(row: Deviation, asked: float, limit: float, why: str) -> Deviation:
+def _within(row: SizedResidual, asked: float, limit: float, why: str) -> SizedResidual:
     """A pair that agrees, with the reason where that is by more than what was asked for."""
     if not row.ok:
         return row
@@ -139,7 +139,7 @@ def _conditioned(quantity: str, pair: tuple[Solution, Solution], asked: float, n
     return np.where(known, asked / usual * np.sum(estimates, axis=0), 0.0)
 
 
-def _held(row: Deviation, rules: Mapping[str, tuple[str, bool]]) -> Deviation:
+def _held(row: SizedResidual, rules: Mapping[str, tuple[str, bool]]) -> SizedResidual:
     """A component's errors with the rule that fixes it, held against their tolerance.
 
     What has no unique value has no tolerance, and is neither right nor wrong unless it is no number.
@@ -152,7 +152,7 @@ def _held(row: Deviation, rules: Mapping[str, tuple[str, bool]]) -> Deviation:
 
 def _components(
     quantity: str, unit: str, a: Solution, b: Solution, t: Array, limits: Array, grown: Left
-) -> Iterator[Deviation]:
+) -> Iterator[SizedResidual]:
     """Errors of each component of a unit that both have, over the samples that both have solved.
 
     The largest; where conditions explain more at other samples, or integration leaves more in later ones, that which is
@@ -179,7 +179,7 @@ def _components(
         limit = usual if enough else float(limits[rows[i]])
         tolerance = float(limit + admitted[i])
         ok = worst / scale <= tolerance
-        yield Deviation(
+        yield SizedResidual(
             quantity=quantity,
             unit=unit,
             a=a.engine,
@@ -196,7 +196,7 @@ def _components(
         )
 
 
-def _pair(rows: Sequence[Deviation]) -> Deviation:
+def _pair(rows: Sequence[SizedResidual]) -> SizedResidual:
     """Sums up the components of one quantity and unit, by the worst of those that are out of tolerance, or of all."""
     every, rows = rows, [row for row in rows if not row.ok] or rows
     sizes = np.array([row.error for row in rows])
@@ -209,7 +209,7 @@ def _pair(rows: Sequence[Deviation]) -> Deviation:
     )
 
 
-def _explained(row: Deviation, a: Solution, b: Solution, refusals: Sequence[Refusal]) -> Deviation:
+def _explained(row: SizedResidual, a: Solution, b: Solution, refusals: Sequence[Refusal]) -> SizedResidual:
     """The row with the reason of a pair out of tolerance, where the engines themselves know one."""
     if row.ok:
         return row
@@ -226,6 +226,6 @@ def _explained(row: Deviation, a: Solution, b: Solution, refusals: Sequence[Refu
     return row if np.isfinite(row.error) else replace(row, reason=f"not a number at t = {row.t:g} s")
 
 
-def nothing(quantity: str, a: str, b: str, reason: str, tolerance: float) -> Deviation:
+def nothing(quantity: str, a: str, b: str, reason: str, tolerance: float) -> SizedResidual:
     """The row of a pair that has no numbers, with the reason."""
-    return Deviation(quantity, a=a, b=b, reason=reason, tolerance=tolerance)
+    return SizedResidual(quantity, a=a, b=b, reason=reason, tolerance=tolerance)

@@ -16,7 +16,7 @@ from screwgauge.judging.answer import largest
 from screwgauge.judging.assembly import assembly_of
 from screwgauge.judging.identifiability import BRACKET, Visible, moved, parameters, terms
 from screwgauge.problem import GivenMotion, Problem
-from screwgauge.quantities import FLOOR, natural_scales
+from screwgauge.quantities import FLOOR, OF_BODIES, OF_JOINTS, QUANTITIES, natural_scales
 from screwgauge.reference.closed_motion import ClosedMotion
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import layout
@@ -43,7 +43,7 @@ _SAID = {
     "bracket": "the Lie bracket",
 }
 _FORCES = ("actuator_force", "generalized_force", "reaction", "tree_force", "tree_force_soft")
-_MOTIONS = ("joint_acceleration", "body_angular_acceleration", "com_acceleration")
+_MOTIONS = tuple(name for name in (*OF_JOINTS, *OF_BODIES) if QUANTITIES[name].needs == "a")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,9 +11,9 @@ import pandas as pd
 from screwgauge.judging import residuals
 from screwgauge.judging.answer import Answer, answer_at, largest, timed
 from screwgauge.judging.refusals import Refusal
-from screwgauge.judging.residual import JUDGE_COLUMNS, Deviation, frame
+from screwgauge.judging.residual import JUDGE_COLUMNS, Residuals, frame
 from screwgauge.problem import GivenMotion, Problem, Rows
-from screwgauge.quantities import QUANTITIES, SOLVED, arm, integrated_tolerance
+from screwgauge.quantities import BODY_MOTION, QUANTITIES, SOLVED, arm, integrated_tolerance
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.solution import Solution, common_rows
 from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
@@ -81,7 +81,7 @@ def judge(
     return frame(table, JUDGE_COLUMNS)
 
 
-def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Iterator[Deviation]:
+def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals:
     """Residuals of the motion of bodies and of forces, and of accelerations without velocities.
 
     Args:
@@ -103,7 +103,7 @@ def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Iterator[Deviat
         yield from residuals.tree_forces(some)
 
 
-def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Iterator[Deviation]:
+def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Residuals:
     """Residuals of forces of the closed mechanism; where some of them were not asked for, of a few samples."""
     required = residuals.required_wrenches(some)
     full = residuals.balanced(some, required[0])
@@ -118,7 +118,7 @@ def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Iterat
         yield from residuals.virtual_work(some, admissible, *required)
 
 
-def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[int] = range(3)) -> Iterator[Deviation]:
+def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[int] = range(3)) -> Residuals:
     """Closure of every loop and coupling in position, velocity and acceleration, and whether y is what was asked for.
 
     Args:
@@ -159,12 +159,12 @@ def _largest(answer: Answer, order: int, unit: str) -> float:
     return largest(answer.joints[order] * [arm(unit, L) / arm(has, L) for has in answer.mechanism.units])
 
 
-def body_motions(answer: Answer) -> Iterator[Deviation]:
+def body_motions(answer: Answer) -> Residuals:
     """Reported motions of the bodies less those that follow from the joint coordinates."""
-    for quantity in residuals.BODY_MOTION:
+    for what, quantity in BODY_MOTION.items():
         if answer.has(quantity):
             values = answer.values[quantity]
-            walked = residuals.body_motion(answer, quantity).reshape(values.array.shape)
+            walked = residuals.body_motion(answer, what).reshape(values.array.shape)
             missing, size = values.array - walked, largest(values.array)
             about = (quantity, *_MOTION)
             yield answer.residual("body_motion", values.units[0], values.components, missing, size, about)

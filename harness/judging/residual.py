@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from operator import attrgetter
 from typing import Any
@@ -60,7 +60,7 @@ class Residual:
 
 
 @dataclass(frozen=True, slots=True)
-class Deviation(Residual):
+class SizedResidual(Residual):
     """A residual with its sizes.
 
     Attributes:
@@ -77,11 +77,14 @@ class Deviation(Residual):
     unique: bool = True
 
 
+Residuals = Iterator[SizedResidual]
+
+
 def _columns(names: str, **elsewhere: str) -> dict[str, str]:
     return {name: elsewhere.get(name, name) for name in names.split()}
 
 
-#: Column -> attribute of a `Deviation`: of components, of pairs, and of equations.
+#: Column -> attribute of a `SizedResidual`: of components, of pairs, and of equations.
 ERROR_COLUMNS = _columns(
     "quantity component unit a b max_abs rms max_scaled scale worst_t rule unique tolerance ok",
     max_scaled="error",

@@ -11,8 +11,8 @@ import numpy as np
 
 from screwgauge.judging.answer import Answer, largest
 from screwgauge.judging.integration import MOST, SAFETY
-from screwgauge.judging.residual import Deviation
-from screwgauge.quantities import FLOOR, FORCE
+from screwgauge.judging.residual import Residuals
+from screwgauge.quantities import BODY_MOTION, FLOOR, FORCE, OF_BODIES
 from screwgauge.reference import linear
 from screwgauge.reference.graph import Layout, spanning_tree
 from screwgauge.reference.rotations import Array, cross, lanes
@@ -25,13 +25,10 @@ from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates
 from screwgauge.witness.wrenches import UnitWrench, exerted_wrenches, spring_energy, unit_wrenches
 
-#: Motion of the bodies: quantity -> field of `Moving`.
-BODY_MOTION = {"body_angular_velocity": "w", "body_angular_acceleration": "b", "com_acceleration": "a"}
 
-
-def body_motion(answer: Answer, quantity: str) -> Array:
+def body_motion(answer: Answer, what: str) -> Array:
     """One of `BODY_MOTION` as it follows from the joint coordinates. Shape (n, n_body, 3)."""
-    return np.asarray(getattr(answer.motion.com, BODY_MOTION[quantity]))
+    return np.asarray(getattr(answer.motion.com, what))
 
 
 def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Array]:
@@ -47,7 +44,10 @@ def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Ar
         Wrenches, shape (n, n_body, 6), and the largest force and moment among the terms of each, shape (n_body, 2).
     """
     tree, applied = answer.tree, answer.applied
-    w, b, a = (_vectors(answer[name]) if answer.has(name) else body_motion(answer, name) for name in BODY_MOTION)
+    w, b, a = (
+        _vectors(answer[BODY_MOTION[what]]) if answer.has(BODY_MOTION[what]) else body_motion(answer, what)
+        for what in "wba"
+    )
     terms = body_equations(tree.matter, answer.motion.com.R, w, b, a, applied.g)
     wrenches, sizes = terms.wrenches, np.zeros((len(tree.matter.mass), 2))
     for k, parts in enumerate(
@@ -82,7 +82,7 @@ def amount(answer: Answer, quantity: str, unit: UnitWrench) -> Array:
     return np.ascontiguousarray(values.array[:, values.components.index(unit.name)])[:, None]
 
 
-def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Deviation]:
+def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
     """What the reported reactions and actuator forces leave over of the balance of each body."""
     mechanism, missing, sizes, loose = answer.mechanism, required.copy("K"), sizes.copy(), np.zeros_like(sizes)
     for quantity, unit in unit_wrenches_of(answer, "reaction", "actuator_force"):
@@ -97,18 +97,18 @@ def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Devi
     for part, (unit_name, label) in enumerate((("N", "f"), ("N m", "m"))):
         names = [f"{body.name}.{label}{axis}" for body in mechanism.bodies for axis in "xyz"]
         values = missing[:, :, 3 * part : 3 * part + 3].reshape(len(missing), -1)
-        about = ("reaction", "actuator_force", *BODY_MOTION)
+        about = ("reaction", "actuator_force", *OF_BODIES)
         yield answer.residual("newton_euler", unit_name, names, values, np.repeat(sizes[:, part], 3), about)
 
 
-def power_balance(answer: Answer, required: Array) -> Iterator[Deviation]:
+def power_balance(answer: Answer, required: Array) -> Residuals:
     """What motion, gravity and loads take up less the power of the actuators."""
     rates = answer.joints[1][:, answer.mechanism.actuated_columns]
     given = answer["actuator_force"] * rates
     taken = required * np.concatenate([answer.motion.com.v, answer.motion.com.w], axis=2)
     missing = np.sum(taken, axis=(1, 2)) - np.sum(given, axis=1)
     # at a dead centre the sum is zero and only its terms tell how large rounding is
-    size, about = largest(given, taken, _loose(answer, rates)), ("actuator_force", "joint_velocity", *BODY_MOTION)
+    size, about = largest(given, taken, _loose(answer, rates)), ("actuator_force", "joint_velocity", *OF_BODIES)
     yield answer.residual("power_balance", "W", ["all actuators"], missing[:, None], size, about)
 
 
@@ -118,7 +118,7 @@ def _loose(answer: Answer, rates: Array) -> Array:
     return np.tensordot(np.abs(rates), forces, (1, 0))
 
 
-def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, sizes: Array) -> Iterator[Deviation]:
+def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, sizes: Array) -> Residuals:
     """Work of the required wrenches on every admissible motion less that of the generalised and actuator forces.
 
     Where an answer has no forces the first must vanish, whatever the reactions, and is measured by its largest term.
@@ -140,14 +140,14 @@ def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, 
         names = [f"{list(mechanism.independent)[k]}{how}" for how in given or [""] for k in columns]
         missing = [needed[:, columns] - forces[:, columns] for forces in given.values()] or [needed[:, columns]]
         size = largest(needed[:, columns], loose[..., columns]) if given else terms[columns]
-        left, about = np.concatenate(missing, axis=1), ("generalized_force", "actuator_force", *BODY_MOTION)
+        left, about = np.concatenate(missing, axis=1), ("generalized_force", "actuator_force", *OF_BODIES)
         yield answer.residual("virtual_work", FORCE[unit], names, left, size, about)
 
 
 TREE_FORCES = ("tree_force", "tree_force_soft")
 
 
-def tree_forces(answer: Answer) -> Iterator[Deviation]:
+def tree_forces(answer: Answer) -> Residuals:
     """Reported forces less the work that gravity and inertia of the bodies want, one joint of the tree moving alone.
 
     The tree is that of the joints named. One that leads to a body which another joint reaches leads to a copy of that
@@ -224,13 +224,13 @@ def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
     return replace(answer, values={**answer.values, quantity: solved})
 
 
-def force_rule(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Deviation]:
+def force_rule(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
     """What the forces of redundant actuators leave over of the rule that fixes them."""
     if _ruled(answer):
         yield from _axial(answer) if answer.rule == "spherical_axial" else _smallest(answer, admissible)
 
 
-def _smallest(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Deviation]:
+def _smallest(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
     """The part of the actuator forces that moves nothing: those of the smallest norm have none.
 
     They are orthogonal to every preload, which does no work on any admissible motion.
@@ -247,7 +247,7 @@ def _smallest(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Deviatio
         yield answer.residual("force_rule", unit, names, left, size, ("actuator_force",))
 
 
-def _axial(answer: Answer) -> Iterator[Deviation]:
+def _axial(answer: Answer) -> Residuals:
     """The force of the spherical joint across the line that it should lie along (eq. 56)."""
     mechanism = answer.mechanism
     if mechanism.axial is None:
@@ -266,7 +266,7 @@ def _axial(answer: Answer) -> Iterator[Deviation]:
     yield answer.residual("force_rule", "N", names, cross(line, F), max(sizes), ("reaction", "actuator_force"))
 
 
-def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Iterator[Deviation]:
+def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Residuals:
     """Energy gained since the first sample less the work done since [J], if that work is known.
 
     It is measured by the largest of its parts: kinetic, gravity, springs, work.

@@ -111,7 +111,7 @@ def far_from_home(scene: Scene) -> tuple[str, ...]:
 def _walked(scene: Scene) -> Mobility:
     lay = check_home(scene.mechanism)
     _check_jumps(scene)
-    walk, looked_at = Walk(lay), list[Array]()
+    walk, looked_at = SampleWalk(lay), list[Array]()
     rows = np.unique(np.linspace(0, len(scene.motion) - 1, 7).astype(int))
     for first in range(0, len(scene.motion), PART):
         motion = scene.motion.part(slice(first, first + PART))
@@ -196,7 +196,7 @@ def limits_left(mechanism: Mechanism, q: Array) -> list[str]:
     return [f"'{name}' ([{a:g}, {b:g}] {unit})" for name, a, b, unit, left in rows if left]
 
 
-class Walk:
+class SampleWalk:
     """Follows a motion part by part from home, for errors in terms of the description.
 
     A pose where coordinates that are constant on the home branch may begin to move is singular, too. Charts of cut

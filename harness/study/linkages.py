@@ -18,7 +18,7 @@ Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Pin:
+class PinJoint:
     """A joint between two bars of a planar linkage: a hinge, or a slide along x of both.
 
     Attributes:
@@ -52,7 +52,7 @@ class Pin:
 
 
 @dataclass(frozen=True, slots=True)
-class Linkage:
+class PlanarLinkage:
     """A planar linkage at home.
 
     Attributes:
@@ -62,7 +62,7 @@ class Linkage:
     """
 
     bars: Mapping[str, float]
-    pins: tuple[Pin, ...]
+    pins: tuple[PinJoint, ...]
     independent: tuple[str, ...]
 
     def table(self, name: str) -> Tables:
@@ -79,20 +79,22 @@ class Linkage:
         return {"name": name, "independent": {q: q for q in self.independent}, "bodies": bodies, "joints": joints}
 
 
-def four_bar(crank: float, coupler: float, rocker: float, base: float, angle: float, *, side: float = 1.0) -> Linkage:
+def four_bar(
+    crank: float, coupler: float, rocker: float, base: float, angle: float, *, side: float = 1.0
+) -> PlanarLinkage:
     """Lengths [m], the angle of the crank at home, and the side of the diagonal on which the coupler's end lies."""
     tip = _along(crank, angle)
     lean, swing = _triangle(tip, np.array([base, 0.0]), coupler, rocker, side)
     pins = (
-        Pin("a", "ground", "crank", (0.0, 0.0), (0.0, 0.0), angle, driven=True),
-        Pin("b", "crank", "coupler", (crank, 0.0), (0.0, 0.0), lean - angle),
-        Pin("c", "ground", "rocker", (base, 0.0), (0.0, 0.0), swing),
-        Pin("d", "coupler", "rocker", (coupler, 0.0), (rocker, 0.0), swing - lean),
+        PinJoint("a", "ground", "crank", (0.0, 0.0), (0.0, 0.0), angle, driven=True),
+        PinJoint("b", "crank", "coupler", (crank, 0.0), (0.0, 0.0), lean - angle),
+        PinJoint("c", "ground", "rocker", (base, 0.0), (0.0, 0.0), swing),
+        PinJoint("d", "coupler", "rocker", (coupler, 0.0), (rocker, 0.0), swing - lean),
     )
-    return Linkage({"crank": crank / 2, "coupler": coupler / 2, "rocker": rocker / 2}, pins, ("a",))
+    return PlanarLinkage({"crank": crank / 2, "coupler": coupler / 2, "rocker": rocker / 2}, pins, ("a",))
 
 
-def slider_crank(crank: float, rod: float, angle: float, *, offset: float = 0.0, driven: str = "a") -> Linkage:
+def slider_crank(crank: float, rod: float, angle: float, *, offset: float = 0.0, driven: str = "a") -> PlanarLinkage:
     """Lengths, and height of the slide above the crank's axis [m].
 
     Args:
@@ -101,29 +103,29 @@ def slider_crank(crank: float, rod: float, angle: float, *, offset: float = 0.0,
     lean = float(np.arcsin((offset - crank * np.sin(angle)) / rod))
     reach = float(crank * np.cos(angle) + rod * np.cos(lean))
     pins = (
-        Pin("a", "ground", "crank", (0.0, 0.0), (0.0, 0.0), angle, driven=driven == "a"),
-        Pin("b", "crank", "rod", (crank, 0.0), (0.0, 0.0), lean - angle),
-        Pin("c", "rod", "slider", (rod, 0.0), (0.0, 0.0), -lean),
-        Pin("x", "ground", "slider", (0.0, offset), (0.0, 0.0), reach, driven=driven == "x", slides=True),
+        PinJoint("a", "ground", "crank", (0.0, 0.0), (0.0, 0.0), angle, driven=driven == "a"),
+        PinJoint("b", "crank", "rod", (crank, 0.0), (0.0, 0.0), lean - angle),
+        PinJoint("c", "rod", "slider", (rod, 0.0), (0.0, 0.0), -lean),
+        PinJoint("x", "ground", "slider", (0.0, offset), (0.0, 0.0), reach, driven=driven == "x", slides=True),
     )
-    return Linkage({"crank": crank / 2, "rod": rod / 2, "slider": 0.0}, pins, (driven,))
+    return PlanarLinkage({"crank": crank / 2, "rod": rod / 2, "slider": 0.0}, pins, (driven,))
 
 
 def five_bar(
     cranks: tuple[float, float], rods: tuple[float, float], base: float, angles: tuple[float, float], side: float = 1.0
-) -> Linkage:
+) -> PlanarLinkage:
     """Two driven cranks, whose rods meet: lengths [m], and angles of the cranks at home."""
     tips = _along(cranks[0], angles[0]), np.array([base, 0.0]) + _along(cranks[1], angles[1])
     left, right = _triangle(*tips, *rods, side)
     pins = (
-        Pin("a", "ground", "left", (0.0, 0.0), (0.0, 0.0), angles[0], driven=True),
-        Pin("b", "left", "left-rod", (cranks[0], 0.0), (0.0, 0.0), left - angles[0]),
-        Pin("c", "left-rod", "right-rod", (rods[0], 0.0), (rods[1], 0.0), right - left),
-        Pin("d", "right", "right-rod", (cranks[1], 0.0), (0.0, 0.0), right - angles[1]),
-        Pin("e", "ground", "right", (base, 0.0), (0.0, 0.0), angles[1], driven=True),
+        PinJoint("a", "ground", "left", (0.0, 0.0), (0.0, 0.0), angles[0], driven=True),
+        PinJoint("b", "left", "left-rod", (cranks[0], 0.0), (0.0, 0.0), left - angles[0]),
+        PinJoint("c", "left-rod", "right-rod", (rods[0], 0.0), (rods[1], 0.0), right - left),
+        PinJoint("d", "right", "right-rod", (cranks[1], 0.0), (0.0, 0.0), right - angles[1]),
+        PinJoint("e", "ground", "right", (base, 0.0), (0.0, 0.0), angles[1], driven=True),
     )
     centres = zip(("left", "left-rod", "right-rod", "right"), (cranks[0], *rods, cranks[1]), strict=True)
-    return Linkage({bar: length / 2 for bar, length in centres}, pins, ("a", "e"))
+    return PlanarLinkage({bar: length / 2 for bar, length in centres}, pins, ("a", "e"))
 
 
 def _along(length: float, angle: float) -> Array:

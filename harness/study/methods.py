@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from screwgauge.engines.registry import Engine, Model, get_engine
+from screwgauge.engines.registry import Engine, EngineModel, get_engine
 from screwgauge.problem import ModelFiles, Problem, Progress, States
 from screwgauge.reference.errors import DescriptionError, ModelFileError, ScrewgaugeError, UnknownNameError, first_few
 from screwgauge.solution import Failure, Solution
@@ -64,7 +64,7 @@ class Method:
         """What rows call it."""
         return self.label or self.engine
 
-    def load(self, files: ModelFiles) -> Model:
+    def load(self, files: ModelFiles) -> EngineModel:
         """Loads a model file with the settings.
 
         Raises:
@@ -131,7 +131,7 @@ class EngineTask:
         said = first_few(physical_mismatch(self.scene, self.engine.name, self.files), DOUBTS, "; ")
         return replace(found, reason=f"{found.reason} The models differ: {said}." if said else found.reason)
 
-    def _ordered(self, model: Model) -> Problem:
+    def _ordered(self, model: EngineModel) -> Problem:
         """The problem with the independent coordinates in the order in which a model file of one's own lists them."""
         labels, own, task = list(self.labels), getattr(model, "independent", ()), self.problem.task
         if list(own) == labels or {*own} != {*labels} or isinstance(task, States):

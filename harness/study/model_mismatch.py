@@ -13,7 +13,7 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.check import (
     SUFFIXES,
     CheckRow,
-    Comparison,
+    ModelComparison,
     check_file,
     compare_loops,
     compare_readings,
@@ -134,7 +134,7 @@ def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -
 
 def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
     """A description of the user's own against that of the scene; their names may differ."""
-    own, out = replace(load_mechanism(path), name=mechanism.name), Comparison(path.name, "screw")
+    own, out = replace(load_mechanism(path), name=mechanism.name), ModelComparison(path.name, "screw")
     compare_loops(out, loops_of(mechanism, "full"), loops_of(own, "full"), mechanism)
     said, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (own, mechanism))
     compare_readings(out, expected, replace(said, gravity=None), mechanism)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.judging.compare import reference_scale
-from screwgauge.judging.residual import Deviation
+from screwgauge.judging.residual import SizedResidual
 from screwgauge.problem import Rows
 from screwgauge.quantities import natural_scales
 from screwgauge.reference.mechanism import Mechanism
@@ -51,7 +51,7 @@ class Reference:
         }
         return cls(engine, values, note, scales)
 
-    def score(self, quantity: str, values: Values, rows: slice | Rows = slice(None)) -> Deviation:
+    def score(self, quantity: str, values: Values, rows: slice | Rows = slice(None)) -> SizedResidual:
         """Error of some components of a quantity, at some samples of the reference."""
         right = self.values[quantity].pick(values.components).at(rows)
         return score(quantity, deviation(values, right), self.scales[quantity])
@@ -67,7 +67,7 @@ def deviation(values: Values, right: Values) -> Values:
     return Values(values.components, values.units, (values.array - right.array)[known])
 
 
-def score(quantity: str, off: Values, scales: Mapping[str, float]) -> Deviation:
+def score(quantity: str, off: Values, scales: Mapping[str, float]) -> SizedResidual:
     """Largest and RMS scaled error over all samples and components: not a number as soon as one is none.
 
     Args:
@@ -77,9 +77,9 @@ def score(quantity: str, off: Values, scales: Mapping[str, float]) -> Deviation:
     error = np.abs(off.array) / np.array([scales[unit] for unit in off.units])
     lost = int((~np.isfinite(error)).any(axis=1).sum())
     if lost or not error.size:
-        return Deviation(quantity, reason=f"not a number at {lost} of {len(error)} samples")
+        return SizedResidual(quantity, reason=f"not a number at {lost} of {len(error)} samples")
     most = float(error.max())
-    return Deviation(quantity, error=most, max_abs=most, rms=float(np.sqrt(np.mean(error**2))), scale=1.0)
+    return SizedResidual(quantity, error=most, max_abs=most, rms=float(np.sqrt(np.mean(error**2))), scale=1.0)
 
 
 def sizes(values: Values) -> dict[str, float]:

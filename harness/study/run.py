@@ -22,7 +22,7 @@ from screwgauge.judging.coverage import coverage
 from screwgauge.judging.integration import with_estimate
 from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import Refusal, refusals
-from screwgauge.judging.residual import JUDGE_COLUMNS, PAIR_COLUMNS, Deviation, frame
+from screwgauge.judging.residual import JUDGE_COLUMNS, PAIR_COLUMNS, SizedResidual, frame
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError
@@ -256,7 +256,7 @@ def _missing(asked: Sequence[str], answers: Mapping[str, Solution], n: int) -> I
 
 def _lost(
     scene: Scene, reasons: Iterable[tuple[str, str, str]], solutions: Mapping[str, Solution]
-) -> Iterator[Deviation]:
+) -> Iterator[SizedResidual]:
     """Rows without numbers: pairs of engines that have a quantity with one that has not, or not all of it."""
     for quantity, name, reason in reasons:
         others = [other for other, one in solutions.items() if other != name and quantity in one.values]

@@ -11,7 +11,7 @@ from screwgauge.engines.registry import check_engines
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.preflight import Walk, check_home, delivered
+from screwgauge.scene.preflight import SampleWalk, check_home, delivered
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.solution import Solution
 from screwgauge.study.runner import solve
@@ -58,7 +58,7 @@ def stream(
     if scene.simulated:
         raise DescriptionError("a forward scene is integrated, not streamed", scene.name, "use run")
     wanted, left = delivered(scene, wanted)
-    walk = Walk(check_home(scene.mechanism))
+    walk = SampleWalk(check_home(scene.mechanism))
     for t in parts:
         t = np.asarray(t, dtype=float)
         if t.ndim != 1 or not len(t) or not np.isfinite(t).all():

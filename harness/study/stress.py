@@ -17,7 +17,7 @@ from screwgauge.environment import environment, json_text
 from screwgauge.judging.residual import columns_of, frame
 from screwgauge.problem import Progress
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.study.cases.case import SILENT, Case, Finding
+from screwgauge.study.cases.case import SILENT, Finding, StressCase
 from screwgauge.study.cases.question import findings
 from screwgauge.study.cases.registry import choose
 from screwgauge.study.executors import Executor, InTurn, Report, Task
@@ -47,7 +47,7 @@ class Stress:
         seconds: Case -> how long it took.
     """
 
-    cases: tuple[Case, ...]
+    cases: tuple[StressCase, ...]
     rows: tuple[Finding, ...]
     seconds: Mapping[str, float]
     quick: bool
@@ -110,7 +110,7 @@ def stress(
     return Stress(tuple(chosen), tuple(rows), seconds, quick, environment(), provenance(None, {}))
 
 
-def _rung(case: Case, severity: float, quick: bool, progress: Progress) -> dict[str, Any]:
+def _rung(case: StressCase, severity: float, quick: bool, progress: Progress) -> dict[str, Any]:
     """What is found on a rung, as plain data, and how long it took."""
     begin = perf_counter()
     rows = [asdict(finding) for finding in climb(case, severity, quick=quick)]
@@ -130,7 +130,7 @@ def _is_rung(record: Mapping[str, Any]) -> bool:
     return sound and isinstance(seconds, float)
 
 
-def climb(case: Case, severity: float, *, quick: bool = False) -> list[Finding]:
+def climb(case: StressCase, severity: float, *, quick: bool = False) -> list[Finding]:
     """What is found on one rung; a rung that breaks is one finding of `ALL`."""
     try:
         # extremes are the point; what comes of them is judged

@@ -13,7 +13,7 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from screwgauge.problem import GivenMotion, Problem
-from screwgauge.quantities import QUANTITIES
+from screwgauge.quantities import BODY_MOTION, OF_JOINTS, QUANTITIES
 from screwgauge.reference.applied import Load
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock
@@ -121,13 +121,16 @@ class Sampler:
 
 def _motion(linkage: Linkage, now: State) -> Balls:
     bodies = list(zip(now.bodies[1:], linkage.masses, strict=True))
+    joints = {"q": [x[0] for x in now.q], "v": [x[1] for x in now.q], "a": [2 * x[2] for x in now.q]}
+    moved = {
+        "w": lambda T, mass: spin(T, 1),
+        "b": lambda T, mass: spin(T, 2),
+        "v": lambda T, mass: point(T[1], mass.com),
+        "a": lambda T, mass: [2 * x for x in point(T[2], mass.com)],
+    }
     return {
-        "joint_position": [x[0] for x in now.q],
-        "joint_velocity": [x[1] for x in now.q],
-        "joint_acceleration": [2 * x[2] for x in now.q],
-        "body_angular_velocity": [w for T, _ in bodies for w in spin(T, 1)],
-        "body_angular_acceleration": [b for T, _ in bodies for b in spin(T, 2)],
-        "com_acceleration": [2 * a for T, mass in bodies for a in point(T[2], mass.com)],
+        **{name: joints[QUANTITIES[name].needs] for name in OF_JOINTS},
+        **{name: [x for body in bodies for x in moved[what](*body)] for what, name in BODY_MOTION.items()},
     }
 
 
@@ -186,7 +189,7 @@ def _narrow(balls: Sequence[arb]) -> bool:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Table:
+class SampleTable:
     """Computed and cached samples: midpoints and radii by quantity (n_row, m), reasons of samples without any.
 
     Attributes:
@@ -210,7 +213,7 @@ class Table:
         }
 
     @classmethod
-    def unpack(cls, stored: cache.Arrays) -> Table:
+    def unpack(cls, stored: cache.Arrays) -> SampleTable:
         mid, radius = (
             {name.removeprefix(part): array for name, array in stored.items() if name.startswith(part)}
             for part in ("mid.", "radius.")

@@ -99,7 +99,7 @@ def _pairs(root: ET.Element) -> Iterator[Content]:
                 section.remove(row)
 
 
-def weighs(root: ET.Element) -> list[Shape]:
+def weighs(root: ET.Element) -> list[MeshShape]:
     """Geoms of meshes and the like from which bodies of an MJCF have mass."""
     force = any(compiler.get("inertiafromgeom") == "true" for compiler in root.iterfind("compiler"))
     classes, found = classes_of(root), []
@@ -118,7 +118,7 @@ def _is_zero(value: str | None) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class MeshShape:
     """A geom: the body that it belongs to, the element that it is in, the class that counts, whether it moves."""
 
     geom: ET.Element
@@ -137,7 +137,7 @@ class Shape:
         return values.get("type") in _FROM_FILES or bool({"mesh", "hfield"} & values.keys())
 
 
-def shapes(root: ET.Element) -> Iterator[Shape]:
+def shapes(root: ET.Element) -> Iterator[MeshShape]:
     """Every geom of an MJCF."""
     waiting = [(world, world, "", False) for world in root.iterfind("worldbody")]
     while waiting:
@@ -145,7 +145,7 @@ def shapes(root: ET.Element) -> Iterator[Shape]:
         for element in parent:
             inner = element.get("childclass", around)
             if element.tag == "geom":
-                yield Shape(element, body, parent, element.get("class", around), moves)
+                yield MeshShape(element, body, parent, element.get("class", around), moves)
             elif element.tag == "body":
                 waiting.append((element, element, inner, moves or bool(joints_in(element))))
             elif element.tag in ("frame", "replicate"):

@@ -77,7 +77,7 @@ class Traced:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Wanted:
+class TracedQuantities:
     """The outputs of a program.
 
     Attributes:
@@ -98,7 +98,7 @@ class Wanted:
 def traced(
     loops: Loops,
     applied: Applied,
-    wanted: Wanted,
+    wanted: TracedQuantities,
     samples: tuple[Array, Array, Array, Array],
     further: Further = lambda outputs: {},
 ) -> Traced:
@@ -126,7 +126,7 @@ def traced(
 def _traced(
     loops: Loops,
     applied: Applied,
-    wanted: Wanted,
+    wanted: TracedQuantities,
     samples: tuple[Array, Array, Array, Array],
     further: Further,
     folds: Sequence[float],
@@ -207,7 +207,7 @@ def _given(trace: Trace, load: Load, n: int) -> Load:
     return replace(load, force=force, torque=torque)
 
 
-def quantities(at: Dynamics, wanted: Wanted) -> dict[str, list[Any]]:
+def quantities(at: Dynamics, wanted: TracedQuantities) -> dict[str, list[Any]]:
     """Quantity -> its numbers, in the order of its components."""
     outputs = {}
     for name in wanted.quantities:
@@ -252,7 +252,7 @@ BEND, SLACK = 0.3, 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Forward:
+class ForwardTrace:
     """A program and what its numbers mean.
 
     Attributes:
@@ -266,7 +266,7 @@ class Forward:
     dependent: tuple[int, ...]
 
 
-def forward_program(loops: Loops, applied: Applied, q: Array) -> Forward:
+def forward_program(loops: Loops, applied: Applied, q: Array) -> ForwardTrace:
     """Traces forward dynamics.
 
     Args:
@@ -298,7 +298,7 @@ def forward_program(loops: Loops, applied: Applied, q: Array) -> Forward:
     checks = [moved, _mean(motion, y), _condition(motion), motion.inertia_gain]
     checks += [far * (1.0 / max(len(columns), 1)), off / (BEND**2 * far + SLACK**2)] if columns else [0.0, 0.0]
     answer = [*motion.ydd, motion.input_power, *motion.q[columns], *motion.K[..., columns].T.flat, *y]
-    return Forward(program(len(trace.inputs), [*answer, *checks], len(FORWARD_CHECKS)), tuple(columns))
+    return ForwardTrace(program(len(trace.inputs), [*answer, *checks], len(FORWARD_CHECKS)), tuple(columns))
 
 
 #: Factor and shift that make y of the prediction's pose, y and yd from the coordinates at the samples of a trace.

@@ -17,7 +17,7 @@ import pandas as pd
 
 from screwgauge.engines.registry import get_engine
 from screwgauge.engines.screw.bounds import examined
-from screwgauge.engines.screw.compiled import Answer, Solver
+from screwgauge.engines.screw.compiled import CompiledSolution, Solver
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.families.draw import families, random
 from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
@@ -111,7 +111,7 @@ def by_truth(scene: Scene, motion: GivenMotion) -> tuple[Rows, Answers]:
 
 def by_program(solver: Solver, motion: GivenMotion) -> tuple[int, Answers]:
     """How many samples a program answered, and all answers of its solver."""
-    left, parts = 0, list[Answer]()
+    left, parts = 0, list[CompiledSolution]()
     for first in range(0, len(motion), PART):
         some = motion.part(slice(first, first + PART))
         parts.append(solver(some.y, some.yd, some.ydd, estimates=True))

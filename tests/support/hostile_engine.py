@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.engines.registry import Engine, Model
+from screwgauge.engines.registry import Engine, EngineModel
 from screwgauge.engines.screw import model as screw
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
 from screwgauge.solution import Solution, Values
@@ -27,7 +27,7 @@ def load(files: ModelFiles) -> Loud:
 class Loud:
     """Prints in Python and beside it, and says more than anybody reads."""
 
-    right: Model
+    right: EngineModel
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         print("solving", flush=True)

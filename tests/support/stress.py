@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Case, Finding
+from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Finding, StressCase
 from screwgauge.study.cases.loops import ITERATIONS
 from screwgauge.study.cases.open_states import FORWARD, HARD
 from screwgauge.study.cases.registry import CASES, decades

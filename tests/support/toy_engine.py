@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from screwgauge.engines.registry import Engine, Model
+from screwgauge.engines.registry import Engine, EngineModel
 from screwgauge.engines.screw import model as screw
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
 from screwgauge.reference.errors import DescriptionError
@@ -24,7 +24,7 @@ def load(files: ModelFiles, error: float = ERROR) -> ToyModel:
 class ToyModel:
     """Shifts one component of two quantities by `error` of its quantity's largest value in that unit."""
 
-    right: Model
+    right: EngineModel
     error: float
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:

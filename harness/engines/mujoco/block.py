@@ -10,7 +10,7 @@ import numpy as np
 from screwgauge.reference.rotations import Array
 
 
-class Block:
+class DataBlock:
     """Arrays that lie near each other in one buffer, with what is between.
 
     Attributes:

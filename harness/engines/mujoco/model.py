@@ -14,7 +14,7 @@ import numpy as np
 
 from screwgauge.engines.mujoco import curvature
 from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.mujoco.settings import EXACT, Settings, refine
+from screwgauge.engines.mujoco.settings import EXACT, MujocoSettings, refine
 from screwgauge.engines.mujoco.steps import MujocoStepper, joint_spring, sprung_model
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
 from screwgauge.engines.tree.closed import ClosedTree, close_tree
@@ -29,13 +29,16 @@ from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Stopwatch
 
+#: What `load` takes.
+Settings = MujocoSettings
+
 
 def load(files: ModelFiles, **settings: Any) -> MujocoModel:
     """Loads an MJCF with its loops file; see `screwgauge.engines.mujoco.settings.Settings`."""
     file = loops_file(files)
     with warned():
         tree = MujocoTree(files.model, file)
-    return MujocoModel(close_tree(tree, file), MujocoDynamics(files.model, tree, Settings(**settings)))
+    return MujocoModel(close_tree(tree, file), MujocoDynamics(files.model, tree, MujocoSettings(**settings)))
 
 
 class MujocoModel(TreeModel):
@@ -58,7 +61,7 @@ class MujocoModel(TreeModel):
 class MujocoDynamics:
     """What moves an MJCF. See `screwgauge.engines.tree.protocol.TreeDynamics`."""
 
-    def __init__(self, mjcf: Path, tree: MujocoTree, settings: Settings) -> None:
+    def __init__(self, mjcf: Path, tree: MujocoTree, settings: MujocoSettings) -> None:
         self.mjcf, self.tree, self.settings = mjcf, tree, settings
         self.dt, self.naive = settings.dt, settings.naive
         self.setting = settings.states

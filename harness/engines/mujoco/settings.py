@@ -92,7 +92,7 @@ def _closing_pull(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class MujocoSettings:
     """How accelerations and steps are made; None leaves what the file or MuJoCo says.
 
     Scipy's methods take none of them: they integrate refined accelerations of constraints as hard as they get.

@@ -14,9 +14,9 @@ import mujoco
 import numpy as np
 
 from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.mujoco.settings import Settings, refine
+from screwgauge.engines.mujoco.settings import MujocoSettings, refine
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
-from screwgauge.engines.tree.forces import Exerted
+from screwgauge.engines.tree.forces import TreeForces
 from screwgauge.reference.applied import Applied, JointSpring, PointSpring
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -75,7 +75,9 @@ def _closing(model: mujoco.MjModel) -> tuple[str, ...]:
 class MujocoStepper:
     """`mj_step` or its parts. See `screwgauge.engines.tree.protocol.Stepper`."""
 
-    def __init__(self, sprung: Sprung, tree: MujocoTree, applied: Applied, held: Exerted, settings: Settings) -> None:
+    def __init__(
+        self, sprung: Sprung, tree: MujocoTree, applied: Applied, held: TreeForces, settings: MujocoSettings
+    ) -> None:
         """Prepares the steps.
 
         Args:

@@ -12,7 +12,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.block import Block
+from screwgauge.engines.mujoco.block import DataBlock
 from screwgauge.engines.mujoco.curvature import curvature
 from screwgauge.engines.mujoco.settings import EQUALITY
 from screwgauge.engines.tree.protocol import BodyPoses, shifted
@@ -72,8 +72,8 @@ class MujocoTree:
         self.hinges = model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE
         self.moves = np.array([np.isin(model.jnt_bodyid, self._above(b)) for b in (0, *self.ids)], dtype=float)
         data = self.data
-        self.state, self.turning = Block(data.qpos, data.qvel), Block(data.cdof_dot, data.subtree_com)
-        self.placed = Block(data.xmat, data.xpos, data.xaxis, data.xanchor)
+        self.state, self.turning = DataBlock(data.qpos, data.qvel), DataBlock(data.cdof_dot, data.subtree_com)
+        self.placed = DataBlock(data.xmat, data.xpos, data.xaxis, data.xanchor)
         self._check_motors(file)
 
     def under(self, gravity: Array | None) -> None:

@@ -24,7 +24,7 @@ from screwgauge.solution import Stopwatch
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class PinocchioSettings:
     """How accelerations are made.
 
     Attributes:
@@ -56,11 +56,15 @@ class Settings:
         return pin.ProximalSettings(0.0, 0.0, self.mu, self.iterations)
 
 
+#: What `load` takes.
+Settings = PinocchioSettings
+
+
 def load(files: ModelFiles, **settings: Any) -> TreeModel:
-    """Loads a URDF with its loops file; see `Settings`."""
+    """Loads a URDF with its loops file; see `PinocchioSettings`."""
     file = loops_file(files)
     tree = PinocchioTree(files.model, file)
-    return TreeModel(close_tree(tree, file), PinocchioDynamics(tree, Settings(**settings)))
+    return TreeModel(close_tree(tree, file), PinocchioDynamics(tree, PinocchioSettings(**settings)))
 
 
 class PinocchioDynamics:
@@ -68,7 +72,7 @@ class PinocchioDynamics:
 
     naive = False
 
-    def __init__(self, tree: PinocchioTree, settings: Settings) -> None:
+    def __init__(self, tree: PinocchioTree, settings: PinocchioSettings) -> None:
         self.tree, self.settings, self.dt = tree, settings, settings.dt
         self.constraints = Constraints(tree, frames=settings.frames, gains=settings.gains)
         proximal = settings.proximal()

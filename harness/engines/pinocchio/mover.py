@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from screwgauge.engines.pinocchio.tree import ALIGNED, ANGULAR_FIRST, Constraints, PinocchioTree
-from screwgauge.engines.tree.forces import Exerted
+from screwgauge.engines.tree.forces import TreeForces
 from screwgauge.engines.tree.project import project
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array
@@ -105,7 +105,7 @@ class PinocchioStepper:
     closing: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def __init__(self, mover: PinocchioMover, forces: Exerted, integrator: str, setting: str) -> None:
+    def __init__(self, mover: PinocchioMover, forces: TreeForces, integrator: str, setting: str) -> None:
         self.mover, self.forces, self.setting = mover, forces, setting
         self.order = 1 if integrator == "Euler" else 4
         self.once = self._euler if integrator == "Euler" else self._rk4

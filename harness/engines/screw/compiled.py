@@ -28,7 +28,7 @@ PART = CHUNK
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Answer:
+class CompiledSolution:
     """What a solver returns.
 
     Attributes:
@@ -66,7 +66,7 @@ class Solver:
         """
         self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
         self.works: dict[Mode, list[TracedWork]] = {}
-        self.last: dict[Mode, tuple[Bound, Answer]] = {}
+        self.last: dict[Mode, tuple[Bound, CompiledSolution]] = {}
         self.pool = Pool()
         work = self.first = self._works(mode)[0]
         self.components = {name: work.names()[name][0] for name in self.quantities}
@@ -99,7 +99,7 @@ class Solver:
         load: Array | None = None,
         out: Mapping[str, Array] | None = None,
         estimates: bool = False,
-    ) -> Answer:
+    ) -> CompiledSolution:
         """Answers samples in any order: a function of each row, whatever was asked before.
 
         Args:
@@ -125,12 +125,12 @@ class Solver:
         n, counts, arrays = len(y), self._error_counts(mode), self._checked(out, len(y))
         found = columns(n, sum(counts.values()))
         by_array, last = self._solve(given, mode, arrays | ({"error": found} if estimates else {}), t)
-        answer = Answer(arrays, by_array, _divided(found, counts))
+        answer = CompiledSolution(arrays, by_array, _divided(found, counts))
         if last is not None:
             self.last[mode] = last, replace(answer, by_array={})
         return answer
 
-    def _lent(self, given: Sequence[Array], mode: Mode, t: Array | None) -> Answer:
+    def _lent(self, given: Sequence[Array], mode: Mode, t: Array | None) -> CompiledSolution:
         """An answer in memory that is the solver's again once nothing refers to it, see `Pool`."""
         counts = {name: len(self.components[name]) for name in self.quantities}, self._error_counts(mode)
         m, all_m = sum(counts[0].values()), sum(map(sum, (each.values() for each in counts)))
@@ -141,7 +141,7 @@ class Solver:
             if last is not None:
                 block.known[mode] = last
         lent = self.pool.lend(block)
-        return Answer(_divided(lent, counts[0]), by_array, _divided(lent[:, m:], counts[1]))
+        return CompiledSolution(_divided(lent, counts[0]), by_array, _divided(lent[:, m:], counts[1]))
 
     def _error_counts(self, mode: Mode) -> dict[str, int]:
         """Quantity -> how many errors are estimated of it at each sample."""
@@ -178,7 +178,7 @@ class Solver:
         fits = bound is not None and t is None and bound.fits(inputs, arrays)
         return sum((work.by_array for work in works), start=Counter[str]()), bound if fits else None
 
-    def stream(self, chunks: Iterable[Sequence[Array]], *, estimates: bool = False) -> Iterator[Answer]:
+    def stream(self, chunks: Iterable[Sequence[Array]], *, estimates: bool = False) -> Iterator[CompiledSolution]:
         """Answers chunks of samples, one after the other, in buffers that are filled again: memory stays constant.
 
         Args:

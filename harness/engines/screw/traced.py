@@ -25,7 +25,7 @@ from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
 from screwgauge.reference.traced.program import columns
 from screwgauge.reference.traced.trace import NotTraceableError, Scalar
-from screwgauge.reference.traced.tracing import CHARTED, CHECKS, Traced, Wanted, traced
+from screwgauge.reference.traced.tracing import CHARTED, CHECKS, Traced, TracedQuantities, traced
 from screwgauge.solution import Solution
 
 #: Samples of the motion at which pivots are chosen.
@@ -83,7 +83,7 @@ class TracedWork:
         with self.clock.stage("tracing"):
             some, q = self._anchors(motion)
             shares, tree = open_tree(self.lay)
-            wanted = Wanted(self.wanted, self.problem.rule == "spherical_axial", shares, tree, loaded)
+            wanted = TracedQuantities(self.wanted, self.problem.rule == "spherical_axial", shares, tree, loaded)
             samples = (some.y, some.yd, some.ydd, q)
             self.traced = traced(self.work.loops, self.problem.applied, wanted, samples, self._further)
         with self.clock.stage("compiling"):

@@ -12,7 +12,7 @@ import numpy as np
 from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
 from screwgauge.engines.tree.closure import Loops
 from screwgauge.engines.tree.protocol import BodyPoses
-from screwgauge.engines.tree.wrenches import State, applied_wrenches
+from screwgauge.engines.tree.wrenches import BodyStates, applied_wrenches
 from screwgauge.problem import Problem
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
@@ -47,7 +47,7 @@ def closed_forces(
     at: BodyPoses,
     system: tuple[Array, Array],
     motion: tuple[Array, Array, Array, Array],
-    state: State | None,
+    state: BodyStates | None,
 ) -> ClosedForces:
     """Generalised and actuator forces by projection, reactions from the multipliers of the closing rows.
 
@@ -133,7 +133,7 @@ def _outer(joint: Joint, closed: ClosedTree) -> int:
     return child if child and closed.inwards(child)[1] == parent else parent
 
 
-def _applied(closed: ClosedTree, applied: Applied, at: BodyPoses, state: State | None) -> Array:
+def _applied(closed: ClosedTree, applied: Applied, at: BodyPoses, state: BodyStates | None) -> Array:
     """Loads, springs and motors: force and moment about the origin of each body. Shape (n, n_body + 1, 6)."""
     wrench = closed.load_wrenches(at, applied)
     if state is not None:

@@ -14,14 +14,13 @@ from screwgauge.models.layout import Closure
 from screwgauge.models.urdf import LoopsFile
 from screwgauge.reference.couplings import CouplingRows, bind
 from screwgauge.reference.errors import ModelFileError
-from screwgauge.reference.graph import POINTS
 from screwgauge.reference.linear import blocks
-from screwgauge.reference.mechanism import GROUND, Joint
+from screwgauge.reference.mechanism import GROUND, POINTS, Joint
 from screwgauge.reference.rotations import Array, cross, times, vee
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Anchor:
+class AnchorPair:
     """One constraint of a closure: two points that coincide, or (`angular`) two frames that keep their attitude."""
 
     joint: str
@@ -41,7 +40,7 @@ class Anchor:
 class Loops:
     """The closing rows of a tree: anchors first, then couplings, then one row for each independent coordinate."""
 
-    anchors: tuple[Anchor, ...]
+    anchors: tuple[AnchorPair, ...]
     couplings: CouplingRows  # in the coordinates of the tree
     cut: tuple[Joint, ...]  # joints that are in no tree
     index: dict[str, int]
@@ -184,11 +183,11 @@ def make_loops(tree: OpenTree, file: LoopsFile) -> Loops:
     return Loops(tuple(anchors), couplings, cut, index, tuple(rows))
 
 
-def _anchors(closure: Closure, index: dict[str, int]) -> list[Anchor]:
+def _anchors(closure: Closure, index: dict[str, int]) -> list[AnchorPair]:
     parent, child = index[closure.parent], index[closure.child]
     if closure.type == "weld":
         here, there = closure.parent_frame, closure.child_frame
         sides = [(False, here.p, there.p), (True, here.R, there.R)]
     else:
         sides = [(False, *points) for points in zip(closure.parent_points, closure.child_points, strict=True)]
-    return [Anchor(closure.joint, angular, parent, child, *points) for angular, *points in sides]
+    return [AnchorPair(closure.joint, angular, parent, child, *points) for angular, *points in sides]

@@ -8,7 +8,7 @@ import numpy as np
 
 from screwgauge.engines.parts import Simulated
 from screwgauge.engines.tree.closed import ClosedTree
-from screwgauge.engines.tree.forces import Exerted, tree_forces
+from screwgauge.engines.tree.forces import TreeForces, tree_forces
 from screwgauge.engines.tree.integrate import start_state
 from screwgauge.engines.tree.protocol import Stepper
 from screwgauge.engines.tree.reading import Path, read_path
@@ -83,7 +83,7 @@ def step_through(
     return simulated.solution(labels, closed.file.joints, task)
 
 
-def _work(stepper: Stepper, forces: Exerted, path: Path) -> Array:
+def _work(stepper: Stepper, forces: TreeForces, path: Path) -> Array:
     """Work put in up to each wanted state [J], from the power at all states of the path."""
     if forces.stores_only:
         return np.zeros(len(path.wanted))

@@ -27,7 +27,7 @@ Reader = Callable[[float, Array, BodyAt], tuple[float, Array]]
 
 
 @dataclass(frozen=True, slots=True)
-class Exerted:
+class TreeForces:
     """All that acts besides gravity. `stores_only`: its springs are without dampers, and nothing else acts."""
 
     elements: tuple[Element, ...]
@@ -39,7 +39,7 @@ class Exerted:
         return sum(element(t, q, v, body, tau) for element in self.elements)
 
 
-def tree_forces(closed: ClosedTree, applied: Applied, start: Array) -> Exerted:
+def tree_forces(closed: ClosedTree, applied: Applied, start: Array) -> TreeForces:
     """Binds what acts to the bodies and coordinates of a tree.
 
     Args:
@@ -61,7 +61,7 @@ def tree_forces(closed: ClosedTree, applied: Applied, start: Array) -> Exerted:
         *(_spring(spring, reader(spring)) for spring in applied.springs),
     ]
     damped = any(spring.damping for spring in applied.springs)
-    return Exerted(tuple(elements), not (damped or applied.motors or applied.loads))
+    return TreeForces(tuple(elements), not (damped or applied.motors or applied.loads))
 
 
 def spring_pull(spring: JointSpring, tree: OpenTree, q: Array, v: Array) -> Array:

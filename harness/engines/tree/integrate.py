@@ -16,7 +16,7 @@ import numpy as np
 from screwgauge.engines.methods import METHODS, MOST, SIZES, Pace, check_method, keep_passed
 from screwgauge.engines.parts import Simulated
 from screwgauge.engines.tree.closed import ClosedTree
-from screwgauge.engines.tree.forces import Exerted, tree_forces
+from screwgauge.engines.tree.forces import TreeForces, tree_forces
 from screwgauge.engines.tree.inverse import solve_motion
 from screwgauge.engines.tree.project import project
 from screwgauge.engines.tree.protocol import Mover
@@ -37,10 +37,10 @@ USUAL = 0.1
 DIFFERENCE = 1e-8
 
 
-class _Run:
+class _TreeRun:
     """The motion while it is integrated."""
 
-    def __init__(self, mover: Mover, forces: Exerted) -> None:
+    def __init__(self, mover: Mover, forces: TreeForces) -> None:
         self.mover, self.forces = mover, forces
         self.n = len(mover.tree.coordinates)
         self.closed = bool(mover.tree.closures or mover.tree.couplings)
@@ -117,7 +117,7 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
     method = task.integration
     check_method(method.name)
     q, v = start_state(closed, task)
-    run = _Run(mover, tree_forces(closed, problem.applied, task.start))
+    run = _TreeRun(mover, tree_forces(closed, problem.applied, task.start))
     state = np.concatenate([q, v, [0.0]])
     run.keep(float(task.grid[0]), state)
     steps = _Steps(run, task, progress)
@@ -148,7 +148,7 @@ class _Steps:
         cost: What the steps took.
     """
 
-    def __init__(self, run: _Run, task: InitialValue, progress: Progress) -> None:
+    def __init__(self, run: _TreeRun, task: InitialValue, progress: Progress) -> None:
         self.run, self.times, self.progress, self.over = run, task.grid, progress, 0
         self.name, self.cost = task.integration.name, Cost(0.0, 0.0)
         self.method = METHODS[self.name]

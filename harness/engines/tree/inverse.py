@@ -16,7 +16,7 @@ from screwgauge.engines.tree.closed import Charts, ClosedTree
 from screwgauge.engines.tree.closed_forces import closed_forces
 from screwgauge.engines.tree.cut_joints import unwrapped
 from screwgauge.engines.tree.protocol import BodyPoses
-from screwgauge.engines.tree.wrenches import State
+from screwgauge.engines.tree.wrenches import BodyStates
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
 from screwgauge.reference.closed.continuation import Continuation
@@ -261,7 +261,9 @@ class _Pass:
     def _forces(self) -> None:
         at, t, state = self.poses.at, self.poses.motion.t, None
         if self.acting:
-            state = State(t, at.R, at.p, self.V, self.values["joint_position"], self.closed.joints(self.v, self.cut_v))
+            state = BodyStates(
+                t, at.R, at.p, self.V, self.values["joint_position"], self.closed.joints(self.v, self.cut_v)
+            )
         motion = (self.poses.q, self.v, self.a, self.tau)
         forces = closed_forces(self.closed, self.work.problem, at, (self.inverse, self.K), motion, state)
         self.values |= forces.values

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from screwgauge.engines.parts import Reading
+from screwgauge.engines.parts import JointMotion
 from screwgauge.engines.tree.closed import ClosedTree
 from screwgauge.engines.tree.cut_joints import SURE, Flags, follow
 from screwgauge.reference import linear
@@ -48,7 +48,7 @@ class Path:
         del self.a[len(self.wanted) :]
 
 
-def read_path(closed: ClosedTree, path: Path, start: Array) -> Reading:
+def read_path(closed: ClosedTree, path: Path, start: Array) -> JointMotion:
     """Reads the wanted states of a path, angles of cut joints followed along all its states.
 
     Args:
@@ -61,7 +61,9 @@ def read_path(closed: ClosedTree, path: Path, start: Array) -> Reading:
         _part(closed, q[rows[i]], v[rows[i]], a[i], {n: x[i] for n, x in turned.items()})
         for i in _blocks(closed, len(rows))
     ]
-    return Reading(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("q", "v", "a", "condition")))
+    return JointMotion(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in ("q", "v", "a", "condition"))
+    )
 
 
 def _blocks(closed: ClosedTree, n: int) -> list[slice]:
@@ -88,7 +90,7 @@ def _followed(closed: ClosedTree, t: Array, q: Array, v: Array, start: Array) ->
     return followed
 
 
-def _part(closed: ClosedTree, q: Array, v: Array, a: Array, turned: dict[str, Array]) -> Reading:
+def _part(closed: ClosedTree, q: Array, v: Array, a: Array, turned: dict[str, Array]) -> JointMotion:
     at = closed.tree.poses(q)
     charts = {name: chart.near(turned[name]) for name, chart in closed.loops.charts(at).items()}
     V, cut_a = at.velocities(v), dict[str, Array]()
@@ -96,4 +98,4 @@ def _part(closed: ClosedTree, q: Array, v: Array, a: Array, turned: dict[str, Ar
     if charts:
         cut_a = closed.cut_accelerations(charts, cut_v, V, closed.tree.bias(at, q, v, V) + at.velocities(a))
     condition = linear.condition(closed.closing_rows(q, at, charts))
-    return Reading(closed.joints(q, turned), closed.joints(v, cut_v), closed.joints(a, cut_a), condition)
+    return JointMotion(closed.joints(q, turned), closed.joints(v, cut_v), closed.joints(a, cut_a), condition)

@@ -16,7 +16,7 @@ Sides = Callable[[Joint], tuple[int, int]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class State:
+class BodyStates:
     """Motion of n samples; body 0 is ground.
 
     Attributes:
@@ -35,7 +35,7 @@ class State:
 
 
 def applied_wrenches(
-    joints: Sequence[Joint], applied: Applied, state: State, index: Mapping[str, int], sides: Sides
+    joints: Sequence[Joint], applied: Applied, state: BodyStates, index: Mapping[str, int], sides: Sides
 ) -> Array:
     """Force and moment about its origin on each body. Shape (n, b, 6)."""
     out = np.zeros_like(state.V)
@@ -56,7 +56,7 @@ def applied_wrenches(
     return out
 
 
-def _pull(spring: PointSpring, state: State, index: Mapping[str, int], out: Array) -> None:
+def _pull(spring: PointSpring, state: BodyStates, index: Mapping[str, int], out: Array) -> None:
     """Adds the force of a spring between two points."""
     ends = [(index[body], point) for body, point in spring.ends]
     arms = [(state.R[:, i] @ point) for i, point in ends]
@@ -72,7 +72,7 @@ def _pull(spring: PointSpring, state: State, index: Mapping[str, int], out: Arra
         out[:, i] += np.concatenate([f, np.cross(arm, f)], axis=1)
 
 
-def _turn(joint: Joint, state: State, sides: tuple[int, int], own: list[int], tau: Array, out: Array) -> None:
+def _turn(joint: Joint, state: BodyStates, sides: tuple[int, int], own: list[int], tau: Array, out: Array) -> None:
     """Adds what forces along the coordinates of a joint exert on its two bodies, at the joint's point of the child."""
     parent, child = sides
     turned = state.R[:, parent] @ joint.parent_frame.R

@@ -11,7 +11,7 @@ from screwgauge.quantities import digits
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import Look, Spec, by_camp
-from screwgauge.study.cases.case import GOOD, VERDICTS, Case, Finding
+from screwgauge.study.cases.case import GOOD, VERDICTS, Finding, StressCase
 
 if TYPE_CHECKING:
     from screwgauge.study.stress import Stress
@@ -57,7 +57,7 @@ def inks(plots: Sequence[Sequence[str]]) -> list[dict[str, Look]]:
     return [{n: (common | some)[n] for n in names} for names, some in zip(plots, own, strict=True)]
 
 
-def _panel(case: Case, rows: Sequence[Finding], looks: dict[str, Look]) -> Spec:
+def _panel(case: StressCase, rows: Sequence[Finding], looks: dict[str, Look]) -> Spec:
     """One case; `rows` are those of the quantity drawn."""
     severities = sorted({row.severity for row in rows})
     zero = next((severity for severity in severities if severity > 0.0), 1.0) / 10.0  # where severity 0 stands

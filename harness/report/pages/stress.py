@@ -12,7 +12,7 @@ from screwgauge.report.figures.stress import make_plots
 from screwgauge.report.formatting import Row, digits_text, grouped, listed, number, rows, size, span, words
 from screwgauge.report.layout import Report
 from screwgauge.report.pages.scene import judged, short
-from screwgauge.study.cases.case import DEGRADED, OK, REFUSED, SILENT, VERDICTS, Case
+from screwgauge.study.cases.case import DEGRADED, OK, REFUSED, SILENT, VERDICTS, StressCase
 from screwgauge.study.stress import Stress
 
 SHORT = {DEGRADED: " (degraded)", SILENT: " **silently wrong**"}
@@ -65,7 +65,7 @@ def headline(stress: Stress) -> str:
     return " ".join([*sentences, f"Of {len(stress.rows)} rows {counts}."])
 
 
-def _first(case: Case, group: Sequence[Row]) -> str:
+def _first(case: StressCase, group: Sequence[Row]) -> str:
     """The first rung of some rows."""
     return number((max if case.falling else min)(row["severity"] for row in group), 3)
 

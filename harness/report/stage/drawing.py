@@ -12,7 +12,6 @@ from screwgauge.models.shapes import (
     CUT,
     DOUBT,
     DRIVEN,
-    KINDS,
     Shape,
     across,
     cut_joints,
@@ -29,13 +28,14 @@ from screwgauge.study.motion import DrawnMotion
 WIDE, TALL, EDGE, FONT = 640.0, 400.0, 52.0, 11.0  # of the drawing, at most; its margin; of letters [pixels]
 LETTER, CORNER = 0.62 * FONT, 44.0  # a letter's width; the height of world axes and scale bar [pixels]
 MOST_NAMES = 45  # beyond, only joints that are driven or independent are named
+#: Kind of joint -> its name, and its mark.
 MARKS = {
-    "R": '<circle r="5.5"/>',
-    "P": '<rect x="-8" y="-5" width="16" height="10"/>',
-    "U": '<path d="M0,-7L7,0L0,7L-7,0Z"/>',
-    "S": '<circle r="7"/><circle r="3.5"/>',
-    "C": '<rect x="-9" y="-5" width="18" height="10" rx="5"/>',
-    "E": '<path d="M-11,6L-4,-6H11L4,6Z"/><circle r="2.5"/>',
+    "R": ("revolute", '<circle r="5.5"/>'),
+    "P": ("prismatic", '<rect x="-8" y="-5" width="16" height="10"/>'),
+    "U": ("universal", '<path d="M0,-7L7,0L0,7L-7,0Z"/>'),
+    "S": ("spherical", '<circle r="7"/><circle r="3.5"/>'),
+    "C": ("cylindrical", '<rect x="-9" y="-5" width="18" height="10" rx="5"/>'),
+    "E": ("planar", '<path d="M-11,6L-4,-6H11L4,6Z"/><circle r="2.5"/>'),
 }
 WORLD = ("#C62828", "#2E7D32", "#1565C0")  # of its axes
 TOWARDS, AWAY = '<circle r="1.6" fill="#222"/>', '<path d="M-3,-3L3,3M-3,3L3,-3" stroke="#222"/>'
@@ -191,7 +191,7 @@ def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -
     steep = joint.angles == 1 and abs(towards) > 0.95
     arrow = _line("axis", place, place + 26.0 * seen, arrow=True) if joint.angles == 1 and not steep else ""
     inner = (TOWARDS if towards > 0 else AWAY) if steep else ""
-    marks = f'<g class="mark{" driven" * joint.actuated}">{MARKS[joint.kind]}</g>{inner}{drive}{CAGE * cut}'
+    marks = f'<g class="mark{" driven" * joint.actuated}">{MARKS[joint.kind][1]}</g>{inner}{drive}{CAGE * cut}'
     return f'{arrow}<g transform="translate({_xy(place)}) rotate({turn:.0f})">{marks}</g>'
 
 
@@ -199,7 +199,7 @@ def _legend(mechanism: Mechanism, compared: bool) -> tuple[str, float]:
     """Marks with what they mean, and how far down they reach."""
     there = {joint.kind for joint in mechanism.joints}
     turning = any(joint.angles == 1 for joint in mechanism.joints)
-    items = [(f'<g class="mark">{MARKS[kind]}</g>', name) for kind, name in KINDS.items() if kind in {*MARKS} & there]
+    items = [(f'<g class="mark">{mark}</g>', name) for kind, (name, mark) in MARKS.items() if kind in there]
     if mechanism.actuators:
         first = mechanism.actuators[0]
         way = ROUND if first.angles else ALONG

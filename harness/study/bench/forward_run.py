@@ -13,7 +13,7 @@ import numpy as np
 
 from screwgauge.environment import environment
 from screwgauge.judging.answer import answer_at
-from screwgauge.judging.residual import Deviation
+from screwgauge.judging.residual import SizedResidual
 from screwgauge.judging.residuals import energy_balance
 from screwgauge.problem import Integration, Problem, Progress, spread
 from screwgauge.reference.errors import DescriptionError, check_choice
@@ -275,7 +275,7 @@ def _scored(
     off = deviation(observe(layout(scene.mechanism), scene.observables, q), right)
     error = score("observable", off, posed.reference.scales["observable"])
     balance = energy_balance(answer_at(scene.mechanism, problem, solution, np.arange(m)))
-    energy = next(balance, Deviation("energy"))
+    energy = next(balance, SizedResidual("energy"))
     reason = solution.stopped or (f"only {m} of {len(scene.t)} samples" if m < len(scene.t) else error.reason)
     wall_s, cpu_s = np.min([(cost.wall_s, cost.cpu_s) for cost in costs], axis=0).tolist()
     cost, seconds = replace(costs[-1], wall_s=wall_s, cpu_s=cpu_s), (wall_s,) if np.isfinite(wall_s) else ()

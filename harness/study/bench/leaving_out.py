@@ -11,7 +11,7 @@ import pandas as pd
 
 from screwgauge.models.generate import write_models
 from screwgauge.models.mjcf import PARTS
-from screwgauge.quantities import GIVEN, SOLVED
+from screwgauge.quantities import GIVEN, OF_BODIES, OF_JOINTS, QUANTITIES, SOLVED
 from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.rows import FAILED, BenchRow
@@ -31,9 +31,10 @@ EVERYTHING = "everything"
 ALL_PARTS = "all of them"
 #: What each row adds to the one before.
 STEPS = {
-    "positions only": ("joint_position",),
-    "+ velocities": ("joint_velocity", "body_angular_velocity"),
-    "+ accelerations": ("joint_acceleration", "body_angular_acceleration", "com_acceleration"),
+    **{
+        what: tuple(name for name in (*OF_JOINTS, *OF_BODIES) if QUANTITIES[name].needs == needs)
+        for what, needs in (("positions only", "q"), ("+ velocities", "v"), ("+ accelerations", "a"))
+    },
     "+ generalised forces": ("generalized_force",),
     "+ actuator forces": ("actuator_force",),
     "+ reactions": ("reaction",),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from screwgauge.judging.residual import Deviation, frame
+from screwgauge.judging.residual import SizedResidual, frame
 from screwgauge.solution import Cost
 from screwgauge.study.bench.contestant import NOTHING, Contestant
 
@@ -31,7 +31,7 @@ OK, FAILED, CUT = "ok", "failed", "cut short"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchRow(Deviation):
+class BenchRow(SizedResidual):
     """One quantity of one contestant; its RMS error is scaled.
 
     Attributes:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from screwgauge.engines.registry import Model, get_engine
+from screwgauge.engines.registry import EngineModel, get_engine
 from screwgauge.environment import environment
 from screwgauge.problem import ModelFiles, Progress
 from screwgauge.reference.errors import DescriptionError
@@ -256,7 +256,7 @@ class _Measurements:
     def __init__(self, posed: PreparedScene, kept: Journal, protocol: timing.Protocol, progress: Report) -> None:
         self.posed, self.kept, self.protocol, self.progress = posed, kept, protocol, progress
         self.calls: dict[str, Callable[[], Any]] = {}
-        self.models: dict[tuple[str, str, ModelFiles], Model] = {}
+        self.models: dict[tuple[str, str, ModelFiles], EngineModel] = {}
 
     def all(self, chosen: Sequence[Contestant]) -> None:
         """The first setting of every contestant, then the second ones and so on, so that no budget leaves any out."""

@@ -68,7 +68,7 @@ Ask = Callable[[float, bool, Path], "Iterable[Question]"]
 
 
 @dataclass(frozen=True, slots=True)
-class Case:
+class StressCase:
     """A ladder. Data only; it pickles.
 
     Attributes:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.reference.errors import check_choice
-from screwgauge.study.cases.case import Case
+from screwgauge.study.cases.case import StressCase
 
 
 def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
@@ -18,11 +18,11 @@ def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
     return tuple(float(f"1e{k}") for k in range(first, last + sign, sign * step))
 
 
-def _case(ask: str, full: Any, quick: Any, **rest: Any) -> Case:
+def _case(ask: str, full: Any, quick: Any, **rest: Any) -> StressCase:
     """An entry of the file."""
     module, name = ask.split(":")
     found = getattr(import_module(f"{__package__}.{module}"), name)
-    return Case(**rest, full=_rungs(full), quick=_rungs(quick), ask=found)
+    return StressCase(**rest, full=_rungs(full), quick=_rungs(quick), ask=found)
 
 
 def _rungs(given: Sequence[float] | dict[str, Any]) -> tuple[float, ...]:
@@ -34,7 +34,7 @@ _FILE = Path(__file__).with_name("cases.toml")
 CASES = {entry["name"]: _case(**entry) for entry in tomllib.loads(_FILE.read_text(encoding="utf-8"))["cases"]}
 
 
-def choose(names: Iterable[str] | None) -> list[Case]:
+def choose(names: Iterable[str] | None) -> list[StressCase]:
     """The named cases in the order of the table, all by default.
 
     Raises:

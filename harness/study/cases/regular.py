@@ -14,6 +14,7 @@ import tomli_w
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.reference.applied import Load
 from screwgauge.reference.expressions import number
+from screwgauge.reference.mechanism import KINDS
 from screwgauge.scene.read import load_scene
 from screwgauge.study.cases.asking import SCENE, compare, exactly, moving, still
 from screwgauge.study.cases.case import Ask
@@ -85,7 +86,7 @@ def scale(tables: Tables, s: float) -> None:
     for joint in tables["joints"].values():
         for frame in (joint[key] for key in ("parent_frame", "child_frame") if key in joint):
             frame["position"] = _times(frame["position"], s)
-        if joint["kind"] == "P":
+        if KINDS[joint["kind"]] == (False,):  # it slides
             joint["home"] = _times(joint["home"], s)
 
 

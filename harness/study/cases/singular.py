@@ -18,7 +18,7 @@ from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.study.cases.asking import ENGINES, compare
 from screwgauge.study.cases.question import UNKNOWN, Question, put
-from screwgauge.study.linkages import Linkage, Tables, five_bar, four_bar, slider_crank
+from screwgauge.study.linkages import PlanarLinkage, Tables, five_bar, four_bar, slider_crank
 from screwgauge.study.methods import Method
 
 #: Motions last so many times the way to the singular pose: evenly spread samples, however many, have none there.
@@ -40,7 +40,7 @@ class Passing:
     """
 
     name: str
-    linkage: Linkage
+    linkage: PlanarLinkage
     motion: Mapping[str, Tables]
     lasts: float
     answer: str

@@ -9,18 +9,18 @@ import numpy as np
 
 from screwgauge.engines.mujoco.discrepancies.probe import inverse, load, mass, measured, moment
 from screwgauge.engines.samples import ARM, INERTIA, INERTIAL, MASS, WEIGHT, G, body, joint, link, mjcf, numbers, robot
-from screwgauge.engines.shown import Shown
+from screwgauge.engines.shown import Evidence
 
 _KEEP = '<mujoco><compiler fusestatic="false"/></mujoco>'
 _QUARTER = f"0 0 {math.pi / 2!r}"
 
 
-def turned_inertia() -> Shown:
+def turned_inertia() -> Evidence:
     """Moment of inertia about y of a URDF link whose inertial frame is turned by 90 degrees about z."""
     tensor = (0.01, 0.02, 0.025)
     text = robot(link("a", com="0 0 0", turned=_QUARTER, tensor=tensor), joint("a"))
     unturned = robot(link("a", com="0 0 0", tensor=(tensor[1], tensor[0], tensor[2])), joint("a"))
-    return Shown(moment(load(text)), tensor[0], moment(load(unturned)), "kg m^2")
+    return Evidence(moment(load(text)), tensor[0], moment(load(unturned)), "kg m^2")
 
 
 def _with_tool(inside: str = "", *, com: str, turned: str) -> str:
@@ -30,41 +30,41 @@ def _with_tool(inside: str = "", *, com: str, turned: str) -> str:
     return robot(link("a"), joint("a"), tool, held, inside)
 
 
-def fused_tensor() -> Shown:
+def fused_tensor() -> Evidence:
     """Moment of inertia about the hinge of a bar with a tool turned by 90 degrees about z."""
     expected = INERTIA + 0.01 + 0.5 * 0.1**2
     merged, kept = (moment(load(_with_tool(inside, com="0 0 0", turned=_QUARTER))) for inside in ("", _KEEP))
-    return Shown(merged, expected, kept, "kg m^2")
+    return Evidence(merged, expected, kept, "kg m^2")
 
 
-def fused_centre() -> Shown:
+def fused_centre() -> Evidence:
     """Torque of the weight of a bar with a tool whose centre of mass lies 0.2 m along its x, turned onto z."""
     turned = f"0 {-math.pi / 2!r} 0"
     merged, kept = (float(inverse(load(_with_tool(inside, com="0.2 0 0", turned=turned)))[0]) for inside in ("", _KEEP))
-    return Shown(merged, WEIGHT, kept, "N m")
+    return Evidence(merged, WEIGHT, kept, "N m")
 
 
-def fused_links() -> Shown:
+def fused_links() -> Evidence:
     """Bodies that a URDF of a base, a bar and a tool has in MuJoCo."""
     merged, kept = (load(_with_tool(inside, com="0 0 0", turned="0 0 0")).nbody - 1 for inside in ("", _KEEP))
-    return Shown(merged, 3, kept, "")
+    return Evidence(merged, 3, kept, "")
 
 
-def base_mass() -> Shown:
+def base_mass() -> Evidence:
     """Mass of a robot whose base of 5 kg stands on the ground."""
     text = robot(link("a"), joint("a")).replace('<link name="base"/>', link("base", mass=5.0))
     lost, kept = (mass(load(text.replace("</robot>", f"{inside}</robot>"))) for inside in ("", _KEEP))
-    return Shown(lost, 5.0 + MASS, kept, "kg")
+    return Evidence(lost, 5.0 + MASS, kept, "kg")
 
 
-def base_fixed() -> Shown:
+def base_fixed() -> Evidence:
     """Degrees of freedom of a URDF whose base is meant to float, and with a floating joint before it."""
     fixed = f'<robot name="sample">{link("base")}{link("a")}{joint("a")}{{}}</robot>'
     floating = fixed.format(f'<link name="world"/>{joint("base", "world", kind="floating")}')
-    return Shown(load(fixed.format("")).nv, 7, load(floating).nv, "")
+    return Evidence(load(fixed.format("")).nv, 7, load(floating).nv, "")
 
 
-def tensor_order() -> Shown:
+def tensor_order() -> Evidence:
     """Moment of inertia about y of an MJCF that lists its tensor as a URDF does, and in MuJoCo's order."""
     xx, yy, zz, xy, xz, yz = (0.05, 0.045, 0.048, 0.004, 0.003, 0.002)
 
@@ -73,10 +73,10 @@ def tensor_order() -> Shown:
         return measured(mjcf(f'<body><joint axis="0 1 0"/>{inertial}</body>'), moment)
 
     wrong, said = listed(xx, xy, xz, yy, yz, zz)
-    return Shown(wrong, yy, listed(xx, yy, zz, xy, xz, yz)[0], "kg m^2", said)
+    return Evidence(wrong, yy, listed(xx, yy, zz, xy, xz, yz)[0], "kg m^2", said)
 
 
-def principal_axes() -> Shown:
+def principal_axes() -> Evidence:
     """Largest error of a body's tensor, of its largest moment: written out, and as principal moments and axes."""
     tensor = np.array([[0.02, 6e-6, 8e-6], [6e-6, 0.023, -3e-6], [8e-6, -3e-6, 0.023]])
     moments, axes = np.linalg.eigh(tensor)
@@ -92,56 +92,56 @@ def principal_axes() -> Shown:
 
     six = tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     written = f'fullinertia="{numbers(six)}"', f'diaginertia="{numbers(moments)}" quat="{numbers(quat)}"'
-    return Shown(error(written[0]), 0.0, error(written[1]), "")
+    return Evidence(error(written[0]), 0.0, error(written[1]), "")
 
 
-def massless_link() -> Shown:
+def massless_link() -> Evidence:
     """Torque of the weight about the first axis of a universal joint: with a link without mass between its axes, and
     as two joints of one body."""
     cross = robot('<link name="cross"/>', joint("cross"), link("a"), joint("a", "cross", axis="0 0 1"))
     both = mjcf(body("a").replace(INERTIAL, f'<joint axis="0 0 1"/>{INERTIAL}'))
     value, said = measured(cross, lambda model: float(inverse(model)[0]))
-    return Shown(value, WEIGHT, float(inverse(load(both))[0]), "N m", said)
+    return Evidence(value, WEIGHT, float(inverse(load(both))[0]), "N m", said)
 
 
-def impossible_tensor() -> Shown:
+def impossible_tensor() -> Evidence:
     """Moment of inertia about y of a thin plate in a URDF: with moments that no body has, and set right."""
     found = [
         measured(robot(link("a", com="0 0 0", tensor=tensor), joint("a")), moment)
         for tensor in ((0.01, 0.01, 0.05), (0.025, 0.025, 0.05))
     ]
     (value, said), (mended, _) = found
-    return Shown(value, 0.025, mended, "kg m^2", said)
+    return Evidence(value, 0.025, mended, "kg m^2", said)
 
 
-def degrees() -> Shown:
+def degrees() -> Evidence:
     """Upper limit of a joint whose range is written in radians, with and without saying so."""
     said = mjcf(body("a", joint='range="-1.57 1.57"'))
     unsaid = said.replace('<compiler angle="radian"/>', "")
-    return Shown(float(load(unsaid).jnt_range[0, 1]), 1.57, float(load(said).jnt_range[0, 1]), "rad")
+    return Evidence(float(load(unsaid).jnt_range[0, 1]), 1.57, float(load(said).jnt_range[0, 1]), "rad")
 
 
-def printed_digits() -> Shown:
+def printed_digits() -> Evidence:
     """Relative change of a torque when a model is saved as MJCF and loaded again, and with numbers written in full."""
     arm = 0.123456789012
     text = mjcf(body("a").replace(f'pos="{ARM} 0 0"', f'pos="{arm!r} 0 0"'))
     right = -MASS * G * arm
     saved = mujoco.MjSpec.from_string(text).to_xml()
     found = [float(inverse(load(file))[0] / right - 1.0) for file in (saved, text)]
-    return Shown(found[0], 0.0, found[1], "")
+    return Evidence(found[0], 0.0, found[1], "")
 
 
-def small_frames() -> Shown:
+def small_frames() -> Evidence:
     """Torque of the weight of a body whose centre of mass is 0.5 um from its hinge, relative to the right one."""
     model = load(mjcf(body("a").replace(f'pos="{ARM} 0 0"', 'pos="5e-7 0 0"')))
     right, raw = -MASS * G * 5e-7, float(inverse(model)[0])
     model.body_sameframe[:] = 0
-    return Shown(raw / right, 1.0, float(inverse(model)[0]) / right, "")
+    return Evidence(raw / right, 1.0, float(inverse(model)[0]) / right, "")
 
 
-def geoms_have_mass() -> Shown:
+def geoms_have_mass() -> Evidence:
     """Mass of an MJCF body whose geoms are there to be looked at, and with geoms of density zero."""
     shape = '<geom type="box" size="0.1 0.1 0.1" {}/>'
     arm = f'<joint axis="0 1 0"/><geom type="sphere" size="0.05" mass="{MASS}"/>'
     found = [mass(load(mjcf(f"<body>{arm}{shape.format(more)}</body>"))) for more in ("", 'density="0"')]
-    return Shown(found[0], MASS, found[1], "kg")
+    return Evidence(found[0], MASS, found[1], "kg")

@@ -8,14 +8,14 @@ import numpy as np
 from screwgauge.engines.mujoco.discrepancies.probe import inverse, inverted, load, state
 from screwgauge.engines.mujoco.settings import EQUALITY, STIFFEST, refine
 from screwgauge.engines.samples import FourBar, body, mjcf
-from screwgauge.engines.shown import Shown
+from screwgauge.engines.shown import Evidence
 from screwgauge.reference.rotations import Array
 
 _EXACT_DIAGONAL = int(getattr(mujoco.mjtEnableBit, "mjENBL_DIAGEXACT", 0))  # since 3.9
 _ENERGY = int(mujoco.mjtEnableBit.mjENBL_ENERGY)
 
 
-def needs_projection() -> Shown:
+def needs_projection() -> Evidence:
     """The torque of the only motor of a four-bar in motion."""
     bar = FourBar()
     data = inverted(load(bar.mjcf()), v=bar.v, a=bar.a)
@@ -23,10 +23,10 @@ def needs_projection() -> Shown:
     motor = np.eye(3)[:, :1]
     system = np.hstack([motor, data.efc_J.reshape(-1, 3).T])
     projected = np.linalg.lstsq(system, tree, rcond=None)[0]
-    return Shown(float(data.qfrc_inverse[0]), bar.torque, float(projected[0]), "N m")
+    return Evidence(float(data.qfrc_inverse[0]), bar.torque, float(projected[0]), "N m")
 
 
-def speed_squared() -> Shown:
+def speed_squared() -> Evidence:
     """Largest tree force that closed loops add to `mj_inverse` on a motion that closes them: as it comes, and with
     `qfrc_constraint` added."""
     bar = FourBar()
@@ -35,10 +35,10 @@ def speed_squared() -> Shown:
     closed, held = data.qfrc_inverse, data.qfrc_constraint
     model.opt.disableflags |= EQUALITY
     tree = inverse(model, v=bar.v, a=bar.a)
-    return Shown(float(abs(closed - tree).max()), 0.0, float(abs(closed + held - tree).max()), "N m")
+    return Evidence(float(abs(closed - tree).max()), 0.0, float(abs(closed + held - tree).max()), "N m")
 
 
-def residual_gain() -> Shown:
+def residual_gain() -> Evidence:
     """What a closing error of 1e-6 rad adds to `mj_inverse` of stiff constraints, and what Newton's method leaves."""
     bar = FourBar()
     model = load(bar.mjcf())
@@ -51,15 +51,15 @@ def residual_gain() -> Shown:
         mujoco.mj_forward(model, data)
         J = data.efc_J.reshape(-1, 3)[:, 1:]  # the crank stays
         q[1:] -= np.linalg.lstsq(J, data.efc_pos, rcond=None)[0]
-    return Shown(float(off), 0.0, float(inverse(model, q, bar.v, bar.a)[0] - right), "N m")
+    return Evidence(float(off), 0.0, float(inverse(model, q, bar.v, bar.a)[0] - right), "N m")
 
 
-def soft_floor() -> Shown:
+def soft_floor() -> Evidence:
     """Largest error of the accelerations that the right torque makes, raw and after proximal refinement."""
     model = load(FourBar().mjcf())
     model.eq_solimp[:, :2] = STIFFEST
     raw, refined = _errors(model, 4)
-    return Shown(raw, 0.0, refined, "rad/s^2")
+    return Evidence(raw, 0.0, refined, "rad/s^2")
 
 
 def _errors(model: mujoco.MjModel, passes: int) -> tuple[float, float]:
@@ -74,7 +74,7 @@ def _errors(model: mujoco.MjModel, passes: int) -> tuple[float, float]:
     return float(abs(raw - bar.a).max()), float(abs(refined - bar.a).max())
 
 
-def energy_loss() -> Shown:
+def energy_loss() -> Evidence:
     """Change of energy of a four-bar that nothing brakes, in a second: solref as it comes, and ten times stiffer."""
     bar = FourBar()
 
@@ -90,16 +90,16 @@ def energy_loss() -> Shown:
         return float(100.0 * (data.energy.sum() - first) / first)
 
     half = f"{lost(None, 5e-4):.3g}% at half the step"
-    return Shown(lost(None), 0.0, lost(2e-3), "%", half)
+    return Evidence(lost(None), 0.0, lost(2e-3), "%", half)
 
 
-def exact_diagonal() -> Shown:
+def exact_diagonal() -> Evidence:
     """Largest error of the accelerations with the flag for an exact diagonal: as they come, and refined."""
     (raw, refined), (usual, _) = (_errors(load(FourBar().mjcf(), enableflags=f), 20) for f in (_EXACT_DIAGONAL, 0))
-    return Shown(raw, 0.0, refined, "rad/s^2", f"{usual:.3g} rad/s^2 without the flag")
+    return Evidence(raw, 0.0, refined, "rad/s^2", f"{usual:.3g} rad/s^2 without the flag")
 
 
-def anchor_at_home() -> Shown:
+def anchor_at_home() -> Evidence:
     """Closing error of a dyad that is closed by hand at a pose other than that of the file."""
     inner = body("b", '<site name="tip" pos="0.3 0 0"/>', at="0.3 0 0")
     world = '<site name="ground" pos="0.3 0 0.3"/>'
@@ -110,10 +110,10 @@ def anchor_at_home() -> Shown:
         data = state(model, [0.0, -np.pi / 2])  # the tip is at (0.3, 0, 0.3)
         mujoco.mj_forward(model, data)
         gaps.append(float(np.linalg.norm(data.efc_pos)))
-    return Shown(gaps[0], 0.0, gaps[1], "m")
+    return Evidence(gaps[0], 0.0, gaps[1], "m")
 
 
-def weld_rows() -> Shown:
+def weld_rows() -> Evidence:
     """Moment that holds a welded body against 1 N m: as the rows of the weld have it, and converted."""
     holding = body("a").replace("<joint", '<joint name="x" axis="1 0 0"/><joint')
     model = load(mjcf(holding, before='<option gravity="0 0 0"/>', after='<equality><weld body1="a"/></equality>'))
@@ -123,10 +123,10 @@ def weld_rows() -> Shown:
     mujoco.mj_forward(model, data)
     rows = -data.efc_force[3:6]
     scale = model.eq_data[0, 10] / 2.0  # torquescale: the rows are those of its product with sin(angle / 2)
-    return Shown(float(rows[0]), 1.0, float(rows[0] * scale), "N m")
+    return Evidence(float(rows[0]), 1.0, float(rows[0] * scale), "N m")
 
 
-def sparse_hessian() -> Shown:
+def sparse_hessian() -> Evidence:
     """Largest acceleration error of two closed dyads among four, sparse and dense, against the linear system solved
     here."""
     places = [(k, f"0 {0.1 * k} 0") for k in range(4)]
@@ -142,7 +142,7 @@ def sparse_hessian() -> Shown:
         iterations.append(int(data.solver_niter.sum()))
     right = _soft(model, data)
     sparse, dense = (float(abs(a - right).max()) for a in accelerations)
-    return Shown(sparse, 0.0, dense, "rad/s^2", f"{iterations[0]} iterations")
+    return Evidence(sparse, 0.0, dense, "rad/s^2", f"{iterations[0]} iterations")
 
 
 def _spatial(name: str, at: str, inside: str, k: int) -> str:

@@ -9,22 +9,22 @@ import pinocchio as pin
 
 from screwgauge.engines.pinocchio.discrepancies.probe import inverse, load_urdf, mass
 from screwgauge.engines.samples import ARM, INERTIA, MASS, WEIGHT, joint, link, robot
-from screwgauge.engines.shown import Shown
+from screwgauge.engines.shown import Evidence
 from screwgauge.models.readings.overheard import overheard
 
 _BAR = robot(link("a"), joint("a"))
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
-def damping_ignored() -> Shown:
+def damping_ignored() -> Evidence:
     """Torque of a level bar at 1 rad/s with damping and friction in its hinge: of `rnea`, and both added by hand."""
     model = load_urdf(robot(link("a"), joint("a", inside='<dynamics damping="2" friction="0.5"/>')))
     raw = float(inverse(model, v=1.0)[0])
     mended = raw + model.damping[0] + model.upperDryFrictionLimit[0]
-    return Shown(raw, WEIGHT + 2.0 + 0.5, float(mended), "N m")
+    return Evidence(raw, WEIGHT + 2.0 + 0.5, float(mended), "N m")
 
 
-def rotor_ignored() -> Shown:
+def rotor_ignored() -> Evidence:
     """Moment of inertia at a hinge with a rotor behind a gear: rotor and gear told, and their armature."""
     rotor, ratio = 1e-4, 50.0
     model = load_urdf(_BAR)
@@ -35,51 +35,51 @@ def rotor_ignored() -> Shown:
     model.rotorInertia[:], model.rotorGearRatio[:] = rotor, ratio
     raw = moment()
     model.armature[:] = model.rotorInertia * model.rotorGearRatio**2
-    return Shown(raw, INERTIA + rotor * ratio**2, moment(), "kg m^2")
+    return Evidence(raw, INERTIA + rotor * ratio**2, moment(), "kg m^2")
 
 
-def mimic_ignored() -> Shown:
+def mimic_ignored() -> Evidence:
     """Degrees of freedom of two joints of which one mimics the other, and asked to be read so."""
     follower = joint("b", inside='<mimic joint="a" multiplier="2" offset="0"/>')
     text = robot(link("a"), link("b"), joint("a"), follower)
-    return Shown(load_urdf(text).nv, 1, pin.buildModelFromXML(text, mimic=True).nv, "")
+    return Evidence(load_urdf(text).nv, 1, pin.buildModelFromXML(text, mimic=True).nv, "")
 
 
-def massless_tip() -> Shown:
+def massless_tip() -> Evidence:
     """Acceleration of a level bar that falls, with a link without mass on a joint at its end, and on a fixed one."""
     found = []
     for kind in ("revolute", "fixed"):
         model = load_urdf(robot(link("a"), joint("a"), '<link name="tip"/>', joint("tip", "a", kind=kind)))
         zero = np.zeros(model.nv)
         found.append(float(pin.aba(model, model.createData(), zero, zero, zero)[0]))
-    return Shown(found[0], -WEIGHT / INERTIA, found[1], "rad/s^2")
+    return Evidence(found[0], -WEIGHT / INERTIA, found[1], "rad/s^2")
 
 
-def frame_mass() -> Shown:
+def frame_mass() -> Evidence:
     """Mass of a link as its frame has it, and as its joint has it."""
     model = load_urdf(_BAR)
     frame = model.frames[model.getFrameId("a", pin.FrameType.BODY)]
-    return Shown(float(frame.inertia.mass), MASS, float(model.inertias[frame.parentJoint].mass), "kg")
+    return Evidence(float(frame.inertia.mass), MASS, float(model.inertias[frame.parentJoint].mass), "kg")
 
 
-def base_mass() -> Shown:
+def base_mass() -> Evidence:
     """Mass of a robot whose base of 5 kg stands on the ground, as Pinocchio adds it up, and with that of the ground."""
     model = load_urdf(_BAR.replace('<link name="base"/>', link("base", mass=5.0)))
-    return Shown(mass(model), 5.0 + MASS, mass(model) + float(model.inertias[0].mass), "kg")
+    return Evidence(mass(model), 5.0 + MASS, mass(model) + float(model.inertias[0].mass), "kg")
 
 
-def base_fixed() -> Shown:
+def base_fixed() -> Evidence:
     """Degrees of freedom of a URDF whose base is meant to float, and with a root joint."""
     text = _BAR.replace('<link name="base"/>', link("base"))
-    return Shown(load_urdf(text).nv, 7, load_urdf(text, pin.JointModelFreeFlyer()).nv, "")
+    return Evidence(load_urdf(text).nv, 7, load_urdf(text, pin.JointModelFreeFlyer()).nv, "")
 
 
-def continuous_joint() -> Shown:
+def continuous_joint() -> Evidence:
     """Torque of the weight of a bar that hangs 0.5 rad below level on a continuous joint: the angle as the first of
     its coordinates, and as cosine and sine."""
     model = load_urdf(robot(link("a"), joint("a", kind="continuous")))
     found = [float(inverse(model, q)[0]) for q in ([0.5, 0.0], [math.cos(0.5), math.sin(0.5)])]
-    return Shown(found[0], WEIGHT * math.cos(0.5), found[1], "N m")
+    return Evidence(found[0], WEIGHT * math.cos(0.5), found[1], "N m")
 
 
 def _turning() -> tuple[pin.Model, pin.Data, int]:
@@ -92,23 +92,23 @@ def _turning() -> tuple[pin.Model, pin.Data, int]:
     return model, data, model.getFrameId("tip", pin.FrameType.BODY)
 
 
-def local_velocity() -> Shown:
+def local_velocity() -> Evidence:
     """Velocity along the world's x of a point of a turning bar: as `getFrameVelocity` has it, and in world axes."""
     model, data, frame = _turning()
     found = [float(pin.getFrameVelocity(model, data, frame, *axes).linear[0]) for axes in ((), (_ALIGNED,))]
-    return Shown(found[0], -2.0 * ARM, found[1], "m/s")
+    return Evidence(found[0], -2.0 * ARM, found[1], "m/s")
 
 
-def spatial_acceleration() -> Shown:
+def spatial_acceleration() -> Evidence:
     """Upward acceleration of a point of a turning bar that hangs: spatial, and classical."""
     model, data, frame = _turning()
     calls = (pin.getFrameAcceleration, pin.getFrameClassicalAcceleration)
     found = [float(call(model, data, frame, _ALIGNED).linear[2]) for call in calls]
-    return Shown(found[0], 2.0**2 * ARM, found[1], "m/s^2")
+    return Evidence(found[0], 2.0**2 * ARM, found[1], "m/s^2")
 
 
-def error_goes_on() -> Shown:
+def error_goes_on() -> Evidence:
     """Torque of the weight of a bar in a URDF with a misprint, which Pinocchio loads, and corrected."""
     with overheard() as said:
         value = float(inverse(load_urdf(_BAR.replace(f'xyz="{ARM} 0 0"', f'xyz="{ARM} 0 O"')))[0])
-    return Shown(value, WEIGHT, float(inverse(load_urdf(_BAR))[0]), "N m", next(iter(said), ""))
+    return Evidence(value, WEIGHT, float(inverse(load_urdf(_BAR))[0]), "N m", next(iter(said), ""))

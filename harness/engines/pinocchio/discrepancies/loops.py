@@ -11,7 +11,7 @@ import pinocchio as pin
 from screwgauge.engines.pinocchio.discrepancies.probe import four_bar
 from screwgauge.engines.pinocchio.tree import initialise
 from screwgauge.engines.samples import FourBar
-from screwgauge.engines.shown import Shown
+from screwgauge.engines.shown import Evidence
 from screwgauge.reference.rotations import Array
 
 _SAFE = (0.0, 0.0, 1e-10, 3)  # accuracies 0: all iterations are made
@@ -55,13 +55,13 @@ class _Closed:
         return float(np.max(abs(self.accelerate(pin.ProximalSettings(*settings)) - self.bar.a)))
 
 
-def default_settings() -> Shown:
+def default_settings() -> Evidence:
     """Largest error of the accelerations of a planar four-bar closed by a point, one of whose rows is empty."""
     closed = _Closed()
-    return Shown(closed.error(), 0.0, closed.error(*_SAFE), "rad/s^2")
+    return Evidence(closed.error(), 0.0, closed.error(*_SAFE), "rad/s^2")
 
 
-def two_arguments() -> Shown:
+def two_arguments() -> Evidence:
     """The same with constraints initialised as Pinocchio 3 wants it, without their data, and with them."""
     closed, said = _Closed(), ""
     value = math.nan
@@ -70,18 +70,18 @@ def two_arguments() -> Shown:
         value = closed.error(*_SAFE)
     except Exception as error:  # Boost's ArgumentError, which has no name to import
         said = f"{type(error).__name__} of {pin.initConstraintDynamics.__name__}"
-    return Shown(value, 0.0, closed.error(*_SAFE), "rad/s^2", said)
+    return Evidence(value, 0.0, closed.error(*_SAFE), "rad/s^2", said)
 
 
-def one_iteration() -> Shown:
+def one_iteration() -> Evidence:
     """The same after one proximal iteration at mu = 1e-3, and after eight."""
     closed = _Closed()
-    return Shown(closed.error(0.0, 0.0, 1e-3, 1), 0.0, closed.error(0.0, 0.0, 1e-3, 8), "rad/s^2")
+    return Evidence(closed.error(0.0, 0.0, 1e-3, 1), 0.0, closed.error(0.0, 0.0, 1e-3, 8), "rad/s^2")
 
 
-def frame_locks_hinge() -> Shown:
+def frame_locks_hinge() -> Evidence:
     """Acceleration error of a four-bar whose hinge is closed by a whole frame, and by a point."""
-    return Shown(_Closed("CONTACT_6D").error(*_SAFE), 0.0, _Closed().error(*_SAFE), "rad/s^2")
+    return Evidence(_Closed("CONTACT_6D").error(*_SAFE), 0.0, _Closed().error(*_SAFE), "rad/s^2")
 
 
 def _force(**how: Any) -> tuple[Array, Array]:
@@ -105,22 +105,22 @@ def _on_coupler(bar: FourBar) -> Array:
     return np.asarray(np.linalg.lstsq((columns[0] - columns[1]).T, tau, rcond=None)[0])
 
 
-def force_sign() -> Shown:
+def force_sign() -> Evidence:
     """Force along x on the coupler, of a constraint that names the rocker first; and turned round."""
     found, expected = _force(swapped=True)
-    return Shown(float(found[0]), float(expected[0]), float(-found[0]), "N")
+    return Evidence(float(found[0]), float(expected[0]), float(-found[0]), "N")
 
 
-def force_frame() -> Shown:
+def force_frame() -> Evidence:
     """The same of a constraint whose frames are turned by 0.5 rad, and rotated into the world."""
     found, expected = _force(turn=0.5)
     turned = pin.rpy.rpyToMatrix(0.0, 0.0, 0.5) @ found
-    return Shown(float(found[0]), float(expected[0]), float(turned[0]), "N")
+    return Evidence(float(found[0]), float(expected[0]), float(turned[0]), "N")
 
 
-def redundant_force() -> Shown:
+def redundant_force() -> Evidence:
     """The same of one of two equal constraints, and of both together."""
     closed = _Closed(twice=True)
     closed.accelerate(pin.ProximalSettings(*_SAFE))
     both = sum(float(data.contact_force.linear[0]) for data in closed.datas)
-    return Shown(float(closed.force[0]), float(_on_coupler(closed.bar)[0]), both, "N")
+    return Evidence(float(closed.force[0]), float(_on_coupler(closed.bar)[0]), both, "N")
