@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from screwgauge.report.diagnosed import DiagnosisReport
     from screwgauge.report.gate import Check
     from screwgauge.report.results import Results
-    from screwgauge.scene.exciting import exciting
+    from screwgauge.scene.default import exciting
+    from screwgauge.scene.observables import Recorded
     from screwgauge.scene.read import load_scene
-    from screwgauge.scene.recorded import Recorded
     from screwgauge.scene.scene import Scene
     from screwgauge.study.isolation import Limits
     from screwgauge.study.stream import stream
@@ -49,14 +49,14 @@ _HOMES = {
     "Diagnosis": "screwgauge.diagnosis.diagnose",
     "DiagnosisReport": "screwgauge.report.diagnosed",
     "Limits": "screwgauge.study.isolation",
-    "Recorded": "screwgauge.scene.recorded",
+    "Recorded": "screwgauge.scene.observables",
     "Results": "screwgauge.report.results",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
     "check": "screwgauge.api",
     "compile": "screwgauge.api",
     "diagnose": "screwgauge.api",
-    "exciting": "screwgauge.scene.exciting",
+    "exciting": "screwgauge.scene.default",
     "load_scene": "screwgauge.scene.read",
     "random": "screwgauge.families.draw",
     "run": "screwgauge.api",

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge import __version__, commands
-from screwgauge.commands import gate, view
-from screwgauge.commands.ended import check_current
+from screwgauge.commands import view
+from screwgauge.commands.execution import check_current
 from screwgauge.report.console import console, ended, say
 from screwgauge.threads import fix_threads
 
@@ -232,7 +232,7 @@ def _parser() -> argparse.ArgumentParser:
     add("id", nargs="?", type=_named, metavar="ID", help="show this one with the installed engines")
 
     add = command(
-        gate.check, "scenes or pairs of models against tolerances: a gate for CI", out="check", epilog=EXIT_STATUS
+        commands.check, "scenes or pairs of models against tolerances: a gate for CI", out="check", epilog=EXIT_STATUS
     )
     add(
         "what",
@@ -252,14 +252,17 @@ def _parser() -> argparse.ArgumentParser:
     add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
     add("--memory", type=float, metavar="GB", help="stop a scene that needs more (that of the machine)")
 
-    add = command(gate.history, "errors and run times over versions, machines and models", out="history-report")
+    add = command(commands.history, "errors and run times over versions, machines and models", out="history-report")
     add("scene", nargs="?", metavar="SCENE", help="default: all that were checked")
     add("--store", type=_path, metavar="DIR", help="where checks were kept (screwgauge-out/history)")
     add("--baseline", type=_path, metavar="FILE", help="write the last errors of each scene that passed as a baseline")
     add("--smoke", action="store_true", help="of checks with --smoke")
 
     add = command(
-        gate.matrix, "the check in fresh environments, one for each pair of versions", out="matrix", epilog=EXIT_STATUS
+        commands.matrix,
+        "the check in fresh environments, one for each pair of versions",
+        out="matrix",
+        epilog=EXIT_STATUS,
     )
     add("--pin", metavar="A,B", help="versions of Pinocchio (that which is installed)")
     add("--mujoco", metavar="A,B", help="versions of MuJoCo (likewise)")

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.reference import graph, pose
+from screwgauge.reference import graph
+from screwgauge.reference.equations import kinematics
 from screwgauge.reference.errors import check_choice
 from screwgauge.reference.mechanism import Mechanism
 
@@ -94,7 +95,7 @@ def check_quantities(
 
 def length(mechanism: Mechanism) -> float:
     """Largest distance [m] between joint points and centres of mass at the home pose, 1 if there is none."""
-    return pose.length(graph.layout(mechanism))
+    return kinematics.length(graph.layout(mechanism))
 
 
 def arm(unit: str, length: float) -> float:

@@ -1,17 +1,27 @@
-"""Content of model files that acts on motion or forces, by the table ``content.toml``: what kinds there are, what a
-comparison of two models makes of each.
+"""Content of URDF and MJCF files that a description lacks, by the tables ``content.toml`` and ``elements.toml``.
+
+The first lists the kinds that act on motion or forces and how a comparison of two models treats each; the second
+lists each element and attribute of the formats.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree as ET
 
+import numpy as np
+
+from screwgauge.models.formats import vector_text
+from screwgauge.models.mjcf import FAR
+from screwgauge.models.urdf import WIDE
 from screwgauge.reference.errors import first_few
+from screwgauge.reference.files import is_file, read_file
+from screwgauge.reference.mechanism import Mechanism
 
 #: What becomes of a kind; `content.toml` says what each means.
 FATES = ("held", "compared", "withheld", "aside", "irrelevant")
@@ -111,3 +121,183 @@ def _whose(owners: list[str]) -> str:
     owners = list(dict.fromkeys(owners))
     kind = " ".join(owners[0].split(" ")[:3]) if owners[0].startswith(" of ") else ""  # names may have spaces
     return first_few([owners[0], *(owner.removeprefix(f"{kind} ") for owner in owners[1:])], _NAMED)
+
+
+#: Ending of a model file -> its format in the table.
+FORMATS = {".urdf": "urdf", ".xml": "mjcf"}
+_ALL, _WITH_ALL_IN_IT = "*", "..."
+#: Kinds in the table, in the order in which they are looked up, and those of them that are worth a word.
+_KINDS = ("compared", "nothing", "applied", "ignored")
+SAID = ("ignored", "applied", "unknown", "lost")
+#: Those of a library's readings, looked up before.
+_OF_READINGS = ("lost", "held")
+
+
+@dataclass(frozen=True, slots=True)
+class Extra:
+    """Something that no description has.
+
+    Attributes:
+        kind: One of `SAID`.
+        what: Element or attribute.
+        whose: What it belongs to, to be read after it: `` of joint a``, or the element's own name.
+        element, attribute: Where it stands; no attribute where it is the whole element.
+    """
+
+    kind: str
+    what: str
+    whose: str
+    element: ET.Element | None = None
+    attribute: str = ""
+
+
+@cache
+def element_tables() -> Mapping[str, Any]:
+    """The table, as read."""
+    return tomllib.loads(Path(__file__).with_name("elements.toml").read_text(encoding="utf-8"))
+
+
+def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
+    """All of them in a file that can be read, those that have no effect (damping 0, the limits of the description) left
+    out.
+
+    Args:
+        form: ``urdf`` or ``mjcf``.
+
+    Raises:
+        ParseError: It is no XML: the parsers of robotics let pass more than is one.
+    """
+    root = ET.fromstring(read_file(path))
+    if form == "mjcf":
+        _include(root, path.parent)
+    flags = {key: value for flag in root.iter("flag") for key, value in flag.items()}
+    return list(_Walk(element_tables()[form], flags, _limits(mechanism)).through(root))
+
+
+def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
+    """What a file says that a reading by a library does not hold.
+
+    Args:
+        root: Of the file.
+        form: ``urdf`` or ``mjcf``.
+        library: One that reads the format.
+    """
+    known = element_tables()[form]
+    own = {kind: known.get(kind, {}).get(library, {}) for kind in _OF_READINGS}
+    return list(_Walk({**known, **own}, {}, {}, (*_OF_READINGS, *_KINDS)).through(root))
+
+
+def unread_rows(library: str) -> list[str]:
+    """Properties of a loops file, as the model check calls them, that engines on a library do not read."""
+    rows: list[str] = element_tables()["loops"]["ignored"].get(library, [])
+    return rows
+
+
+def _include(root: ET.Element, folder: Path) -> None:
+    """Puts the elements of included files in the place of ``<include>``, as MuJoCo does."""
+    waiting = [root]
+    while waiting:
+        element = waiting.pop()
+        for i in reversed(range(len(element))):
+            if element[i].tag == "include" and is_file(file := folder / element[i].get("file", "")):
+                element[i : i + 1] = [*ET.fromstring(read_file(file))]
+        waiting += element
+
+
+def _limits(mechanism: Mechanism) -> dict[str, dict[str, str]]:
+    """Coordinate -> attribute -> the limits that the description gives it, as the writers write them."""
+    found = {}
+    for joint in mechanism.joints:
+        for name, limits in zip(joint.coordinates, joint.limits, strict=True):
+            low, high = vector_text(np.clip(limits, -WIDE, WIDE)).split()
+            found[name] = {"lower": low, "upper": high, "range": vector_text(np.clip(limits, -FAR, FAR))}
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Walk:
+    """Goes through a file.
+
+    Attributes:
+        table: Of its format.
+        flags: All that the file switches on and off.
+        limits: See `_limits`.
+        kinds: In the order in which they are looked up.
+    """
+
+    table: Mapping[str, Any]
+    flags: Mapping[str, str]
+    limits: Mapping[str, Mapping[str, str]]
+    kinds: tuple[str, ...] = _KINDS
+
+    def through(self, root: ET.Element) -> Iterator[Extra]:
+        """All that a file says; its elements may be nested deeper than Python's calls."""
+        waiting = [(root, ET.Element(""), "")]  # element, what it is in, tag and name of the nearest around with a name
+        while waiting:
+            element, around, owner = waiting.pop()
+            tag, name, parent = element.tag, element.get("name", ""), around.tag
+            kinds = {kind: self._attributes(kind, parent, tag) for kind in self.kinds}
+            first = next((kind for kind, names in kinds.items() if names is not None), "")
+            whole = first if kinds.get(first) == [_WITH_ALL_IN_IT] else ""
+            if whole or not first:
+                if whole not in ("compared", "nothing", "held") and not self._is_nothing(element):
+                    what = f"{tag} tendon" if parent == "tendon" else _plain(tag)
+                    yield Extra(whole or "unknown", what, f" {name}" if name else owner and f" of {owner}", element)
+                continue
+            owner = f"{tag} {name}" if name and parent else owner  # the model is no owner worth naming
+            for attribute, value in {**self._absent(element, around), **element.attrib}.items():
+                kind = self._kind(attribute, kinds)
+                if attribute.partition(":")[0] == "xmlns":  # names a dialect, of which elements follow or not
+                    continue
+                if kind in SAID and not self._has_no_effect(attribute, value, owner.partition(" ")[2]):
+                    what = _plain(attribute) if name else f"{tag} {_plain(attribute)}"
+                    yield Extra(kind, what, owner and f" of {owner}", element, attribute)
+            once, read = self.table.get("once", {}).get(tag, "").split(), dict[str, ET.Element]()
+            for child in element:
+                if child.tag in once and read.setdefault(child.tag, child) is not child:
+                    yield Extra("ignored", f"second {child.tag}", owner and f" of {owner}")
+            waiting += [(child, element, owner) for child in reversed(element) if read.get(child.tag, child) is child]
+
+    def _absent(self, element: ET.Element, around: ET.Element) -> dict[str, str]:
+        """What counts for attributes that are not there."""
+        values: dict[str, str] = self.table.get("absent", {}).get(f"{around.get('type')}/{element.tag}", {})
+        return values
+
+    def _kind(self, attribute: str, kinds: Mapping[str, list[str] | None]) -> str:
+        if self.flags.get(self.table.get("switch", {}).get(attribute)) == "disable":
+            return "ignored"
+        every = {attribute, _ALL, _WITH_ALL_IN_IT}
+        return next((kind for kind, names in kinds.items() if names and every & {*names}), "unknown")
+
+    def _attributes(self, kind: str, parent: str, tag: str) -> list[str] | None:
+        """Those that the table has of a kind; None if it does not have the element."""
+        entries = self.table.get(kind, {})
+        names = entries.get(f"{parent}/{tag}", entries.get(tag))
+        return None if names is None else names.split()
+
+    def _is_nothing(self, element: ET.Element) -> bool:
+        """Whether the file's flags or its own attributes make the element one without mechanics."""
+        has = {**self.flags, **element.attrib}
+        cases = self.table.get("unless", {}).get(element.tag, ())
+        return any(all(has.get(key) == value for key, value in case.items()) for case in cases)
+
+    def _has_no_effect(self, attribute: str, value: str, name: str) -> bool:
+        """Whether a value is the neutral one, or that of the description."""
+        idle = self.table["neutral"].get(attribute), self.limits.get(name, {}).get(attribute)
+        return _numbers(value) in map(_numbers, filter(None, idle))
+
+
+def _plain(name: str) -> str:
+    """A name without its namespace."""
+    return name.rpartition("}")[2]
+
+
+def _numbers(text: str) -> list[float] | str:
+    """Numbers of a value, without the zeros at its end, or the value itself."""
+    try:
+        numbers = [float(word) for word in text.split()]
+    except ValueError:
+        return text
+    while numbers and numbers[-1] == 0.0:
+        numbers.pop()
+    return numbers

@@ -9,9 +9,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from screwgauge.models.layout import CUTS
-from screwgauge.models.loops import PART, write_loops, write_loops_yaml
 from screwgauge.models.mjcf import PARTS, write_mjcf
-from screwgauge.models.urdf import write_urdf
+from screwgauge.models.urdf import PART, write_loops, write_loops_yaml, write_urdf
 from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.errors import OutputError, UnknownNameError
 from screwgauge.reference.files import check_free, stamped

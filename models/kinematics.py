@@ -133,6 +133,14 @@ def size(reading: Reading) -> float:
     return float(spread) or 1.0
 
 
+def length_of(reading: Reading) -> float:
+    """Largest distance between places that the reading names at home [m], 1 if there is none."""
+    points = [body.pose[:3, 3] + body.pose[:3, :3] @ body.com for body in reading.bodies.values()]
+    points += [body.pose[:3, 3] for body in reading.bodies.values()] + [np.zeros(3)]
+    cloud = np.array([*points, *(joint.centre for joint in reading.joints.values())])
+    return float(np.linalg.norm(cloud - cloud.mean(axis=0), axis=1).max()) * 2.0 or 1.0
+
+
 def draw(reading: Reading, n: int, seed: int = 0) -> TreeStates:
     """So many random states within the limits; velocities and accelerations are normal [rad/s or m/s, per s]."""
     random = np.random.default_rng(seed)

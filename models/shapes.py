@@ -11,12 +11,12 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from screwgauge.models.formats import number_text, vector_text
 from screwgauge.models.layout import Link, Tree, length_scale
-from screwgauge.models.placement import number_text, vector_text
+from screwgauge.reference.equations.kinematics import Pose, length, pose
 from screwgauge.reference.graph import layout
 from screwgauge.reference.lint import suspicious
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
-from screwgauge.reference.pose import Pose, length, pose
 from screwgauge.reference.rotations import Array
 
 #: Of bodies; dark enough for their names.

@@ -9,8 +9,7 @@ import numpy as np
 
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied, PointSpring
-from screwgauge.reference.closed.constant_coordinates import home_equations
-from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.closed.loops import home_equations, loop_equations
 from screwgauge.reference.equations.applied_forces import check_applied, distance
 from screwgauge.reference.equations.closure import Loops
 from screwgauge.reference.equations.forward import Forward

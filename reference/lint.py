@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from screwgauge.reference.equations.kinematics import length, pose
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
-from screwgauge.reference.pose import length, pose
 from screwgauge.reference.rotations import Array, cross, widest
 
 #: A body is suspected whose radius of gyration is so many times its size and which is lighter than air [kg/m^3].

@@ -10,13 +10,13 @@ import numpy as np
 from screwgauge.reference import linear
 from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.couplings import component_name
+from screwgauge.reference.equations.forward import force_matrix
 from screwgauge.reference.equations.joint_types import reaction_names
-from screwgauge.reference.equations.newton_euler import force_matrix
+from screwgauge.reference.equations.kinematics import Pose, length, pose
 from screwgauge.reference.equations.screws import velocity_at
 from screwgauge.reference.errors import DescriptionError, first_few
 from screwgauge.reference.graph import Layout, layout, output_body
 from screwgauge.reference.mechanism import KINDS
-from screwgauge.reference.pose import Pose, length, pose
 from screwgauge.reference.rotations import Array
 
 #: Parts of a null vector below this share of its largest are left out of the sentence.

@@ -10,10 +10,10 @@ import numpy as np
 
 from screwgauge.reference import linear
 from screwgauge.reference.closed_motion import motion_at
+from screwgauge.reference.equations.kinematics import Pose, length, pose
 from screwgauge.reference.graph import Edge, Layout, chain, coupled_joints, layout, root
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
 from screwgauge.reference.mobility import in_lengths
-from screwgauge.reference.pose import Pose, length, pose
 from screwgauge.reference.rotations import Array, cross, skew
 
 #: Pitches and distances below it, in lengths of the mechanism, are none; shares of a unit screw likewise.

@@ -13,6 +13,7 @@ os.environ.update(ONE)
 import gc
 import shutil
 import sys
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -53,12 +54,25 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Campaigns take hours, the whole golden tables minutes: they run where ``-m`` names them, and nowhere else."""
-    asked = config.getoption("markexpr")
-    late = [name for name in ("campaign", "kept") if name not in asked]
+    """Campaigns take hours, all cases of every claim minutes: they run where ``-m`` names them, and nowhere else."""
+    _thin_out(items)
+    expression = config.getoption("markexpr")
+    late = [name for name in ("campaign", "thorough") if name not in expression]
     left_out = [item for item in items if any(map(item.get_closest_marker, late))]
     config.hook.pytest_deselected(items=left_out)
     items[:] = [item for item in items if item not in {*left_out}]
+
+
+def _thin_out(items: list[pytest.Item]) -> None:
+    """Of the cases of a test that is ``sampled(n)`` every n-th runs each time, the others are ``thorough``."""
+    seen = Counter[str]()
+    for item in items:
+        marker = item.get_closest_marker("sampled")
+        if marker is not None:
+            name = item.nodeid.partition("[")[0]
+            if seen[name] % marker.args[0]:
+                item.add_marker("thorough")
+            seen[name] += 1
 
 
 def pytest_collection_finish() -> None:

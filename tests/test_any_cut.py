@@ -181,6 +181,7 @@ def check(name: str, which: int, folder: Path) -> screwgauge.Results:
     return results
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "which"), [(name, which) for name in MECHANISMS for which in range(3)])
 def test_every_joint_closes_a_loop_wherever_it_is_listed(name, which, tmp_path):

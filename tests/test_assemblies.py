@@ -16,7 +16,7 @@ from support.models import write_models
 from support.planar import Bar, four_bar, moving
 from support.questions import BASE_LOCK, SCENE, SINGULAR_B, findings, still
 from support.scene import check_scene
-from support.solve import Anchors, AssemblyMode, Curve, bent, closed_form, continuation, layout, straight
+from support.solve import Anchors, AssemblyMode, Curve, bent, closed_form_positions, continuation, layout, straight
 from support.stress import CASES, OK, SILENT
 from support.tolerances import ROUNDING
 
@@ -36,7 +36,7 @@ def scene_at(y):
 def test_no_engine_jumps_over_the_lock_of_a_leg(steps):
     a = np.linspace(0.0, FAR, steps) if steps > 1 else np.array([FAR])
     scene = scene_at(np.stack([a, np.full_like(a, 0.01)], axis=1))
-    right = closed_form(layout(scene.mechanism), scene.motion.y)
+    right = closed_form_positions(layout(scene.mechanism), scene.motion.y)
     for engine, solution in solve(scene, ("pinocchio", "mujoco"), ("generalized_force",))[0].items():
         assert np.abs(within_half_turn(solution.assembly - right))[:, :12].max() < ALIKE, engine
     column = scene.mechanism.coordinates.index("leg4.q1")
@@ -72,7 +72,7 @@ def test_random_steps_stay_on_the_branch_of_the_closed_form():
     y = np.stack([BASE_LOCK + around * np.cos(turn), around * np.sin(turn)], axis=1)
     y[::3] = np.stack([rng.uniform(-0.6, 0.6, 4), SINGULAR_B - around[::3]], axis=1)
     q = AssemblyMode(lay, strict=True).motion(y, np.arange(12.0))
-    assert np.abs(within_half_turn(q - closed_form(lay, y)))[:, :12].max() < ALIKE
+    assert np.abs(within_half_turn(q - closed_form_positions(lay, y)))[:, :12].max() < ALIKE
 
 
 OTHER = """

@@ -11,7 +11,7 @@ from support.geometry import within_half_turn
 from support.near import BASE, UPU
 from support.questions import SCENE, still
 from support.scene import check_scene
-from support.solve import closed_form, layout
+from support.solve import closed_form_positions, layout
 
 pytestmark = pytest.mark.slow
 
@@ -42,7 +42,7 @@ def walk(n, seed):
 def test_random_steps_about_locks_change_no_assembly_and_are_not_refused():
     scene = still(screwgauge.load_scene(SCENE), walk(150, seed=1))
     check_scene(scene)
-    right = closed_form(layout(scene.mechanism), scene.motion.y)
+    right = closed_form_positions(layout(scene.mechanism), scene.motion.y)
     answers, failures = solve(scene, ("screw", "pinocchio", "mujoco"), ("joint_position",))
     assert not failures
     for engine, solution in answers.items():

@@ -45,6 +45,7 @@ def accepted(table, chance: random.Random, tries: int, path: Path, action) -> in
     return count
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", mechanism_names())
 def test_a_mutated_mechanism_is_read_or_refused(name, tmp_path):
@@ -56,6 +57,7 @@ def test_a_mutated_mechanism_is_read_or_refused(name, tmp_path):
 
 
 # the scene of forty four-bars has the entries of that of two, and a mechanism that takes long to read
+@pytest.mark.sampled(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in scene_names() if name != "a02-fourbar-40"])
 def test_a_mutated_scene_is_read_or_refused(name, tmp_path):

@@ -111,6 +111,7 @@ def singular_b(scene) -> float:
     return low
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("beside", [0.0, 1e-14, -1e-14])
 def test_sampling_a_singular_pose_is_refused(beside, paper_scene, refused):

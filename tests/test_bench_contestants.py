@@ -21,7 +21,7 @@ from support.acting import JointSpring
 from support.bench import TABLE, Contestant, Plan, bench
 from support.engines import ENGINES, Engine, Method, ModelFiles, Values
 from support.errors import DescriptionError, UnknownNameError
-from support.judging import score
+from support.judging import deviation, score
 from support.mechanism import load_mechanism
 from support.scene import QUANTITIES, GivenMotion, States, pose_scene
 from support.solve import in_precision, layout
@@ -36,7 +36,7 @@ def found(bench_of_all):
 
 def worst(found, name: str, quantity: str, setting: str = "") -> float:
     rows = [r for r in found.rows if r.contestant.name == name and r.quantity == quantity]
-    return max(row.max_scaled for row in rows if setting in row.contestant.setting)
+    return max(row.error for row in rows if setting in row.contestant.setting)
 
 
 @pytest.mark.slow
@@ -49,7 +49,7 @@ def test_every_row_has_an_error_and_a_time_or_a_reason(found):
     for row in found.rows:
         if row.status == "ok":
             assert row.time_s > 0
-            assert np.isfinite(row.max_scaled) or row.quantity == "none"
+            assert np.isfinite(row.error) or row.quantity == "none"
         else:
             assert row.reason
     assert [r.contestant.name for r in found.rows if r.status != "ok"] == ["four-bar"]
@@ -105,9 +105,7 @@ def test_projection_is_exact_and_the_naive_reading_is_not(found):
 
 
 def test_the_paper_as_printed_does_not_get_better_with_smaller_steps(found):
-    errors = [
-        r.max_scaled for r in found.rows if r.contestant.name == "paper-printed" and r.quantity == "joint_position"
-    ]
+    errors = [r.error for r in found.rows if r.contestant.name == "paper-printed" and r.quantity == "joint_position"]
     assert min(errors) > 0.1
     assert worst(found, "paper-corrected", "joint_position", "RK4, step = 0.001") < 1e-9
 
@@ -121,14 +119,14 @@ def test_the_four_bar_shows_not_a_number_by_default_and_its_cure(found):
     default, one, two = (row for row in found.rows if row.contestant.name == "four-bar")
     assert default.status == "failed"
     assert "rank 2 of 3" in default.reason
-    assert np.isnan(default.max_scaled)
-    assert two.max_scaled < 1e-12 < one.max_scaled < 4e-8
+    assert np.isnan(default.error)
+    assert two.error < 1e-12 < one.error < 4e-8
 
 
 @pytest.mark.slow
 def test_single_precision_closes_loops_that_closed_form_leaves_open():
     rows = bench(screwgauge.load_scene("3ups-upu-s-offset"), plan=PLAN, contestants=["float32", "closed-form"]).rows
-    errors = {(row.contestant.name, row.quantity): row.max_scaled for row in rows}
+    errors = {(row.contestant.name, row.quantity): row.error for row in rows}
     assert errors["closed-form", "joint_position"] > 1e-3
     assert errors["float32", "joint_position"] < 1e-5
 
@@ -247,18 +245,22 @@ def values(array: list[list[float]], units: tuple[str, ...] = ("rad", "m")) -> V
 
 
 def test_errors_are_scaled_by_unit():
-    found = score(values([[1.0, 5.0], [1.0, 3.0]]), values([[1.0, 3.0], [0.0, 3.0]]), {"rad": 2.0, "m": 8.0})
-    assert found.max_scaled == 0.5
-    assert found.rms_scaled == pytest.approx(np.sqrt((0.25**2 + 0.5**2) / 4))
+    found = score(
+        "q", deviation(values([[1.0, 5.0], [1.0, 3.0]]), values([[1.0, 3.0], [0.0, 3.0]])), {"rad": 2.0, "m": 8.0}
+    )
+    assert found.error == 0.5
+    assert found.rms == pytest.approx(np.sqrt((0.25**2 + 0.5**2) / 4))
 
 
 def test_one_number_that_is_none_fails_the_row():
-    found = score(values([[np.nan, 1.0], [1.0, 1.0]]), values([[1.0, 1.0], [1.0, 1.0]]), {"rad": 1.0, "m": 1.0})
-    assert np.isnan(found.max_scaled)
+    found = score(
+        "q", deviation(values([[np.nan, 1.0], [1.0, 1.0]]), values([[1.0, 1.0], [1.0, 1.0]])), {"rad": 1.0, "m": 1.0}
+    )
+    assert np.isnan(found.error)
     assert found.reason == "not a number at 1 of 2 samples"
 
 
 def test_samples_that_the_reference_lacks_do_not_count():
     truth = values([[np.nan, 1.0], [1.0, 1.0]])
-    found = score(values([[7.0, 7.0], [1.0, 1.5]]), truth, {"rad": 1.0, "m": 1.0})
-    assert found.max_scaled == 0.5
+    found = score("q", deviation(values([[7.0, 7.0], [1.0, 1.5]]), truth), {"rad": 1.0, "m": 1.0})
+    assert found.error == 0.5

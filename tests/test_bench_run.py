@@ -210,7 +210,7 @@ def test_contestants_in_processes_of_their_own_have_the_same_errors(found, scene
     here = {(row.contestant.key, row.quantity): row for row in found.rows}
     for row in there.rows:
         same = here[row.contestant.key, row.quantity]
-        assert repr((row.max_scaled, row.status, row.reason)) == repr((same.max_scaled, same.status, same.reason))
+        assert repr((row.error, row.status, row.reason)) == repr((same.error, same.status, same.reason))
         assert bool(row.seconds) == bool(same.seconds)
     assert there.notes[-1] == run_module.BESIDE
     assert not log.exists()

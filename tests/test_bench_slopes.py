@@ -14,7 +14,7 @@ from support.engines import Method
 def rows(points: list[tuple[float, float]]) -> list[BenchRow]:
     def row(x: float, error: float) -> BenchRow:
         contestant = Contestant("line", "line", f"{x}", Method("screw"), motion, ("q",), "", parameter=("h", x))
-        return BenchRow(contestant, "q", error, error, 1, (1.0,), "ok", "")
+        return BenchRow("q", error=error, rms=error, contestant=contestant, status="ok", n_sample=1, seconds=(1.0,))
 
     return [row(x, error) for x, error in points]
 
@@ -42,9 +42,9 @@ def test_two_points_are_no_slope():
 
 def test_a_line_cut_short_before_it_had_three_points_has_no_slope():
     points = rows([(1e-3, 1e-6), (1e-2, 1e-4)])
-    assert fit_slopes([*points, replace(points[0], max_scaled=np.nan, status=CUT)], [Rule("line", "q", 2.0)]) == []
+    assert fit_slopes([*points, replace(points[0], error=np.nan, status=CUT)], [Rule("line", "q", 2.0)]) == []
     three = rows([(1e-3, 1e-6), (1e-2, 1e-4), (1e-1, 1e-2)])
-    assert fit_slopes([*three, replace(points[0], max_scaled=np.nan, status=CUT)], [Rule("line", "q", 2.0)])[0].ok
+    assert fit_slopes([*three, replace(points[0], error=np.nan, status=CUT)], [Rule("line", "q", 2.0)])[0].ok
 
 
 def test_lines_without_rows_have_no_slope():

@@ -13,8 +13,7 @@ import pytest
 
 import screwgauge
 from screwgauge.casebook import book
-from screwgauge.casebook.book import CASES, reproduce
-from screwgauge.casebook.case import Case, CaseResult
+from screwgauge.casebook.book import CASES, Case, CaseResult, reproduce
 from screwgauge.engines.samples import FourBar
 from screwgauge.engines.shown import Shown
 from support.command import main
@@ -119,7 +118,7 @@ def test_close_numbers_are_told_apart() -> None:
 
 
 def test_an_engine_that_raises_fails_its_case_and_no_other(monkeypatch, command) -> None:
-    broken = replace(CASE, run="casebook.readers:nothing_there")
+    broken = replace(CASE, run="casebook.both_engines:nothing_there")
     monkeypatch.setitem(book.CASES, "x", broken)
     found = reproduce("x")
     assert found.status == "failed"

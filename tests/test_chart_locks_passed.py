@@ -60,6 +60,7 @@ FALLS = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 @pytest.mark.parametrize("name", FALLS)
@@ -79,6 +80,7 @@ def given(first, last):
     return GivenMotion(t, y, yd, ydd)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 @pytest.mark.parametrize("b", [(0.7, 0.9), (1.65, 1.9)])

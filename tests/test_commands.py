@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from screwgauge import commands
-from screwgauge.commands.ended import ENDED
+from screwgauge.commands.execution import ENDED
 from screwgauge.report.console import QUIET, Progress
 from screwgauge.study.bench import forward_run
 from screwgauge.study.bench import run as bench_run

@@ -244,6 +244,7 @@ def test_every_kind_has_a_fate_a_reason_and_a_file():
 ALL = [(kind, case) for kind, cases in CASES.items() for case in cases]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "case"), ALL, ids=[f"{kind}: {case}" for kind, case in ALL])
 def test_content_of_one_model_alone_is_never_the_same(kind, case, diagnosed):
@@ -260,6 +261,7 @@ def test_content_of_one_model_alone_is_never_the_same(kind, case, diagnosed):
             assert found.differences or not found.together.agrees
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "case"), ALL, ids=[f"{kind}: {case}" for kind, case in ALL])
 def test_what_both_models_have_is_the_same_where_it_is_compared_and_withheld_where_not(kind, case, diagnosed):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.models.elements import FORMATS, extras
+from screwgauge.models.content import FORMATS, extras
 from screwgauge.study.model_mismatch import departures
 from support.acting import Motor
 from support.engines import ENGINES, ModelFiles, get_engine, registry

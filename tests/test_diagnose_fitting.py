@@ -44,6 +44,7 @@ def box(reading, change):
     return states, inverse_dynamics(plant(applied(reading, [change])), states)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CHANGES)
 def test_a_cause_is_fitted(robot, name):

@@ -85,6 +85,7 @@ def test_the_curvature_of_a_joint_equality_that_mujoco_leaves_out_is_told_by_its
     assert diagnosed(straight, straight).same
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("wrong", "words"),

@@ -196,6 +196,7 @@ TIES = {
 }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("case", TIES)
 def test_closures_are_put_right_in_the_file(case, tmp_path):

@@ -26,6 +26,7 @@ def test_all_built_in_scenes_are_tested():
     assert given == here | {*known.NAMES}
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.slow
 def test_every_pair_agrees_in_every_quantity(results):
     assert not results.failures

@@ -32,6 +32,7 @@ def spoilt(results) -> str:
     return results.failures["mujoco"].reason
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", hostile_engine.WRONG)
 def test_an_answer_with_something_wrong_is_its_own_row(kind, stand_in, scene, tmp_path):
@@ -45,6 +46,7 @@ def test_an_answer_with_something_wrong_is_its_own_row(kind, stand_in, scene, tm
         results.write(tmp_path)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # as the command line has it
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e308, -1e308, 5e-324])

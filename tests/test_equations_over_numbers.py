@@ -145,6 +145,7 @@ def test_a_program_is_off_by_the_rounding_of_what_it_runs_in(name, number):
     check(name, parts(run_in(made, number, inputs(posed(name))), places), least)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("backend", ["numpy", pytest.param("llvm", marks=needs_llvm)])
 @pytest.mark.parametrize("name", BRIEF)
 def test_back_ends_are_off_by_rounding(name, backend):
@@ -167,6 +168,7 @@ def test_programs_of_accelerations_are_off_by_rounding(name):
     check(name, parts(run(made, "numpy", inputs(at)), places), np.float64, in_balls(at, Forward))
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("mechanism", [name for name in mechanism_names() if name != "a02-fourbar-40"])
 def test_programs_of_every_built_in_mechanism_are_off_by_rounding(mechanism):

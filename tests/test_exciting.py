@@ -10,7 +10,7 @@ import pytest
 
 import screwgauge
 from screwgauge import exciting
-from screwgauge.scene import exciting as motions
+from screwgauge.scene import default as motions
 from support.command import main
 from support.engines import solve
 from support.errors import DescriptionError
@@ -48,6 +48,7 @@ def test_every_scene_with_a_given_motion_is_looked_at():
     assert given - {"3ups-upu-s-eq55", "3ups-upu-s-fast"} == set(TESTED)  # these two have the mechanism of another
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TESTED)
 def test_every_mechanism_moves_and_tests_all_that_it_can(name, monkeypatch):

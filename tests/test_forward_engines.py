@@ -62,6 +62,7 @@ def scene_of(name: str, until: float = 1.0, **applied: object) -> tuple[Scene, n
     return scene.at(scene.known.t[rows]).under(**applied), scene.known.values[rows]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("name", UNTIL)
@@ -204,9 +205,16 @@ class Sticking(METHODS["DOP853"]):
         return super().step()
 
 
+@pytest.fixture(scope="module")
+def boxes():
+    """A motion of a Bricard box, and its simulation."""
+    scene = screwgauge.load_scene("a04-bricard-box").at(np.linspace(0.0, 0.6, 25))
+    return scene, simulate_scene("pinocchio", scene)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("tries", [1, 3, 99])
-def test_where_steps_shrink_it_goes_back_to_the_last_step_of_usual_size(tries, monkeypatch):
+def test_where_steps_shrink_it_goes_back_to_the_last_step_of_usual_size(tries, boxes, monkeypatch):
     begun = []
 
     def begin(*args, first_step=None, **options):
@@ -215,8 +223,7 @@ def test_where_steps_shrink_it_goes_back_to_the_last_step_of_usual_size(tries, m
         begun.append((solver.t, first_step))
         return solver
 
-    scene = screwgauge.load_scene("a04-bricard-box").at(np.linspace(0.0, 0.6, 25))
-    easy = simulate_scene("pinocchio", scene)
+    scene, easy = boxes
     monkeypatch.setitem(METHODS, "DOP853", begin)
     found = simulate_scene("pinocchio", scene)
     again = begun[1:]

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -131,7 +132,7 @@ def test_a_smoke_test_notices_what_only_the_full_cuts_see(monkeypatch):
 def scaled(by: float):
     def components(*arguments):
         for row in each(*arguments):
-            yield {**row, "max_abs": by * row["max_abs"], "max_scaled": by * row["max_scaled"]}
+            yield replace(row, max_abs=by * row.max_abs, error=by * row.error)
 
     return components
 

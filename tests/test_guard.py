@@ -33,6 +33,7 @@ def ladder():
     ]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES[:3])
 def test_estimates_are_never_below_the_error_and_not_far_above(ladder, engine):
@@ -82,6 +83,7 @@ def test_estimates_hold_where_nothing_is_at_rest():
             assert found.estimate[quantity].max() < LIMIT
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("distance", [1e-3, 1e-8])
 def test_the_full_cut_flags_what_it_loses_at_a_chart_lock(distance):
@@ -102,6 +104,7 @@ def test_the_judge_says_what_explains_a_residual():
     assert (bad["reason"] == "within the error that screw admits by its conditioning").all()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_next_to_singular_poses_nothing_is_wrong_without_a_flag(seed):

@@ -261,6 +261,38 @@ def test_ball_and_free_joints_close_loops_too(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("axis", "origin", "kinds", "why"),
+    [
+        ("0 0 1", "0 0 0", ["U"], None),
+        (
+            "0.6 0 0.8",
+            "0 0 0",
+            ["R", "R"],
+            "'pitch', 'yaw' are a universal joint, but their axes are not at right angles",
+        ),
+        (
+            "0 0 1",
+            "0 3e-8 0",
+            ["R", "R"],
+            "'pitch', 'yaw' are a universal joint, but their axes pass the common point at 1.5e-08 m",
+        ),
+    ],
+    ids=["a cross", "oblique axes", "axes that do not quite meet"],
+)
+def test_a_composite_joint_that_a_description_cannot_hold_is_named(axis, origin, kinds, why, tmp_path):
+    parts = (
+        *(link("base", 3.0), link("cross"), link("arm", 2.0)),
+        '<joint name="pitch" type="continuous"><parent link="base"/><child link="cross"/><axis xyz="1 0 0"/></joint>',
+        f'<joint name="yaw" type="continuous"><parent link="cross"/><child link="arm"/><origin xyz="{origin}"/>'
+        f'<axis xyz="{axis}"/></joint>',
+    )
+    imported = import_model(robot(tmp_path, *parts), Options(floating=True, wanted=Wanted(actuated=[])))
+    assert [joint.kind for joint in imported.mechanism.joints] == ["F", *kinds]
+    named = [sentence for sentence in imported.remarks if "universal joint" in sentence]
+    assert named == ([] if why is None else [f"{why}: they are divided into simpler ones."])
+
+
 def test_a_loop_that_cannot_close_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(homes, "STARTS", 8)
     far = [part.replace("0.45 0 0", "0.01 0 0") for part in LOOP]

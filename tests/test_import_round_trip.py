@@ -66,6 +66,7 @@ def forces(mechanism: Mechanism, home: Array, folder: Path) -> dict[str, np.ndar
     }
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "file"), CASES)
 def test_the_same_mechanism_comes_back(name, file, tmp_path):

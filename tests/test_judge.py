@@ -147,9 +147,9 @@ def test_what_is_zero_is_measured_by_a_millionth_of_its_natural_scale(scene):
     natural = natural_scales(scene.mechanism)["N m"]
     for share, ok in ((0.9e-17, True), (1.1e-17, False)):
         row = answer.residual("any", "N m", ["a", "b"], np.array([[0.0, 0.0], [share * natural, 0.0]]), 0.0, ())
-        assert row["ok"] == ok
-        assert row["max_scaled"] == pytest.approx(1e6 * share, rel=1e-12, abs=0.0)
-        assert (row["worst_component"], row["worst_t"]) == ("a", scene.motion.t[1])
+        assert row.ok == ok
+        assert row.error == pytest.approx(1e6 * share, rel=1e-12, abs=0.0)
+        assert (row.component, row.t) == ("a", scene.motion.t[1])
 
 
 def test_a_pair_is_unique_where_all_of_its_components_are(scene):

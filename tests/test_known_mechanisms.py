@@ -43,6 +43,7 @@ def moved(name: str):
     return dict(zip(mechanism.coordinates, q.T, strict=True)), point, at.R[:, mechanism.body_index.get("platform", 0)]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_all_engines_agree(name):

@@ -66,6 +66,7 @@ def test_every_cut_and_format_of_a_mechanism_is_one_machine(name, tmp_path):
             assert misfits(a, b, pair, found.placed[pair[0]]).max() < SAME
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["3ups-upu-s", "stewart", "screw-press", "spatial-slider-crank"])
 def test_models_of_a_mechanism_in_every_cut_and_format_are_the_same(name, tmp_path):

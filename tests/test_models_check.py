@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from screwgauge.models import check
-from screwgauge.models.comparison import CheckRow
+from screwgauge.models.check import CheckRow
 from support.errors import UnknownNameError
 from support.mechanism import FOLDER, Mechanism, load_mechanism, mechanism_names
 from support.models import check_file, check_models, check_table, write_mjcf, write_models, write_urdf
@@ -46,6 +46,7 @@ def element(root: ET.Element, path: str) -> ET.Element:
     return found
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("name", mechanism_names())

@@ -50,6 +50,7 @@ def resized(scene: Scene, folder: Path, length: float, mass: float) -> Scene:
     return replace(scene, mechanism=load_mechanism(path), mechanism_file=path).under(loads=())
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("mechanism", ["four-bar-scene.toml", "3ups-upu-s"])
 @pytest.mark.parametrize(

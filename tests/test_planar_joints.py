@@ -122,6 +122,7 @@ def test_all_engines_agree_and_satisfy_the_judge(name, seed, tmp_path):
     )
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(("name", "seed"), CASES[::2])
 def test_every_spanning_tree_has_the_same_motion_and_forces(name, seed, tmp_path):
     scene = screwgauge.load_scene(drawn(name, seed, tmp_path))

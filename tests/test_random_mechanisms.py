@@ -9,7 +9,7 @@ import pytest
 import tomli_w
 
 import screwgauge
-from screwgauge.scene.exciting import WORSE
+from screwgauge.scene.default import WORSE
 from support.errors import UnknownNameError
 from support.freedoms import mobility_at_home
 from support.geometry import linear
@@ -53,6 +53,7 @@ def test_without_a_family_the_seed_decides_and_an_unknown_one_is_refused():
         screwgauge.random(1, "bennet")
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("family", families())
 def test_the_solver_counts_the_freedoms_that_the_family_is_known_for(family):
@@ -61,6 +62,7 @@ def test_the_solver_counts_the_freedoms_that_the_family_is_known_for(family):
     assert counted == len(mechanism.independent) == KNOWN.get(family, counted)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("family", "seed"), [("6-rus", 63), ("6-rus", 67), ("delta", 2), ("geared-loop", 59), ("redundant", 50)]

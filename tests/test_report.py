@@ -21,7 +21,7 @@ from screwgauge import environment as env
 from screwgauge.environment import environment
 from screwgauge.report import folder as writing
 from screwgauge.report.figures import run as drawing
-from screwgauge.scene.figures import Figure
+from screwgauge.scene.entries import Figure
 from support.acting import Applied, Load
 from support.command import printed_by
 from support.engines import Failure, Solution, Timing, Values

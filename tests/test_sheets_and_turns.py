@@ -162,6 +162,7 @@ def angles(scene: Scene) -> np.ndarray:
     return np.array([unit == "rad" for unit in scene.mechanism.units])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", LONG)
 def test_a_motion_leads_where_continuity_does(name):
     way, q = WAYS[name], run(name).values("joint_position")
@@ -178,6 +179,7 @@ def test_a_motion_into_a_singular_pose_is_refused(name):
         run(name)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("name", LONG)
 def test_samples_with_times_are_that_motion(name):
     found = screwgauge.compile(SCENES(name), QUANTITIES, backend="numpy")(*samples(name), t=SCENES(name).t)
@@ -200,6 +202,7 @@ def test_samples_without_order_are_answered_each_for_itself(name):
     assert np.abs(some["joint_position"] - found["joint_position"][:7]).max() < SAME
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name, way in WAYS.items() if way.order])
 def test_samples_that_two_assemblies_or_none_could_have_are_named(name):

@@ -31,6 +31,7 @@ def test_no_sample_lies_at_the_singular_pose():
             assert np.abs(np.linspace(0.0, one.lasts, n) - one.at).min() > 1e-4
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("samples", MANY)
 @pytest.mark.parametrize("name", KNOWN)
 def test_a_motion_over_a_singular_pose_is_refused_with_time_joints_and_a_way_on(name, samples, tmp_path):
@@ -58,6 +59,7 @@ def test_each_engine_refuses_it_by_itself():
     assert {row.verdict for row in rows} == {SAID}, [(row.engine, row.told) for row in rows if row.verdict != SAID]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("samples", SAMPLES[:2])
 @pytest.mark.parametrize("gap", [0.0, -1e-9])
 @pytest.mark.parametrize("count", COUNTS)
@@ -72,6 +74,7 @@ def test_where_branches_meet_or_miss_each_other_random_linkages_are_refused(coun
     assert answered == []
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("samples", SAMPLES[:2])
 @pytest.mark.parametrize("gap", [1e-6, 1e-3])

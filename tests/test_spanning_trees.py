@@ -44,6 +44,7 @@ def _all(at: State, driven: bool):
     return found
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", [*NAMES, *(pytest.param(name, marks=pytest.mark.slow) for name in LARGER)])
 def test_every_tree_of_a_mechanism_under_all_kinds_of_forces_gives_the_same(name):
     """Joints of the independent coordinates, those with springs and those with motors close loops, too."""
@@ -51,6 +52,7 @@ def test_every_tree_of_a_mechanism_under_all_kinds_of_forces_gives_the_same(name
     assert check(swinging(mechanism, acting(mechanism), 2)) > 0
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_tree_of_a_random_mechanism_gives_the_same(family):

@@ -70,7 +70,7 @@ def test_the_error_of_accelerations_grows_with_stiffness_as_is_admitted(tmp_path
         slope = np.polyfit(np.log(stiffness), np.log([row.error for row in rows]), 1)[0]
         assert slope == pytest.approx(1.0, abs=0.3)  # rounding errors scatter
         assert all(row.verdict in (OK, DEGRADED) for row in rows)
-    admitted = [found[k][0].admitted for k in stiffness.tolist()]
+    admitted = [found[k][0].tolerance for k in stiffness.tolist()]
     assert np.polyfit(np.log(stiffness), np.log(admitted), 1)[0] == pytest.approx(1.0, abs=1e-3)  # dampers: root
 
 

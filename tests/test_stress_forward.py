@@ -50,7 +50,7 @@ def test_the_error_goes_as_mu_to_the_power_of_the_iterations() -> None:
             assert slope == pytest.approx(iterations, abs=0.05)  # the next order is 1e-2 of it at 1e-4
     one = [finding for rows in found for finding in rows if "1x" in finding.engine]
     assert {finding.verdict for finding in one} == {DEGRADED}
-    assert all(finding.admitted < 100 * finding.error for finding in one)
+    assert all(finding.tolerance < 100 * finding.error for finding in one)
 
 
 def test_redundant_constraints_leave_forces_in_the_plane_unique_and_frames_lock_the_loop() -> None:

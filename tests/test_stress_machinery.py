@@ -84,12 +84,12 @@ def _toys(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("finding", "verdict"),
     [
-        (Finding("e", "q", GOOD), OK),
-        (Finding("e", "q", 2 * GOOD, admitted=3 * GOOD), DEGRADED),
-        (Finding("e", "q", 4 * GOOD, admitted=3 * GOOD, reason="said too little"), SILENT),
-        (Finding("e", "q", reason="why"), REFUSED),
-        (Finding("e", "q"), SILENT),
-        (Finding("e", "q", math.inf, reason="why"), SILENT),
+        (Finding("q", a="e", error=GOOD), OK),
+        (Finding("q", a="e", error=2 * GOOD, tolerance=3 * GOOD), DEGRADED),
+        (Finding("q", a="e", error=4 * GOOD, tolerance=3 * GOOD, reason="said too little"), SILENT),
+        (Finding("q", a="e", reason="why"), REFUSED),
+        (Finding("q", a="e"), SILENT),
+        (Finding("q", a="e", error=math.inf, reason="why"), SILENT),
     ],
 )
 def test_a_verdict_follows_from_error_and_warning(finding: Finding, verdict: str) -> None:
@@ -103,7 +103,8 @@ def only(asked: Question) -> Finding:
 
 def test_a_finding_has_name_error_condition_and_time_and_leaves_other_components_alone() -> None:
     finding = only(question(Fake("mujoco", error=1e-12, label="mujoco RK4")))
-    assert repr(finding) == repr(Finding("mujoco RK4", "force", 1e-12, GOOD, 3.0, 0.1))  # NaN is no other NaN
+    right = Finding("force", a="mujoco RK4", error=1e-12, condition=3.0, time_s=0.1)
+    assert repr(finding) == repr(right)  # NaN is no other NaN
     assert only(question(Fake("screw", label="screw otherwise"))).own
 
 

@@ -33,8 +33,8 @@ def found() -> Stress:
         kind = ENGINES.index(engine)
         error = (1e-15, severity * 1e-10, math.nan, severity * 1e-9, severity * 1e-8)[kind]
         admitted = 1.0 if kind == 1 else GOOD
-        finding = Finding(engine, quantity, error, admitted, reason="why" if kind > 1 else "", own=engine == "screw")
-        return replace(finding, case=name, severity=severity)
+        finding = Finding(quantity, a=engine, error=error, tolerance=admitted, own=engine == "screw")
+        return replace(finding, reason="why" if kind > 1 else "", case=name, severity=severity)
 
     rows = [
         row(name, severity, engine, quantity)

@@ -12,7 +12,7 @@ import tomli_w
 
 import screwgauge
 from screwgauge import load_scene
-from screwgauge.models.principal import inertial, without_stand_ins
+from screwgauge.models.mjcf import inertial, without_stand_ins
 from support.engines import IN_DOUBLES
 from support.geometry import Array, quaternion_rotation, rotation
 from support.judging import agreed
@@ -21,7 +21,7 @@ from support.models import left_out, write_models
 
 #: Of the largest moment: rounding of a quaternion and of the product that turns moments with it.
 TURNED = 3e-15
-#: The same of what MuJoCo's compiler turns itself, see `models.comparison`.
+#: The same of what MuJoCo's compiler turns itself, see `models.check`.
 COMPILED = 5e-14
 UP = np.nextafter(0.3, 1.0)
 MOMENTS = {

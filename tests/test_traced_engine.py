@@ -55,6 +55,7 @@ def by_program(solution):
     return int(solution.notes[0].split(" of ")[0])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("name", ["3ups-upu-s", "3ups-upu-s-fast", "3ups-upu-s-offset"])

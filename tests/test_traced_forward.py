@@ -78,6 +78,7 @@ def simulated(name, until, backend):
     return model.solve(Problem(scene.applied, task, MOTION))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", backends())
 @pytest.mark.parametrize(

@@ -66,6 +66,7 @@ def test_every_contestant_of_a_bench_of_simulations_travels(method, quick):
     check_travels(everyone)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_every_stress_case_with_its_questions_and_methods_travels(name, tmp_path):
@@ -122,6 +123,7 @@ ENGINES_AND_TASKS = [
 ]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ENGINES_AND_TASKS)
 def test_a_spawned_process_gives_the_same_bits(name, asked, elsewhere):

@@ -12,10 +12,10 @@ from screwgauge.diagnosis.differences.geometry import amount
 from screwgauge.diagnosis.differences.words import turn_and_way
 from screwgauge.diagnosis.library_dynamics import Witness
 from screwgauge.diagnosis.mechanics.lines import CLOSE
-from screwgauge.diagnosis.mechanics.matter import Matter, combined, displaced, of_body
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, Common
 from screwgauge.models.kinematics import draw, not_modelled, plant, size
+from screwgauge.models.matter import Matter, combined, displaced, of_body
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.rotations import Array

@@ -17,8 +17,8 @@ from screwgauge.diagnosis.library_dynamics import ASKED, answers
 from screwgauge.diagnosis.mechanics.reshape import ordered
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map, weighed
+from screwgauge.models.formats import adjoint, quaternion
 from screwgauge.models.kinematics import ReadingTree, draw, home, near_home, plant, size
-from screwgauge.models.placement import adjoint, quaternion
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import FREEDOMS
 from screwgauge.reference.errors import ScrewgaugeError

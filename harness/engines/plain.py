@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.models.placement import adjoint
+from screwgauge.models.formats import adjoint
 from screwgauge.models.readings.reading import FREEDOMS
 from screwgauge.reference.rotations import Array, quaternion_rotation
 

@@ -23,17 +23,16 @@ from screwgauge.engines.registry import ENGINES
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, Rows, quiet, spread
 from screwgauge.quantities import QUANTITIES
+from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import layout, spanning_tree
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Solution, Timing, Values, empty
 from screwgauge.truth import cache
-from screwgauge.truth.certify import NotCertified
 from screwgauge.truth.exact import LONG
 from screwgauge.truth.forces import RoutesDisagree
-from screwgauge.truth.kinematics import LoopsOpen
+from screwgauge.truth.kinematics import LoopsOpen, NotCertified
 from screwgauge.truth.linkage import Linkage
 from screwgauge.truth.samples import Balls, Sampler, Table, centred, enclosed, enclosures, ruled
 

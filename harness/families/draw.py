@@ -21,7 +21,7 @@ from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError, check
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import KINDS, Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.exciting import stays_regular
+from screwgauge.scene.default import stays_regular
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene

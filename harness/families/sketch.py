@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
-from screwgauge.models.placement import TENSOR
+from screwgauge.models.formats import TENSOR
 from screwgauge.reference.mechanism import GROUND, KINDS
 from screwgauge.reference.rotations import Array, rotation
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
+from screwgauge.judging.residual import JUDGE, Deviation
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Rows, States
 from screwgauge.quantities import FLOOR, SOLVED, arm, natural_scales
 from screwgauge.reference.applied import Applied
@@ -19,11 +19,6 @@ from screwgauge.witness.joints import MechanismTree, mechanism_tree
 from screwgauge.witness.kinematics import TreeMotion, move
 from screwgauge.witness.tree import TreeStates
 
-Row = dict[str, Any]
-COLUMNS = [
-    *("engine", "residual", "unit", "max_abs", "max_scaled", "worst_component", "worst_t"),
-    *("tolerance", "ok", "reason"),
-]
 _DERIVATIVES = ("joint_position", "joint_velocity", "joint_acceleration")
 
 
@@ -91,8 +86,8 @@ class Answer:
 
     def residual(
         self, name: str, unit: str, components: Sequence[str], missing: Array, size: float | Array, of: Sequence[str]
-    ) -> Row:
-        """The worst of what an equation leaves over: how large, where, when. One row of `COLUMNS`.
+    ) -> Deviation:
+        """The worst of what an equation leaves over: how large, where, when.
 
         Args:
             components: Names of the columns.
@@ -114,10 +109,19 @@ class Answer:
         lost = ~np.isfinite(scaled)
         i, k = divmod(int(np.argmax(np.where(lost, np.inf, scaled))), len(components))
         worst, t = float(scaled[i, k]), float(self.t[i])
-        where = {"residual": name, "unit": unit, "worst_component": components[k], "worst_t": t}
-        error = {"max_abs": float(np.abs(missing).max()), "max_scaled": worst, "tolerance": tolerance}
-        reason = f"not a number at t = {t:g} s" if lost.any() else ""
-        return {"engine": self.engine, **where, **error, "ok": worst <= tolerance, "reason": reason}
+        return Deviation(
+            name,
+            unit,
+            self.engine,
+            JUDGE,
+            error=worst,
+            tolerance=tolerance,
+            reason=f"not a number at t = {t:g} s" if lost.any() else "",
+            ok=worst <= tolerance,
+            component=components[k],
+            t=t,
+            max_abs=float(np.abs(missing).max()),
+        )
 
 
 def _kind(unit: str) -> str:

@@ -13,10 +13,10 @@ import numpy as np
 from screwgauge.problem import GivenMotion, InitialValue, Problem, States
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Joint, Mechanism
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array, rotation, within_half_turn
 from screwgauge.solution import Solution, common_rows
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pandas as pd
 
-from screwgauge.judging.answer import Row, largest, timed
+from screwgauge.judging.answer import largest, timed
 from screwgauge.judging.assembly import other_assemblies
 from screwgauge.judging.conditioning import LIMIT
 from screwgauge.judging.integration import Left, left
 from screwgauge.judging.refusals import Refusal
+from screwgauge.judging.residual import ERROR_COLUMNS, PAIR_COLUMNS, Deviation, frame
 from screwgauge.problem import Problem
 from screwgauge.quantities import FLOOR, QUANTITIES, natural_scales
 from screwgauge.reference.mechanism import Mechanism
@@ -24,15 +26,6 @@ from screwgauge.solution import Failure, Solution, Values, common_rows
 ALIKE = 1.0 - 1e-9
 #: Stands for a rule where redundant constraints leave a force open: any value balances, so none is judged.
 UNDETERMINED = "undetermined"
-
-ERROR_COLUMNS = [
-    *("quantity", "component", "unit", "a", "b", "max_abs", "rms", "max_scaled", "scale", "worst_t"),
-    *("rule", "unique", "tolerance", "ok"),
-]
-PAIR_COLUMNS = [
-    *("quantity", "a", "b", "unit", "max_abs", "rms", "max_scaled", "worst_component", "worst_t"),
-    *("rule", "unique", "tolerance", "ok", "reason"),
-]
 
 
 def compare(
@@ -57,7 +50,7 @@ def compare(
     Returns:
         One row per component, and one row per quantity and unit (see `Results`).
     """
-    errors, pairs = list[Row](), list[Row]()
+    errors, pairs = list[Deviation](), list[Deviation]()
     t, scales = timed(problem).t, natural_scales(mechanism)
     # what has radii is the reference: first of its pairs, and the measure of all others
     ordered = sorted(solutions.values(), key=lambda solution: not solution.radius)
@@ -73,7 +66,7 @@ def compare(
             lost = apart.get(frozenset((a.engine, b.engine)), differ)
             if lost or not common_rows(len(t), a, b).size:
                 row = nothing(quantity, a.engine, b.engine, lost or "no sample in common", tolerance_of(quantity))
-                pairs.append({**row, "worst_component": min({*names} ^ {*others}, default="")})
+                pairs.append(replace(row, component=min({*names} ^ {*others}, default="")))
                 continue
             # measured by the first engine of the run that has these components: one scale for all pairs
             reference = next(v for s in having if {*(v := s.values[quantity]).components} >= {*names} & {*others})
@@ -84,15 +77,14 @@ def compare(
                 grown = left(quantity, unit, (a, b), scale, binding=quantity in binding)
                 rows = [_held(row, rules) for row in _components(quantity, unit, a, b, t, limits, grown)]
                 errors += rows
-                if compared := [row for row in rows if row["ok"] is not pd.NA]:
+                if compared := [row for row in rows if row.ok is not None]:
                     pairs.append(_explained(_within(_pair(compared), asked, limit, why), a, b, refusals))
     for solution in solutions.values():
         for failure in failures.values():
             for name in solution.values:
                 pairs.append(nothing(name, solution.engine, failure.engine, failure.reason, tolerance_of(name)))
     # of what has no unique value nothing is said, neither true nor false
-    found = pd.DataFrame(errors, columns=ERROR_COLUMNS).astype({"ok": "boolean", "tolerance": float})
-    return found, pd.DataFrame(pairs, columns=PAIR_COLUMNS)
+    return frame(errors, ERROR_COLUMNS).astype({"ok": "boolean", "tolerance": float}), frame(pairs, PAIR_COLUMNS)
 
 
 def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
@@ -102,12 +94,13 @@ def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
     return not (names < others or others < names) if quantity.startswith("tree_force") else bool(names & others)
 
 
-def _within(row: Row, asked: float, limit: float, why: str) -> Row:
-    """A pair that agrees by more than what was asked for, with the reason."""
-    if row["ok"] and row["max_scaled"] > asked:
-        conditioned = f"within {row['tolerance']:.2g}, rounding times the condition there"
-        row["reason"] = row["integration"] or (conditioned if row["max_scaled"] > limit else why)
-    return row
+def _within(row: Deviation, asked: float, limit: float, why: str) -> Deviation:
+    """A pair that agrees, with the reason where that is by more than what was asked for."""
+    if not row.ok:
+        return row
+    conditioned = f"within {row.tolerance:.2g}, rounding times the condition there"
+    reason = row.reason or (conditioned if row.error > limit else why)
+    return replace(row, reason=reason if row.error > asked else "")
 
 
 def reference_scale(values: Values, unit: str, natural: float) -> float:
@@ -146,25 +139,24 @@ def _conditioned(quantity: str, pair: tuple[Solution, Solution], asked: float, n
     return np.where(known, asked / usual * np.sum(estimates, axis=0), 0.0)
 
 
-def _held(row: Row, rules: Mapping[str, tuple[str, bool]]) -> Row:
+def _held(row: Deviation, rules: Mapping[str, tuple[str, bool]]) -> Deviation:
     """A component's errors with the rule that fixes it, held against their tolerance.
 
     What has no unique value has no tolerance, and is neither right nor wrong unless it is no number.
     """
-    rule, unique = rules.get(row["component"], rules[""])
-    limit, ok = row["tolerance"], row["max_scaled"] <= row["tolerance"]
-    if rule == UNDETERMINED and np.isfinite(row["max_scaled"]):
-        limit, ok = float("nan"), pd.NA
-    return {**row, "rule": rule, "unique": unique, "tolerance": limit, "ok": ok}
+    rule, unique = rules.get(row.component, rules[""])
+    if rule == UNDETERMINED and np.isfinite(row.error):
+        return replace(row, rule=rule, unique=unique, tolerance=float("nan"), ok=None)
+    return replace(row, rule=rule, unique=unique)
 
 
 def _components(
     quantity: str, unit: str, a: Solution, b: Solution, t: Array, limits: Array, grown: Left
-) -> Iterator[Row]:
+) -> Iterator[Deviation]:
     """Errors of each component of a unit that both have, over the samples that both have solved.
 
     The largest; where conditions explain more at other samples, or integration leaves more in later ones, that which is
-    most beyond what it may be, if one is.
+    most beyond what it may be, if one is. Their reason is what integration has of them.
 
     Args:
         limits: Scaled error up to which the two agree at each sample, without that of integration. Shape (n,).
@@ -182,52 +174,58 @@ def _components(
     rms, usual = np.sqrt(np.mean(difference**2, axis=0)), float(limits.min())
     for k, (component, i) in enumerate(zip(names, at.tolist(), strict=True)):
         worst = float(difference[i, k]) if known[i, k] else float("nan")
-        about = {"quantity": quantity, "component": component, "unit": unit, "a": a.engine, "b": b.engine}
-        size = {"max_abs": worst, "rms": float(rms[k]), "max_scaled": worst / scale, "scale": scale}
         # what conditions explain is the tolerance only where it is needed and suffices at all samples
         enough = worst / scale <= usual + admitted[i] or beyond[:, k].max() > 0.0
         limit = usual if enough else float(limits[rows[i]])
-        held = {"worst_t": float(t[rows[i]]), "tolerance": float(limit + admitted[i])}
-        ok = worst / scale <= held["tolerance"]
-        yield {**about, **size, **held, "integration": grown.reason(worst / scale, int(rows[i]), ok=ok, usual=limit)}
+        tolerance = float(limit + admitted[i])
+        ok = worst / scale <= tolerance
+        yield Deviation(
+            quantity=quantity,
+            unit=unit,
+            a=a.engine,
+            b=b.engine,
+            error=worst / scale,
+            tolerance=tolerance,
+            reason=grown.reason(worst / scale, int(rows[i]), ok=ok, usual=limit),
+            ok=ok,
+            component=component,
+            t=float(t[rows[i]]),
+            max_abs=worst,
+            rms=float(rms[k]),
+            scale=scale,
+        )
 
 
-def _pair(rows: Sequence[Row]) -> Row:
+def _pair(rows: Sequence[Deviation]) -> Deviation:
     """Sums up the components of one quantity and unit, by the worst of those that are out of tolerance, or of all."""
-    every, rows = rows, [row for row in rows if not row["ok"]] or rows
-    sizes = np.array([row["max_scaled"] for row in rows])
+    every, rows = rows, [row for row in rows if not row.ok] or rows
+    sizes = np.array([row.error for row in rows])
     lost = ~np.isfinite(sizes)
-    worst = rows[int(np.argmax(lost if lost.any() else sizes >= ALIKE * sizes.max()))]
-    reason = "" if np.isfinite(worst["max_scaled"]) else f"not a number at t = {worst['worst_t']:g} s"
-    return {
-        **worst,
-        "rms": float(np.sqrt(np.mean([row["rms"] ** 2 for row in every]))),
-        "worst_component": worst["component"],
-        "unique": all(row["unique"] for row in every),
-        "ok": all(row["ok"] for row in every),
-        "reason": reason,
-    }
+    return replace(
+        rows[int(np.argmax(lost if lost.any() else sizes >= ALIKE * sizes.max()))],
+        rms=float(np.sqrt(np.mean([row.rms**2 for row in every]))),
+        unique=all(row.unique for row in every),
+        ok=all(row.ok for row in every),
+    )
 
 
-def _explained(row: Row, a: Solution, b: Solution, refusals: Sequence[Refusal]) -> Row:
+def _explained(row: Deviation, a: Solution, b: Solution, refusals: Sequence[Refusal]) -> Deviation:
     """The row with the reason of a pair out of tolerance, where the engines themselves know one."""
-    if row["ok"]:
+    if row.ok:
         return row
     for one in refusals:
-        if one.engine in (a.engine, b.engine) and row["quantity"] in one.quantities:
-            return {**row, "reason": f"{one.engine}: {one.sentence}"}
-    if row["integration"]:
-        return {**row, "reason": row["integration"]}
-    admitted = {s.engine: largest(s.estimate.get(row["quantity"], np.zeros(1))) for s in (a, b)}
-    engine = max(admitted, key=lambda name: admitted[name])
-    if not admitted[engine] >= row["max_scaled"]:
+        if one.engine in (a.engine, b.engine) and row.quantity in one.quantities:
+            return replace(row, reason=f"{one.engine}: {one.sentence}")
+    if row.reason:  # of integration
         return row
-    size = f"{admitted[engine]:.1g}" if np.isfinite(admitted[engine]) else "no digit"
-    return {**row, "reason": f"within the error that {engine} admits by its conditioning ({size})"}
+    admitted = {s.engine: largest(s.estimate.get(row.quantity, np.zeros(1))) for s in (a, b)}
+    engine = max(admitted, key=lambda name: admitted[name])
+    if admitted[engine] >= row.error:
+        size = f"{admitted[engine]:.1g}" if np.isfinite(admitted[engine]) else "no digit"
+        return replace(row, reason=f"within the error that {engine} admits by its conditioning ({size})")
+    return row if np.isfinite(row.error) else replace(row, reason=f"not a number at t = {row.t:g} s")
 
 
-def nothing(quantity: str, a: str, b: str, reason: str, tolerance: float) -> Row:
+def nothing(quantity: str, a: str, b: str, reason: str, tolerance: float) -> Deviation:
     """The row of a pair that has no numbers, with the reason."""
-    row: Row = dict.fromkeys(PAIR_COLUMNS, float("nan"))
-    row.update(quantity=quantity, a=a, b=b, unit="", worst_component="", rule="", reason=reason)
-    return {**row, "unique": True, "tolerance": tolerance, "ok": False}
+    return Deviation(quantity, a=a, b=b, reason=reason, tolerance=tolerance)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from screwgauge.reference import linear
 from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mobility import near_singularity
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution
 

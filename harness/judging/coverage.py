@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from screwgauge.judging.answer import Row, largest
+from screwgauge.judging.answer import largest
 from screwgauge.judging.assembly import assembly_of
 from screwgauge.judging.identifiability import BRACKET, Visible, moved, parameters, terms
 from screwgauge.problem import GivenMotion, Problem
@@ -23,6 +24,9 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution
+
+Row = dict[str, Any]
+"""A row of what a scene can see."""
 
 MOST = 51  # samples that are looked at
 #: Numbers in the regressor; fewer samples where it had more, none where that leaves fewer than `FEWEST`.

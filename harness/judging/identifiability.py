@@ -18,8 +18,8 @@ from screwgauge.quantities import FORCE, QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
+from screwgauge.reference.equations.forward import NewtonEuler, balances, exerted_wrenches
 from screwgauge.reference.equations.kinematics import Bracket, forces_along
-from screwgauge.reference.equations.newton_euler import NewtonEuler, balances, exerted_wrenches
 from screwgauge.reference.equations.screws import Array, cross, prismatic, revolute, times, transpose
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mobility import Mobility

@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.judging import residuals
-from screwgauge.judging.answer import COLUMNS, Answer, Row, answer_at, largest, timed
+from screwgauge.judging.answer import Answer, answer_at, largest, timed
 from screwgauge.judging.refusals import Refusal
+from screwgauge.judging.residual import JUDGE_COLUMNS, Deviation, frame
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import QUANTITIES, SOLVED, arm, integrated_tolerance
 from screwgauge.reference.mechanism import Mechanism
@@ -54,7 +55,7 @@ def judge(
         if one.engine == solution.engine:
             rows = np.setdiff1d(rows, one.rows)
     if not rows.size or ("joint_position" not in solution.values and solution.assembly is None):
-        return pd.DataFrame(columns=COLUMNS)
+        return frame((), JUDGE_COLUMNS)
     few = np.unique(np.linspace(0, len(rows) - 1, MOST).astype(np.intp))
     if isinstance(task, GivenMotion):
         looser = {name: tolerance_of(name) for name in QUANTITIES if tolerance_of(name) > tolerance}
@@ -64,9 +65,10 @@ def judge(
         if not {*whole.values} <= {"joint_position", "joint_velocity"}:
             table += _beyond(whole, some, task.part(rows[few]))
         admitted = max((largest(estimate) for estimate in solution.estimate.values()), default=0.0)
-        for row in table:
-            if not row["ok"] and not row["reason"] and admitted >= row["max_scaled"]:
-                row["reason"] = f"within the error that {solution.engine} admits by its conditioning"
+        excuse = f"within the error that {solution.engine} admits by its conditioning"
+        table = [
+            row if row.ok or row.reason or not admitted >= row.error else replace(row, reason=excuse) for row in table
+        ]
     else:  # what a simulation has passed on its way excuses no sample
         whole, some = (answer_at(mechanism, problem, solution, part, tolerance) for part in (rows, rows[few]))
         table = [*closure(whole)]
@@ -76,10 +78,10 @@ def judge(
         as_far = [one for one in again if np.isin(rows, common_rows(len(task), one)).all()]
         others = [answer_at(mechanism, problem, one, rows, tolerance) for one in as_far]
         table += residuals.energy_balance(replace(whole, tolerance=grown), others)
-    return pd.DataFrame(table, columns=COLUMNS)
+    return frame(table, JUDGE_COLUMNS)
 
 
-def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Iterator[Row]:
+def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Iterator[Deviation]:
     """Residuals of the motion of bodies and of forces, and of accelerations without velocities.
 
     Args:
@@ -101,7 +103,7 @@ def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Iterator[Row]:
         yield from residuals.tree_forces(some)
 
 
-def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Iterator[Row]:
+def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Iterator[Deviation]:
     """Residuals of forces of the closed mechanism; where some of them were not asked for, of a few samples."""
     required = residuals.required_wrenches(some)
     full = residuals.balanced(some, required[0])
@@ -116,7 +118,7 @@ def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Iterat
         yield from residuals.virtual_work(some, admissible, *required)
 
 
-def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[int] = range(3)) -> Iterator[Row]:
+def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[int] = range(3)) -> Iterator[Deviation]:
     """Closure of every loop and coupling in position, velocity and acceleration, and whether y is what was asked for.
 
     Args:
@@ -157,7 +159,7 @@ def _largest(answer: Answer, order: int, unit: str) -> float:
     return largest(answer.joints[order] * [arm(unit, L) / arm(has, L) for has in answer.mechanism.units])
 
 
-def body_motions(answer: Answer) -> Iterator[Row]:
+def body_motions(answer: Answer) -> Iterator[Deviation]:
     """Reported motions of the bodies less those that follow from the joint coordinates."""
     for quantity in residuals.BODY_MOTION:
         if answer.has(quantity):

@@ -10,12 +10,12 @@ import numpy as np
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
+from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.graph import layout
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import gimbal_lock, near_singularity
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution
 

@@ -9,8 +9,9 @@ from itertools import combinations
 
 import numpy as np
 
-from screwgauge.judging.answer import Answer, Row, largest
+from screwgauge.judging.answer import Answer, largest
 from screwgauge.judging.integration import MOST, SAFETY
+from screwgauge.judging.residual import Deviation
 from screwgauge.quantities import FLOOR, FORCE
 from screwgauge.reference import linear
 from screwgauge.reference.graph import Layout, spanning_tree
@@ -81,7 +82,7 @@ def amount(answer: Answer, quantity: str, unit: UnitWrench) -> Array:
     return np.ascontiguousarray(values.array[:, values.components.index(unit.name)])[:, None]
 
 
-def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Row]:
+def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Deviation]:
     """What the reported reactions and actuator forces leave over of the balance of each body."""
     mechanism, missing, sizes, loose = answer.mechanism, required.copy("K"), sizes.copy(), np.zeros_like(sizes)
     for quantity, unit in unit_wrenches_of(answer, "reaction", "actuator_force"):
@@ -100,7 +101,7 @@ def newton_euler(answer: Answer, required: Array, sizes: Array) -> Iterator[Row]
         yield answer.residual("newton_euler", unit_name, names, values, np.repeat(sizes[:, part], 3), about)
 
 
-def power_balance(answer: Answer, required: Array) -> Iterator[Row]:
+def power_balance(answer: Answer, required: Array) -> Iterator[Deviation]:
     """What motion, gravity and loads take up less the power of the actuators."""
     rates = answer.joints[1][:, answer.mechanism.actuated_columns]
     given = answer["actuator_force"] * rates
@@ -117,7 +118,7 @@ def _loose(answer: Answer, rates: Array) -> Array:
     return np.tensordot(np.abs(rates), forces, (1, 0))
 
 
-def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, sizes: Array) -> Iterator[Row]:
+def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, sizes: Array) -> Iterator[Deviation]:
     """Work of the required wrenches on every admissible motion less that of the generalised and actuator forces.
 
     Where an answer has no forces the first must vanish, whatever the reactions, and is measured by its largest term.
@@ -146,7 +147,7 @@ def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, 
 TREE_FORCES = ("tree_force", "tree_force_soft")
 
 
-def tree_forces(answer: Answer) -> Iterator[Row]:
+def tree_forces(answer: Answer) -> Iterator[Deviation]:
     """Reported forces less the work that gravity and inertia of the bodies want, one joint of the tree moving alone.
 
     The tree is that of the joints named. One that leads to a body which another joint reaches leads to a copy of that
@@ -164,7 +165,7 @@ def tree_forces(answer: Answer) -> Iterator[Row]:
         if not reached or sorted(names) != sorted(name for joint in joints for name in joint.coordinates):
             nothing = np.full_like(values.array, np.nan)
             row = answer.residual(quantity, units[0], names, nothing, 1.0, (quantity,))
-            yield {**row, "reason": "its components are not the joint coordinates of a tree of the mechanism"}
+            yield replace(row, reason="its components are not the joint coordinates of a tree of the mechanism")
             continue
         if names not in needed:
             needed[names] = _required(answer, tree, {joint.name for joint in joints})[:, mechanism.columns(names)]
@@ -223,13 +224,13 @@ def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
     return replace(answer, values={**answer.values, quantity: solved})
 
 
-def force_rule(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Row]:
+def force_rule(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Deviation]:
     """What the forces of redundant actuators leave over of the rule that fixes them."""
     if _ruled(answer):
         yield from _axial(answer) if answer.rule == "spherical_axial" else _smallest(answer, admissible)
 
 
-def _smallest(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Row]:
+def _smallest(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Deviation]:
     """The part of the actuator forces that moves nothing: those of the smallest norm have none.
 
     They are orthogonal to every preload, which does no work on any admissible motion.
@@ -246,7 +247,7 @@ def _smallest(answer: Answer, admissible: AdmissibleMotion) -> Iterator[Row]:
         yield answer.residual("force_rule", unit, names, left, size, ("actuator_force",))
 
 
-def _axial(answer: Answer) -> Iterator[Row]:
+def _axial(answer: Answer) -> Iterator[Deviation]:
     """The force of the spherical joint across the line that it should lie along (eq. 56)."""
     mechanism = answer.mechanism
     if mechanism.axial is None:
@@ -265,7 +266,7 @@ def _axial(answer: Answer) -> Iterator[Row]:
     yield answer.residual("force_rule", "N", names, cross(line, F), max(sizes), ("reaction", "actuator_force"))
 
 
-def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Iterator[Row]:
+def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Iterator[Deviation]:
     """Energy gained since the first sample less the work done since [J], if that work is known.
 
     It is measured by the largest of its parts: kinetic, gravity, springs, work.
@@ -284,7 +285,7 @@ def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Iterator[Ro
         answer = replace(answer, tolerance=answer.tolerance + left)
         reason = f"integration leaves at most {left:.1g}"
     row = answer.residual("energy_balance", "J", ["energy"], missing, size, ())
-    yield {**row, "reason": row["reason"] or reason}
+    yield replace(row, reason=row.reason or reason)
 
 
 def _balance(answer: Answer) -> tuple[Array, float] | None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.environment import json_text
+from screwgauge.judging.residual import JUDGE
 from screwgauge.reference.errors import first_few, printable
 from screwgauge.report.blocks import Banner, Heading
 from screwgauge.report.formatting import beyond, digits_text, number, size, unit_text
@@ -25,7 +26,7 @@ from screwgauge.study.executors import Executor
 from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
 from screwgauge.study.gate.items import items, read_tolerances, unread
 from screwgauge.study.gate.measure import GateSettings
-from screwgauge.study.gate.row import EXIT, JUDGE, GateRow
+from screwgauge.study.gate.row import EXIT, GateRow
 from screwgauge.study.gate.run import check_items
 
 SCHEMA = 1  #: Of the JSON.

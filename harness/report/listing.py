@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from screwgauge.casebook.book import CASES as CASEBOOK
-from screwgauge.casebook.case import CaseResult
+from screwgauge.casebook.book import CaseResult
 from screwgauge.engines.registry import engines
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.quantities import QUANTITIES

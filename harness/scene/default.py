@@ -1,31 +1,190 @@
-"""The scene that a description gets if it has none: an exciting motion, and all forces that can be compared."""
+"""Scenes made by the program: an exciting motion of a mechanism, and default scenes of descriptions and model files."""
 
 from __future__ import annotations
 
+import os
+import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.formats import key, lines
 from screwgauge.models.importing import is_model
-from screwgauge.models.tables import key, lines
+from screwgauge.models.importing.convert import Imported
+from screwgauge.models.importing.model import notes
+from screwgauge.models.importing.write import description
 from screwgauge.problem import GivenMotion
-from screwgauge.quantities import GIVEN
+from screwgauge.quantities import G0, GIVEN
+from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied, JointSpring
+from screwgauge.reference.closed.assembly_mode import AssemblyMode
+from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.description import read_toml
+from screwgauge.reference.equations.kinematics import pose
+from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, check_seed, first_few
 from screwgauge.reference.expressions import vector
-from screwgauge.reference.files import beside, is_file, is_path
+from screwgauge.reference.files import beside, check_free, is_file, is_path, stamped
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.exciting import exciting
-from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene
+from screwgauge.scene.motion import Drive, read_drive
+from screwgauge.scene.preflight import check_home, limits_left
+from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_scene_type
 
-if TYPE_CHECKING:
-    from screwgauge.models.importing.convert import Imported
+WORSE = 4.0  # times the condition number at home is still well inside
+STEEPEST = 1.2  # [rad] of an S joint's second angle, far from its lock
+#: Of the coordinate that moves most [rad or lengths of the mechanism]: the first that stays regular is taken.
+AMPLITUDES = 0.64 / 2.0 ** (np.arange(13) / 2)
+SINES = 3  # of each coordinate
+SAMPLES = 101
+NAMED = 4  # joints in a sentence
+PART = 12  # samples that are followed before they are looked at
+PERIODS = 2.0 * SINES  # of a sine of the usual frequency, two of the slowest
+
+
+def stays_regular(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> bool:
+    """Whether poses along a motion from home are within limits and about as well conditioned as home.
+
+    Raises:
+        ScrewgaugeError: It cannot be followed.
+    """
+    return not obstacle(mode, motion, part)
+
+
+def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
+    """What stops a motion from home, in words: limits, or poses much worse conditioned than home; empty if none.
+
+    Args:
+        mode: Follows it, strictly; what was followed before is of use again.
+        part: So many are followed before they are looked at: to find where a way ends takes long.
+
+    Raises:
+        ScrewgaugeError: It cannot be followed.
+    """
+    lay, mechanism = mode.lay, mode.lay.mechanism
+    system, balls = loop_equations(lay), [j for j in mechanism.joints if j.constrains and j.angles == 3]
+    middle = [joint.coordinates[1] for joint in balls]
+    mode.restart()
+    for first in range(0, len(motion), part):
+        some = motion.part(slice(first, first + part))
+        closed = mode.motion(some.y, some.t, (some.yd, some.ydd), some.scaled(mode.unit))
+        q = np.vstack([mechanism.home, closed])
+        worst, steep = linear.condition(system.matrix(pose(lay, q))), np.abs(q[:, mechanism.columns(tuple(middle))])
+        inside = (worst < WORSE * worst[0]).all() and (steep < np.maximum(STEEPEST, (steep[0] + np.pi / 2) / 2)).all()
+        if beyond := limits_left(mechanism, closed):
+            return f"it would leave the limits of {first_few(beyond, NAMED)}"
+        if not inside:
+            return "it would come near a singular pose"
+    return ""
+
+
+def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float = AMPLITUDES[0]) -> Scene:
+    """The same scene in a motion from home that excites all inertia that it can, at times of its own.
+
+    Args:
+        seed: Gives the same motion again; name and title say it.
+        samples: So many, of `SAMPLES` that would show all of the motion.
+        largest: Amplitude that is tried first [rad or lengths of the mechanism].
+
+    Raises:
+        DescriptionError: Its motion is integrated, or it has no room to move about home.
+        ScrewgaugeError: Its mechanism is refused.
+    """
+    check_scene_type(scene, "exciting")
+    check_seed(seed)
+    if scene.simulated:
+        what = "an exciting motion replaces a given one, and that of this scene is integrated"
+        raise DescriptionError(what, scene.name, "run it as it is")
+    if scene.tables:
+        raise DescriptionError(
+            "tables are of the motion of the scene, which this replaces", scene.name, "run it as it is"
+        )
+    mechanism, lay = scene.mechanism, check_home(scene.mechanism)
+    columns = mechanism.independent_columns
+    at = motion_at(lay, mechanism.home[None], np.zeros((1, len(columns))))
+    size = loop_equations(lay).size
+    heights = size[columns] / (SINES * np.abs(at.joint_map[0] / size[:, None] * size[columns]).max(axis=0))
+    heights = np.minimum(heights, _room(mechanism) / (SINES * AMPLITUDES[0]))
+    sines, pace = _sines(np.random.default_rng(seed), heights), _pace(at, scene.applied, heights)
+    stopped, mode = "", AssemblyMode(lay, strict=True)
+    for amplitude in AMPLITUDES[largest >= AMPLITUDES]:
+        omega = pace / np.sqrt(amplitude)
+        tables = {
+            label: {"offset": f"{home:.9g}", "harmonics": [[f"{x:.6g}" for x in row] for row in rows]}
+            for label, home, rows in zip(
+                mechanism.independent, mechanism.home[columns], sines * [omega, amplitude, amplitude], strict=True
+            )
+        }
+        step = float(f"{PERIODS * 2.0 * np.pi / omega / (SAMPLES - 1):.2g}")
+        drive, t = (
+            read_drive(tables, list(mechanism.independent), Path(), "motion")[0],
+            step * np.arange(float(samples)),
+        )
+        try:
+            stopped = obstacle(mode, drive(t))
+        except ScrewgaugeError as error:
+            stopped = error.what
+            continue
+        if not stopped:
+            return _moving(scene, seed, tables, drive, t)
+    least = f"{AMPLITUDES[-1]:.1g} rad or lengths"
+    what = f"no motion of {least} about home stays within limits and off singular poses: {stopped}"
+    raise DescriptionError(what, mechanism.where, "widen the limits, or describe it with another home pose")
+
+
+def _room(mechanism: Mechanism) -> Array:
+    """How far the independent coordinates are from their limits at home [rad or m], infinite beyond. Shape (k,)."""
+    columns = mechanism.independent_columns
+    low, high = mechanism.limits[columns].T
+    room = np.minimum(mechanism.home[columns] - low, high - mechanism.home[columns])
+    return np.where(room > 0.0, room, np.inf)
+
+
+def _moving(scene: Scene, seed: int, tables: dict[str, Any], drive: Drive, t: Array) -> Scene:
+    return replace(
+        scene,
+        name=f"{scene.name}-exciting-{seed}",
+        title=f"{scene.title}, exciting motion of seed {seed}",
+        description=f"{scene.description} An exciting motion, of seed {seed}, takes the place of its own.",
+        task=drive(t),
+        drive=drive,
+        text={**scene.text, "motion": tables},
+    )
+
+
+def _sines(rng: np.random.Generator, heights: Array) -> Array:
+    """Rows [omega, cos, sin] of each coordinate: no two frequencies alike, phases random, the sum zero at the start.
+
+    Frequencies are about 1. Shape (k,) -> (k, SINES, 3).
+    """
+    sines = np.empty((len(heights), SINES, 3))
+    for rows, height in zip(sines, heights, strict=True):
+        cos = np.full(SINES, 2.0)
+        while abs(cos[-1]) > 1.0:
+            cos = np.cos(rng.uniform(0.0, 2.0 * np.pi, SINES))
+            cos[-1] = -cos[:-1].sum()
+        sin = np.sqrt(1.0 - cos**2) * rng.choice([-1.0, 1.0], SINES)
+        omega = (1.0 + np.arange(SINES) + rng.uniform(0.0, 0.9, SINES)) / SINES
+        rows[:] = np.stack([omega, height * cos, height * sin], axis=1)
+    return sines
+
+
+def _pace(at: ClosedMotion, applied: Applied, heights: Array) -> float:
+    """Frequency [rad/s] at which moving so far from home takes as much inertia as gravity and loads can be."""
+    mechanism, index = at.mechanism, at.mechanism.body_index
+    inertia = float((heights**2 * np.diagonal(at.inertia_matrix[0])).sum())
+    v, w = (np.linalg.norm(part[0], axis=2).T @ heights for part in at.partial_motion)
+    acting = np.linalg.norm(applied.g) * mechanism.masses @ v
+    for load in applied.loads:
+        i = index[load.body] - 1
+        acting += np.linalg.norm(load.force) * v[i] + np.linalg.norm(load.torque) * w[i]
+    return float(np.sqrt(acting / inertia if acting * inertia > 0.0 else G0 / at.loops.length))
+
 
 #: Of a scene beside its description: ``panda.toml`` has ``panda.scene.toml``.
 SUFFIX = ".scene.toml"
@@ -134,3 +293,40 @@ def _at_rest(mechanism: Mechanism, file: Path, applied: Applied) -> Scene:
         models={},
         figures=(),
     )
+
+
+def write_imported(imported: Imported, file: Path, *, force: bool = False) -> tuple[Path, Path]:
+    """Writes the description and, beside it, its scene.
+
+    Args:
+        force: Files in the way are replaced, whoever wrote them.
+
+    Returns:
+        Their paths.
+
+    Raises:
+        OutputError: They cannot be written, or a file is there that is not as it was written here.
+        ScrewgaugeError: No scene can be made.
+    """
+    if file.suffix != ".toml":
+        raise OutputError("is no name of a description", str(file), "let it end in .toml")
+    scene = file.with_name(f"{file.stem}{SUFFIX}")
+    for path in (file, scene):
+        check_free(path, force=force)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=file.parent, prefix=".import-") as folder:
+            made = Path(folder) / file.name, Path(folder) / scene.name
+            _write(made[0], description(imported.mechanism, notes(imported)))
+            # as it will be read, to the last digit; what is wrong is wrong in the file that was imported
+            mechanism = replace(load_mechanism(made[0]), where=imported.mechanism.where)
+            _write(made[1], default_scene(mechanism, Path(file.name), **acting_on(imported)))
+            for path, target in zip(made, (file, scene), strict=True):
+                os.replace(path, target)
+    except OSError as error:
+        raise OutputError(f"cannot be written ({error.strerror})", str(file), "name another file by --out") from None
+    return file, scene
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(stamped(text), encoding="utf-8")

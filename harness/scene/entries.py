@@ -1,8 +1,9 @@
-"""Entries of a scene file: lists, numbers, times, files and figures; loads, springs, dampers and motors."""
+"""Tables of a scene file as objects: loads, springs, motors, tolerances, figures; each checked when it is read."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,8 +17,22 @@ from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.files import beside, check_count
 from screwgauge.reference.mechanism import GROUND, Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.figures import Figure
 from screwgauge.scene.motion import read_terms
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """Curves of one quantity and unit, in panels side by side.
+
+    Attributes:
+        panels: Label and the patterns (``leg1.*``) of the components of each panel.
+    """
+
+    title: str
+    quantity: str
+    unit: str
+    panels: tuple[tuple[str, tuple[str, ...]], ...]
+
 
 T = TypeVar("T")
 GRID = "take a longer step or a shorter duration"

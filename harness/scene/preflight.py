@@ -13,12 +13,12 @@ from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.continuation import PathEnd
 from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.equations.kinematics import Pose, length, pose
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.lint import TURNED, WRITTEN, hinges, implausible, in_degrees
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility, check_independent, mobility, near_singularity
-from screwgauge.reference.pose import Pose, length, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
 

@@ -33,8 +33,7 @@ from screwgauge.scene.entries import (
     read_spring,
 )
 from screwgauge.scene.motion import read_drive
-from screwgauge.scene.observables import read_known, read_observable, read_published
-from screwgauge.scene.recorded import read_tables
+from screwgauge.scene.observables import read_known, read_observable, read_published, read_tables
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_order
 
 FOLDER = Path(__file__).parents[1] / "scenes"

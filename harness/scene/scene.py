@@ -18,11 +18,9 @@ from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.expressions import vector
 from screwgauge.reference.mechanism import Mechanism, same_content
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.entries import check_name, read_load, read_times
-from screwgauge.scene.figures import Figure
+from screwgauge.scene.entries import Figure, check_name, read_load, read_times
 from screwgauge.scene.motion import Drive, read_drive
-from screwgauge.scene.observables import Known, Observable, Published
-from screwgauge.scene.recorded import Recorded, merged
+from screwgauge.scene.observables import Known, Observable, Published, Recorded, merged
 
 RULES = ("min_norm", "spherical_axial")
 LINE = 85  #: Signs of a longer list, which is counted where a scene shows itself.

@@ -6,11 +6,10 @@ import numpy as np
 
 from screwgauge.problem import InitialValue
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.closed.branch import Branch
+from screwgauge.reference.closed.assembly_mode import Branch, positions
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.errors import DescriptionError, JointLimitError, ScrewgaugeError
 from screwgauge.reference.graph import Layout
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.preflight import FARTHEST, beyond_limits, check_home, check_regular
 from screwgauge.scene.scene import Scene

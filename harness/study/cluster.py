@@ -220,7 +220,7 @@ class _Session:
                 data = read_bytes(path, "MB of CSV")
                 said = files[os.path.abspath(path)] = hashlib.sha256(data).hexdigest()
                 if said not in self.blobs:  # a task, so that a worker that has it may die
-                    self.blobs[said] = self.client.submit(_content, data, key=f"screwgauge-file-{said}")
+                    self.blobs[said] = self.client.submit(bytes, data, key=f"screwgauge-file-{said}")
                 blobs[said] = self.blobs[said]
             works.append((name, task.work, files))
         asked = partial(on_worker, works, self.limits, self.expected, os.getcwd(), tuple(blobs))
@@ -303,10 +303,6 @@ def differences(expected: Mapping[str, str]) -> list[str]:
 def _differences(expected: tuple[tuple[str, str], ...]) -> list[str]:
     here = versions()
     return [f"{name} {here.get(name)} in place of {wanted}" for name, wanted in expected if here.get(name) != wanted]
-
-
-def _content(data: bytes) -> bytes:
-    return data
 
 
 def on_worker(
@@ -396,6 +392,5 @@ def _translated(value: Any, of: Callable[[str], str]) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         before = {each.name: getattr(value, each.name) for each in fields(value) if each.init}
         after = {name: _translated(each, of) for name, each in before.items()}
-        changed = {name: each for name, each in after.items() if each is not before[name]}
-        return replace(value, **changed) if changed else value
+        return value if all(map(is_, after.values(), before.values())) else replace(value, **after)
     return value

@@ -10,11 +10,18 @@ from xml.etree.ElementTree import ParseError
 
 from screwgauge.engines.registry import ENGINES, Engine, get_engine
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.check import SUFFIXES, check_file, expected_reading
-from screwgauge.models.comparison import CheckRow, Comparison, compare_loops, compare_readings
-from screwgauge.models.elements import FORMATS, extras, unread_rows
-from screwgauge.models.loops import loops_of
+from screwgauge.models.check import (
+    SUFFIXES,
+    CheckRow,
+    Comparison,
+    check_file,
+    compare_loops,
+    compare_readings,
+    expected_reading,
+)
+from screwgauge.models.content import FORMATS, extras, unread_rows
 from screwgauge.models.readings.read import LIBRARIES, read
+from screwgauge.models.urdf import loops_of
 from screwgauge.problem import ModelFiles
 from screwgauge.reference.errors import ScrewgaugeError, first_few
 from screwgauge.reference.files import read_file

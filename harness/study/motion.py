@@ -9,12 +9,12 @@ import numpy as np
 
 from screwgauge.problem import GivenMotion, Rows, spread
 from screwgauge.reference.applied import Load
+from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.equations.joint_types import components, constraint_wrenches
+from screwgauge.reference.equations.kinematics import Pose, pose
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import Layout, layout
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Pose, pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.judging.compare import reference_scale
+from screwgauge.judging.residual import Deviation
 from screwgauge.problem import Rows
 from screwgauge.quantities import natural_scales
 from screwgauge.reference.mechanism import Mechanism
@@ -50,49 +51,41 @@ class Reference:
         }
         return cls(engine, values, note, scales)
 
-    def score(self, quantity: str, values: Values, rows: slice | Rows = slice(None)) -> Score:
+    def score(self, quantity: str, values: Values, rows: slice | Rows = slice(None)) -> Deviation:
         """Error of some components of a quantity, at some samples of the reference."""
         right = self.values[quantity].pick(values.components).at(rows)
-        return score(values, right, self.scales[quantity])
+        return score(quantity, deviation(values, right), self.scales[quantity])
 
 
-@dataclass(frozen=True, slots=True)
-class Score:
-    """Error of one quantity.
-
-    Attributes:
-        max_scaled, rms_scaled: The largest, and RMS over samples and components; not a number as soon as one is none.
-        reason: Why there is none.
-        largest: Unit -> largest error, not scaled.
-    """
-
-    max_scaled: float
-    rms_scaled: float
-    reason: str
-    largest: Mapping[str, float]
-
-
-def score(values: Values, right: Values, scales: Mapping[str, float]) -> Score:
-    """Largest and RMS scaled error over all samples and components.
-
-    Samples for which the reference itself has no number are left out.
+def deviation(values: Values, right: Values) -> Values:
+    """What is wrong at the samples for which the reference has a number.
 
     Args:
         right: Of the same samples and components.
-        scales: Unit -> S.
     """
     known = np.isfinite(right.array).all(axis=1)
-    difference = Values(values.components, values.units, (values.array - right.array)[known])
-    error = np.abs(difference.array) / np.array([scales[unit] for unit in values.units])
+    return Values(values.components, values.units, (values.array - right.array)[known])
+
+
+def score(quantity: str, off: Values, scales: Mapping[str, float]) -> Deviation:
+    """Largest and RMS scaled error over all samples and components: not a number as soon as one is none.
+
+    Args:
+        off: See `deviation`.
+        scales: Unit -> S.
+    """
+    error = np.abs(off.array) / np.array([scales[unit] for unit in off.units])
     lost = int((~np.isfinite(error)).any(axis=1).sum())
-    largest = sizes(difference) if error.size else {}
-    if lost or not largest:
-        return Score(float("nan"), float("nan"), f"not a number at {lost} of {len(error)} samples", largest)
-    return Score(float(error.max()), float(np.sqrt(np.mean(error**2))), "", largest)
+    if lost or not error.size:
+        return Deviation(quantity, reason=f"not a number at {lost} of {len(error)} samples")
+    most = float(error.max())
+    return Deviation(quantity, error=most, max_abs=most, rms=float(np.sqrt(np.mean(error**2))), scale=1.0)
 
 
 def sizes(values: Values) -> dict[str, float]:
-    """Unit -> largest magnitude."""
+    """Unit -> largest magnitude; nothing of no numbers."""
+    if not values.array.size:
+        return {}
     size = np.abs(values.array).max(axis=0)
     return {unit: float(size[[u == unit for u in values.units]].max()) for unit in dict.fromkeys(values.units)}
 

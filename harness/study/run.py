@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import replace
 from datetime import datetime
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,6 @@ from screwgauge.casebook.book import suspects
 from screwgauge.engines.parts import Names, described
 from screwgauge.engines.registry import ENGINES, check_engines, get_engine
 from screwgauge.environment import environment
-from screwgauge.judging.answer import COLUMNS
 from screwgauge.judging.assembly import assembly_of
 from screwgauge.judging.charts import in_one_chart
 from screwgauge.judging.compare import compare, nothing
@@ -23,12 +22,13 @@ from screwgauge.judging.coverage import coverage
 from screwgauge.judging.integration import with_estimate
 from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import Refusal, refusals
+from screwgauge.judging.residual import JUDGE_COLUMNS, PAIR_COLUMNS, Deviation, frame
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import is_file
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mobility import Mobility, mobility
-from screwgauge.reference.pose import pose
 from screwgauge.scene.motion import Sampled
 from screwgauge.scene.preflight import check_actuation, check_scene, doubts, far_from_home
 from screwgauge.scene.scene import Scene, check_scene_type
@@ -139,14 +139,14 @@ def run(
             solutions[name] = with_estimate(first, again)
         errors, pairs = comparing(solutions, *held)
     if lost := list(_lost(scene, reasons, solutions)):
-        pairs = pd.concat([pairs, pd.DataFrame(lost, columns=pairs.columns)], ignore_index=True)
+        pairs = pd.concat([pairs, frame(lost, PAIR_COLUMNS)], ignore_index=True)
     return Comparison(
         scene=scene,
         solutions=solutions,
         failures=failures,
         errors=errors,
         pairs=with_factors(pairs, own, given) if own else pairs,
-        judge=pd.concat(judged.values(), ignore_index=True) if judged else pd.DataFrame(columns=COLUMNS),
+        judge=pd.concat(judged.values(), ignore_index=True) if judged else frame((), JUDGE_COLUMNS),
         mobility=facts(counted),
         environment=environment(),
         warnings=warnings,
@@ -256,7 +256,7 @@ def _missing(asked: Sequence[str], answers: Mapping[str, Solution], n: int) -> I
 
 def _lost(
     scene: Scene, reasons: Iterable[tuple[str, str, str]], solutions: Mapping[str, Solution]
-) -> Iterator[dict[str, Any]]:
+) -> Iterator[Deviation]:
     """Rows without numbers: pairs of engines that have a quantity with one that has not, or not all of it."""
     for quantity, name, reason in reasons:
         others = [other for other, one in solutions.items() if other != name and quantity in one.values]

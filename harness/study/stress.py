@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.environment import environment, json_text
+from screwgauge.judging.residual import columns_of, frame
 from screwgauge.problem import Progress
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.study.cases.case import SILENT, Case, Finding
@@ -24,7 +25,6 @@ from screwgauge.study.journal import Journal
 from screwgauge.study.methods import missing
 from screwgauge.study.provenance import provenance
 from screwgauge.study.runner import run_tasks, silent
-from screwgauge.study.table import columns_of, frame
 
 #: Column of ``stress.csv`` -> attribute of a `Finding`.
 COLUMNS = {
@@ -119,7 +119,7 @@ def _rung(case: Case, severity: float, quick: bool, progress: Progress) -> dict[
 
 def _broken(name: str, reason: str) -> dict[str, Any]:
     """A rung that its process did not survive, as plain data."""
-    return {"rows": [asdict(Finding(ALL, "", reason=reason))], "seconds": 0.0}
+    return {"rows": [asdict(Finding("", a=ALL, reason=reason))], "seconds": 0.0}
 
 
 def _is_rung(record: Mapping[str, Any]) -> bool:
@@ -139,4 +139,4 @@ def climb(case: Case, severity: float, *, quick: bool = False) -> list[Finding]:
             return [finding for question in questions for finding in findings(question)]
     except Exception as error:  # the other rungs go on
         what = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        return [Finding(ALL, "", reason=missing(error) if isinstance(error, ImportError) else what)]
+        return [Finding("", a=ALL, reason=missing(error) if isinstance(error, ImportError) else what)]

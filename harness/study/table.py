@@ -1,38 +1,19 @@
-"""Tidy tables: one row for each item, columns as data; and CSV files of them that later studies add to."""
+"""CSV files of tidy rows that later studies add to."""
 
 from __future__ import annotations
 
 import csv
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import repeat
 from math import inf
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from screwgauge.reference.errors import OutputError
 from screwgauge.reference.files import read_file
-
-
-def frame(items: Iterable[Any], columns: Mapping[str, str]) -> pd.DataFrame:
-    """A row for each item.
-
-    Args:
-        columns: Column -> attribute of an item, dotted where it is one of an attribute.
-    """
-    return pd.DataFrame(
-        [[attrgetter(name)(item) for name in columns.values()] for item in items], columns=list(columns)
-    )
-
-
-def columns_of(row: type[Any]) -> dict[str, str]:
-    """Columns of a dataclass: its fields, by their own names."""
-    return {field.name: field.name for field in fields(row)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,12 +13,12 @@ from screwgauge.engines.registry import engine_names
 from screwgauge.judging.answer import largest
 from screwgauge.judging.judge import judge
 from screwgauge.problem import Problem, Rows
+from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice
 from screwgauge.reference.graph import layout
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.columns import same_times
-from screwgauge.scene.recorded import Header, Recorded, read_header
+from screwgauge.scene.motion import same_times
+from screwgauge.scene.observables import Header, Recorded, read_header
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values, common_rows, empty
 

@@ -13,9 +13,8 @@ import numpy as np
 from flint import arb, arb_mat
 
 from screwgauge.reference.mechanism import Joint, by_role
-from screwgauge.truth.certify import NotCertified, floats, independent_rows
 from screwgauge.truth.exact import Vector, cross, difference, dot, normalized, solve, unit_vector
-from screwgauge.truth.kinematics import State, point, spin
+from screwgauge.truth.kinematics import NotCertified, State, floats, independent_rows, point, spin
 from screwgauge.truth.linkage import AXES, Linkage, split
 
 

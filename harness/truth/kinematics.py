@@ -1,7 +1,10 @@
-"""Velocities and accelerations of a certified pose, by power series in time.
+"""Certified closed poses, and the velocities and accelerations that follow from them, in balls.
 
-The closing equations hold at every time, so every coefficient of their series is zero; solved order by order they
-give the series of the joint coordinates. The bodies' motion is read off the series of their matrices.
+The start may be any guess; nothing is believed of it. Newton's method in high precision comes first, then an interval
+Newton step: where Krawczyk's operator maps a small box into its own interior, the box holds one and only one solution
+of the loop equations, and the image encloses it. The equations hold at every time, so every coefficient of their power
+series is zero; solved order by order they give the series of the joint coordinates, and the motion of the bodies is
+read off the series of their matrices.
 """
 
 from __future__ import annotations
@@ -9,12 +12,153 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flint import arb, arb_mat
+import numpy as np
+from flint import arb, arb_mat, ctx
 
-from screwgauge.truth.certify import Certifier, NotCertified, check_near
-from screwgauge.truth.exact import Vector, solve
-from screwgauge.truth.jets import Jet, MatrixJet
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.rotations import Array
+from screwgauge.truth.exact import Jet, MatrixJet, Vector, identity, solve
 from screwgauge.truth.linkage import Linkage, error
+
+NEWTON = 40  # steps; four do from a double start, the rest is for poor ones
+
+
+class NotCertified(ScrewgaugeError):
+    """A pose for which no enclosure could be proved."""
+
+
+def _singular() -> NotCertified:
+    return NotCertified("the closing equations are singular", "", "keep the motion away from this pose")
+
+
+def independent_rows(J: Array, n: int) -> list[int]:
+    """n rows of full rank, the selection (last) rows first; all rows where there are only n. J has no dimension.
+
+    A mechanism with redundant constraints has more closing equations than coordinates. The rows left out are only
+    checked: they hold within the enclosures.
+    """
+    if len(J) == n:
+        return list(range(n))
+    left = J.copy()
+    chosen: list[int] = []
+    order = list(range(len(J)))[::-1]
+    for _ in range(n):
+        size = np.linalg.norm(left, axis=1)
+        size[chosen] = -1.0
+        best = max(order, key=lambda i: size[i] * (1.0 + 1e-9 * i))
+        if size[best] < 1e-9:
+            raise _singular()
+        chosen.append(best)
+        unit = left[best] / size[best]
+        left = left - np.outer(left @ unit, unit)
+    return sorted(chosen)
+
+
+def check_near(G: arb_mat) -> None:
+    """Refuses a loop that is turned by more than a right angle: it is not near closing."""
+    if not G[0, 0] + G[1, 1] + G[2, 2] > 1:
+        raise NotCertified("a loop is far from closed", "", "check the motion")
+
+
+class Certifier:
+    """Certifies the joint coordinates of one linkage for given independent coordinates."""
+
+    def __init__(self, linkage: Linkage) -> None:
+        self.linkage = linkage
+        units = np.array([linkage.length if unit == "m" else 1.0 for unit in linkage.mechanism.units])
+        self.n, self.columns = len(units), units
+        closing = np.tile(np.repeat([1.0, linkage.length], 3), len(linkage.cuts))
+        tied = units[[tie.column for tie in linkage.ties]]
+        self.rows = np.concatenate([closing, tied, units[linkage.mechanism.independent_columns]])
+
+    def solve(self, y: Sequence[arb], start: Sequence[float]) -> tuple[list[arb], arb_mat, list[int]]:
+        """Encloses the joint coordinates.
+
+        Args:
+            y: Independent coordinates.
+            start: An unverified guess of all joint coordinates.
+
+        Returns:
+            Balls of the coordinates, the Jacobian over them (square, of the rows chosen), and these rows.
+
+        Raises:
+            NotCertified: No box could be verified.
+        """
+        J = floats(self.linkage.jacobian([arb(x) for x in start]))
+        rows = independent_rows(J * self.columns / self.rows[:, None], self.n)
+        for J_start in (J, None):  # the second only where the first does not do
+            try:
+                return *self._verify(*self._newton(start, y, rows, J_start), y, rows), rows
+            except NotCertified as error:
+                reason = error
+            except (np.linalg.LinAlgError, ZeroDivisionError):
+                reason = _singular()
+        raise reason
+
+    def _newton(
+        self, start: Sequence[float], y: Sequence[arb], rows: Sequence[int], J: Array | None
+    ) -> tuple[list[arb], arb_mat]:
+        """Newton's method. Returns a pose and an approximate inverse of the Jacobian there.
+
+        Args:
+            J: The one Jacobian of the start, in doubles. None takes one of all digits at every step: near a singular
+                pose doubles have too few.
+        """
+        m = [arb(x) for x in start]
+        fixed = None if J is None else arb_mat(np.linalg.inv(J[rows]).tolist())
+        last = 1e3  # [rad or m] a larger step leads nowhere
+        for _ in range(NEWTON):
+            Y = _midpoints(self._square(m, rows).inv()) if fixed is None else fixed
+            d = (Y * self._error(m, y, rows)).entries()
+            size = max(float(x.abs_upper()) for x in d)
+            if fixed is not None and not size < last:  # down to rounding, or lost
+                break
+            m = [(x - dx).mid() for x, dx in zip(m, d, strict=True)]
+            last = size / 2
+            if size < 2.0 ** (40 - ctx.prec):
+                break
+        return m, Y
+
+    def _square(self, q: Sequence[arb], rows: Sequence[int]) -> arb_mat:
+        """Jacobian of the rows chosen. Shape (n, n)."""
+        table = self.linkage.jacobian(q).tolist()
+        return arb_mat([table[i] for i in rows])
+
+    def _error(self, q: Sequence[arb], y: Sequence[arb], rows: Sequence[int]) -> arb_mat:
+        """Closing errors, those of the couplings and ``q - y``, of the rows chosen. Shape (n_q, 1)."""
+        jets = [[x] for x in q]
+        errors: list[arb] = []
+        for (G,) in self.linkage.close(jets, self.linkage.place(jets)):
+            check_near(G)
+            errors += error(G)
+        errors += [tie.error(jets)[0] for tie in self.linkage.ties]
+        chosen = self.linkage.mechanism.independent_columns
+        errors += [q[column] - goal for column, goal in zip(chosen, y, strict=True)]
+        return arb_mat([[errors[i]] for i in rows])
+
+    def _verify(self, m: list[arb], Y: arb_mat, y: Sequence[arb], rows: Sequence[int]) -> tuple[list[arb], arb_mat]:
+        d = Y * self._error(m, y, rows)
+        r = max((x.abs_upper() for x in d.entries()), key=float) * 5 / 4 + arb(2) ** (8 - ctx.prec)
+        for _ in range(3):
+            radius = float(r)
+            box = [arb(x, radius) for x in m]
+            J = self._square(box, rows)
+            offset = arb_mat([[arb(0, radius)] for _ in m])
+            step = (identity(self.n) - Y * J) * offset - d
+            image = [x + dx for x, dx in zip(m, step.entries(), strict=True)]
+            if all(b.contains_interior(k) for b, k in zip(box, image, strict=True)):
+                return image, self._square(image, rows)
+            r = r * 64
+        raise NotCertified("Krawczyk's test does not hold", "", "keep the motion away from singular poses")
+
+
+def floats(M: arb_mat) -> Array:
+    """The midpoints as doubles."""
+    return np.array([[float(x.mid()) for x in row] for row in M.tolist()])
+
+
+def _midpoints(M: arb_mat) -> arb_mat:
+    return arb_mat([[x.mid() for x in row] for row in M.tolist()])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

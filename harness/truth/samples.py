@@ -18,11 +18,9 @@ from screwgauge.reference.applied import Load
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock
 from screwgauge.truth import cache
-from screwgauge.truth.certify import Certifier, NotCertified
-from screwgauge.truth.exact import Vector, number, vector
+from screwgauge.truth.exact import Jet, MatrixJet, Vector, drive, number, read_terms, samples, vector
 from screwgauge.truth.forces import BallLoad, RoutesDisagree, generalized_force, min_norm, newton_euler
-from screwgauge.truth.jets import Jet, MatrixJet, drive, read_terms, samples
-from screwgauge.truth.kinematics import State, check_closed, point, spin, state
+from screwgauge.truth.kinematics import Certifier, NotCertified, State, check_closed, point, spin, state
 from screwgauge.truth.linkage import Linkage
 
 Balls = dict[str, list[arb]]

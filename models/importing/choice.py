@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.reference import linear
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import in_lengths
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 
 #: A coordinate that is preferred is taken as long as so much of it is its own.

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from screwgauge.models.kinematics import ReadingTree, home
+from screwgauge.models.kinematics import ReadingTree, home, length_of
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import equations, stepped
@@ -18,14 +18,6 @@ CLOSED = 1e-11
 STEPS = 100
 STUCK = 8  # steps without a gain of a hundredth: it ends there
 LARGEST = 0.4  # step [rad or lengths]
-
-
-def length_of(reading: Reading) -> float:
-    """Largest distance between places that the reading names at home [m], 1 if there is none."""
-    points = [body.pose[:3, 3] + body.pose[:3, :3] @ body.com for body in reading.bodies.values()]
-    points += [body.pose[:3, 3] for body in reading.bodies.values()] + [np.zeros(3)]
-    cloud = np.array([*points, *(joint.centre for joint in reading.joints.values())])
-    return float(np.linalg.norm(cloud - cloud.mean(axis=0), axis=1).max()) * 2.0 or 1.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,10 @@ import numpy as np
 
 from screwgauge.models.importing.assemble import assemble
 from screwgauge.models.importing.choice import choose
-from screwgauge.models.importing.closing import length_of
-from screwgauge.models.importing.joints import Axis, Group, axis_of, ball, groups, joint, pinned
+from screwgauge.models.importing.joints import Group, graph_of, groups, joint, pin_name
 from screwgauge.models.importing.left_out import left_out, listed, springs_of
-from screwgauge.models.importing.parts import Chain, Graph, Part, graph_of
+from screwgauge.models.machine import Body as RigidBody
+from screwgauge.models.machine import Machine
 from screwgauge.models.readings.reading import CouplingReading, Reading
 from screwgauge.models.readings.renamed import renamed
 from screwgauge.reference.applied import JointSpring
@@ -83,18 +83,18 @@ def describe(
     own, names = _renamed(reading)
     poses = {key: {names.get(name, name): x for name, x in q.items()} for key, q in (keyframes or {}).items()}
     reading, moves = assemble(own, where, poses)
-    graph = graph_of(reading, length_of(reading))
-    if not graph.chains:
+    graph = graph_of(reading)
+    if not any(link.articulated for link in graph.links):
         said = " ".join(graph.remarks)
         raise DescriptionError(f"has no degree of freedom ({said})", where, "give mass to what moves, or free a joint")
-    actuated = _actuated(reading, graph, wanted.actuated, where)
+    actuated = _actuated(graph, wanted.actuated, where)
     moved = any(joint.home != own.joints[name].home for name, joint in reading.joints.items())
     known = {} if moved else {one.name: one for one in given}  # their coordinates are those of the file's home
-    mechanism = _mechanism(reading, graph, frozenset(actuated or ()), known, where)
+    mechanism, composites = _mechanism(graph, frozenset(actuated or ()), known, where)
     names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
     mechanism, doubt = choose(mechanism, actuated, wanted.independent, where)
     odd = (f"Check this: {sentence}." for sentence in implausible(mechanism))
-    remarks = [*moves, *graph.remarks, *filter(None, (doubt,)), *odd]
+    remarks = [*moves, *graph.remarks, *composites, *filter(None, (doubt,)), *odd]
     if not reading.actuators and wanted.actuated is None:
         open_chain = "every hinge and slide of the open chain that follows no other"
         rule = "every independent coordinate that is a hinge or slide" if reading.closures else open_chain
@@ -106,14 +106,15 @@ def describe(
 
 
 def _mechanism(
-    reading: Reading, graph: Graph, driven: frozenset[str], known: Mapping[str, Joint], where: str
-) -> Mechanism:
-    """The mechanism, nothing being independent or actuated yet."""
-    joints, carriers = _joints(reading, graph, driven, known)
-    solid = [_body(part, graph.length, where) for part in graph.parts.values() if part.name != GROUND]
+    graph: Machine, driven: frozenset[str], known: Mapping[str, Joint], where: str
+) -> tuple[Mechanism, list[str]]:
+    """The mechanism, nothing being independent or actuated yet, and which composite joints it cannot hold."""
+    reading = graph.reading
+    joints, carriers, remarks = _joints(graph, driven, known)
+    solid = [_body(name, body, graph.length, where) for name, body in graph.bodies.items() if name != GROUND]
     for count, what in ((len(solid) + len(carriers), "bodies"), (len(joints), "joints")):
         check_count(count, what, where)
-    left = {name for chain in graph.chains for name in chain.joints}
+    left = {name for link in graph.links for name in link.joints}
     mechanism = Mechanism(
         name=_accepted([reading.name], "model")[reading.name],
         bodies=(*solid, *carriers),
@@ -126,7 +127,7 @@ def _mechanism(
     )
     if not mechanism.mass:
         raise DescriptionError("no body that moves has mass", where, "give mass to one at least")
-    return mechanism
+    return mechanism, remarks
 
 
 def _renamed(reading: Reading) -> tuple[Reading, dict[str, str]]:
@@ -143,9 +144,10 @@ def _renamed(reading: Reading) -> tuple[Reading, dict[str, str]]:
     return renamed(replace(reading, couplings=known), names), changed
 
 
-def _actuated(reading: Reading, graph: Graph, chosen: Sequence[str] | None, where: str) -> list[str] | None:
+def _actuated(graph: Machine, chosen: Sequence[str] | None, where: str) -> list[str] | None:
     """Joints that are driven: those chosen, those of the file, or all of an open chain; None where nothing says so."""
-    can = [j for chain in graph.chains for j in chain.joints if reading.joints[j].kind in ("hinge", "slide")]
+    reading = graph.reading
+    can = [name for link in graph.links for name in link.joints if reading.joints[name].kind in ("hinge", "slide")]
     if chosen is not None:
         for name in chosen:
             if name not in can:
@@ -165,53 +167,39 @@ def _coupling(name: str, entry: CouplingReading, where: str) -> Coupling:
     return Coupling(name, entry.joint, of, np.append(entry.polynomial[:1], powers), f"{where}, coupling '{name}'")
 
 
-def _body(part: Part, length: float, where: str) -> Body:
-    if not part.mass:
-        return Body(part.name, 0.0, np.zeros(3), np.zeros((3, 3)))
-    inertia = 0.5 * (part.inertia + part.inertia.T)
-    inertia[np.abs(inertia) < ROUNDING * part.mass * length**2] = 0.0
-    return Body(part.name, part.mass, part.com, inertia, f"{where}, body '{part.name}'")
+def _body(name: str, body: RigidBody, length: float, where: str) -> Body:
+    matter = body.local
+    if not matter.mass:
+        return Body(name, 0.0, np.zeros(3), np.zeros((3, 3)))
+    inertia = 0.5 * (matter.inertia + matter.inertia.T)
+    inertia[np.abs(inertia) < ROUNDING * matter.mass * length**2] = 0.0
+    return Body(name, matter.mass, matter.com, inertia, f"{where}, body '{name}'")
 
 
 def _joints(
-    reading: Reading, graph: Graph, driven: frozenset[str], given: Mapping[str, Joint]
-) -> tuple[tuple[Joint, ...], list[Body]]:
-    """All joints, and the bodies without mass between those of one chain."""
-    names = {GROUND, *graph.parts, *reading.joints, *(pin.name for pin in graph.pins)}
-    used, carriers, joints = {*reading.joints}, list[Body](), list[Joint]()
-    for chain in graph.chains:
-        steps = _steps(reading, chain, graph, driven)
-        near = graph.parts[chain.near]
+    graph: Machine, driven: frozenset[str], given: Mapping[str, Joint]
+) -> tuple[tuple[Joint, ...], list[Body], list[str]]:
+    """All joints, the bodies without mass between those of one link, and which composite joints had to be divided."""
+    pins = {pin_name(one.closures) for link in graph.links for one in link.elements if one.closures}
+    names = {GROUND, *graph.bodies, *graph.reading.joints, *pins}
+    coupled = {name for entry in graph.reading.couplings.values() for name in (entry.joint, entry.of)}
+    used, carriers, joints, remarks = {*graph.reading.joints}, list[Body](), list[Joint](), list[str]()
+    for link in graph.links:
+        steps, divided = groups(link, graph, driven, coupled)
+        remarks += divided
+        near = link.near, graph.bodies[link.near].pose
         for i, group in enumerate(steps):
-            far = graph.parts[chain.far]
+            far = link.far, graph.bodies[link.far].pose
             if i < len(steps) - 1:  # has the axes of the body at the end, and its origin in the joint
-                pose = far.pose.copy()
+                pose = far[1].copy()
                 pose[:3, 3] = group.point
-                far = Part(_unused(f"{group.axes[0].name}.carrier", names), pose)
-                carriers.append(Body(far.name, 0.0, np.zeros(3), np.zeros((3, 3))))
-            joints.append(joint(group, _joint_name(group, used), near, far, graph.length))
+                far = _unused(f"{group.axes[0].name}.carrier", names), pose
+                carriers.append(Body(far[0], 0.0, np.zeros(3), np.zeros((3, 3))))
+            name = group.name or _joint_name(group, used)
+            known = given.get(group.name)  # of closures
+            joints.append(known or joint(group, name, near, far, graph.length))
             near = far
-    for pin in graph.pins:
-        first, second = graph.parts[pin.first], graph.parts[pin.second]
-        made = joint(pinned(pin, first, second), pin.name, first, second, graph.length)
-        joints.append(given.get(pin.name, made))
-    return tuple(joints), carriers
-
-
-def _steps(reading: Reading, chain: Chain, graph: Graph, driven: frozenset[str]) -> list[Group]:
-    """The joints of a chain, ball and free joints each on its own."""
-    coupled = frozenset(name for entry in reading.couplings.values() for name in (entry.joint, entry.of))
-    out, run = list[Group](), list[Axis]()
-    for name in chain.joints:
-        entry = reading.joints[name]
-        if entry.kind in ("hinge", "slide"):
-            run.append(axis_of(name, entry))
-            continue
-        near, far = graph.parts[chain.near], graph.parts[chain.far]
-        kind = "S" if entry.kind == "ball" else "F"
-        out += [*groups(run, driven, coupled, graph.length), ball(name, kind, near, far, entry.centre)]
-        run = []
-    return [*out, *groups(run, driven, coupled, graph.length)]
+    return tuple(joints), carriers, remarks
 
 
 def _joint_name(group: Group, used: set[str]) -> str:

@@ -1,19 +1,22 @@
-"""Chains of hinges and slides as joints of a description: R, P, and U, S, C, F where axes meet exactly."""
+"""Links of a machine as joints of a description: R, P, and U, S, C, F where axes meet exactly."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.models.importing.parts import SAME, Part, Pin
-from screwgauge.models.readings.reading import JointReading
-from screwgauge.reference.mechanism import KINDS, Frame, Joint
+from screwgauge.models.importing.left_out import listed
+from screwgauge.models.machine import Element, Link, Machine, contracted, kind_of, uncontracted
+from screwgauge.models.readings.reading import FREEDOMS, Reading
+from screwgauge.reference.mechanism import GROUND, KINDS, Frame, Joint
 from screwgauge.reference.rotations import Array, rotation
 
-#: Cosine between axes that are orthogonal; descriptions are held to 1e-12.
-RIGHT = 1e-13
+#: Cosine between axes that are orthogonal, and share of the length at which they meet; descriptions are held to 1e-12.
+RIGHT, MEET = 1e-13, 1e-14
+#: Joints of several freedoms, in words.
+COMPOSITE = {"S": "a ball joint", "U": "a universal joint", "C": "a cylindrical joint", "F": "a free joint"}
 #: Entries of unit vectors and rotations that rounding leaves of zero.
 NOTHING = 4e-16
 #: A limit where a joint has one on the other side only [rad, m].
@@ -36,56 +39,125 @@ class Axis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Neighbouring freedoms of a chain that make one joint; `point` is where all its axes meet."""
+    """Neighbouring freedoms of a link that make one joint; `point` is where all its axes meet.
+
+    Its name is empty where that of its freedoms is to be taken.
+    """
 
     kind: str
     axes: tuple[Axis, ...]
     point: Array
+    name: str = ""
 
 
-def axis_of(name: str, joint: JointReading) -> Axis:
-    """A hinge or slide."""
-    turns = joint.kind == "hinge"
-    direction = joint.screw[:3] if turns else joint.screw[3:]
-    return Axis(name, turns, direction, joint.centre, joint.home, joint.limits)
+def pruned(machine: Machine, followed: Collection[str]) -> Machine:
+    """A machine without bodies that have no mass and carry nothing, but for those of joints that others follow."""
+    bodies, links, remarks = dict(machine.bodies), list(machine.links), list(machine.remarks)
+    while True:
+        bare = [name for name, body in bodies.items() if name != GROUND and not body.local.mass]
+        held = {name: [link for link in links if link.joins(name)] for name in bare}
+        idle = {name: some[0] for name, some in held.items() if len(some) == 1 and some[0].articulated}
+        idle = {name: link for name, link in idle.items() if not {*followed} & {*link.joints}}
+        if not idle:
+            return replace(machine, bodies=bodies, links=tuple(links), remarks=tuple(remarks))
+        for name, link in idle.items():
+            links.remove(link)
+            del bodies[name]
+            remarks.append(f"'{name}' has no mass and carries nothing; left out with {listed(link.joints)}.")
 
 
-def groups(axes: Sequence[Axis], driven: frozenset[str], coupled: frozenset[str], length: float) -> list[Group]:
-    """Freedoms of a chain as joints. Driven ones stay alone, and coupled ones do not become part of S and F."""
-    out, i = list[Group](), 0
-    while i < len(axes):
-        for n, recognise in ((6, _free), (3, _spherical), (2, _pair)):
-            part = tuple(axes[i : i + n])
-            names = {axis.name for axis in part}
-            whole = len(part) == n and not names & (driven if n == 2 else driven | coupled)
-            if whole and (found := recognise(part, length)):
-                out.append(found)
+def graph_of(reading: Reading) -> Machine:
+    """The bodies and links of a reading whose loops are closed at home; those through crosses without mass are one."""
+    machine = pruned(uncontracted(reading), {entry.of for entry in reading.couplings.values()} - {""})
+    pinned = {machine.part_of(end) for c in reading.closures.values() for end in (c.first, c.second)}
+    return contracted(machine, [n for n, body in machine.bodies.items() if not body.local.mass and n not in pinned])
+
+
+def groups(
+    link: Link, machine: Machine, driven: Collection[str], coupled: Collection[str]
+) -> tuple[list[Group], list[str]]:
+    """Freedoms of a link as joints of a description, and which composite joints it cannot hold, a sentence each.
+
+    Driven freedoms stay alone, and coupled ones do not become part of S and F.
+    """
+    out, remarks, i = list[Group](), list[str](), 0
+    while i < len(link.elements):
+        group, count = None, 1
+        for n in (6, 3, 2):
+            part = link.elements[i : i + n]
+            alone = {*driven} if n == 2 else {*driven, *coupled}
+            if len(part) < n or not _single(part) or alone & {each.joint for each in part}:
+                continue
+            if (kind := kind_of(part, machine.length)[0]) not in COMPOSITE:
+                continue
+            made = _composite(kind, part, machine)
+            if isinstance(made, Group):
+                group, count = made, n
                 break
-        else:
-            n, axis = 1, axes[i]
-            out.append(Group("R" if axis.turns else "P", (axis,), axis.point))
-        i += n
-    return out
+            if kind != "F":
+                names = listed(each.joint for each in part)
+                remarks.append(f"{names} are {COMPOSITE[kind]}, but {made}: they are divided into simpler ones.")
+        out.append(group or _alone(link.elements[i], link, machine))
+        i += count
+    return out, remarks
 
 
-def _free(axes: tuple[Axis, ...], length: float) -> Group | None:
-    slides, hinges = axes[:3], axes[3:]
-    if [axis.turns for axis in axes] != list(KINDS["F"]) or not (ball := _spherical(hinges, length)):
-        return None
-    E = np.array([axis.direction for axis in slides])
-    right = np.abs(E @ E.T - np.eye(3)).max() < RIGHT and np.linalg.det(E) > 0.0
-    return Group("F", axes, ball.point) if right else None
+def _single(part: tuple[Element, ...]) -> bool:
+    """Whether joints of one freedom are all of it."""
+    return all(each.joint and FREEDOMS[each.kind] == 1 for each in part)
 
 
-def _spherical(axes: tuple[Axis, ...], length: float) -> Group | None:
-    if not all(axis.turns for axis in axes):
-        return None
-    E, _ = at_zero(axes)
-    point = _meet(axes, length)
-    orthogonal = np.abs(E @ E.T - np.eye(3)).max() < RIGHT
-    if not orthogonal or point is None:
-        return None
-    return Group("S", axes, point) if abs(np.sin(axes[1].home)) < STEEP else _from_home(axes, point)
+def _alone(element: Element, link: Link, machine: Machine) -> Group:
+    """A freedom as a joint of its own: a hinge or slide, a ball or free joint, or what closures leave."""
+    name = element.joint or pin_name(element.closures)
+    if FREEDOMS[element.kind] > 1:
+        kind = "S" if element.kind == "ball" else "F"
+        made = ball(name, kind, machine.bodies[link.near].pose, machine.bodies[link.far].pose, element.centre)
+    elif element.joint:
+        made = Group("R" if element.kind == "hinge" else "P", (_axis(element, machine.reading),), element.centre)
+    else:
+        made = Group("R", (Axis(name, True, element.direction, element.centre, 0.0, FREE),), element.centre)
+    return made if element.joint else replace(made, name=name)
+
+
+def pin_name(closures: Sequence[str]) -> str:
+    """Of the joint in place of closures."""
+    return closures[0] if len(closures) == 1 else closures[0].removesuffix(".1")
+
+
+def _axis(element: Element, reading: Reading) -> Axis:
+    """A hinge or slide of the reading."""
+    joint = reading.joints[element.joint]
+    return Axis(element.joint, element.kind == "hinge", element.direction, element.centre, joint.home, joint.limits)
+
+
+def _composite(kind: str, part: tuple[Element, ...], machine: Machine) -> Group | str:
+    """Neighbouring freedoms as one joint of a description, or why it cannot hold them."""
+    axes, length = tuple(_axis(each, machine.reading) for each in part), machine.length
+    if kind == "F":
+        return _free(axes, part, machine)
+    if kind == "C":
+        hinge, slide = axes if axes[0].turns else axes[::-1]
+        aligned = np.abs(hinge.direction - slide.direction).max() < RIGHT
+        return Group("C", (hinge, slide), hinge.point) if aligned else "their directions differ"
+    point = np.asarray(kind_of(part, length)[1])
+    if not _orthogonal(at_zero(axes)[0] if kind == "S" else np.array([axis.direction for axis in axes])):
+        return "their axes are not at right angles"
+    off = max(float(np.linalg.norm(np.cross(axis.direction, point - axis.point))) for axis in axes)
+    if not off < MEET * length:
+        return f"their axes pass the common point at {off:.2g} m"
+    steep = kind == "S" and not abs(np.sin(axes[1].home)) < STEEP
+    return _from_home(axes, point) if steep else Group(kind, axes, point)
+
+
+def _free(axes: tuple[Axis, ...], part: tuple[Element, ...], machine: Machine) -> Group | str:
+    """Three slides at right angles and a ball behind them."""
+    E = np.array([axis.direction for axis in axes[:3]])
+    serial = [axis.turns for axis in axes] == list(KINDS["F"]) and kind_of(part[3:], machine.length)[0] == "S"
+    if not serial or not _orthogonal(E) or np.linalg.det(E) < 0.0:
+        return "they are not three slides at right angles and a ball"
+    turns = _composite("S", part[3:], machine)
+    return turns if isinstance(turns, str) else Group("F", axes, turns.point)
 
 
 def _from_home(axes: tuple[Axis, ...], point: Array) -> Group:
@@ -94,29 +166,8 @@ def _from_home(axes: tuple[Axis, ...], point: Array) -> Group:
     return Group("S", tuple(Axis(n, True, e, point, 0.0, FREE) for n, e in zip(names, np.eye(3), strict=True)), point)
 
 
-def _pair(axes: tuple[Axis, ...], length: float) -> Group | None:
-    first, second = axes
-    if first.turns and second.turns:
-        point = _meet(axes, length)
-        square = abs(float(first.direction @ second.direction)) < RIGHT
-        return Group("U", axes, point) if square and point is not None else None
-    same = np.abs(first.direction - second.direction).max() < RIGHT
-    if first.turns == second.turns or not same:
-        return None
-    hinge, slide = (first, second) if first.turns else (second, first)
-    return Group("C", (hinge, slide), hinge.point)
-
-
-def _meet(axes: tuple[Axis, ...], length: float) -> Array | None:
-    """The point in which hinges meet, None if they do not."""
-    N = [np.eye(3) - np.outer(axis.direction, axis.direction) for axis in axes]
-    point = np.linalg.solve(
-        sum(N, np.zeros((3, 3))), sum((n @ a.point for n, a in zip(N, axes, strict=True)), np.zeros(3))
-    )
-    off = max(float(np.linalg.norm(n @ (point - a.point))) for n, a in zip(N, axes, strict=True))
-    # where one of the points given is the one, it is exact
-    exact = [a.point for a in axes if np.linalg.norm(a.point - point) < SAME * length]
-    return np.asarray([*exact, point][0]) if off < 1e-14 * length else None
+def _orthogonal(E: Array) -> bool:
+    return bool(np.abs(E @ E.T - np.eye(len(E))).max() < RIGHT)
 
 
 def at_zero(axes: Sequence[Axis]) -> tuple[Array, Array]:
@@ -144,15 +195,20 @@ def _tidy(R: Array) -> Array:
     return np.where(np.abs(R - near) < 2.0 * NOTHING, near, R) + 0.0
 
 
-def frame(part: Part, R: Array, point: Array, length: float) -> Frame:
-    """A frame of the world in a part."""
-    p = part.pose[:3, :3].T @ (point - part.pose[:3, 3])
-    return Frame(np.where(np.abs(p) < NOTHING * length, 0.0, p) + 0.0, _tidy(part.pose[:3, :3].T @ R))
+def frame(pose: Array, R: Array, point: Array, length: float) -> Frame:
+    """A frame of the world in a body of that pose."""
+    p = pose[:3, :3].T @ (point - pose[:3, 3])
+    return Frame(np.where(np.abs(p) < NOTHING * length, 0.0, p) + 0.0, _tidy(pose[:3, :3].T @ R))
 
 
-def joint(group: Group, name: str, near: Part, far: Part, length: float) -> Joint:
-    """A joint of a description; its coordinates and their values are those of the freedoms."""
-    R = far.pose[:3, :3]
+def joint(group: Group, name: str, near: tuple[str, Array], far: tuple[str, Array], length: float) -> Joint:
+    """A joint of a description; its coordinates and their values are those of the freedoms.
+
+    Args:
+        near, far: Bodies that it joins, and their poses. Shape (4, 4).
+    """
+    (parent, before), (child, behind) = near, far
+    R = behind[:3, :3]
     E, P = at_zero([replace(axis, direction=R.T @ axis.direction) for axis in group.axes])
     near_R, far_R = R @ P.T, R
     slid = sum((axis.home * axis.direction for axis in group.axes if not axis.turns), np.zeros(3))
@@ -164,14 +220,14 @@ def joint(group: Group, name: str, near: Part, far: Part, length: float) -> Join
     return Joint(
         name=name,
         kind=group.kind,
-        parent=near.name,
-        child=far.name,
+        parent=parent,
+        child=child,
         axes=np.array([_unit(e) for e in E]),
         coordinates=tuple(axis.name for axis in group.axes),
         home=np.array([axis.home for axis in group.axes]),
         limits=np.array([bounds(axis.limits) for axis in group.axes]),
-        parent_frame=frame(near, near_R, group.point - slid, length),
-        child_frame=frame(far, far_R, group.point, length),
+        parent_frame=frame(before, near_R, group.point - slid, length),
+        child_frame=frame(behind, far_R, group.point, length),
     )
 
 
@@ -183,20 +239,14 @@ def bounds(limits: tuple[float, float]) -> tuple[float, float]:
     return max(low, -FAR), min(high, FAR)
 
 
-def ball(name: str, kind: str, near: Part, far: Part, point: Array) -> Group:
-    """A ball (S) or free joint (F), its angles zero at home; a free one has the axes of its parent."""
-    R = (near if kind == "F" else far).pose[:3, :3]
-    home = near.pose[:3, :3].T @ (point - near.pose[:3, 3])
+def ball(name: str, kind: str, near: Array, far: Array, point: Array) -> Group:
+    """A ball (S) or free joint (F), its angles zero at home; a free one has the axes of its parent.
+
+    Args:
+        near, far: Poses of what it joins. Shape (4, 4).
+    """
+    R = (near if kind == "F" else far)[:3, :3]
+    home = near[:3, :3].T @ (point - near[:3, 3])
     slides = [Axis(f"{name}.{x}", False, R[:, i], point, float(home[i]), FREE) for i, x in enumerate("xyz")]
     turns = [Axis(f"{name}.q{i + 1}", True, R[:, i], point, 0.0, FREE) for i in range(3)]
     return Group(kind, tuple(slides + turns if kind == "F" else turns), point)
-
-
-def pinned(pin: Pin, first: Part, second: Part) -> Group:
-    """An S joint where two parts have a point in common, or an R joint where they have two of an axis."""
-    if len(pin.points) == 1:
-        return ball(pin.name, "S", first, second, pin.points[0])
-    along = pin.points[1] - pin.points[0]
-    middle = 0.5 * (pin.points[0] + pin.points[1])
-    axis = Axis(pin.name, True, along / np.linalg.norm(along), middle, 0.0, FREE)
-    return Group("R", (axis,), middle)

@@ -32,6 +32,9 @@ def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
             n for n, joint in joints if (joint.stiffness or joint.damping) and n not in springs
         ],
         "compensated gravity of": [name for name, body in reading.bodies.items() if body.gravcomp],
+        "inertia of what has no mass:": [
+            n for n, body in reading.bodies.items() if body.inertia.any() and not body.mass
+        ],
         "gear (not 1) of actuator": [name for name, (_, gear) in reading.actuators.items() if gear != 1.0],
     }
     phrases = [f"{what} {listed(names)}" for what, names in found.items() if names]

@@ -9,13 +9,13 @@ from tempfile import TemporaryDirectory
 
 from screwgauge.models.importing.convert import Imported, Wanted, describe
 from screwgauge.models.importing.write import description
-from screwgauge.models.loops import read_loops
 from screwgauge.models.readings.compiler import warned
 from screwgauge.models.readings.loops import OWN, loops_for, with_loops
 from screwgauge.models.readings.mujoco import is_single, loaded
 from screwgauge.models.readings.read import libraries_of, read_source
 from screwgauge.models.readings.source import Source, prepare
 from screwgauge.models.readings.unread import dropped
+from screwgauge.models.urdf import read_loops
 from screwgauge.reference.errors import ModelFileError
 
 #: Keyframe that users of MJCF call so.

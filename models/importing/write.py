@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.models.placement import TENSOR
-from screwgauge.models.tables import document, key, lines
+from screwgauge.models.formats import TENSOR, document, key, lines
 from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.content import Content, Kind, Values, kinds, table
-from screwgauge.models.principal import without_stand_ins
+from screwgauge.models.mjcf import without_stand_ins
 from screwgauge.models.readings.assemble import Assembly
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array

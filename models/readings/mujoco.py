@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.content import Content
-from screwgauge.models.mjcf import POWERS
-from screwgauge.models.principal import without_stand_ins
+from screwgauge.models.mjcf import POWERS, without_stand_ins
 from screwgauge.models.readings.assemble import Assembly, Link, assemble, matrix, screw
 from screwgauge.models.readings.compiled import content, other_equality, single_joint
 from screwgauge.models.readings.compiler import compiled, heard

@@ -7,8 +7,7 @@ from dataclasses import replace
 from itertools import chain
 from xml.etree import ElementTree as ET
 
-from screwgauge.models.content import Content, Values, kind_of
-from screwgauge.models.elements import Extra, beyond_reading
+from screwgauge.models.content import Content, Extra, Values, beyond_reading, kind_of
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import Source
 from screwgauge.reference.errors import first_few

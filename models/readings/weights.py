@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from screwgauge.models.placement import vector_text
+from screwgauge.models.formats import vector_text
 from screwgauge.models.readings.compiler import compiled, warned
 from screwgauge.models.readings.files import inside
 from screwgauge.models.readings.meshes import classes_of, shapes, weighs

@@ -10,9 +10,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.reference.closed.anchors import NEAR, Flags, Indices
-from screwgauge.reference.closed.curves import HALF, HALVES, Curve, Drive, State, bent, consistent, hermite, straight
-from screwgauge.reference.closed.hermite_prediction import knots, predicted
-from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
+from screwgauge.reference.closed.newton import (
+    HALF,
+    HALVES,
+    OPEN,
+    Curve,
+    Drive,
+    State,
+    bent,
+    consistent,
+    hermite,
+    knots,
+    newton,
+    predicted,
+    straight,
+    velocity_map,
+)
 from screwgauge.reference.closed.walk import EACH, LEAP, MISS, MOST, Blocked, Walk
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import TURN, Array

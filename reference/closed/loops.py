@@ -1,25 +1,81 @@
-"""The loop equations of a mechanism in the coordinates of its spanning tree, without dimension, as Newton's method and
-the follower of an assembly mode take them. The equations themselves are `equations.closure`."""
+"""Loop equations over the coordinates of the spanning tree, without dimension, for Newton's method.
+
+`home_equations` fixes the coordinates that are constant on the assembly mode of home; `read` gives the coordinates
+of cut joints from closed poses. The equations themselves are in `equations.closure`.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from screwgauge.reference import linear
 from screwgauge.reference.closed import walk
 from screwgauge.reference.closed.continuation import Continuation
-from screwgauge.reference.closed.cut_coordinates import read
 from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
 from screwgauge.reference.closed.region import Region
 from screwgauge.reference.equations.closure import Closed, Loops
-from screwgauge.reference.equations.kinematics import coordinates
+from screwgauge.reference.equations.joint_types import JointPose
+from screwgauge.reference.equations.kinematics import Pose, coordinates, pose, tree_pose
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.equations.rounding import chart_condition
+from screwgauge.reference.equations.screws import dot, transpose
+from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.graph import Layout
-from screwgauge.reference.pose import Pose, pose
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.mechanism import KINDS, Mechanism
+from screwgauge.reference.rotations import Array, nearest_angles, triad, triad_angles
+
+
+def read(lay: Layout, guess: Array, *, near: bool = True) -> Array:
+    """Joint coordinates in which those of the cut joints are what the poses of the bodies by the tree say.
+
+    Unlike `joint_types.cut_coordinates` this goes through gimbal lock: of all angles that mean the same, those
+    nearest to a guess are taken, whichever triple they are of.
+
+    Args:
+        guess: Joint coordinates. Shape (n, n_q).
+        near: Whether those of the cut joints are to be near the guess, else within half a turn.
+    """
+    q = guess.copy()
+    if lay.cuts:
+        at = tree_pose(lay, coordinates(guess, NUMPY))
+        for joint in lay.cuts:
+            columns = lay.columns[joint.name]
+            q[:, columns] = _values(at.joint(joint), guess[:, columns], near=near)
+    return q
+
+
+def _values(at: JointPose, guess: Array, *, near: bool) -> Array:
+    """Coordinates of one joint. Shape (n, f) -> (n, f)."""
+    found, turns = guess.copy(), np.array(KINDS[at.joint.kind])
+    if turns.any():
+        few = at.joint.angles < 3
+        angles = triad_angles(transpose(at.R_parent) @ at.R_child, triad(at.joint.axes), few=few)[..., : turns.sum()]
+        found[:, turns] = nearest_angles(angles, guess[:, turns])[0] if near else angles
+    if not turns.all():
+        found[:, ~turns] = np.stack([dot(e, at.p_child - at.p_parent) for e in at.slides], axis=1)
+    return found
+
+
+def follow_cut_joints(lay: Layout, q: Array, near: Array) -> Array:
+    """Joint coordinates along a way, those of each cut joint next to those of the pose before.
+
+    Args:
+        q: Joint coordinates, of which those of the tree are looked at. Shape (v, n_q).
+        near: Those of the pose before the first. Shape (n_q,).
+    """
+    if not lay.cuts:
+        return q
+    q = read(lay, q, near=False)
+    for joint in lay.cuts:
+        turning = [c for c in lay.columns[joint.name] if lay.turns[c]]
+        before = near[turning]
+        for row in q:
+            before = row[turning] = nearest_angles(row[turning], before)[0]
+    return q
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,3 +208,75 @@ def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:
         lay.kept[fixed] = LoopEquations(lay, fixed)
     equations: LoopEquations = lay.kept[fixed]
     return equations
+
+
+#: How far a pose of the trial walk lies from home [rad or lengths of the mechanism], and how many there are.
+AWAY, TRIALS = 0.15, 4
+#: Far above what rounding makes of a coordinate that stands still; who is found by mistake costs time only.
+STILL = 1e-7
+#: Trial poses above this condition number say nothing: rounding moves coordinates that stand still.
+CLEAR = 1e4
+
+_known: WeakKeyDictionary[Mechanism, tuple[int, ...]] = WeakKeyDictionary()
+
+
+def home_equations(lay: Layout) -> LoopEquations:
+    """The loop equations of a layout, coordinates that never move being fixed. Worked out once a mechanism."""
+    if lay.mechanism not in _known:
+        _known[lay.mechanism] = resting_columns(lay)
+    return loop_equations(lay, _known[lay.mechanism])
+
+
+def resting_columns(lay: Layout) -> tuple[int, ...]:
+    """Tree coordinates that keep their home value on the branch of the home pose, such as c of the symmetric leg.
+
+    Coordinates are analytic in y. One that rests at several poses in general position, in value and in every first
+    derivative, rests on the whole branch; the loops then close to rounding with it fixed, which is tested too.
+    """
+    free = loop_equations(lay)
+    # in single precision no trial would come to rest
+    trials = _trials(free) if lay.path.dtype == np.float64 and lay.cuts and _may_rest(free) else None
+    if trials is None:
+        return ()
+    z, y, matrix = trials
+    home = lay.mechanism.home[free.unknown] / free.size[free.unknown]
+    slack = 16 * linear.EPS * linear.condition(matrix).max()
+    rests = np.abs(z - home).max(axis=0) <= slack
+    rests &= np.abs(velocity_map(matrix, y.shape[1])).max(axis=(0, 2)) <= slack
+    chosen = {*lay.mechanism.independent_columns, *lay.mechanism.coupling_rows.columns}
+    fixed = tuple(c for c, still in zip(free.unknown, rests, strict=True) if still and c not in chosen)
+    if not fixed:
+        return ()
+    system = loop_equations(lay, fixed)
+    start = z[:, [free.unknown.index(c) for c in system.unknown]]
+    error = newton(system.evaluate, start, y)[2]
+    return fixed if (error <= 64 * linear.EPS).all() else ()
+
+
+def _may_rest(system: LoopEquations) -> bool:
+    """Whether at home, to first order, anything stands still that is not chosen: of most mechanisms nothing does."""
+    columns = system.lay.mechanism.independent_columns
+    A = system.matrix(pose(system.lay, system.lay.mechanism.home[None]))
+    still = np.abs(velocity_map(A, len(columns))[0]).max(axis=1) <= STILL
+    return any(rests and c not in columns for c, rests in zip(system.unknown, still, strict=True))
+
+
+def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
+    """Closed poses in general position near home: unknowns, y and matrices, or None where there are too few."""
+    home = system.lay.mechanism.home / system.size
+    columns = system.lay.mechanism.independent_columns
+    k = np.arange(len(columns))
+    closed, path = [], system.continuation(strict=True)
+    for i in range(TRIALS):
+        y = home[columns] + AWAY * np.cos(1.0 + 2.3 * i + 1.7 * (1 + i) * k)
+        try:
+            path.restart(begun=True)  # straight on or not at all: ways round singular poses take seconds
+            found = path.follow(y[None], np.zeros(1))
+        except ClosureError:
+            continue
+        if linear.condition(found.matrix)[0] < CLEAR:
+            closed.append((found.z[0], y, found.matrix[0]))
+    if len(closed) < TRIALS // 2:
+        return None
+    z, y, matrix = (np.stack(parts) for parts in zip(*closed, strict=True))
+    return z, y, matrix

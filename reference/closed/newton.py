@@ -1,10 +1,17 @@
-"""Newton's method on stacks of poses."""
+"""Numerical tools of the continuation: Newton's method on stacks of poses, Hermite interpolation, Bezier curves.
+
+Hermite interpolation between closed poses gives initial guesses; a Bezier curve of degree five lies within the hull
+of its points. Nothing here knows a mechanism.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array
@@ -69,3 +76,189 @@ def velocity_map(A: Array, k: int) -> Array:
     right = np.zeros((*A.shape[:2], k), dtype=A.dtype)
     right[:, -k:] = np.eye(k)
     return linear.solve(A, right)
+
+
+Rows = NDArray[np.intp]
+
+EDGE = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12.0  # derivative at the first of five samples, of fourth order
+CACHED = 2**14  # numbers worked on at a time
+KNOTS = 4  # around a sample that it is predicted from: a polynomial of degree seven
+
+
+def knots(y: Array, every: int, step: float) -> Rows:
+    """Samples that are followed: the first, the last, and of the others so many that none is far from the next.
+
+    Args:
+        y: Independent coordinates without dimension. Shape (n, k).
+        every: Samples from one to the next, at most.
+        step: Way in y from one to the next, at most, unless samples are farther apart.
+    """
+    way = np.abs(np.diff(y, axis=0)).max(axis=1, initial=0.0)
+    share = np.cumsum(np.maximum(way / step, 1.0 / every))
+    chosen = np.ones(len(y), dtype=bool)
+    chosen[1:-1] = np.diff(np.floor(share)) != 0.0
+    return np.flatnonzero(chosen)
+
+
+def predicted(y: Array, rows: Rows, z: Array, K: Array) -> Array:
+    """Unknowns of all samples by Hermite's interpolation over the number of the sample. Shape (n, n_z).
+
+    What the samples differ from the interpolated motion is made up for to first order, so that they need not be evenly
+    spread; where they jump, the prediction is bad.
+
+    Args:
+        y: Independent coordinates. Shape (n, k).
+        rows: Samples whose poses are known, the first and the last among them. Shape (m,).
+        z, K: Unknowns there, shape (m, n_z), and their velocity map, (m, n_z, k).
+    """
+    slope = slopes(y)[rows]
+    value = interpolated(len(y), rows, np.hstack([y[rows], z]), np.hstack([slope, (K @ slope[..., None])[..., 0]]))
+    at = np.arange(len(y))
+    i = _interval(at, rows)
+    share = ((at - rows[i]) / (rows[i + 1] - rows[i]))[:, None]
+    away = (y - value[:, : y.shape[1]])[..., None]
+    return np.asarray(
+        value[:, y.shape[1] :] + (1.0 - share) * (K[i] @ away)[..., 0] + share * (K[i + 1] @ away)[..., 0]
+    )
+
+
+def slopes(y: Array) -> Array:
+    """Derivative of a motion by the number of the sample, of fourth order. Shape (n, k) -> (n, k)."""
+    slope = np.gradient(y, axis=0)
+    if len(y) > len(EDGE):
+        slope[2:-2] -= np.diff(slope[1:-1], 2, axis=0) / 6.0
+        slope[0], slope[-1] = EDGE @ y[: len(EDGE)], -EDGE @ y[: -len(EDGE) - 1 : -1]
+    return np.asarray(slope)
+
+
+def interpolated(n: int, rows: Rows, values: Array, rates: Array) -> Array:
+    """Numbers at n samples from those at some, see `predicted`, and their derivatives. Shapes (m, d) -> (n, d)."""
+    x, c = _differences(rows.astype(float), values, rates)
+    found, some = np.empty((n, values.shape[1])), max(1, CACHED // values.shape[1])
+    for first in range(0, n, some):
+        at = np.arange(first, min(first + some, n))
+        i = _interval(at, rows)
+        value = c[i, -1]
+        for j in reversed(range(x.shape[1] - 1)):
+            value *= (at - x[i, j])[:, None]
+            value += c[i, j]
+        found[at] = value
+    return found
+
+
+def _interval(at: Rows, rows: Rows) -> Rows:
+    return np.minimum(np.searchsorted(rows, at, side="right") - 1, len(rows) - 2)
+
+
+def _differences(at: Array, values: Array, rates: Array) -> tuple[Array, Array]:
+    """Newton's divided differences for each interval, from up to `KNOTS` knots around it, each of which counts twice.
+
+    Args:
+        at: Of the knots. Shape (m,).
+        values, rates: There. Shape (m, d).
+
+    Returns:
+        Nodes, shape (m - 1, 2 KNOTS), and coefficients, (m - 1, 2 KNOTS, d).
+    """
+    most = min(KNOTS, len(at))
+    first = np.clip(np.arange(len(at) - 1) - (most - 1) // 2, 0, len(at) - most)
+    window = np.repeat(first[:, None] + np.arange(most), 2, axis=1)
+    x, c = at[window], values[window]
+    for order in range(1, 2 * most):
+        width = x[:, order:] - x[:, :-order]
+        c[:, order:] = (c[:, order:] - c[:, order - 1 : -1]) / np.where(width == 0.0, 1.0, width)[..., None]
+        if order == 1:
+            c[:, 1::2] = rates[window[:, ::2]]
+    return x, c
+
+
+State = tuple[Array, Array, Array]
+"""Independent coordinates and their first and second derivatives. Shape (..., k) each."""
+Drive = Callable[[Array], State]
+"""Times (n,) -> the motion there."""
+
+#: A motion and its derivatives belong together if these miss a step by less than this share of it.
+CONSISTENT = 0.1
+#: Weights of the points that make those of both halves (de Casteljau), and the point half-way. Shape (2, 6, 6), (6,).
+_LEFT = np.array([[math.comb(i, j) / 2.0**i for j in range(6)] for i in range(6)])
+HALVES = np.stack([_LEFT, _LEFT[::-1, ::-1]])
+HALF = _LEFT[-1]
+
+
+def hermite(h: Array, before: State, after: State) -> Array:
+    """Control points of the polynomials of degree five that have given values and derivatives at their ends.
+
+    Args:
+        h: Duration [s]. Shape (...).
+        before, after: Shape (..., k) each.
+
+    Returns:
+        Shape (..., 6, k).
+    """
+    h = np.asarray(h)[..., None]
+    (y0, v0, a0), (y1, v1, a1) = before, after
+    first, last = y0 + h * v0 / 5.0, y1 - h * v1 / 5.0
+    second, third = 2.0 * first - y0 + h * h * a0 / 20.0, 2.0 * last - y1 + h * h * a1 / 20.0
+    return np.stack([y0, first, second, third, last, y1], axis=-2)
+
+
+def straight(y0: Array, y1: Array) -> Array:
+    """Control points of straight ways. Shapes (..., k) -> (..., 6, k)."""
+    share = np.linspace(0.0, 1.0, 6)[:, None]
+    return np.asarray(y0[..., None, :] * (1.0 - share) + y1[..., None, :] * share)
+
+
+def bent(y0: Array, y1: Array) -> list[Array]:
+    """Control points of two ways that bend to either side of the straight one; none with one coordinate. (6, k)."""
+    way = y1 - y0
+    if len(way) < 2:
+        return []
+    across = np.eye(len(way))[int(np.argmin(np.abs(way)))]
+    across = across - way * (across @ way) / max(float(way @ way), np.finfo(float).tiny)
+    bend = 0.4 * np.linalg.norm(way) * np.array([0.0, 1.0, 1.0, 1.0, 1.0, 0.0])[:, None] * across
+    return [straight(y0, y1) + sign * bend for sign in (1.0, -1.0)]
+
+
+def consistent(h: Array, before: State, after: State) -> Array:
+    """Whether derivatives belong to a motion through both values: a list of poses may have any. Shape (...)."""
+    h = h[..., None]
+    (y0, v0, a0), (y1, v1, a1) = before, after
+    miss = y1 - y0 - 0.5 * h * (v0 + v1) + h * h * (a1 - a0) / 12.0
+    size = np.maximum(np.abs(y1 - y0), np.abs(h) * np.maximum(np.abs(v0), np.abs(v1)))
+    return np.asarray((np.abs(miss).max(-1) <= CONSISTENT * size.max(-1)) & (h[..., 0] > 0.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curve:
+    """A piece of a motion.
+
+    Attributes:
+        points: Control points. Shape (6, k).
+        t: Its ends [s].
+        drive: The motion itself, where it is known; else the curve is the motion.
+    """
+
+    points: Array
+    t: tuple[float, float] = (0.0, 1.0)
+    drive: Drive | None = None
+
+    def at(self, share: float) -> Array:
+        """Where the motion is after a share of the time. Shape (k,)."""
+        t0, t1 = self.t
+        if self.drive is not None:
+            return np.asarray(self.drive(np.array([t0 + share * (t1 - t0)]))[0][0])
+        weights = [math.comb(5, i) * share**i * (1.0 - share) ** (5 - i) for i in range(6)]
+        return np.asarray(weights @ self.points)
+
+    def halves(self) -> tuple[Curve, Curve, Array]:
+        """Both halves, and by how much the motion half-way differs from this curve, shape (k,)."""
+        (t0, t1), p = self.t, self.points
+        middle = 0.5 * (t0 + t1)
+        if self.drive is None:
+            pieces, miss = HALVES @ p, 0.0 * p[0]
+        else:
+            y, yd, ydd = self.drive(np.array([t0, middle, t1]))
+            half = np.full(2, middle - t0)
+            pieces = hermite(half, (y[:2], yd[:2], ydd[:2]), (y[1:], yd[1:], ydd[1:]))
+            miss = y[1] - HALF @ p
+        return Curve(pieces[0], (t0, middle), self.drive), Curve(pieces[1], (middle, t1), self.drive), miss

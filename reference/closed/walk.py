@@ -13,8 +13,7 @@ import numpy as np
 
 from screwgauge.reference import linear
 from screwgauge.reference.closed.anchors import CHANGE, NEAR, Anchor, Anchors, Flags, aside, measure
-from screwgauge.reference.closed.curves import Curve
-from screwgauge.reference.closed.newton import OPEN, Evaluation, newton
+from screwgauge.reference.closed.newton import OPEN, Curve, Evaluation, newton
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import TURN, Array, within_half_turn
 

@@ -14,10 +14,9 @@ import numpy as np
 
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.equations.applied_forces import Exerted, exerted
-from screwgauge.reference.equations.closure import Loops
+from screwgauge.reference.equations.closure import Loops, Motion
 from screwgauge.reference.equations.joint_types import forbidden_twists, reaction_names
 from screwgauge.reference.equations.kinematics import Coordinates, forces_along, transmitted, zeros
-from screwgauge.reference.equations.motion import Motion
 from screwgauge.reference.equations.ops import Ops, System, absent
 from screwgauge.reference.equations.screws import (
     Array,

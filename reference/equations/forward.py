@@ -1,18 +1,26 @@
-"""Forward dynamics: accelerations for given forces, on the independent coordinates, ``M ydd = Q - h``."""
+"""Forward dynamics: accelerations for given forces, of the independent coordinates and of all bodies at once.
+
+`Forward` projects on the independent coordinates; `NewtonEuler` solves for all accelerations and reactions
+together, eqs. (57) and (58). Inverse dynamics is in `dynamics`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from screwgauge.reference import linear
 from screwgauge.reference.equations.applied_forces import load_wrench, motor_force, stretch, stretch_rate
 from screwgauge.reference.equations.dynamics import Dynamics
-from screwgauge.reference.equations.kinematics import twists, zeros
+from screwgauge.reference.equations.joint_types import constraint_wrenches, dual_wrenches, reaction_names
+from screwgauge.reference.equations.kinematics import TreePose, twists, zeros
 from screwgauge.reference.equations.ops import System
-from screwgauge.reference.equations.screws import Array, dot, power, times, transpose, velocity_at
-from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.equations.screws import Array, cross, dot, join, power, times, transpose, velocity_at
+from screwgauge.reference.mechanism import GROUND, Joint, by_role
+from screwgauge.reference.rotations import across_direction
 
 
 class Forward(Dynamics):
@@ -109,3 +117,167 @@ class Forward(Dynamics):
             rate = stretch_rate(self, spring)
             total = total - spring.damping * rate * rate
         return total if self.given_forces is None else total + dot(self.given_forces, self.joint_velocity)
+
+
+def balances(com: Array, W: Array) -> Array:
+    """Wrenches on bodies as in eqs. (53)-(55), moments about their centres of mass. (..., b, 6) -> (..., 6 b - 6)."""
+    W = W[..., 1:, :]
+    found = join(W[..., :3], W[..., 3:] - cross(com, W[..., :3]))
+    return found.reshape(*found.shape[:-2], 6 * found.shape[-2])
+
+
+def on_bodies(at: TreePose, joint: Joint, W: Array) -> Array:
+    """What wrenches of a joint on its child exert on all bodies. Shape (..., m, 6) -> (..., m, b, 6)."""
+    index = at.lay.mechanism.body_index
+    found = np.zeros((*W.shape[:-1], len(index), 6), dtype=W.dtype)
+    found[..., index[joint.child], :] += W
+    found[..., index[joint.parent], :] -= W
+    return found
+
+
+def joint_wrenches(at: TreePose, S: Array, columns: Collection[int]) -> Array:
+    """What unit forces along some joint coordinates exert on all bodies: no power on the joint's others, eq. (8).
+
+    Args:
+        S: Unit screws of all joints. Shape (n, n_q, 6).
+
+    Returns:
+        Zero for the other coordinates. Shape (n, n_q, b, 6).
+    """
+    found = np.zeros((*S.shape[:-1], len(at.lay.mechanism.body_index), 6), dtype=S.dtype)
+    for joint in at.lay.mechanism.joints:
+        own = at.lay.columns[joint.name]
+        if {*own} & {*columns}:
+            found[..., own, :, :] = on_bodies(at, joint, dual_wrenches(at.joint(joint), S[..., own, :]))
+    return found
+
+
+def exerted_wrenches(at: Dynamics) -> Array:
+    """What all that is applied exerts on the bodies, along joints, too. Shape (n, b, 6)."""
+    driven = np.flatnonzero(at.exerted.along.any(axis=0)).tolist()
+    along = np.einsum("ni,nibx->nbx", at.exerted.along, joint_wrenches(at.pose, at.screws, driven))
+    return np.asarray(at.exerted.wrenches + along)
+
+
+def force_matrix(at: TreePose, q: Array, S: Array) -> Array:
+    """The matrix c of eq. (57): what each unknown exerts on each body, see `balances`.
+
+    Unknowns are the reaction components, in the order of `reaction_names`, then the actuator forces. A coupling
+    ``q_i = p(q_j)`` acts along both of its coordinates, by 1 along q_i and -p' along q_j, so that it has no power.
+
+    Args:
+        q, S: Coordinates and unit screws of all joints. Shapes (n, n_q), (n, n_q, 6).
+
+    Returns:
+        Shape (n, 6 (b - 1), n_reaction + n_actuator).
+    """
+    mechanism = at.lay.mechanism
+    slopes = mechanism.coupling_rows.matrix(q)
+    along = joint_wrenches(at, S, {*mechanism.actuated_columns, *np.flatnonzero(slopes.any(axis=(0, 1))).tolist()})
+    parts = [on_bodies(at, joint, constraint_wrenches(at.joint(joint))) for joint in by_role(mechanism.joints)]
+    parts += [np.einsum("nmi,nibx->nmbx", slopes, along), along[:, mechanism.actuated_columns]]
+    return transpose(balances(at.com[:, None], np.concatenate(parts, axis=1)))
+
+
+def preload_space(B: Array) -> Array:
+    """Actuator forces that move nothing, the null space of ``B^T``. Shape (n, n_actuator, n_actuator - k)."""
+    U, _, _ = np.linalg.svd(B, full_matrices=True)
+    return np.asarray(U[..., B.shape[-1] :])
+
+
+class NewtonEuler:
+    """Eq. (57) at n samples, the rows that fix redundant actuators below.
+
+    Moments are divided by the length of the mechanism, as equations and as unknowns, so that its size does not matter.
+
+    Attributes:
+        c: Its matrix, see `force_matrix`.
+        names, units: Of the reaction components, which are the first unknowns.
+    """
+
+    def __init__(self, at: Dynamics) -> None:
+        self.at, self.c = at, force_matrix(at.pose, at.q, at.screws)
+        (self.names, self.units), length = reaction_names(at.mechanism.joints, at.mechanism.couplings), at.loops.length
+        self.rows = np.resize([1.0, 1.0, 1.0, length, length, length], self.c.shape[1])
+        self.size = np.where(np.array([*self.units, *at.mechanism.actuator_units]) == "N m", length, 1.0)
+
+    @cached_property
+    def rule(self) -> Array:
+        """Rows below: no preload, or no force across the line of eq. (56) if that is the rule. Shape (n, l, m)."""
+        at, (n, _, m) = self.at, self.c.shape
+        if at.axial and at.mechanism.axial is not None:
+            name, direction = at.mechanism.axial
+            rows = np.zeros((n, 2, m))
+            body = at.mechanism.body_index[at.mechanism.joint(name).child]
+            rows[:, :, [self.names.index(f"{name}.f{axis}") for axis in "xyz"]] = across_direction(
+                at.pose.R[:, body], direction
+            )
+            return rows
+        preload = preload_space(at.B)
+        rows = np.zeros((n, preload.shape[2], m))
+        rows[:, :, len(self.names) :] = transpose(preload)
+        return rows
+
+    def scaled(self, c: Array) -> Array:
+        """The system without dimension, for this c or one in a wider format. Shape (n, 6 (b - 1) + l, m)."""
+        return np.concatenate([c / self.rows[:, None], self.rule.astype(c.dtype)], axis=1) * self.size
+
+    @cached_property
+    def _inverted(self) -> tuple[Array, Array]:
+        return linear.inverted(self.scaled(self.c))
+
+    @property
+    def condition(self) -> Array:
+        """Condition number of that. Shape (n,)."""
+        return self._inverted[1]
+
+    def solve(self, need: Array, wide: Array | None = None) -> Array:
+        """All constraint and actuator forces (eq. 58) for what the bodies need, see `balances`.
+
+        Next to a singular pose some unknowns are large and cancel in the others, while the rounding of c does not: one
+        step of iterative refinement, its residual from a wider c, gives those digits back.
+
+        Args:
+            need: Of several cases side by side. Shape (n, 6 (b - 1), p).
+            wide: c in a wider format.
+
+        Returns:
+            In the order of c's columns. Shape (n, m, p).
+        """
+        inverse, below = self._inverted[0], np.zeros((len(need), self.rule.shape[1], need.shape[2]))
+        right = np.concatenate([need / self.rows[:, None], below], axis=1)
+        unknown = inverse @ right
+        if wide is not None:
+            unknown = unknown + inverse @ (right - self.scaled(wide) @ unknown).astype(self.c.dtype)
+        return np.asarray(unknown * self.size[:, None])
+
+    @property
+    def need(self) -> Array:
+        """What joints and actuators must exert on the bodies for the motion, see `balances`. Shape (n, 6 (b - 1))."""
+        return balances(self.at.com, self.at.required - exerted_wrenches(self.at))
+
+    def response(self) -> tuple[Array, Array]:
+        """Accelerations of all joint coordinates and all reactions, from the balance of every body and the closure of
+        every loop at once: ``[D -c; G 0] [qdd; R] = [W; 0]`` in the minimum-norm least-squares sense.
+
+        Actuators exert nothing but what is given. Any closed motion will do as the one from which accelerations are
+        counted.
+
+        Returns:
+            Shapes (n, n_q), (n, n_reaction).
+        """
+        at, loops, m = self.at, self.at.loops, len(self.names)
+        c, G = self.c[..., :m], at.system.A[:, : loops.given.start]
+        still = at.accelerations(0.0 * at.yd, at.w, at.V, at.bias)
+        need = at.inertia(at.V, at.bias + twists(at.pose, still)) - exerted_wrenches(at)
+        unit = np.einsum("bi,nix->inbx", at.loops.lay.path, at.pose.S)[loops.columns]
+        D = balances(at.com, at.inertia(0.0 * unit, unit, np.zeros(3))).transpose(1, 2, 0) * loops.size
+        system = np.block([[D, -c], [G, np.zeros((*G.shape[:2], m))]])
+        right = np.concatenate([-balances(at.com, need), np.zeros(G.shape[:2])], axis=1)
+        # equal sizes of the columns, whose units differ; what stays far below is redundancy
+        size = np.linalg.norm(system, axis=1, keepdims=True)
+        size = np.where(size > 0.0, size, 1.0)
+        unknown = (np.linalg.pinv(system / size, rcond=1e-12) @ right[..., None] / transpose(size))[..., 0]
+        beta, k = still.copy(), len(loops.columns)
+        beta[:, loops.columns] += unknown[:, :k] * loops.size
+        return at.accelerations_of_joints(beta, at.bias + twists(at.pose, beta)), unknown[:, k:]

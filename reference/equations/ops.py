@@ -11,8 +11,7 @@ import numpy as np
 
 from screwgauge.reference import linear
 from screwgauge.reference.equations.screws import Array, times, transpose
-from screwgauge.reference.traced.elimination import Factors
-from screwgauge.reference.traced.trace import apply
+from screwgauge.reference.traced.trace import Factors, apply
 
 Block = tuple[slice, Sequence[int], Array]
 """Rows, columns and entries, shape (..., r, c), of a part of a matrix."""

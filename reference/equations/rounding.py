@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from screwgauge.reference.equations.closure import Closed, CutJoint
 from screwgauge.reference.equations.dynamics import Dynamics
+from screwgauge.reference.equations.kinematics import length, pose
 from screwgauge.reference.equations.screws import Array
 from screwgauge.reference.graph import Layout
-from screwgauge.reference.pose import length, pose
 from screwgauge.reference.rotations import widest
 
 

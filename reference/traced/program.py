@@ -1,11 +1,20 @@
-"""A straight-line program: what is wanted of a trace, in order, with nothing that does not count."""
+"""Straight-line programs: the instructions that outputs of a trace need, in order, and their evaluation with NumPy.
+
+Samples are evaluated in batches, in buffers that are used again. Machine code of the same programs is in `native`.
+"""
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
+from typing import Any
 
-from screwgauge.reference.traced.trace import Node, Scalar
+import numpy as np
+
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.trace import OPERATIONS, Node, Scalar
 
 Operand = int | float
 """Number of a value, inputs first and then one an instruction, or a constant."""
@@ -93,3 +102,160 @@ def only(program: Program, outputs: Sequence[int]) -> Program:
 
     code = ((op, tuple(map(operand, args))) for op, args in (program.code[value - program.inputs] for value in rows))
     return Program(program.inputs, tuple(code), tuple(map(operand, kept)), program.checks)
+
+
+#: Numbers in a line of the cache.
+LINE = 8
+#: Bytes that a `Pool` keeps for answers to come; larger answers get theirs from the operating system every time.
+KEPT = 1 << 26
+
+
+def columns(n: int, m: int) -> Array:
+    """An array of shape (n, m) in which the numbers of one column lie side by side.
+
+    Columns begin with a line of the cache, and not a whole number of pages apart: these would share the same few lines.
+    """
+    wide = n + LINE - n % LINE
+    room = np.empty(m * wide + LINE)
+    first = -(room.ctypes.data // room.itemsize) % LINE
+    return room[first : first + m * wide].reshape(m, wide)[:, :n].T
+
+
+class Block:
+    """Memory of one answer.
+
+    Attributes:
+        array: As its owner sees it, see `columns`.
+        known: What its owner keeps with it.
+    """
+
+    def __init__(self, n: int, m: int) -> None:
+        self.array, self.known = columns(n, m), dict[Any, Any]()
+        room = self.array.base
+        assert room is not None
+        self._room, self._first = room.data, (self.array.ctypes.data - room.ctypes.data) // self.array.itemsize
+
+    def lend(self, back: Callable[[Block], None]) -> Array:
+        """The same numbers for someone else. Shape (n, m).
+
+        Args:
+            back: Called when no array on them is left. All views refer to one array, on which they end as NumPy cannot
+                look through the memory below it; if it could, the block would never come back.
+        """
+        n, m = self.array.shape
+        lent, wide = np.frombuffer(self._room), self.array.strides[1] // self.array.itemsize
+        view = lent[self._first : self._first + m * wide].reshape(m, wide)[:, :n].T
+        if view.base is lent:
+            weakref.finalize(lent, back, self).atexit = False
+        return view
+
+
+class Pool:
+    """Blocks of one shape that come back when the last array on them is gone.
+
+    Memory that is new to the process costs more than the numbers written to it, as the operating system has to clear
+    every page. No block is lent twice at a time: arrays, and whatever they export, refer to the one that was lent, and
+    the block comes back with the end of that.
+    """
+
+    def __init__(self, kept: int = KEPT) -> None:
+        self.kept, self.shape, self.free = kept, (0, 0), list[Block]()
+
+    def take(self, n: int, m: int) -> Block:
+        """A block of n rows and m columns that nobody else has."""
+        if (n, m) != self.shape:
+            self.shape, self.free = (n, m), []
+        return self.free.pop() if self.free else Block(n, m)
+
+    def lend(self, block: Block) -> Array:
+        """A block's numbers for someone else; it comes back when they are done with it. Shape (n, m)."""
+        return block.lend(self._take_back)
+
+    def _take_back(self, block: Block) -> None:
+        if block.array.shape == self.shape and (len(self.free) + 1) * block.array.nbytes <= self.kept:
+            self.free.append(block)
+
+
+#: Samples worked on at a time: a call of NumPy costs as much as some thousand operations in the cache.
+CHUNK = 6144
+
+
+def _maximum(a: Array, b: Array, out: Array) -> None:
+    np.maximum(a, b, out=out)  # which alone of the functions takes no third argument
+
+
+#: A square reads its number once.
+_FUNCTIONS: dict[str, Callable[..., Any]] = {**OPERATIONS, "max": _maximum, "square": np.square}
+
+
+class Lanes:
+    """A program with its buffers. Not for two threads at once.
+
+    Attributes:
+        code: Functions, and what picks their operands, the result last, from all rows: inputs, outputs, buffers and
+            constants.
+    """
+
+    def __init__(self, program: Program, chunk: int = CHUNK) -> None:
+        self.program, self.chunk = program, chunk
+        self.code: list[tuple[Callable[..., Any], itemgetter[Any]]] = []
+        operands = (x for args in (*(args for _, args in program.code), program.outputs) for x in args)
+        known = dict.fromkeys(x for x in operands if isinstance(x, float))
+        self.constants = {x: i - len(known) for i, x in enumerate(known)}  # the last rows
+        self.buffers = columns(chunk, self._plan(program)).T
+
+    def _plan(self, program: Program) -> int:
+        """Gives every value a row that is free, last used first: it is still in the cache. Returns the buffers."""
+        last = {x: i for i, (_, args) in enumerate(program.code, program.inputs) for x in args if isinstance(x, int)}
+        first = count = program.inputs + len(program.outputs)
+        at, free, wanted = [*range(program.inputs)], list[int](), dict[int, list[int]]()
+        for row, x in enumerate(program.outputs, program.inputs):
+            if isinstance(x, int):
+                wanted.setdefault(x, []).append(row)
+
+        def place(x: Operand) -> int:
+            return at[x] if isinstance(x, int) else self.constants[x]
+
+        def copy(source: int, rows: Sequence[int]) -> None:
+            self.code += [(np.copyto, itemgetter(row, source)) for row in rows]
+
+        for value, (op, args) in enumerate(program.code, program.inputs):
+            rows, own = [place(x) for x in args], wanted.pop(value, [])
+            free += [at[x] for x in {*args} if isinstance(x, int) and last[x] == value and at[x] >= first]
+            if not own and not free:
+                free, count = [count], count + 1
+            at.append(own[0] if own else free.pop())
+            if op == "mul" and rows[0] == rows[1]:
+                op, rows = "square", rows[:1]
+            self.code.append((_FUNCTIONS[op], itemgetter(*rows, at[value])))
+            copy(at[value], own[1:])  # while it is in the cache
+        for row, x in enumerate(program.outputs, program.inputs):
+            if isinstance(x, float) or x < program.inputs:
+                copy(place(x), [row])
+        return count - first
+
+    def bind(
+        self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
+    ) -> Callable[[], bool]:
+        """As `screwgauge.reference.traced.native.Native.bind`; numbers of a row may lie apart."""
+        codes, constants = [], [np.array(x) for x in self.constants]
+        checks = np.zeros((0, inputs[0].shape[1])) if weights is None else outputs[-1]
+        for start in range(0, inputs[0].shape[1], self.chunk):
+            given, found = (
+                [row[start : start + self.chunk] for block in x for row in block] for x in (inputs, outputs)
+            )
+            rows = [*given, *found, *self.buffers[:, : len(given[0])], *constants]
+            codes.append([(function, pick(rows)) for function, pick in self.code])
+
+        def run() -> bool:
+            with np.errstate(all="ignore"):
+                for code in codes:
+                    for function, operands in code:
+                        function(*operands)
+                return weights is None or bool((weights @ checks).max(initial=0.0) <= 1.0)
+
+        return run
+
+    def again(self) -> Lanes:
+        """One that may run at the same time."""
+        return Lanes(self.program, self.chunk)

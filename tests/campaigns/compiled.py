@@ -23,11 +23,11 @@ from screwgauge.families.draw import families, random
 from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
 from screwgauge.problem import GivenMotion, ModelFiles, Rows
 from screwgauge.quantities import GIVEN
+from screwgauge.reference.closed.assembly_mode import positions
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import layout
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from screwgauge.commands.carrying import carry_out
+from screwgauge.commands.execution import carry_out
 from screwgauge.study import isolation
 from screwgauge.study.cluster import executor
 from screwgauge.study.executors import Executor

@@ -12,7 +12,7 @@ from campaigns.marks import inertials, is_urdf
 from screwgauge.diagnosis.files.layout import urdf_links
 from screwgauge.diagnosis.files.write_urdf import inertial_text
 from screwgauge.diagnosis.files.xml_text import XmlText
-from screwgauge.diagnosis.mechanics.matter import NOTHING, combined, displaced, relative
+from screwgauge.models.matter import NOTHING, combined, displaced, relative
 from screwgauge.reference.rotations import rotation
 from support.robots import unit
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
@@ -11,20 +12,20 @@ from time import process_time
 import numpy as np
 import pandas as pd
 from campaigns.public import Public, by_source
-from campaigns.rows import TEXTS
+from campaigns.rows import TEXTS, rows_in_turn
 from campaigns.verdict import judged
 
+from screwgauge.judging.residual import columns_of, frame
 from screwgauge.models.importing.convert import Imported
 from screwgauge.models.importing.model import Options
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import rows
 from screwgauge.report.layout import counted, study
-from screwgauge.scene.imported import write_imported
+from screwgauge.scene.default import write_imported
 from screwgauge.scene.read import load_scene
 from screwgauge.study.loading import import_isolated
 from screwgauge.study.run import run
-from screwgauge.study.table import columns_of, frame
 
 ENGINES = ("screw", "pinocchio", "mujoco")
 SAMPLES = 5
@@ -63,10 +64,7 @@ class ImportRow:
 
 def imports(models: Sequence[Public], progress: Callable[[str, float], None]) -> pd.DataFrame:
     """A row for each model, a column for each field of `ImportRow`."""
-    table = []
-    for i, model in enumerate(models):
-        progress(model.name, i / len(models))
-        table.append(import_row(model))
+    table = rows_in_turn([(model.name, partial(import_row, model)) for model in models], progress)
     return frame(table, columns_of(ImportRow))
 
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain
 
 import pandas as pd
 from campaigns.public import Public, by_source
-from campaigns.rows import TEXTS
+from campaigns.rows import TEXTS, rows_in_turn
 from campaigns.two_readers import SAME, compared
 
 from screwgauge.diagnosis.library_dynamics import ASKED
+from screwgauge.judging.residual import columns_of, frame
 from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError, first_few
@@ -20,7 +23,6 @@ from screwgauge.report.formatting import Row, grouped, missing, number, rows, si
 from screwgauge.report.layout import counted, study
 from screwgauge.solution import Failure
 from screwgauge.study.loading import read_isolated
-from screwgauge.study.table import columns_of, frame
 
 #: Causes that are named; the others are counted.
 NAMED = 3
@@ -55,11 +57,8 @@ class ReaderRow:
 
 def reader_matrix(models: Sequence[Public], progress: Callable[[str, float], None]) -> pd.DataFrame:
     """A row for each file and library, a column for each field of `ReaderRow`."""
-    table = []
-    for i, model in enumerate(models):
-        progress(model.name, i / len(models))
-        table += reader_rows(model)
-    return frame(table, columns_of(ReaderRow))
+    table = rows_in_turn([(model.name, partial(reader_rows, model)) for model in models], progress)
+    return frame(chain.from_iterable(table), columns_of(ReaderRow))
 
 
 def reader_rows(model: Public) -> list[ReaderRow]:

@@ -1,8 +1,8 @@
-"""Random mechanisms of all families put to work, a row each; rows that are there are kept."""
+"""Rows of campaigns by the runner; those of random mechanisms of all families are kept from run to run."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,11 +10,28 @@ from typing import Any
 import pandas as pd
 
 from screwgauge.families.draw import families
-from screwgauge.study.executors import Executor, Processes, Task
-from screwgauge.study.runner import grow_table
+from screwgauge.study.executors import Executor, InTurn, Processes, Task
+from screwgauge.study.journal import Journal
+from screwgauge.study.runner import grow_table, run_tasks
 from screwgauge.study.table import TableFile
 
 TEXTS = Path(__file__).with_name("texts")
+
+
+def rows_in_turn(works: Iterable[tuple[str, Callable[[], Any]]], progress: Callable[[str, float], None]) -> list[Any]:
+    """What each of some works returns, in this process. Their names are for the progress alone."""
+    tasks = [Task(f"{number}: {name}", partial(_made, work)) for number, (name, work) in enumerate(works, 1)]
+    return run_tasks(
+        tasks, InTurn(), Journal(None, ""), lost=_raised, record=lambda row: {"row": row}, progress=progress
+    )
+
+
+def _made(work: Callable[[], Any], progress: Any) -> Any:
+    return work()
+
+
+def _raised(name: str, reason: str) -> Any:
+    raise AssertionError(f"{name}: {reason}")
 
 
 def rows_of_mechanisms(

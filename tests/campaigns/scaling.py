@@ -16,7 +16,7 @@ from campaigns.volume import FORCES, measured, samples
 
 from screwgauge.engines.screw.compiled import Solver
 from screwgauge.engines.screw.traced import TracedWork
-from screwgauge.models.fourbars import four_bars
+from screwgauge.models.catalog import four_bars
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 

@@ -7,7 +7,7 @@ import pytest
 from campaigns import volume
 from campaigns.scaling import Rung, climbed, exponent, rungs
 
-from screwgauge.study.table import columns_of, frame
+from screwgauge.judging.residual import columns_of, frame
 
 
 @pytest.mark.campaign

@@ -31,6 +31,7 @@ def known(tmp_path_factory):
     return [machine for machine in machines(folder) if not machine.public], folder
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [*KINDS, *REWRITES])
 def test_each_kind_of_change_is_named_and_no_other_words_are_taken_for_one(kind, known):

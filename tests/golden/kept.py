@@ -18,7 +18,7 @@ class Part:
         cases: Names of all.
         rows: Makes the facts of a case.
         quick: Whether a case is in the fast loop, of its place and its name.
-        long: Whether it takes so long that it is looked at with `-m kept` only.
+        long: Whether it takes so long that it is looked at with `-m thorough` only.
     """
 
     cases: Callable[[], Iterable[str]]
@@ -51,18 +51,20 @@ LONG = ("long-run 1000000", "long-run 100000", "softness 1.0000000000000001e-05"
 
 
 def long_rung(case: str) -> bool:
-    """Whether a rung is one of those, or of full runs, which `screwgauge stress` without `--quick` has, too."""
-    return not case.endswith("quick") or case.startswith(("wrist-chart", *LONG))
+    """Whether a rung is one of those, or of full runs, or not every other one of quick runs."""
+    name, severity, *quick = case.split()
+    every_other = [f"{each:.17g}" for each in studied.CASES[name].quick[::2]]
+    return not quick or case.startswith(("wrist-chart", *LONG)) or severity not in every_other
 
 
 def further_random(case: str) -> bool:
-    """Whether a random mechanism is none of every fourth."""
-    return int(case) % 4 != 0
+    """Whether a random mechanism is none of every eighth."""
+    return int(case) % 8 != 0
 
 
-def full_cut(case: str) -> bool:
-    """Whether a file has all joints in its tree; the others of a mechanism say nearly as much."""
-    return "-full." in case
+def similar_file(case: str) -> bool:
+    """Whether a file has all joints in its tree, or is a second one of a large mechanism: others say nearly as much."""
+    return "-full." in case or case in ("stewart.xml", "stewart-legs.urdf", "stewart-legs.xml")
 
 
 PARTS: dict[str, Part] = {
@@ -72,7 +74,7 @@ PARTS: dict[str, Part] = {
     "covered": Part(solved.given, solved.covered),
     "proved": Part(solved.unsprung, solved.proved, every(3)),
     "random": Part(lambda: map(str, range(200)), solved.drawn, every(4), further_random),
-    "imported": Part(solved.files, solved.imported, every(8), full_cut),
+    "imported": Part(solved.files, solved.imported, every(8), similar_file),
     "compiled": Part(solved.programs, solved.compiled),
     "stress": Part(studied.rungs, studied.rung, quick_rung, long_rung),
     "leaving-out": Part(lambda: ["3ups-upu-s-fast"], studied.left_out),

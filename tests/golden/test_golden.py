@@ -13,7 +13,7 @@ TABLES = {part: read(part) for part in PARTS}
 def marks(part: str, i: int, case: str) -> list[pytest.MarkDecorator]:
     """When a case is looked at."""
     if PARTS[part].long(case):
-        return [pytest.mark.kept]
+        return [pytest.mark.thorough]
     return [] if PARTS[part].quick(i, case) else [pytest.mark.slow]
 
 

@@ -7,10 +7,10 @@ import numpy as np
 from screwgauge.engines.screw.scheme import chains, platform_screws
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference import linear
+from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.kinematics import forces_along
 from screwgauge.reference.graph import layout
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 

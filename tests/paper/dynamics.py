@@ -11,8 +11,8 @@ from paper.erratum import Erratum, Form
 from paper.kinematics import Bracket, chain_accelerations, lie_bracket
 
 from screwgauge.reference.equations import screws
+from screwgauge.reference.equations.forward import NewtonEuler, balances
 from screwgauge.reference.equations.joint_types import constraint_wrenches
-from screwgauge.reference.equations.newton_euler import NewtonEuler, balances
 from screwgauge.reference.linear import SINGULAR
 from screwgauge.reference.mechanism import by_role
 from screwgauge.reference.rotations import Array

@@ -9,9 +9,9 @@ from paper.case import HALF, S_CHAIN, UPU_CHAIN, Case, largest, longest, percent
 from paper.erratum import Erratum, Form
 
 from screwgauge.engines.screw.scheme import Chains, fixed_axes, subtracted
+from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.equations import screws
-from screwgauge.reference.kinematics import positions
-from screwgauge.reference.pose import pose
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.rotations import Array, rotation
 
 _X, _Y, _Z = np.eye(3)

@@ -9,9 +9,9 @@ from paper.case import Case, largest
 from paper.erratum import Erratum, Form
 
 from screwgauge.reference.equations import screws
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.linear import null_space
 from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from support.freedoms import output_freedoms
 

@@ -6,8 +6,8 @@ import numpy as np
 from paper import mobility
 from paper.erratum import about
 
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.graph import serial_chains
-from screwgauge.reference.pose import pose
 from support.tolerances import ROUNDING
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from paper.page import PAGE, errata_frame
 
-from screwgauge.commands.carrying import carry_out
+from screwgauge.commands.execution import carry_out
 
 pytestmark = pytest.mark.slow
 

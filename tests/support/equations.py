@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import pytest
 
-from screwgauge.reference.equations import closure, dynamics, joint_types, kinematics, motion
+from screwgauge.reference.equations import closure, dynamics, joint_types, kinematics
 from screwgauge.reference.equations.dynamics import Dynamics
+from screwgauge.reference.equations.forward import preload_space
 from screwgauge.reference.equations.joint_types import (
     JointPose,
     closure_residual,
@@ -15,7 +16,6 @@ from screwgauge.reference.equations.joint_types import (
     constraint_wrenches,
     reaction_names,
 )
-from screwgauge.reference.equations.newton_euler import preload_space
 from screwgauge.reference.equations.ops import Ops
 from screwgauge.reference.equations.rounding import gain
 from screwgauge.reference.equations.screws import rotation
@@ -24,6 +24,6 @@ from screwgauge.reference.rotations import across_direction
 
 def exchange(monkeypatch: pytest.MonkeyPatch, name: str, wrong: Callable[..., object]) -> None:
     """Puts another function in the place of one wherever the equations use it."""
-    for module in (joint_types, kinematics, closure, motion, dynamics):
+    for module in (joint_types, kinematics, closure, dynamics):
         if hasattr(module, name):
             monkeypatch.setattr(module, name, wrong)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from screwgauge.reference.equations.kinematics import Pose
 from screwgauge.reference.graph import Layout, serial_chains
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility, check_independent, in_lengths, mobility
-from screwgauge.reference.pose import Pose
 from screwgauge.reference.reciprocal import reciprocal_screws
 from screwgauge.reference.rotations import Array
 from support.solve import at_home

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from screwgauge.models.placement import number_text, quaternion, rpy
+from screwgauge.models.formats import number_text, quaternion, rpy
 from screwgauge.reference import linear
 from screwgauge.reference.equations import screws
 from screwgauge.reference.equations.screws import couple, force, prismatic, revolute

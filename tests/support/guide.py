@@ -172,7 +172,7 @@ BUILTIN = """# Built-in mechanisms and scenes
 
 `screwgauge list` has their names. Each mechanism is tested against what is known of it; its description is in the
 folder of its name under [models](../../models/), and Pinocchio and MuJoCo read the model files of all of them.
-`a02-fourbar-40` is written by `models/fourbars.py`, for any number of loops. Springs and motors are forces, and stand
+`a02-fourbar-40` is written by `models/catalog.py`, for any number of loops. Springs and motors are forces, and stand
 in the scenes. What every engine reaches on the benchmark problems, and what others have published:
 [reports](../../reports/README.md).
 

@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from screwgauge.diagnosis.machine.alignment import aligned
-from screwgauge.diagnosis.machine.normal_form import machine_of
 from screwgauge.diagnosis.machine.placement import misfits
 from screwgauge.diagnosis.model import loaded
+from screwgauge.models.machine import machine_of

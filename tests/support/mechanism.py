@@ -5,8 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from screwgauge.families.draw import families
-from screwgauge.models.catalog import FOLDER, load_mechanism, mechanism_names, mechanism_path, mechanism_tables
-from screwgauge.models.fourbars import four_bars
+from screwgauge.models.catalog import (
+    FOLDER,
+    four_bars,
+    load_mechanism,
+    mechanism_names,
+    mechanism_path,
+    mechanism_tables,
+)
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.description import read_mechanism, read_tables
 from screwgauge.reference.graph import serial_chains, spanning_tree

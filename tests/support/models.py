@@ -16,9 +16,8 @@ from screwgauge.models.importing.convert import Wanted
 from screwgauge.models.importing.model import Options, import_model, notes
 from screwgauge.models.importing.write import description
 from screwgauge.models.layout import CUTS, lay_out
-from screwgauge.models.loops import loops_of, read_loops, write_loops
 from screwgauge.models.mjcf import PARTS, left_out, write_mjcf
-from screwgauge.models.urdf import write_urdf
+from screwgauge.models.urdf import loops_of, read_loops, write_loops, write_urdf
 
 #: What a link of a URDF weighs, and a body of an MJCF, where any mass will do.
 MATTER = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'

@@ -14,7 +14,7 @@ from screwgauge import Scene
 from screwgauge.engines.screw.model import ScrewModel
 from screwgauge.problem import GivenMotion, Problem
 from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring
-from screwgauge.reference.closed.constant_coordinates import home_equations
+from screwgauge.reference.closed.loops import home_equations
 from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.dynamics import QUANTITIES, Dynamics
 from screwgauge.reference.equations.forward import Forward
@@ -22,11 +22,9 @@ from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.equations.kinematics import coordinates
 from screwgauge.reference.equations.ops import NUMPY, TRACE, Ops, Sparse, each
 from screwgauge.reference.graph import Layout, coupled_joints, layout, spanning_tree
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.precision import in_precision, rounded
+from screwgauge.reference.mechanism import Mechanism, in_precision, rounded
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.lanes import Lanes
-from screwgauge.reference.traced.program import Program, program
+from screwgauge.reference.traced.program import Lanes, Program, program
 from screwgauge.reference.traced.trace import OPERATIONS, Trace
 
 #: What `Forward` adds.

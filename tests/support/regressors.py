@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from screwgauge.models.formats import TENSOR
 from screwgauge.models.kinematics import ReadingTree
-from screwgauge.models.placement import TENSOR
 from screwgauge.reference.rotations import Array, skew
 from screwgauge.witness.dynamics import deflection, rotor_acceleration
 from screwgauge.witness.kinematics import TreeMotion

@@ -7,7 +7,7 @@ from pathlib import Path
 from screwgauge import Scene, load_scene
 from screwgauge.problem import GivenMotion, InitialValue, Integration, States
 from screwgauge.quantities import FLOOR, GIVEN, SIMULATED, SOLVED, digits, natural_scales
-from screwgauge.scene.columns import read_columns
+from screwgauge.scene.motion import read_columns
 from screwgauge.scene.observables import observe
 from screwgauge.scene.preflight import check_actuation, check_home, check_scene, doubts, far_from_home
 from screwgauge.scene.read import FOLDER, scene_names

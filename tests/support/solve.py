@@ -16,27 +16,19 @@ from screwgauge.engines.screw.programs import check_traceable
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.engines.screw.whole_system import wide_force_matrix
 from screwgauge.problem import InitialValue, Integration
-from screwgauge.reference import kinematics
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.closed import continuation
+from screwgauge.reference.closed import assembly_mode, continuation
 from screwgauge.reference.closed.anchors import Anchors
-from screwgauge.reference.closed.assembly_mode import AssemblyMode
-from screwgauge.reference.closed.branch import Branch
-from screwgauge.reference.closed.constant_coordinates import home_equations
+from screwgauge.reference.closed.assembly_mode import AssemblyMode, Branch, closed_form_positions, positions
 from screwgauge.reference.closed.continuation import Continuation
-from screwgauge.reference.closed.curves import Curve, bent, straight
-from screwgauge.reference.closed.cut_coordinates import read
-from screwgauge.reference.closed.hermite_prediction import knots, predicted
-from screwgauge.reference.closed.loops import LoopEquations, loop_equations
+from screwgauge.reference.closed.loops import LoopEquations, home_equations, loop_equations, read
+from screwgauge.reference.closed.newton import Curve, bent, knots, predicted, straight
 from screwgauge.reference.closed.walk import Loops as LoopProblem
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
-from screwgauge.reference.equations.kinematics import joint_bias
-from screwgauge.reference.equations.newton_euler import NewtonEuler, force_matrix
+from screwgauge.reference.equations.forward import NewtonEuler, force_matrix
+from screwgauge.reference.equations.kinematics import Pose, joint_bias, length, pose
 from screwgauge.reference.graph import Layout, layout
-from screwgauge.reference.kinematics import closed_form, positions
-from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import Pose, length, pose
-from screwgauge.reference.precision import in_precision
+from screwgauge.reference.mechanism import Mechanism, in_precision
 from screwgauge.reference.rotations import Array
 
 

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from screwgauge.engines.screw.programs import Arcs
 from screwgauge.reference.traced import native
-from screwgauge.reference.traced.blocks import Pool
-from screwgauge.reference.traced.elimination import Factors
-from screwgauge.reference.traced.lanes import Lanes
 from screwgauge.reference.traced.native import Native, machine_code
-from screwgauge.reference.traced.program import only, program
-from screwgauge.reference.traced.trace import NotTraceableError, Trace, apply
+from screwgauge.reference.traced.program import Lanes, Pool, only, program
+from screwgauge.reference.traced.trace import Factors, NotTraceableError, Trace, apply

@@ -17,7 +17,7 @@ from screwgauge.engines.tree.closure import Loops, make_loops
 from screwgauge.engines.tree.forces import tree_forces
 from screwgauge.engines.tree.model import TreeModel
 from screwgauge.engines.tree.project import project
-from screwgauge.models.loops import read_loops
+from screwgauge.models.urdf import read_loops
 from screwgauge.problem import ModelFiles
 from screwgauge.reference.rotations import Array
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from screwgauge import Results
 from screwgauge.truth import exact, forces, samples
-from screwgauge.truth.certify import Certifier, NotCertified
-from screwgauge.truth.exact import number, widened
+from screwgauge.truth.exact import drive, number, read_terms, widened
 from screwgauge.truth.forces import newton_euler, unknowns
-from screwgauge.truth.jets import drive, read_terms
-from screwgauge.truth.kinematics import State, state
+from screwgauge.truth.kinematics import Certifier, NotCertified, State, state
 from screwgauge.truth.linkage import Linkage
 from screwgauge.truth.samples import Sampler
 

@@ -18,7 +18,7 @@ from screwgauge.diagnosis.causes.attribution import ROUNDING, Largest, Torques, 
 from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, applied
 from screwgauge.diagnosis.files.patch import patched
 from screwgauge.diagnosis.known import unheard
-from screwgauge.models.elements import FORMATS
+from screwgauge.models.content import FORMATS
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import OutputError, ScrewgaugeError

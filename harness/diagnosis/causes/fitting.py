@@ -14,8 +14,8 @@ import numpy as np
 from screwgauge.diagnosis.causes.attribution import ROUNDING, size
 from screwgauge.diagnosis.causes.slips import word
 from screwgauge.diagnosis.differences.change import Change, applied, axis
+from screwgauge.models.formats import TENSOR
 from screwgauge.models.kinematics import downwards, plant
-from screwgauge.models.placement import TENSOR
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.rotations import Array, rotation, triad

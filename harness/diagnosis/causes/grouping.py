@@ -14,8 +14,8 @@ from screwgauge.diagnosis.causes.slips import INERTIAL, UNITS, Edit, Files, word
 from screwgauge.diagnosis.differences.change import Difference, applied
 from screwgauge.diagnosis.differences.digits import rounded
 from screwgauge.diagnosis.files.opened import Opened
-from screwgauge.diagnosis.mechanics.matter import Matter, combined, of_body, steps_of
 from screwgauge.models.content import kinds
+from screwgauge.models.matter import Matter, combined, of_body, steps_of
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import first_few
 

@@ -16,10 +16,10 @@ import numpy as np
 from screwgauge.diagnosis.differences.change import Change, Difference, applied
 from screwgauge.diagnosis.differences.words import NAMES
 from screwgauge.diagnosis.files.opened import Opened, frames_of
-from screwgauge.diagnosis.mechanics.matter import Matter, combined, displaced, of_body, plainest, relative, steps_of
 from screwgauge.diagnosis.pairing.common import weighed
+from screwgauge.models.formats import TENSOR
 from screwgauge.models.kinematics import downwards
-from screwgauge.models.placement import TENSOR
+from screwgauge.models.matter import Matter, combined, displaced, of_body, plainest, relative, steps_of
 from screwgauge.models.readings.assemble import matrix, steiner
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array, rotation, rotation_vector

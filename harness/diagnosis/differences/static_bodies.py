@@ -11,9 +11,9 @@ import numpy as np
 from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.stated import differ, difference, only
 from screwgauge.diagnosis.differences.words import compared, each_in_its_own
-from screwgauge.diagnosis.mechanics.matter import combined, displaced, of_body, relative
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common
 from screwgauge.models.kinematics import size
+from screwgauge.models.matter import combined, displaced, of_body, relative
 from screwgauge.models.readings.reading import BodyReading, Reading
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.rotations import Array

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
-from screwgauge.diagnosis.mechanics.matter import NOTHING, Matter
-from screwgauge.models.placement import TENSOR, tensor
+from screwgauge.models.formats import TENSOR, tensor
+from screwgauge.models.matter import NOTHING, Matter
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import Array, quaternion_rotation, rotation

@@ -13,7 +13,7 @@ from screwgauge.diagnosis.differences.change import axis
 from screwgauge.diagnosis.files import write_mjcf, write_urdf
 from screwgauge.diagnosis.files.layout import Link, UnpatchableError
 from screwgauge.diagnosis.files.xml_text import XmlText
-from screwgauge.diagnosis.mechanics.matter import Matter, combined, displaced, of_body, relative
+from screwgauge.models.matter import Matter, combined, displaced, of_body, relative
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.rotations import Array, cross, rotation

@@ -12,7 +12,7 @@ from screwgauge.diagnosis.files.layout import Link, UnpatchableError
 from screwgauge.diagnosis.files.opened import Opened, move, opened
 from screwgauge.diagnosis.files.write_urdf import SAME
 from screwgauge.diagnosis.files.xml_text import Element
-from screwgauge.diagnosis.mechanics.matter import Matter, displaced, of_body, plainest, relative, same, shared, spread
+from screwgauge.models.matter import Matter, displaced, of_body, plainest, relative, same, shared, spread
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 from screwgauge.diagnosis.files.layout import Link, UnpatchableError, compilers, mjcf_links, mjcf_pose
 from screwgauge.diagnosis.files.write_urdf import FRAMES, SAME
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
-from screwgauge.diagnosis.mechanics.matter import Matter, relative
-from screwgauge.models.placement import number_text, quaternion, vector_text
-from screwgauge.models.principal import of_tensor
+from screwgauge.models.formats import number_text, quaternion, vector_text
+from screwgauge.models.matter import Matter, relative
+from screwgauge.models.mjcf import of_tensor
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.rotations import Array
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from screwgauge.diagnosis.files.layout import Link, UnpatchableError, origin, urdf_links
 from screwgauge.diagnosis.files.xml_text import Element, XmlText
-from screwgauge.diagnosis.mechanics.matter import Matter
-from screwgauge.models.placement import number_text, rpy, vector_text
+from screwgauge.models.formats import number_text, rpy, vector_text
+from screwgauge.models.matter import Matter
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.models.urdf import moments

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from screwgauge.diagnosis.machine.normal_form import Element, Link, Machine, machine_of
 from screwgauge.diagnosis.machine.placement import EXACT, distance, feature, features, gap, misfits, placed
+from screwgauge.models.machine import Element, Link, Machine, machine_of
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array

@@ -14,9 +14,9 @@ import numpy as np
 
 from screwgauge.diagnosis.differences.change import Change, applied
 from screwgauge.diagnosis.machine.alignment import Alignment
-from screwgauge.diagnosis.machine.normal_form import Element, Link, Machine, machine_of
 from screwgauge.diagnosis.mechanics.reshape import joined
 from screwgauge.models.kinematics import rehomed
+from screwgauge.models.machine import Element, Link, Machine, machine_of
 from screwgauge.models.readings.assemble import matrix, screw
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, JointReading, Reading
 from screwgauge.reference.mechanism import GROUND

@@ -12,8 +12,8 @@ from itertools import product
 import numpy as np
 from scipy.optimize import least_squares
 
-from screwgauge.diagnosis.machine.normal_form import Body, Element, Link, Machine
-from screwgauge.diagnosis.mechanics.matter import displaced
+from screwgauge.models.machine import Body, Element, Link, Machine
+from screwgauge.models.matter import displaced
 from screwgauge.models.readings.assemble import exponential, matrix
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross, rotation

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.diagnosis.mechanics.matter import combined, displaced, of_body
 from screwgauge.models.kinematics import moved
+from screwgauge.models.matter import combined, displaced, of_body
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array

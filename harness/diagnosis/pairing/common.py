@@ -11,8 +11,8 @@ from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, a
 from screwgauge.diagnosis.mechanics.lines import CLOSE, fitting
 from screwgauge.diagnosis.mechanics.reshape import held, ordered, placed
 from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.models.formats import adjoint
 from screwgauge.models.kinematics import ReadingTree, downwards, rehomed
-from screwgauge.models.placement import adjoint
 from screwgauge.models.readings.collapse import collapsed
 from screwgauge.models.readings.naming import NUMBERED
 from screwgauge.models.readings.reading import Reading

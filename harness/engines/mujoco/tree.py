@@ -17,10 +17,9 @@ from screwgauge.engines.mujoco.curvature import curvature
 from screwgauge.engines.mujoco.settings import EQUALITY
 from screwgauge.engines.tree.protocol import BodyPoses, shifted
 from screwgauge.models.layout import Closure
-from screwgauge.models.loops import LoopsFile
-from screwgauge.models.mjcf import POWERS
-from screwgauge.models.principal import LEAST, without_stand_ins
+from screwgauge.models.mjcf import LEAST, POWERS, without_stand_ins
 from screwgauge.models.readings.mujoco import joint_equality, turn
+from screwgauge.models.urdf import LoopsFile
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import read_model

@@ -18,8 +18,7 @@ from screwgauge.reference.closed.continuation import PathEnd
 from screwgauge.reference.errors import ClosureError, DescriptionError
 from screwgauge.reference.graph import layout
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.blocks import Pool, columns
-from screwgauge.reference.traced.lanes import CHUNK
+from screwgauge.reference.traced.program import CHUNK, Pool, columns
 from screwgauge.scene.scene import Scene
 
 Mode = tuple[bool, bool]

@@ -9,8 +9,8 @@ import numpy as np
 
 from screwgauge.engines.screw.programs import check_traceable, runner
 from screwgauge.problem import InitialValue, Problem
-from screwgauge.reference.closed.branch import Branch
-from screwgauge.reference.closed.constant_coordinates import home_equations
+from screwgauge.reference.closed.assembly_mode import Branch
+from screwgauge.reference.closed.loops import home_equations
 from screwgauge.reference.closed.newton import OPEN
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.linear import SINGULAR

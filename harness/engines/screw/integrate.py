@@ -16,14 +16,13 @@ from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.engines.tree.cut_joints import SURE, follow
 from screwgauge.problem import InitialValue, Progress, quiet
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.closed.branch import Branch
-from screwgauge.reference.closed.constant_coordinates import home_equations
-from screwgauge.reference.closed.cut_coordinates import read
+from screwgauge.reference.closed.assembly_mode import Branch
+from screwgauge.reference.closed.loops import home_equations, read
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mobility import near_singularity
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost, Stopwatch
 

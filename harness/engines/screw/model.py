@@ -18,7 +18,7 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.closed_motion import motion_at
-from screwgauge.reference.equations.newton_euler import NewtonEuler
+from screwgauge.reference.equations.forward import NewtonEuler
 from screwgauge.reference.errors import ModelFileError, check_choice
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.rotations import Array

@@ -16,8 +16,7 @@ from screwgauge import __version__
 from screwgauge.problem import Problem, Rows
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.lanes import Lanes
-from screwgauge.reference.traced.program import Program
+from screwgauge.reference.traced.program import Lanes, Program
 from screwgauge.reference.traced.trace import NotTraceableError
 from screwgauge.reference.traced.tracing import Traced
 from screwgauge.truth import cache

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from screwgauge.problem import GivenMotion
+from screwgauge.reference.closed.assembly_mode import closed_form_positions, positions
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.joint_types import placed, unplaced
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.equations.screws import lie_bracket
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.graph import Edge, Layout, output_body, serial_chains
-from screwgauge.reference.kinematics import closed_form, positions
-from screwgauge.reference.pose import pose
 from screwgauge.reference.rotations import Array, cross, skew
 
 TWISTS = ("right", "printed", "literal")
@@ -241,7 +241,7 @@ def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> t
 
 def _driver_alone(lay: Layout, motion: GivenMotion) -> tuple[Array, Array] | None:
     """From the joint with the independent coordinates; None where that leaves a loop open."""
-    q = closed_form(lay, motion.y)
+    q = closed_form_positions(lay, motion.y)
     if q is None or np.abs(pose(lay, q[:: max(1, len(q) // 16)]).residual).max() > CLOSED:
         return None
     chosen = lay.mechanism.independent_columns

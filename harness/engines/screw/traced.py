@@ -23,7 +23,7 @@ from screwgauge.reference.closed.assembly_mode import Guess
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
-from screwgauge.reference.traced.blocks import columns
+from screwgauge.reference.traced.program import columns
 from screwgauge.reference.traced.trace import NotTraceableError, Scalar
 from screwgauge.reference.traced.tracing import CHARTED, CHECKS, Traced, Wanted, traced
 from screwgauge.solution import Solution

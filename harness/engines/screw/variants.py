@@ -18,15 +18,15 @@ from screwgauge.engines.screw.scheme import integrate
 from screwgauge.problem import GivenMotion, Problem, Progress, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
+from screwgauge.reference.closed.assembly_mode import closed_form_positions, positions
 from screwgauge.reference.closed.newton import Evaluation, velocity_map
 from screwgauge.reference.closed.newton import newton as newtons_method
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.dynamics import QUANTITIES
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
 from screwgauge.reference.graph import Layout, layout
-from screwgauge.reference.kinematics import closed_form, positions
-from screwgauge.reference.pose import pose
-from screwgauge.reference.precision import in_precision, rounded
+from screwgauge.reference.mechanism import in_precision, rounded
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values, empty
 
@@ -87,7 +87,7 @@ def closed(lay: Layout, problem: Problem, motion: GivenMotion, *, mended: bool =
         ClosureError: There is no closed form.
     """
     motion = rounded(motion, lay.path.dtype)
-    q = closed_form(lay, motion.y)
+    q = closed_form_positions(lay, motion.y)
     if q is None:
         raise ClosureError("no closed form", "this mechanism", "its chains are not all of the kinds U-P-U and U-P-S")
     if mended and np.abs(pose(lay, q).residual).max() > 64 * np.finfo(q.dtype).eps:

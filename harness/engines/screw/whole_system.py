@@ -7,12 +7,12 @@ import numpy as np
 from screwgauge import __version__
 from screwgauge.problem import GivenMotion, Problem
 from screwgauge.reference import linear
+from screwgauge.reference.closed.assembly_mode import closed_form_positions, positions
 from screwgauge.reference.closed_motion import motion_at
-from screwgauge.reference.equations.newton_euler import NewtonEuler, force_matrix
+from screwgauge.reference.equations.forward import NewtonEuler, force_matrix
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.graph import Layout, layout
-from screwgauge.reference.kinematics import closed_form, positions
-from screwgauge.reference.pose import pose
-from screwgauge.reference.precision import in_precision
+from screwgauge.reference.mechanism import in_precision
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Stopwatch, Values
 
@@ -58,7 +58,7 @@ def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
     if not wider.eps < np.finfo(float).eps:
         return None
     lay = layout(in_precision(lay.mechanism, np.longdouble))
-    q = closed_form(lay, y.astype(np.longdouble))
+    q = closed_form_positions(lay, y.astype(np.longdouble))
     if q is None:
         return None
     at = pose(lay, q)

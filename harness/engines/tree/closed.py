@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from screwgauge.engines.tree.closure import Loops, check_names, make_loops
 from screwgauge.engines.tree.cut_joints import Chart
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree
-from screwgauge.models.loops import LoopsFile
+from screwgauge.models.urdf import LoopsFile
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.mechanism import KINDS, Joint, actuator_names
 from screwgauge.reference.rotations import Array, cross, widest

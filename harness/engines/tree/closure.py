@@ -11,7 +11,7 @@ import numpy as np
 from screwgauge.engines.tree.cut_joints import Chart, read_chart
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
 from screwgauge.models.layout import Closure
-from screwgauge.models.loops import LoopsFile
+from screwgauge.models.urdf import LoopsFile
 from screwgauge.reference.couplings import CouplingRows, bind
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.graph import POINTS

@@ -44,14 +44,14 @@ def make_plots(bench: Bench) -> list[Picture]:
 
 
 def _of_given_motion(bench: Bench) -> Iterator[Picture]:
-    drawable = [r for r in bench.rows if r.contestant.drawn and np.isfinite(r.max_scaled) and bool(r.per_sample > 0)]
+    drawable = [r for r in bench.rows if r.contestant.drawn and np.isfinite(r.error) and bool(r.per_sample > 0)]
     looks, notes = by_camp(row.contestant.line for row in bench.rows), [note.format(bench.reference) for note in NOTES]
     for quantity in QUANTITIES[::-1]:
         points, rows = list[Spec](), [row for row in drawable if row.quantity == quantity]
         for row in rows:
             group = [other.contestant for other in rows if other.contestant.line == row.contestant.line]
             joined = any(other.parameter for other in group) or len({other.name for other in group}) == 1
-            point = _point(row, row.contestant.line, row.per_sample, row.max_scaled)
+            point = _point(row, row.contestant.line, row.per_sample, row.error)
             points.append(point | {"hollow": row.contestant.given, "joined": joined})
         axes = f"Error against run time: {WORDS[quantity]}", "run time for each sample delivered", ERROR
         if points:
@@ -62,7 +62,7 @@ def _of_given_motion(bench: Bench) -> Iterator[Picture]:
 
 def _of_simulation(bench: Bench) -> Iterator[Picture]:
     """Error of the observables and of the energy against processor time."""
-    sensible = {r.contestant for r in bench.rows if r.quantity == "observable" and r.max_scaled < SENSELESS}
+    sensible = {r.contestant for r in bench.rows if r.quantity == "observable" and r.error < SENSELESS}
     done = [row for row in bench.rows if row.contestant in sensible and row.work_s > 0.0]
     looks = by_camp(row.contestant.family for row in done)
     for measure, title in MEASURES.items():

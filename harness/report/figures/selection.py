@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
-from screwgauge.scene.figures import Figure
+from screwgauge.scene.entries import Figure
 from screwgauge.solution import Solution, Values
 
 MAX_PANELS = 6  # more side by side cannot be read; they then share one

@@ -50,7 +50,7 @@ def _quickest(bench: Bench) -> list[Row]:
     done = [row for row, _ in pairs(bench.rows) if row.status == OK]
 
     def reached(level: float) -> list[Row]:
-        who = ((row.contestant, row.work_s) for row in done if row.max_scaled <= level)
+        who = ((row.contestant, row.work_s) for row in done if row.error <= level)
         return [{"family": one.family, "setting": one.setting, "cost": cost} for one, cost in who]
 
     return [line for digits in DIGITS for line in _first(10.0**-digits, reached(10.0**-digits))]
@@ -156,7 +156,7 @@ def _measured(bench: Bench) -> list[Row]:
     for row, energy in pairs(bench.rows):
         line: Row = {name: getattr(row.contestant, name) for name in ("family", "setting", "label")}
         line["observable"] = ", ".join(f"{size(value)} {unit}" for unit, value in row.largest.items())
-        line["scaled"] = "" if missing(row.max_scaled) else size(row.max_scaled)
+        line["scaled"] = "" if missing(row.error) else size(row.error)
         line["energy"] = "".join(size(value) for value in energy.largest.values() if not missing(value))
         line |= {"cpu": row.cost.cpu_s, "wall": row.cost.wall_s, "status": row.status}
         line |= {"steps": row.cost.steps, "evaluations": row.cost.evaluations} if row.cost.steps else NO_STEPS

@@ -11,8 +11,8 @@ from typing import Any
 
 import pandas as pd
 
-from screwgauge.judging.compare import ERROR_COLUMNS
 from screwgauge.judging.conditioning import LIMIT, Guarded
+from screwgauge.judging.residual import ERROR_COLUMNS
 from screwgauge.report.blocks import Banner, Block, Folded, Marked, Picture
 from screwgauge.report.figures.run import make_plots
 from screwgauge.report.figures.selection import drawings, unmatched
@@ -234,7 +234,7 @@ VALUES: dict[str, Value] = {
 
 def errors_table(results: Comparison) -> pd.DataFrame:
     """What ``errors.csv`` holds: empty cells where there is nothing to judge, ``nan`` for what is no number."""
-    table = results.errors[ERROR_COLUMNS].astype({"tolerance": object, "ok": object})
+    table = results.errors[[*ERROR_COLUMNS]].astype({"tolerance": object, "ok": object})
     table.loc[table["ok"].isna(), ["tolerance", "ok"]] = ""
     return table
 

@@ -20,9 +20,9 @@ from screwgauge.models.shapes import (
     placed,
     viewed_from,
 )
+from screwgauge.reference.equations.kinematics import Pose, length
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Joint, Mechanism
-from screwgauge.reference.pose import Pose, length
 from screwgauge.reference.rotations import Array
 from screwgauge.study.motion import DrawnMotion
 

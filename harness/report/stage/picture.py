@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.models.placement import quaternion
+from screwgauge.models.formats import quaternion
 from screwgauge.models.shapes import (
     AXIS,
     COLOURS,
@@ -23,8 +23,8 @@ from screwgauge.models.shapes import (
     viewed_from,
 )
 from screwgauge.problem import spread
+from screwgauge.reference.equations.kinematics import length
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.pose import length
 from screwgauge.reference.reciprocal import Element, Held, held
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Block, Items, Paragraph, Picture

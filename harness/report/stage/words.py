@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from screwgauge.reference.equations.kinematics import Pose
 from screwgauge.reference.graph import Layout
-from screwgauge.reference.pose import Pose
 from screwgauge.reference.reciprocal import Element, Held, idle_forces
 from screwgauge.reference.rotations import Array
 from screwgauge.report import formatting

@@ -75,5 +75,5 @@ class Contestant:
             found = joined(solution.values[quantity] for solution in solutions)
             score = asked.reference.score(quantity, found if asked.rows is None else found.at(asked.rows))
             reason = f"{score.reason}: {self.hint}" if score.reason and self.hint else score.reason
-            scores[quantity] = score.max_scaled, score.rms_scaled, reason
+            scores[quantity] = score.error, score.rms, reason
         return scores

@@ -13,6 +13,7 @@ import numpy as np
 
 from screwgauge.environment import environment
 from screwgauge.judging.answer import answer_at
+from screwgauge.judging.residual import Deviation
 from screwgauge.judging.residuals import energy_balance
 from screwgauge.problem import Integration, Problem, Progress, spread
 from screwgauge.reference.errors import DescriptionError, check_choice
@@ -28,11 +29,12 @@ from screwgauge.study.bench.rows import CUT, FAILED, OK, BenchRow
 from screwgauge.study.bench.run import BESIDE, Bench, Plan, check_generated, models_of
 from screwgauge.study.bench.slopes import Rule, fits
 from screwgauge.study.executors import Executor, Report, Task
+from screwgauge.study.journal import Journal
 from screwgauge.study.methods import Method
 from screwgauge.study.prepared_scene import PreparedScene
 from screwgauge.study.provenance import provenance
-from screwgauge.study.reference import Reference, score
-from screwgauge.study.runner import TooLongError, ask, generated, model_files, silent, within
+from screwgauge.study.reference import Reference, deviation, score, sizes
+from screwgauge.study.runner import TooLongError, ask, generated, model_files, run_tasks, silent, within
 from screwgauge.threads import one_thread
 
 NAN = float("nan")
@@ -139,16 +141,19 @@ def _by_family(
     families: dict[str, list[Contestant]] = {}
     for contestant in chosen:
         families.setdefault(contestant.family, []).append(contestant)
-    until, rows = time() + end - perf_counter(), dict[str, list[BenchRow]]()
-
-    def keep(name: str, found: list[BenchRow] | Failure) -> None:
-        if isinstance(found, Failure):
-            found = [row for one in families[name] for row in _lost(one, found.reason, FAILED)]
-        rows[name] = found
-
-    works = {name: partial(_family, posed, plan, family, until) for name, family in families.items()}
-    execute({name: Task(name, work, files=posed.written) for name, work in works.items()}, keep, progress)
-    return [row for name in families for row in rows[name]]
+    until = time() + end - perf_counter()
+    rows: list[list[BenchRow]] = run_tasks(
+        [
+            Task(name, partial(_family, posed, plan, some, until), files=posed.written)
+            for name, some in families.items()
+        ],
+        execute,
+        Journal(None, ""),
+        lost=lambda name, reason: [row for one in families[name] for row in _lost(one, reason, FAILED)],
+        record=lambda rows: {},
+        progress=progress,
+    )
+    return [row for family in rows for row in family]
 
 
 def _family(
@@ -162,7 +167,7 @@ def _family(
 
 def _lost(contestant: Contestant, reason: str, status: str = CUT) -> tuple[BenchRow, BenchRow]:
     """The rows of a contestant without numbers."""
-    row = BenchRow(contestant, "observable", NAN, NAN, 0, (), status, reason)
+    row = BenchRow("observable", reason=reason, contestant=contestant, status=status)
     return row, replace(row, quantity="energy")
 
 
@@ -267,15 +272,23 @@ def _scored(
     """
     scene, m = posed.scene, solution.n_solved
     q, right = solution.values["joint_position"].array[:m], posed.reference.values["observable"].at(slice(m))
-    error = score(observe(layout(scene.mechanism), scene.observables, q), right, posed.reference.scales["observable"])
-    energy = next(energy_balance(answer_at(scene.mechanism, problem, solution, np.arange(m))), {})
+    off = deviation(observe(layout(scene.mechanism), scene.observables, q), right)
+    error = score("observable", off, posed.reference.scales["observable"])
+    balance = energy_balance(answer_at(scene.mechanism, problem, solution, np.arange(m)))
+    energy = next(balance, Deviation("energy"))
     reason = solution.stopped or (f"only {m} of {len(scene.t)} samples" if m < len(scene.t) else error.reason)
     wall_s, cpu_s = np.min([(cost.wall_s, cost.cpu_s) for cost in costs], axis=0).tolist()
     cost, seconds = replace(costs[-1], wall_s=wall_s, cpu_s=cpu_s), (wall_s,) if np.isfinite(wall_s) else ()
-    rest = m, seconds, FAILED if reason else OK, reason
-    return (
-        BenchRow(contestant, "observable", error.max_scaled, error.rms_scaled, *rest, error.largest, cost),
-        BenchRow(
-            contestant, "energy", energy.get("max_scaled", NAN), NAN, *rest, {"J": energy.get("max_abs", NAN)}, cost
-        ),
+    row = BenchRow(
+        "observable",
+        error=error.error,
+        rms=error.rms,
+        reason=reason,
+        contestant=contestant,
+        status=FAILED if reason else OK,
+        n_sample=m,
+        seconds=seconds,
+        largest=sizes(off),
+        cost=cost,
     )
+    return row, replace(row, quantity="energy", error=energy.error, rms=NAN, largest={"J": energy.max_abs})

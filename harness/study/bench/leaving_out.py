@@ -111,11 +111,11 @@ def table(rows: Sequence[BenchRow]) -> pd.DataFrame:
     body = []
     for contestant, same in groups.items():
         engine = contestant.method.engine.removesuffix("-full")
-        worst = max(same, key=lambda row: np.nan_to_num(row.max_scaled, nan=np.inf))
-        unchanged, reason = worst.max_scaled <= SOLVED, worst.reason if worst.status == FAILED else ""
-        if np.isfinite(worst.max_scaled) and not unchanged:
+        worst = max(same, key=lambda row: np.nan_to_num(row.error, nan=np.inf))
+        unchanged, reason = worst.error <= SOLVED, worst.reason if worst.status == FAILED else ""
+        if np.isfinite(worst.error) and not unchanged:
             reason = f"changes {worst.quantity}"
         times = (worst.time_s, worst.median_s, worst.time_s / whole.get(engine, np.nan))
-        found = (worst.max_scaled, unchanged, worst.status, reason)
+        found = (worst.error, unchanged, worst.status, reason)
         body.append((engine, contestant.series, contestant.setting, worst.n_sample, *times, *found))
     return pd.DataFrame(body, columns=COLUMNS)

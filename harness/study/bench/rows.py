@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from screwgauge.quantities import digits
+from screwgauge.judging.residual import Deviation, frame
 from screwgauge.solution import Cost
 from screwgauge.study.bench.contestant import NOTHING, Contestant
-from screwgauge.study.table import frame
 
 #: Columns of ``bench.csv`` and ``timings.csv``, and where a row has those that it calls otherwise.
 COLUMNS = [
@@ -19,7 +18,7 @@ COLUMNS = [
     *("covers", "status", "reason"),
 ]
 TIMING = ["contestant", "setting", "quantity", "rounds", "n_sample", "min_s", "median_s", "covers"]
-_ELSEWHERE = {"contestant": "contestant.name", "min_s": "time_s"} | {
+_ELSEWHERE = {"contestant": "contestant.name", "min_s": "time_s", "max_scaled": "error", "rms_scaled": "rms"} | {
     name: f"contestant.{name}" for name in ("family", "setting", "covers")
 }
 ABSOLUTE = [
@@ -31,9 +30,9 @@ LEVELS = (1e-3, 1e-6, 1e-9, 1e-12)
 OK, FAILED, CUT = "ok", "failed", "cut short"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BenchRow:
-    """One quantity of one contestant.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchRow(Deviation):
+    """One quantity of one contestant; its RMS error is scaled.
 
     Attributes:
         seconds: Every measurement, in the order made.
@@ -42,20 +41,11 @@ class BenchRow:
     """
 
     contestant: Contestant
-    quantity: str
-    max_scaled: float
-    rms_scaled: float
-    n_sample: int
-    seconds: tuple[float, ...]
     status: str
-    reason: str
+    n_sample: int = 0
+    seconds: tuple[float, ...] = ()
     largest: Mapping[str, float] = field(default_factory=dict)
     cost: Cost = field(default_factory=lambda: Cost(float("nan")))
-
-    @property
-    def digits(self) -> float:
-        """Digits of the largest error."""
-        return digits(self.max_scaled)
 
     @property
     def rounds(self) -> int:
@@ -101,7 +91,7 @@ def reach(rows: Sequence[BenchRow]) -> pd.DataFrame:
         timed = [r for r in rows if r.quantity == quantity and r.contestant.drawn and r.per_sample > 0]
         for level in LEVELS:
             best: dict[str, BenchRow] = {}
-            for row in sorted((r for r in timed if r.max_scaled <= level), key=lambda row: row.per_sample):
+            for row in sorted((r for r in timed if r.error <= level), key=lambda row: row.per_sample):
                 best.setdefault(row.contestant.family, row)
             for family, row in best.items():
                 c = row.contestant

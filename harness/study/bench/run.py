@@ -20,7 +20,7 @@ from screwgauge.environment import environment
 from screwgauge.problem import ModelFiles, Progress
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Failure, Solution
+from screwgauge.solution import Solution
 from screwgauge.study.bench import leaving_out, slopes, timing
 from screwgauge.study.bench.contestant import NOTHING, Contestant
 from screwgauge.study.bench.leaving_out import LEAVING_OUT
@@ -34,7 +34,7 @@ from screwgauge.study.journal import Journal
 from screwgauge.study.methods import failure
 from screwgauge.study.prepared_scene import PreparedScene, pose_scene
 from screwgauge.study.provenance import provenance
-from screwgauge.study.runner import silent
+from screwgauge.study.runner import run_tasks, silent
 from screwgauge.threads import one_thread
 
 
@@ -58,6 +58,9 @@ class Plan:
     each: float = np.inf
     share: float = 1.0
 
+
+Measurements = tuple[dict[str, Any], dict[str, list[float]]]
+"""Contestant -> result of its first call, and -> its times [s]."""
 
 FULL = Plan(samples=201, rounds=12, budget=480.0, quick=False)
 #: Said of times that were measured beside each other.
@@ -190,22 +193,25 @@ def _elsewhere(
     """Measures contestants wherever tasks run, and keeps what is new."""
     end = time() + (protocol.deadline - protocol.clock()) * 1e-9
     groups = {" ".join(key): list(group) for key, group in groupby(chosen, key=_group)}
-    tasks = {}
+    tasks = []
     for name, group in groups.items():
         known = {c.key: (kept.results.get(c.key), kept.times.get(c.key, [])) for c in group}
-        tasks[name] = Task(name, partial(_measured, posed, group, known, protocol.rounds, end), files=posed.written)
+        work = partial(_measured, posed, group, known, protocol.rounds, end)
+        tasks.append(Task(name, work, files=posed.written))
 
-    def keep(name: str, found: tuple[dict[str, Any], dict[str, list[float]]] | Failure) -> None:
-        if isinstance(found, Failure):
-            found = {c.key: {"status": FAILED, "reason": found.reason} for c in groups[name]}, {}
-        for key, result in found[0].items():
+    def lost(name: str, reason: str) -> Measurements:
+        return {c.key: {"status": FAILED, "reason": reason} for c in groups[name]}, {}
+
+    def record(measured: Measurements) -> dict[str, Any]:
+        for key, result in measured[0].items():
             if key not in kept.results:
                 kept.keep(key, result)
-        for key, times in found[1].items():
+        for key, times in measured[1].items():
             for seconds in times[len(kept.times.get(key, [])) :]:
                 kept.time(key, seconds)
+        return {}  # what is kept is kept by contestants
 
-    execute(tasks, keep, progress)
+    run_tasks(tasks, execute, Journal(None, ""), lost=lost, record=record, progress=progress)
 
 
 def _measured(
@@ -215,7 +221,7 @@ def _measured(
     rounds: int,
     end: float,
     progress: Progress,
-) -> tuple[dict[str, Any], dict[str, list[float]]]:
+) -> Measurements:
     """Results and times of the settings of a contestant, those that are known included.
 
     Args:
@@ -339,4 +345,13 @@ def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
             status, reason = FAILED, lost
         elif status == OK and not seconds:
             status, reason = CUT, "the budget was spent before it could be timed"
-        yield BenchRow(contestant, quantity, float(largest), float(rms), n, seconds, status, reason)
+        yield BenchRow(
+            quantity,
+            error=float(largest),
+            rms=float(rms),
+            reason=reason,
+            contestant=contestant,
+            status=status,
+            n_sample=n,
+            seconds=seconds,
+        )

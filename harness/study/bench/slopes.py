@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from screwgauge.judging.residual import frame
 from screwgauge.reference.rotations import Array
 from screwgauge.study.bench.contestant import TABLE
 from screwgauge.study.bench.rows import CUT, BenchRow
-from screwgauge.study.table import frame
 
 Mask = NDArray[np.bool_]
 
@@ -77,7 +77,7 @@ def fits(rows: Sequence[BenchRow], rules: Sequence[Rule] = RULES) -> list[SlopeF
     fitted = []
     for rule in rules:
         of_rule = [row for row in rows if row.contestant.line == rule.line and row.quantity == rule.quantity]
-        varied = [(row.contestant.parameter, row.max_scaled) for row in of_rule if row.max_scaled > 0]
+        varied = [(row.contestant.parameter, row.error) for row in of_rule if row.error > 0]
         points = sorted((*parameter, error) for parameter, error in varied if parameter)
         if points:
             x, error = np.array([point[1:] for point in points]).T

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.models.generate import write_models
-from screwgauge.models.loops import loops_of
+from screwgauge.models.urdf import loops_of
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN
+from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.graph import layout
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Frame, Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene

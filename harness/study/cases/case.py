@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from screwgauge.quantities import digits
+from screwgauge.judging.residual import Residual
 from screwgauge.reference.errors import DescriptionError
 
 if TYPE_CHECKING:
@@ -21,36 +21,30 @@ VERDICTS = (OK, DEGRADED, REFUSED, SILENT)
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
-    """What one engine made of one quantity on one rung, a row of a stress table.
+class Finding(Residual):
+    """What one engine made of one quantity on one rung, a row of a stress table; its error is against the truth.
 
     Attributes:
-        engine: Its name; a setting may follow, as in ``mujoco RK4``.
-        quantity: What was measured.
-        error: Scaled error against the truth; NaN where there is no number.
-        admitted: Largest scaled error that a warning of the engine, or an estimate of its error, admits.
+        a: Name of the engine; a setting may follow, as in ``mujoco RK4``.
+        tolerance: Largest scaled error that a warning of the engine, or an estimate of its error, admits.
+        reason: Why it was refused, what the warning says, or the cause of the error.
         condition: Condition number of what was solved; NaN where nothing was.
         time_s: Run time [s].
-        reason: Why it was refused, what the warning says, or the cause of the error.
         own: Whether it is our own solver.
         case, severity: Where on which ladder.
     """
 
-    engine: str
-    quantity: str
-    error: float = math.nan
-    admitted: float = GOOD
+    tolerance: float = GOOD
     condition: float = math.nan
     time_s: float = math.nan
-    reason: str = ""
     own: bool = False
     case: str = ""
     severity: float = math.nan
 
     @property
-    def digits(self) -> float:
-        """Digits of agreement with the truth, NaN where there is no number."""
-        return digits(self.error)
+    def engine(self) -> str:
+        """The first of what a residual is between."""
+        return self.a
 
     @property
     def told(self) -> str:
@@ -66,7 +60,7 @@ class Finding:
             return REFUSED if self.reason and math.isnan(self.error) else SILENT
         if self.error <= GOOD:
             return OK
-        return DEGRADED if self.error <= self.admitted else SILENT
+        return DEGRADED if self.error <= self.tolerance else SILENT
 
 
 Ask = Callable[[float, bool, Path], "Iterable[Question]"]

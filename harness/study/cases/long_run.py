@@ -11,8 +11,8 @@ import numpy as np
 from screwgauge.engines.screw.scheme import PARTS, chains, march, platform_screws
 from screwgauge.judging.answer import timed
 from screwgauge.problem import ModelFiles, Problem, Progress, quiet
+from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.graph import layout
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene

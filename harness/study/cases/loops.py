@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.fourbars import four_bars
+from screwgauge.models.catalog import four_bars, load_mechanism
+from screwgauge.reference.closed.assembly_mode import positions
+from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.graph import layout
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mobility import mobility
-from screwgauge.reference.pose import pose
 from screwgauge.scene.read import load_scene
 from screwgauge.study.cases.asking import ACCELERATION, ENGINES, SCREW, loaded, push
 from screwgauge.study.cases.question import Question, put

@@ -13,9 +13,9 @@ import numpy as np
 from screwgauge.models.generate import write_models
 from screwgauge.problem import States
 from screwgauge.reference import linear
+from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.graph import layout, spanning_tree
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene

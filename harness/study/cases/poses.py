@@ -10,8 +10,8 @@ import numpy as np
 
 from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.models.generate import write_models
+from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.graph import layout
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene

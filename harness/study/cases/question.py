@@ -18,7 +18,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution, Values
 from screwgauge.study.cases.case import GOOD, SILENT, Finding
 from screwgauge.study.methods import Method
-from screwgauge.study.reference import Reference, score
+from screwgauge.study.reference import Reference, deviation, sizes
 from screwgauge.study.runner import ask, model_files
 
 OWN = "screw"  # the engine that answers for our own solver
@@ -100,7 +100,7 @@ def findings(question: Question) -> Iterator[Finding]:
 
 
 def _of(question: Question, method: Method) -> Iterator[Finding]:
-    blank = Finding(method.name, "", own=method.engine == OWN)
+    blank = Finding("", a=method.name, tolerance=GOOD, own=method.engine == OWN)
     solution: Solution | Failure = Failure(method.name, question.refused)
     if not question.refused:
         solution = ask(method, question.files[method.engine], question.problem)
@@ -135,7 +135,7 @@ def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> 
         values: Of at least the components of `right`, in any order.
         scales: Unit -> S.
     """
-    largest = score(values.pick(right.components), right, scales).largest
+    largest = sizes(deviation(values.pick(right.components), right))
     return float(np.max([size / scales[unit] for unit, size in largest.items()])) if largest else math.nan
 
 
@@ -149,7 +149,7 @@ def _measured(
     bound = max([_estimated(solution, quantity), *(own.get(unit, 0.0) / scales[unit] for unit in scales)])
     bound = max(GOOD, question.admitted.get(quantity, bound))
     condition = float(np.max(solution.condition)) if question.condition is None else question.condition
-    finding = replace(blank, error=error, admitted=bound, condition=condition)
+    finding = replace(blank, error=error, tolerance=bound, condition=condition)
     admits = f"{question.by} admits {bound:.1e}" if bound > GOOD else ""
     if math.isinf(bound):
         admits = f"by {question.by} not one digit may be right"
@@ -167,7 +167,7 @@ def _judged(question: Question, solution: Solution, blank: Finding) -> Finding:
         blank,
         quantity="judge",
         error=float(table["max_scaled"].max(skipna=False)),
-        admitted=max([GOOD, *(_estimated(solution, quantity) for quantity in solution.estimate)]),
+        tolerance=max([GOOD, *(_estimated(solution, quantity) for quantity in solution.estimate)]),
         condition=float(np.nanmax(solution.condition)),
         reason="largest residual of the judge: no truth could be had",
     )

@@ -13,7 +13,7 @@ import numpy as np
 from screwgauge.judging.answer import answer_at
 from screwgauge.judging.residuals import energies
 from screwgauge.models.generate import write_models
-from screwgauge.models.loops import loops_of
+from screwgauge.models.urdf import loops_of
 from screwgauge.problem import InitialValue, Integration, Problem
 from screwgauge.quantities import natural_scales
 from screwgauge.reference.applied import hold

@@ -12,9 +12,9 @@ from screwgauge.models.generate import write_models
 from screwgauge.problem import InitialValue, Integration, Problem, States
 from screwgauge.reference import linear
 from screwgauge.reference.applied import GRAVITY, Applied, JointSpring
+from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.graph import Layout, layout
-from screwgauge.reference.kinematics import positions
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene

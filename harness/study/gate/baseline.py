@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.environment import environment, json_text
+from screwgauge.judging.residual import Residual
 from screwgauge.quantities import SOLVED, digits
 from screwgauge.reference.errors import DescriptionError, OutputError
 from screwgauge.reference.files import read_json, replace_file
-from screwgauge.study.gate.row import GateRow, Residual
+from screwgauge.study.gate.row import GateRow
 from screwgauge.study.gate.store import FIRST, latest
 
 SCHEMA = 1

@@ -19,6 +19,7 @@ from screwgauge.diagnosis.verdict import SAME
 from screwgauge.environment import environment
 from screwgauge.judging.answer import largest
 from screwgauge.judging.conditioning import LIMIT
+from screwgauge.judging.residual import JUDGE, Residual
 from screwgauge.models.catalog import description_files
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import ScrewgaugeError
@@ -27,7 +28,7 @@ from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.items import Item
-from screwgauge.study.gate.row import JUDGE, GateRow, Residual, Status
+from screwgauge.study.gate.row import GateRow, Status
 from screwgauge.study.gate.smoke import OF_FULL_CUTS, blind, full_cuts, smoked
 from screwgauge.study.model_mismatch import physical
 from screwgauge.study.run import run

@@ -2,52 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, Literal
 
-#: Stands for the second engine where equations judge one alone.
-JUDGE = "judge"
+from screwgauge.judging.residual import JUDGE, Residual
+
 Status = Literal["agree", "judged", "unread", "differ", "failed", "refused"]
 #: Exit status of the command by what became of a row; the highest of all rows counts.
 EXIT: dict[Status, int] = {"agree": 0, "judged": 0, "unread": 1, "differ": 1, "refused": 2, "failed": 3}
-
-
-@dataclass(frozen=True, slots=True)
-class Residual:
-    """The worst difference of two engines, or of two models, in one quantity and unit; or a residual of the judge.
-
-    Attributes:
-        quantity: Or the name of a residual, of which `b` is ``judge``.
-        error: Largest scaled difference; NaN where there is no number.
-        tolerance: Up to which it counts as agreement, and `reason`: where that comes from.
-        component, t: Where and when [s] it is largest; NaN of what is no motion over time.
-        values: Of `a` and of `b` there [unit].
-    """
-
-    quantity: str
-    unit: str
-    a: str
-    b: str
-    error: float
-    tolerance: float
-    reason: str
-    ok: bool
-    component: str = ""
-    t: float = math.nan
-    values: tuple[float, float] = (math.nan, math.nan)
-
-    @property
-    def key(self) -> str:
-        """What a baseline knows it by."""
-        return f"{self.quantity} [{self.unit}] {self.a} - {self.b}"
-
-    @property
-    def share(self) -> float:
-        """Of its tolerance; infinite where there is no number, or no tolerance."""
-        size = self.error / self.tolerance if self.tolerance else math.inf
-        return size if math.isfinite(size) else math.inf
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +61,7 @@ class GateRow:
 _PLAIN: dict[str, type | tuple[type, ...]] = {
     "str": str,
     "bool": bool,
+    "bool | None": bool,
     "int": int,
     "float": (int, float),
     "Status": str,

@@ -11,8 +11,8 @@ from screwgauge.engines.registry import ENGINES
 from screwgauge.judging.compare import compare
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.mobility import Mobility
-from screwgauge.scene.columns import same_times
-from screwgauge.scene.exciting import exciting
+from screwgauge.scene.default import exciting
+from screwgauge.scene.motion import same_times
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values
 from screwgauge.study.comparison import Comparison

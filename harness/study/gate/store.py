@@ -22,7 +22,7 @@ from screwgauge.environment import environment
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError, OutputError, UnknownNameError
 from screwgauge.reference.files import parse_json, replace_file, why
-from screwgauge.scene.columns import read_parquet
+from screwgauge.scene.motion import read_parquet
 from screwgauge.study.gate.row import EXIT, GateRow
 
 #: Of the columns.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -24,6 +25,7 @@ from campaigns.corpus.scrambled import QUIET, Scrambled
 from campaigns.corpus.sentences import Said, first_place, measured, mentions, named, of_item, others
 from campaigns.corpus.shares import shares
 from campaigns.corpus.urdf_scrambler import scramble_urdf
+from campaigns.rows import rows_in_turn
 
 SEED, SINGLE, MULTIPLE = 32, 500, 100
 #: Kinds of edit that torques show, for two or three at once.
@@ -101,14 +103,10 @@ def public_models(packages: dict[str, list[str]]) -> dict[str, Path]:
 
 def single_edits(numbers: Iterable[int], progress: Callable[[str, float], None]) -> pd.DataFrame:
     """A row for each of these edits, kinds in turn, the second half of each forty scrambled."""
-    numbers = [*numbers]
     with TemporaryDirectory(prefix="corpus-") as folder:
         models = own_models(Path(folder)) | public_models(PUBLIC)
-        table = []
-        for i, number in enumerate(numbers):
-            table.append(single_edit(number, models, Path(folder)))
-            progress(f"edit {number}", (i + 1) / len(numbers))
-    return pd.DataFrame(table)
+        works = [(f"edit {n}", partial(single_edit, n, models, Path(folder))) for n in numbers]
+        return pd.DataFrame(rows_in_turn(works, progress))
 
 
 def single_edit(number: int, models: dict[str, Path], folder: Path) -> dict[str, Any]:
@@ -200,15 +198,11 @@ def _yes(truth: bool) -> str:
 
 def multiple_edits(numbers: Iterable[int], progress: Callable[[str, float], None]) -> pd.DataFrame:
     """A row for each of so many edits of two or three parts at once."""
-    numbers = [*numbers]
     with TemporaryDirectory(prefix="corpus-") as folder:
         models = own_models(Path(folder)) | public_models(PUBLIC)
         models = {name: file for name, file in models.items() if _turns(Parts.read(file))}
-        table = []
-        for i, number in enumerate(numbers):
-            table.append(multiple_edit(number, models, Path(folder)))
-            progress(f"edits {number}", (i + 1) / len(numbers))
-    return pd.DataFrame(table)
+        works = [(f"edits {n}", partial(multiple_edit, n, models, Path(folder))) for n in numbers]
+        return pd.DataFrame(rows_in_turn(works, progress))
 
 
 def _turns(parts: Parts) -> bool:

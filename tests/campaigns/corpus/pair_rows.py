@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,6 +14,7 @@ from campaigns.corpus.answers import diagnosed
 from campaigns.corpus.mjcf_frames import CannotError
 from campaigns.corpus.pairs import SAME, MissingError, Pair, edit_named
 from campaigns.corpus.sentences import Said
+from campaigns.rows import rows_in_turn
 
 #: Answers that say that the machine is the same.
 ALIKE = ("SAME", "CONVENTIONS")
@@ -20,11 +22,7 @@ ALIKE = ("SAME", "CONVENTIONS")
 
 def pair_rows(pairs: Sequence[Pair], progress: Callable[[str, float], None]) -> pd.DataFrame:
     """What is said of each pair, and whether that is right."""
-    table = []
-    for i, pair in enumerate(pairs):
-        table.append(pair_row(pair))
-        progress(pair.name, (i + 1) / len(pairs))
-    return pd.DataFrame(table)
+    return pd.DataFrame(rows_in_turn([(pair.name, partial(pair_row, pair)) for pair in pairs], progress))
 
 
 def pair_row(pair: Pair) -> dict[str, Any]:

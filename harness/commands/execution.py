@@ -1,4 +1,4 @@
-"""How a command that makes a report is carried out: its work, numbers onto the disk, verdict, pages."""
+"""How every command is carried out: refusal of names that ended, work with progress, numbers onto the disk, pages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from screwgauge.reference.errors import OutputError, ScrewgaugeError
+from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError
 from screwgauge.report.console import say
 
 if TYPE_CHECKING:
@@ -102,3 +102,32 @@ def _write(
         say(f"\nreport: {out / PAGES[1] if (out / PAGES[1]).is_file() else 'none'}")
     if lost:
         raise lost[0]
+
+
+_CAMPAIGN = "run pytest -m campaign -k {} in a checkout, see reports/README.md"
+_PAPER = "run pytest tests/paper --reports=DIR in a checkout, see reports/README.md"
+_ENDED, _RENAMED = "is no longer part of the package", "has another name"
+#: Command, or command and option -> what became of it, and what to type in its place.
+ENDED = {
+    "bench --budget": (_RENAMED, "write bench --limit SECONDS"),
+    "bench --random": (_ENDED, _CAMPAIGN.format("random")),
+    "check --self-test": (_ENDED, _CAMPAIGN.format("alarms")),
+    "diagnose --case": (_RENAMED, "write casebook ID"),
+    "diagnose --self-test": (_ENDED, _CAMPAIGN.format("selftest")),
+    "paper": (_ENDED, _PAPER),
+    "run --errata": (_ENDED, _PAPER),
+}
+
+
+def check_current(arguments: Sequence[str]) -> None:
+    """Refuses what ended or has another name, before it is called unknown.
+
+    Raises:
+        DescriptionError: It is in `ENDED`.
+    """
+    command, *rest = arguments or [""]
+    options = [argument.partition("=")[0] for argument in rest]
+    for typed in (command, *(f"{command} {option}" for option in options)):
+        if typed in ENDED:
+            what, instead = ENDED[typed]
+            raise DescriptionError(what, typed, instead)

@@ -1,0 +1,119 @@
+"""`Residual`, the one type of row for an error of a quantity, and tables of such rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from operator import attrgetter
+from typing import Any
+
+import pandas as pd
+
+from screwgauge.quantities import digits
+
+#: Stands for the second engine where equations judge one alone.
+JUDGE = "judge"
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """Error of a quantity: between two answers, against what is right, or of an equation.
+
+    Attributes:
+        quantity: Or the name of an equation, of which `b` is ``judge``.
+        a, b: Engines, models or methods.
+        error: Largest scaled error; NaN where there is no number.
+        tolerance: Up to which it counts as agreement, and `reason`: where that comes from, or why it does not agree.
+        ok: None of what has no unique value.
+        component, t: Where and when [s] it is largest; NaN of what is no motion over time.
+        values: Of `a` and of `b` there [unit].
+    """
+
+    quantity: str
+    unit: str = ""
+    a: str = ""
+    b: str = ""
+    error: float = math.nan
+    tolerance: float = math.nan
+    reason: str = ""
+    ok: bool | None = False
+    component: str = ""
+    t: float = math.nan
+    values: tuple[float, float] = (math.nan, math.nan)
+
+    @property
+    def key(self) -> str:
+        """What a baseline knows it by."""
+        return f"{self.quantity} [{self.unit}] {self.a} - {self.b}"
+
+    @property
+    def share(self) -> float:
+        """Of its tolerance; infinite where there is no number, or no tolerance."""
+        size = self.error / self.tolerance if self.tolerance else math.inf
+        return size if math.isfinite(size) else math.inf
+
+    @property
+    def digits(self) -> float:
+        """Digits of agreement, NaN where there is no number."""
+        return digits(self.error)
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation(Residual):
+    """A residual with its sizes.
+
+    Attributes:
+        max_abs, rms: Largest and root mean square error [unit]; scaled where it is of several units.
+        scale: What errors are divided by [unit].
+        rule: What fixes the quantity where it is redundant.
+        unique: Whether its value is the same whatever the rule.
+    """
+
+    max_abs: float = math.nan
+    rms: float = math.nan
+    scale: float = math.nan
+    rule: str = ""
+    unique: bool = True
+
+
+def _columns(names: str, **elsewhere: str) -> dict[str, str]:
+    return {name: elsewhere.get(name, name) for name in names.split()}
+
+
+#: Column -> attribute of a `Deviation`: of components, of pairs, and of equations.
+ERROR_COLUMNS = _columns(
+    "quantity component unit a b max_abs rms max_scaled scale worst_t rule unique tolerance ok",
+    max_scaled="error",
+    worst_t="t",
+)
+PAIR_COLUMNS = _columns(
+    "quantity a b unit max_abs rms max_scaled worst_component worst_t rule unique tolerance ok reason",
+    max_scaled="error",
+    worst_component="component",
+    worst_t="t",
+)
+JUDGE_COLUMNS = _columns(
+    "engine residual unit max_abs max_scaled worst_component worst_t tolerance ok reason",
+    engine="a",
+    residual="quantity",
+    max_scaled="error",
+    worst_component="component",
+    worst_t="t",
+)
+
+
+def frame(items: Iterable[Any], columns: Mapping[str, str]) -> pd.DataFrame:
+    """A row for each item.
+
+    Args:
+        columns: Column -> attribute of an item, dotted where it is one of an attribute.
+    """
+    return pd.DataFrame(
+        [[attrgetter(name)(item) for name in columns.values()] for item in items], columns=list(columns)
+    )
+
+
+def columns_of(row: type[Any]) -> dict[str, str]:
+    """Columns of a dataclass: its fields, by their own names."""
+    return {field.name: field.name for field in fields(row)}
