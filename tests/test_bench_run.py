@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -213,3 +214,19 @@ def test_contestants_in_processes_of_their_own_have_the_same_errors(found, scene
         assert bool(row.seconds) == bool(same.seconds)
     assert there.notes[-1] == run_module.BESIDE
     assert not log.exists()
+
+
+def test_what_closes_loops_is_not_priced_against_what_is_given_the_motion(found):
+    lines = [row for row in reach(found.rows).to_dict("records") if row["error"] == 1e-9]
+    front, *_ = PAGE.blocks(found)[1].blocks
+    for given, start in ((False, "from the independent coordinates by "), (True, "from given joint motion by ")):
+        there = [row for row in lines if row["quantity"] == "joint_acceleration" and bool(row["given"]) is given]
+        assert (start in front.text) is bool(there)
+        if there:
+            assert start + min(there, key=lambda row: row["seconds_per_sample"])["family"] in front.text
+
+
+def test_a_bench_that_was_only_cut_short_has_no_cross(found):
+    short = replace(found, rows=[*found.rows, replace(found.rows[-1], status=CUT)], fits=[])
+    front, *_ = PAGE.blocks(short)[1].blocks
+    assert (front.word, front.status) == ("CUT SHORT", "note")

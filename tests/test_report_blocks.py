@@ -294,3 +294,15 @@ def test_a_terminal_names_the_columns_that_it_has_no_room_for() -> None:
     lines = terminal([Table(tuple(head), (tuple(numbers),))]).splitlines()
     assert lines[1].split() == numbers[:7]
     assert lines[-1] == f"(in the report only: {', '.join(head[7:])})"
+
+
+def test_a_table_that_is_too_wide_for_a_phone_names_its_cells_and_no_other_does() -> None:
+    heads = tuple(f"a long head {k}" for k in range(9))
+    assert "data-head" not in fragment([Table(("a", "b"), (("x", "1"),))])
+    assert '<td data-head="a long head 8">some text</td>' in fragment([Table(heads, (("some text",) * 9,))])
+
+
+def test_names_in_cells_may_break_at_their_signs_and_numbers_nowhere() -> None:
+    cell = fragment([Table(("a", "b"), (("joint_acceleration of left.elbow @ 1.96 s", "at most 2e-08 by screw"),))])
+    assert "joint_<wbr>acceleration of left.<wbr>elbow @ 1.96\N{NO-BREAK SPACE}s" in cell
+    assert '<span class="number">2e-08</span>' in cell

@@ -124,6 +124,40 @@ def test_the_page_never_scrolls_sideways(opened: Opened, width: int, scheme: str
     assert (colour == "rgb(255, 255, 255)") is (scheme == "light")
 
 
+def test_a_phone_shows_every_table_whole(opened: Opened) -> None:
+    opened.at(390)
+    opened.ask("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+    cut = opened.ask(
+        """[...document.querySelectorAll('.scroll')].filter(e => e.scrollWidth > e.clientWidth + 12)
+          .map(e => e.textContent.slice(0, 80))"""
+    )
+    assert cut == []
+
+
+#: Words in tables that more than one line has a part of; digests may, which are no words.
+BROKEN = """[...document.querySelectorAll('td, th')].flatMap(cell => {
+  const found = [], walker = document.createTreeWalker(cell, NodeFilter.SHOW_TEXT);
+  for (let node; (node = walker.nextNode()); )
+    for (const match of node.data.matchAll(/[a-z]{3,20}/gi)) {
+      const range = document.createRange();
+      range.setStart(node, match.index);
+      range.setEnd(node, match.index + match[0].length);
+      const before = node.data[match.index - 1] || '', after = node.data[match.index + match[0].length] || '';
+      const boxes = [...range.getClientRects()];  // the head of a table in two columns has two alike
+      const isBroken = boxes.some(box => Math.abs(box.width - boxes[0].width) > 1);
+      if (isBroken && !/[0-9a-f]/.test(before + after)) found.push(match[0]);
+    }
+  return found;
+})"""
+
+
+@pytest.mark.parametrize(("width", "media"), [(PAPER, "print"), (390, "screen"), (1280, "screen")])
+def test_no_word_of_a_table_is_broken_inside(opened: Opened, width: int, media: str) -> None:
+    opened.at(width, 1000, media=media)
+    opened.ask("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+    assert opened.ask(BROKEN) == []
+
+
 def test_paper_has_everything_and_cuts_no_table(opened: Opened) -> None:
     opened.ask("document.querySelectorAll('details').forEach(fold => { fold.open = false; })")
     opened.at(PAPER, 1000, media="print")

@@ -17,6 +17,8 @@ PAGE = Path(__file__).with_name("page.html")
 #: Nothing is asked of anybody; vega makes functions of the head of a table, so pages with charts evaluate.
 POLICY = "default-src 'none'; script-src 'unsafe-inline'{}; style-src 'unsafe-inline'; img-src data:"
 WIDE = 8  # columns from which a table is set tighter
+#: Letters side by side on a phone, of a column of text that reads well, and of a table that has room twice on paper.
+PHONE, LEGIBLE, SLIM = 50, 30, 40
 UNTOUCHED = ("svg", "a", "code", "h1", "h2", "dl")  # elements in which words are no links
 MOVING = {"chart": libraries.chart, "stage": libraries.stage}  # part of a picture -> what draws it
 
@@ -151,19 +153,50 @@ def _inline(picture: b.Picture) -> str:
 
 
 def _text(text: str) -> str:
-    pieces = ((tag, escape(piece, quote=False)) for tag, piece in spans(text))
+    pieces = ((tag, _numbers(escape(piece, quote=False))) for tag, piece in spans(text))
     return "".join(f"<{tag}>{piece}</{tag}>" if tag else piece for tag, piece in pieces)
 
 
+#: Where names in cells may break: behind these signs.
+_BREAKS = re.compile(r"(?<=\w{4})[_/](?=\w{3})|(?<=[a-z0-9])[.](?=[a-z]{2})")
+_UNITS = re.compile(r"(?<=\d) (?=(?:[mµ]?s|m?m|k?g|N|rad|%)(?!\w))")  # which stay with their numbers
+
+
+def _numbers(text: str) -> str:
+    """Numbers with exponents stay in one line: browsers break behind the minus."""
+    return re.sub(r"(?<=.)\b\d[\d.]*e-\d+\b|\b\d[\d.]*e-\d+\b(?=.)", r'<span class="number">\g<0></span>', text)
+
+
+def _cell(text: str) -> str:
+    """A cell whose names may break behind their signs, and nowhere else."""
+    pieces = re.split("(<[^>]*>)", _UNITS.sub("\N{NO-BREAK SPACE}", _text(text)))
+    return "".join(piece if i % 2 else _BREAKS.sub(r"\g<0><wbr>", piece) for i, piece in enumerate(pieces))
+
+
+def _longest(texts: Iterable[str]) -> int:
+    """Letters of the longest piece that no line break may divide."""
+    pieces = (piece for text in texts for piece in re.split(rf"[\s-]+|{_BREAKS.pattern}", plain(text)))
+    return max(map(len, pieces), default=0)
+
+
 def _table(block: b.Table) -> str:
-    """A table that scrolls if it is wider than the page."""
+    """A table: tight where it has many columns; on a phone one block a row where columns have no room side by side."""
     named, right = any(block.head), block.right
+    columns = [*zip(block.head, *block.body, strict=True)]
+    widths = [max(_longest(x[:1]), *map(len, x[1:])) if i in right else _longest(x) for i, x in enumerate(columns)]
+    letters = sum(widths) + len(widths)
+    crowded = named and (letters > PHONE or sum(min(max(map(len, cells)), LEGIBLE) for cells in columns) > 2 * PHONE)
+    heads = [f' data-head="{escape(plain(head))}"' if crowded else "" for head in block.head]
+    marks = [' class="right"' if i in right else "" for i in range(len(block.head))]
 
     def line(cells: Iterable[str], tag: str) -> str:
-        marks = (' class="right"' if i in right else "" for i in range(len(block.head)))
-        return "<tr>" + "".join(f"<{tag}{m}>{_text(c)}</{tag}>" for m, c in zip(marks, cells, strict=True)) + "</tr>"
+        more = heads if tag == "td" else [""] * len(heads)
+        parts = (f"<{tag}{m}{h}>{_cell(c)}</{tag}>" for m, h, c in zip(marks, more, cells, strict=True))
+        return "<tr>" + "".join(parts) + "</tr>"
 
     kind = " wide" if len(block.head) >= WIDE else "" if named else " facts"
+    kind += " cards" * crowded + " slim" * (letters < SLIM and len(block.body) > b.LONG)
     head = f"<thead>{line(block.head, 'th')}</thead>\n" if named else ""
     body = "\n".join(line(cells, "td") for cells in block.body)
-    return f'<div class="scroll{kind}"><table>{head}<tbody>{body}</tbody></table></div>'
+    style = f' style="--letters:{letters:.0f}"' if named else ""
+    return f'<div class="scroll{kind}"{style}><table>{head}<tbody>{body}</tbody></table></div>'

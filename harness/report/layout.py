@@ -267,7 +267,7 @@ def _used(text: str) -> tuple[tuple[str, str], ...]:
 def _glossary() -> dict[str, str]:
     """Word -> what it means, from ``texts/glossary.md``."""
     lines = " ".join((TEXTS / "glossary.md").read_text(encoding="utf-8").split()).split(" - **")[1:]
-    return {word: meaning for word, _, meaning in (line.partition("**: ") for line in lines)}
+    return {word: Marked(meaning) for word, _, meaning in (line.partition("**: ") for line in lines)}
 
 
 def study(

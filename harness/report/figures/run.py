@@ -105,8 +105,18 @@ def _curves(
                 series += [({**said, "kind": kind}, subject.t[at[i]], values[at[i]]) for kind, i in kinds.items()]
     engines = {engine: Look(GREY, shape=SIGNS[k % len(SIGNS)]) for k, engine in enumerate(shown)}
     told = chart.ways("curve", looks) | chart.ways("engine", engines)
-    more = {**told, **grid, "height": HEIGHTS[grid["columns"]], "title": title}
+    more = {**told, **grid, "height": HEIGHTS[grid["columns"]], "title": title, "y_scale": _flat(series)}
     return {**chart.curves(series, moving, linear=True), **more}
+
+
+def _flat(series: Iterable[Curve]) -> Spec:
+    """A scale for what does not change at all, or by rounding only: its ticks would all read the same."""
+    known = np.concatenate([v[np.isfinite(v)] for _, _, v in series] or [np.zeros(0)])
+    largest = float(np.abs(known).max(initial=0.0))
+    if not known.size or float(np.ptp(known)) > 1e-5 * largest:
+        return {}
+    half = 0.5 * largest or 1.0
+    return {"domain": [float(known.mean()) - half, float(known.mean()) + half]}
 
 
 def _differences(found: dict[str, Apart], tolerance: float | None, title: str, moving: bool) -> Spec:

@@ -22,20 +22,27 @@ from screwgauge.study.bench.slopes import table as slope_table
 NINE, SHOWN = LEVELS[2], ("actuator_force", "joint_acceleration")
 LEFT_OUT = "asked | run time = time_s | of everything = share | largest difference | numbers unchanged = same"
 NO_STEPS = {"steps": None, "evaluations": None}
+STARTS = {False: "from the independent coordinates by", True: "from given joint motion by"}
 DIGITS = {3: "three", 6: "six", 9: "nine"}
 
 
 def _banner(bench: Bench) -> Banner:
-    good = bench.complete and all(fit.ok for fit in bench.fits)
+    """What is cheapest; a cross where a slope is off, none where only time ran out."""
     sentence = _simulated_headline(bench) if bench.scene.simulated else headline(bench)
+    good = all(fit.ok for fit in bench.fits)
+    if good and not bench.complete:
+        return Banner(sentence, "CUT SHORT", "note")
     return Banner.of(sentence, good, "MEASURED", "NOT ALL MEASURED AS EXPECTED")
 
 
 def _cheapest(bench: Bench, quantity: str) -> list[Row]:
-    """For each error the quickest family that closes the loops itself."""
-    reached = [row for row in rows(reach(bench.rows)) if row["quantity"] == quantity and not row["given"]]
-    priced = [{**row, "cost": row["seconds_per_sample"]} for row in reached]
-    return [line for level in LEVELS for line in _first(level, [row for row in priced if row["error"] == level])]
+    """For each error the quickest family: of those that close the loops, and of those given the joint motion."""
+    lines = list[Row]()
+    for given, start in STARTS.items():
+        reached = [row for row in rows(reach(bench.rows)) if row["quantity"] == quantity and row["given"] is given]
+        priced = [{**row, "cost": row["seconds_per_sample"], "start": start} for row in reached]
+        lines += [line for level in LEVELS for line in _first(level, [row for row in priced if row["error"] == level])]
+    return lines
 
 
 def _quickest(bench: Bench) -> list[Row]:
@@ -59,22 +66,26 @@ def _first(level: float, candidates: Sequence[Row]) -> list[Row]:
 
 
 def headline(bench: Bench) -> str:
-    """Which method is cheapest for which accuracy and by how much; slopes, what failed, what was cut short."""
-    table_rows, parts = rows(bench_table(bench.rows)), list[str]()
+    """Which method is cheapest at nine digits, of those that close the loops and of those that are given the motion."""
     for quantity in SHOWN:
-        for best in (row for row in _cheapest(bench, quantity) if row["level"] == NINE):
-            lead = f", then {best['next']} ({best['times_as_long']} times as long)" if best["times_as_long"] else ""
-            what = f"{words(quantity).capitalize()} to nine digits is cheapest by {best['family']}"
-            parts.append(f"{what}, {duration(best['cost'])} a sample{lead}.")
+        cheapest = [row for row in _cheapest(bench, quantity) if row["level"] == NINE]
+        if each := [f"{row['start']} {row['family']}, {duration(row['cost'])} a sample" for row in cheapest]:
+            return f"{words(quantity).capitalize()} to nine digits is cheapest {'; '.join(each)}."
+    return "Nothing reached nine digits."
+
+
+def _remarks(bench: Bench) -> list[str]:
+    """How much was measured, what failed, what was cut short."""
+    table_rows = rows(bench_table(bench.rows))
+    parts = [f"{count(len(table_rows), 'row')} in {len(grouped(table_rows, 'family'))} families of methods."]
     if bench.fits:
         parts.append(f"{sum(fit.ok for fit in bench.fits)} of {len(bench.fits)} slopes are as theory expects.")
-    parts.append(f"{count(len(table_rows), 'row')} in {len(grouped(table_rows, 'family'))} families of methods.")
     if failed := [row["contestant"] for row in table_rows if row["status"] == FAILED]:
         parts.append(f"{count(len(failed), 'row')} failed: {listed(dict.fromkeys(failed))}.")
     if cut := _cut_short(bench):
-        lost = f"{count(sum(row['rows'] for row in cut), 'row')} of: {listed(row['family'] for row in cut)}"
-        parts.append(f"The budget of {number(bench.plan.budget)} s cut short {lost}.")
-    return " ".join(parts)
+        lost = count(sum(row["rows"] for row in cut), "row")
+        parts.append(f"The budget of {number(bench.plan.budget)} s cut short {lost} of {len(cut)} families.")
+    return parts
 
 
 def _reached(bench: Bench) -> list[Row]:
@@ -179,6 +190,7 @@ PAGE = Report(
     values={
         "title": lambda bench: f"{bench.scene.title or bench.scene.name}: error against run time",
         "headline": headline,
+        "remarks": _remarks,
         "about": _about,
         "files": lambda bench: judged(bench.provenance),
         "cheapest": lambda bench: _cheapest(bench, SHOWN[0]) or _cheapest(bench, SHOWN[1]),

@@ -13,7 +13,7 @@ import pandas as pd
 
 from screwgauge.judging.conditioning import LIMIT, Guarded
 from screwgauge.judging.residual import ERROR_COLUMNS
-from screwgauge.report.blocks import Banner, Block, Folded, Picture
+from screwgauge.report.blocks import Banner, Block, Folded, Marked, Picture
 from screwgauge.report.figures.run import make_plots
 from screwgauge.report.figures.selection import drawings, unmatched
 from screwgauge.report.folder import SAMPLES
@@ -178,7 +178,7 @@ def published(results: Comparison) -> list[Row]:
         known = rows(pairs[(pairs["a"] == engine) & (pairs["b"] == REFERENCE)].dropna(subset="max_abs"))
         balance = judged[(judged["engine"] == engine) & (judged["residual"] == "energy_balance")]
         row = {
-            "who": f"**{engine}**, {solution.setting}",
+            "who": Marked(f"**{engine}**, {solution.setting.replace('*', '')}"),
             "observable": ", ".join(f"{size(row['max_abs'])} {row['unit']}" for row in known),
             "energy": "".join(map(size, balance["max_abs"])),
             "cpu_s": None if solution.cost is None else solution.cost.cpu_s,

@@ -49,12 +49,19 @@ RIM = [(r * np.cos(a), r * np.sin(a)) for r in (2.0, 7.0, 12.0) for a in np.radi
 #: Where names may stand about what they name: distance, shape (n, 1), and direction, shape (n, 2).
 _AROUND = np.array([(r, a) for r in (15, 20, 28, 38, 50, 66, 84) for a in np.radians(range(0, 360, 30))])
 SPOTS = _AROUND[:, :1], np.stack([np.cos(_AROUND[:, 1]), np.sin(_AROUND[:, 1])], axis=1)
-LOOK = f"""text{{font:{FONT:g}px sans-serif;paint-order:stroke;stroke:#fff;stroke-width:3px;stroke-linejoin:round}}
-path,line{{fill:none}}.mark *{{fill:#fff;stroke:#222;stroke-width:1.5}}.driven *{{fill:{DRIVEN}}}
-.drive{{stroke:{DRIVEN};stroke-width:2.2}}.cut{{fill:none;stroke:{CUT};stroke-width:2.2;stroke-dasharray:4 2.5}}
-.thin{{stroke:#767676}}.slide{{stroke:#767676;stroke-width:2.5}}.axis{{stroke:{AXIS};stroke-width:1.2}}
-.body{{stroke-width:4.5;stroke-linecap:round;opacity:.85}}
-.other{{stroke:{DOUBT};stroke-width:1.6;stroke-dasharray:5 3}}"""
+LOOK = f"""
+.drawn text{{font:{FONT:g}px sans-serif;paint-order:stroke;stroke:#fff;stroke-width:3px;stroke-linejoin:round}}
+.drawn path,.drawn line{{fill:none}}
+.drawn .mark *{{fill:#fff;stroke:#222;stroke-width:1.5}}
+.drawn .driven *{{fill:{DRIVEN}}}
+.drawn .drive{{stroke:{DRIVEN};stroke-width:2.2}}
+.drawn .cut{{fill:none;stroke:{CUT};stroke-width:2.2;stroke-dasharray:4 2.5}}
+.drawn .thin{{stroke:#767676}}
+.drawn .slide{{stroke:#767676;stroke-width:2.5}}
+.drawn .axis{{stroke:{AXIS};stroke-width:1.2}}
+.drawn .body{{stroke-width:4.5;stroke-linecap:round;opacity:.85}}
+.drawn .other{{stroke:{DOUBT};stroke-width:1.6;stroke-dasharray:5 3}}
+"""
 
 
 def frames(motion: DrawnMotion) -> list[str]:
@@ -126,7 +133,7 @@ def drawing(
     )
     out.append(corner(view, scale / length(layout(mechanism)), tall))
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDE:.0f} {tall:.0f}" width="{WIDE:.0f}" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="drawn" viewBox="0 0 {WIDE:.0f} {tall:.0f}" width="{WIDE:.0f}" '
         f'height="{tall:.0f}"><style>{LOOK}</style><rect width="100%" height="100%" fill="#fff"/>'
         f'<text x="8" y="18">{escape(mechanism.title or mechanism.name)}: {said}</text>'
         f"{legend}{''.join(out)}</svg>\n"
@@ -148,18 +155,18 @@ def corner(view: Array, pixels: float, tall: float) -> str:
         text = place + (31.0 * way if not flat else np.array([-12.0, 12.0]))
         mark = TOWARDS if near > 0 else AWAY
         out.append(
-            f'<g transform="translate({_xy(place)})"><circle r="4.5" fill="#fff" stroke="{colour}"/>{mark}</g>'
+            f'<g transform="translate({_xy(place)})"><circle r="4.5" style="fill:#fff;stroke:{colour}"/>{mark}</g>'
             if flat
-            else f'<g style="stroke:{colour};stroke-width:1.6">{_line("", place, tip, arrow=True)}</g>'
+            else _line("", place, tip, arrow=True).replace('class=""', f'style="stroke:{colour};stroke-width:1.6"')
         )
         spot = f'x="{text[0]:.1f}" y="{text[1] + 4.0:.1f}" text-anchor="middle"'
         out.append(f'<text {spot} fill="{colour}">{name}</text>')
     long = round_length(110.0 / pixels)
     a, b = np.array([90.0, tall - 16.0]), np.array([90.0 + long * pixels, tall - 16.0])
     ends = f"M{_xy(a)}v-6v6H{b[0]:.1f}v-6v6"
-    out.append(f'<path d="{ends}" stroke="#222" stroke-width="1.5"/>')
+    out.append(f'<path d="{ends}" style="stroke:#222;stroke-width:1.5"/>')
     out.append(f'<text x="{a[0] + 6.0:.1f}" y="{a[1] - 5.0:.1f}" fill="#222">{metres(long)}</text>')
-    return f'<g class="world">{"".join(out)}</g>'
+    return "".join(out)
 
 
 def round_length(most: float) -> float:

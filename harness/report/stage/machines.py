@@ -25,10 +25,10 @@ SIDE, HEAD, NAMED = 400.0, 26.0, 8
 #: From where both are seen, unless they are flat.
 SEEN = np.array([0.62, -0.62, 0.48])
 LOOK = (
-    f"text{{font:{FONT:g}px sans-serif;paint-order:stroke;stroke:#fff;stroke-width:3px;stroke-linejoin:round}}"
-    f"path{{fill:none;stroke:{PLAIN};stroke-width:3.5;stroke-linecap:round}}circle{{fill:#fff;stroke:#444}}"
-    f".differs{{stroke:{DOUBT}}}circle.mass{{fill:{PLAIN};stroke:none;opacity:.45}}circle.mass.differs{{fill:{DOUBT}}}"
-    "path.thin{stroke:#767676;stroke-width:1}.world path{stroke-width:1.5}"
+    f".two text{{font:{FONT:g}px sans-serif;paint-order:stroke;stroke:#fff;stroke-width:3px;stroke-linejoin:round}}"
+    f".two path{{fill:none;stroke:{PLAIN};stroke-width:3.5;stroke-linecap:round}}.two circle{{fill:#fff;stroke:#444}}"
+    f".two .differs{{stroke:{DOUBT}}}.two .mass{{fill:{PLAIN};stroke:none;opacity:.45}}"
+    f".two .mass.differs{{fill:{DOUBT}}}.two .thin{{stroke:#767676;stroke-width:1}}"
 )
 
 
@@ -94,9 +94,10 @@ def machines(found: Diagnosis) -> Picture:
         shift = np.array([k * SIDE + (SIDE - scale * size[0]) / 2.0, HEAD + EDGE]) - scale * low
         out.append(_drawn(side, scale * view, shift, heaviest, tall - CORNER, k * SIDE))
     out.append(corner(view, scale, tall))
+    size_text = f'viewBox="0 0 {2 * SIDE:.0f} {tall:.0f}" width="{2 * SIDE:.0f}" height="{tall:.0f}"'
     svg = (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {2 * SIDE:.0f} {tall:.0f}" width="{2 * SIDE:.0f}" '
-        f'height="{tall:.0f}"><style>{LOOK}</style><rect width="100%" height="100%" fill="#fff"/>{"".join(out)}</svg>\n'
+        f'<svg xmlns="http://www.w3.org/2000/svg" class="two" {size_text}><style>{LOOK}</style>'
+        f'<rect width="100%" height="100%" fill="#fff"/>{"".join(out)}</svg>\n'
     )
     return Picture("machines", "Both machines at home, what differs in colour", svg)
 

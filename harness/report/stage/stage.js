@@ -240,7 +240,7 @@ function screwgaugeStage(element, data) {
       const left = x + dx - (dx < 0 ? label.width : 0), top = y + dy - label.height / 2;
       return {left, top, right: left + label.width, bottom: top + label.height};
     };
-    const isFree = one => taken.every(other =>
+    const isFree = one => one.left >= 0 && one.right <= pane.clientWidth && taken.every(other =>
       one.right < other.left || one.left > other.right || one.bottom < other.top || one.top > other.bottom);
     label.spot = [label.spot || SPOTS[0], ...SPOTS].find(spot => isFree(boxAt(spot)));
     label.text.style.visibility = label.spot ? "" : "hidden";
@@ -293,8 +293,9 @@ function screwgaugeStage(element, data) {
     new THREE.Box3().setFromPoints(points).getCenter(target);
     const back = vector(data.view).normalize(), aspect = pane.clientWidth / pane.clientHeight || 1;
     const right = vector(Math.abs(back.z) < 0.99 ? [0, 0, 1] : [0, 1, 0]).cross(back).normalize(), up = back.clone().cross(right);
+    const below = pane.clientWidth < 500 ? 1 - 112 / (pane.clientHeight || 340) : 1; // of the lower half: axes are under it
     const distances = points.map(point => add(point, target, -1)).map(p =>
-      p.dot(back) + Math.max((Math.abs(p.dot(right)) + 0.12) / aspect, Math.abs(p.dot(up)) + 0.06) / slope);
+      p.dot(back) + Math.max((Math.abs(p.dot(right)) + 0.12) / aspect, Math.max(p.dot(up), -p.dot(up) / below) + 0.06) / slope);
     if (Math.abs(back.z) > 0.99) back.set(0, -0.001, back.z); // so that x points to the right
     look(scaled(back, Math.max(0.3, ...distances)));
   }
