@@ -127,3 +127,24 @@ def test_joints_under_other_names_have_partners_though_a_limb_is_missing(write):
     assert found.pairing.joints == {f"a{i}": f"b{i}" for i in range(5)}
     assert {*found.pairing.how.values()} == {"geometry"}
     assert [each.item_a for each in found.differences] == ["tail0"]
+
+
+HAND = """<robot name="r"><link name="base"/>
+<link name="hand"><inertial><origin xyz="0 0.02 0.3"/><mass value="{mass}"/>
+<inertia ixx="0.02" iyy="0.03" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="finger"><inertial><origin xyz="0.01 0 0.05"/><mass value="0.3"/>
+<inertia ixx="0.001" iyy="0.002" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="arm" type="continuous"><parent link="base"/><child link="hand"/><axis xyz="1 0 0"/></joint>
+<joint name="grip" type="{kind}"><origin xyz="0 0 0.4"/><parent link="hand"/><child link="finger"/><axis xyz="0 1 0"/>
+</joint></robot>"""
+
+
+def test_what_a_joint_of_one_model_moves_is_no_part_of_what_is_put_right(write):
+    a = write("a.urdf", HAND.format(mass=1.0, kind="fixed"))
+    found = diagnose(a, write("b.urdf", HAND.format(mass=1.2, kind="continuous")))
+    assert found.attribution.share == pytest.approx(1.0)
+    assert found.proof.agrees
+    assert found.proof.on == "file"
+    changes = {each.what: each.change for each in found.differences if each.change}
+    assert changes["mass"].value == pytest.approx(1.0)
+    assert changes["com"].value == pytest.approx([0.0, 0.02, 0.3])

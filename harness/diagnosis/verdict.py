@@ -41,7 +41,7 @@ WORDS = 30
 _DETAILS = (
     r", with (?!all )[^;]*",
     r", each in the frame of its own file",
-    r", \([^()]*\) (?:deg|mm) in the axes of [^;]*?(?= and shifted|;|$)",
+    r", \([^()]*\) (?:deg|mm) in the axes of [^;)]*?(?= and shifted|[;)]|$)",
     r" \((?:[^()]|\([^()]*\))*\)$",
     r", turned by [^;]*",
 )
@@ -101,7 +101,7 @@ def headline(causes: Sequence[Cause]) -> str:
     first, others = causes[0], sum(cause.kind == "cause" for cause in causes[1:])
     more = f", and {others} more cause{'s' * (others > 1)}" if others else ""
     room = WORDS - len(more.split())
-    slip = f" ({first.slips[0]})" if first.slips and first.slips[0] not in first.sentence else ""
+    slip = f": {first.slips[0]}" if first.slips and first.slips[0] not in first.sentence else ""
     for text in (f"{first.sentence}{slip}", f"{first.short}{slip}", first.sentence, *_shorter(first.short)):
         if text and len(text.split()) <= room:
             return f"{text}{more}."
@@ -116,7 +116,8 @@ def _shorter(text: str) -> Iterator[str]:
         yield text
     while ", " in text:
         text = text.rpartition(", ")[0]
-        yield text
+        if text.count("(") == text.count(")"):
+            yield text
 
 
 def _bound(bound: Loops, *, restated: bool) -> list[str]:
@@ -209,7 +210,9 @@ def _explains(found: Sequence[Difference], of: Explanation, both: Together | Non
     """What the causes explain of the torque difference, what is left, and what no torque shows."""
     why, proof = of.attribution, of.proof
     if why.before.scaled <= SAME:
-        return [f"{_capital(_unseen(found, why.before.scaled, both))}."]
+        more = sum(len(cause.differences) for cause in why.causes[1:] if cause.kind == "unseen")
+        others = [f"{_others(more)} no torque shows."] if more else []
+        return [f"{_capital(_unseen(found, why.before.scaled, both))}.", *others]
     if not why.seen:
         said = "there was no time to explain" if late else "nothing that the two say explains"
         return [f"Torques differ by {_largest(why.before)}, which {said}.", *([_as_growth(of)] if of.growth else [])]
@@ -220,12 +223,15 @@ def _explains(found: Sequence[Difference], of: Explanation, both: Together | Non
     apart = sum(each.what in APART for each in beside)
     others, more = len(beside) - apart, list[str]()
     if others:
-        which = f"other difference{'s' * (others > 1)}"
-        more.append(f"{others} {which} no torque{_of_tree(found, why.seen)} shows.")
+        more.append(f"{_others(others)} no torque{_of_tree(found, why.seen)} shows.")
     if apart:
         which = f"other difference{'s are' if apart > 1 else ' is'}"
         more.append(f"{apart} {which} in forces that these torques leave out.")
     return [f"{explains}; {_left(why, proof)}.", *more]
+
+
+def _others(count: int) -> str:
+    return f"{count} other difference{'s' * (count > 1)}"
 
 
 def _capital(text: str) -> str:
@@ -249,7 +255,7 @@ def _unseen(found: Sequence[Difference], off: float, both: Together | None) -> s
         both: Those of the libraries, where they agree, too.
     """
     closed = [each.what in CLOSING for each in found]
-    if any(each.what == "branch" for each in found):
+    if any(each.what in ("branch", "kind") for each in found):
         return f"torques of all else agree ({off:.1g})"
     if any(each.what in RESISTING for each in found):
         return f"torques, which leave out friction of tendons, stops and contacts, agree ({off:.1g})"

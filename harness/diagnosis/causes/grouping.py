@@ -203,7 +203,9 @@ class Grouping:
         percent = f"{100.0 * (value - 1.0):+.2f} %" if 0.0 < value < 10.0 else f"x {value:g}"
         meant = f", as if written {unit}" if unit else ""
         said = (
-            f"{value:g} times those of A in B ({percent}{meant}: {names})" if value else f"0 in B, not in A ({names})"
+            f"{value:g} times those of A in B ({percent}{meant}: {names})"
+            if value
+            else f"0 in B, and not in A ({names})"
         )
         said = f"{value:g} {ones[0].unit} in B, 0 in A ({names})" if how == "is" else said
         sentence = f"{noun} of {who}: {said}"

@@ -339,7 +339,8 @@ def _single(i: int, difference: Difference, change: Change, b: Reading, files: F
         slips = [f"is {said}" for said in [unit_slip("angle", difference.a, difference.b)] if said]
     name = f"{word(what)}{f' of {change.item}' if change.item else ''}"
     values = [] if difference.a is None or difference.b is None else [(difference.a, difference.b)]
-    told = [f"{word(what)} {slip}" for slip in slips]
+    noun = "each limit" if what == "limits" else word(what)
+    told = [f"{noun} {slip}" for slip in slips]
     if more:
         told.append(f"gravity is that of a base, which carries {', '.join(each.item for each in more)}, that is turned")
     if more and files.b:  # whose placement may be a slip

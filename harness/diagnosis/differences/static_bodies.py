@@ -10,10 +10,10 @@ import numpy as np
 
 from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.stated import differ, difference, only
-from screwgauge.diagnosis.differences.words import axes_of, compared, each_in_its_own, in_axes
+from screwgauge.diagnosis.differences.words import NAMES, axes_of, compared, each_in_its_own, in_axes
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common
 from screwgauge.models.kinematics import size
-from screwgauge.models.matter import combined, displaced, of_body, relative
+from screwgauge.models.matter import Matter, combined, displaced, of_body, relative
 from screwgauge.models.readings.reading import BodyReading, Reading
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.rotations import Array
@@ -26,7 +26,8 @@ def bodies(common: Common) -> Iterator[Difference]:
     for name in common.a.bodies:
         if name in common.b.bodies:
             found = _body(common, name, common.a.bodies[name], common.b.bodies[name])
-            yield from _as_a_whole(common, name, found)
+            found = _as_a_whole(common, name, found)
+            yield from _beside_held(common, name, found) if name in common.held else found
     yield from _unpaired(common)
 
 
@@ -58,6 +59,29 @@ def _body(common: Common, name: str, a: BodyReading, b: BodyReading) -> Iterator
     if differ(a.gravcomp, b.gravcomp):
         one, other = np.asarray(a.gravcomp), np.asarray(b.gravcomp)
         yield found("gravcomp", one, other, *compared(name, "gravcomp", one, other, ""))
+
+
+def _beside_held(common: Common, name: str, found: Iterator[Difference]) -> Iterator[Difference]:
+    """Differences of a body of which joints that B alone has move a part: changes are of what it is without that part.
+
+    What would have no mass without it has no change.
+    """
+    a, b, held = common.a.bodies[name], common.b.bodies[name], common.held[name]
+    (com, inertia), _ = seen_from(a, b)
+    old, new = (combined(matter, held, -1.0) for matter in (of_body(b), Matter(a.mass, com, inertia)))
+    told = {each.what: each for each in found}
+    if not {"mass", "com", "inertia"} & {*told}:
+        yield from told.values()
+        return
+    for what in ("mass", "com", "inertia"):
+        value, now = (np.asarray(getattr(matter, what), dtype=float) for matter in (new, old))
+        sentence = f"{name}: its {NAMES.get(what, what)} without what further joints of B move is another one in A"
+        each = told.get(what) or difference(common, name, what, value, now, (0.0, sentence))
+        if what in told or np.abs(value - now).max() > ROUNDING * float(np.abs(value).max()):
+            told[what] = replace(
+                each, change=each.change and replace(each.change, value=value) if new.possible else None
+            )
+    yield from told.values()
 
 
 def seen_from(a: BodyReading, b: BodyReading) -> tuple[tuple[Array, Array], tuple[bool, bool]]:

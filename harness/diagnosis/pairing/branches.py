@@ -140,9 +140,11 @@ def _weighs(reading: Reading, joint: str, alone: tuple[str, ...], there: tuple[R
     """Whether the other model has the mass of what a joint carries, fixed to what is before it."""
     other, partners = there
     near = reading.bodies[reading.moved_by(joint)].near
+    carried = {link for name in outwards(reading, joint)[0] for link in (name, *reading.bodies[name].fixed)}
     if near not in reading.bodies:
-        carried = {link for name in outwards(reading, joint)[0] for link in (name, *reading.bodies[name].fixed)}
         return bool(carried & {*other.fixed})
     partner = other.bodies.get(partners.get(near, ""))
+    if partner is not None and carried & {*partner.fixed}:
+        return True
     bare, whole = (each.bodies[near].mass for each in (without(reading, joint), held(reading, alone)))
     return partner is not None and abs(partner.mass - whole) < abs(partner.mass - bare)

@@ -13,6 +13,7 @@ from screwgauge.diagnosis.mechanics.reshape import held, ordered, placed
 from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.models.formats import adjoint
 from screwgauge.models.kinematics import ReadingTree, downwards, rehomed
+from screwgauge.models.matter import Matter, combined, of_body
 from screwgauge.models.readings.collapse import collapsed
 from screwgauge.models.readings.naming import NUMBERED
 from screwgauge.models.readings.reading import Reading
@@ -40,6 +41,7 @@ class Common:
         homes: Coordinate of each joint at B's own home.
         placement: Of B's world in A's. Shape (4, 4).
         standing: Body, by its common name -> pose of B's where B is in the pose of A, as far as that is known. (4, 4).
+        held: Body of B -> matter that joints move there which A has not, in its frame; part of the body in `b`.
     """
 
     a: Reading
@@ -50,6 +52,7 @@ class Common:
     homes: Mapping[str, float]
     placement: Array
     standing: Mapping[str, Array]
+    held: Mapping[str, Matter]
 
     @property
     def rounding(self) -> float:
@@ -65,7 +68,10 @@ def weighed(reading: Reading) -> Reading:
 def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
     """Brings both to common terms."""
     a = held(collapsed(weighed(a), pairing.bodies), pairing.only_a)
-    b = held(collapsed(weighed(b), {*pairing.bodies.values()}), pairing.only_b)
+    free = collapsed(weighed(b), {*pairing.bodies.values()})
+    b = held(free, pairing.only_b)
+    more = {n: body for n, body in b.bodies.items() if len(body.fixed) > len(free.bodies[n].fixed)}
+    extra = {n: combined(of_body(body), of_body(free.bodies[n]), -1.0) for n, body in more.items()}
     names = {
         "bodies": {other: name for name, other in pairing.bodies.items() if other in b.bodies},
         "joints": {other: name for name, other in pairing.joints.items()},
@@ -105,6 +111,7 @@ def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
         homes,
         T,
         {name: pairing.standing[other] for other, name in names["bodies"].items() if other in pairing.standing},
+        {names["bodies"].get(other, other): matter for other, matter in extra.items()},
     )
 
 
