@@ -165,21 +165,22 @@ def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Arr
     overlay = _Overlay(a, b, (links[0].far, links[1].far))
     tried = list(_candidates(a, b, links, near))
     scores = [_score(overlay.misfits(T)) for T in tried]
-    if all(overlay.misfits(T).max() > EXACT for T in tried):  # neither the joint nor a name tells: then matter may
-        tried += _by_matter(a, b, links)
-        scores = [_score(overlay.misfits(T)) for T in tried]
     best = max(range(len(tried)), key=lambda i: (round(scores[i], 5), -i))
     found, score = tried[best], scores[best]
-    if overlay.misfits(found).max() <= EXACT or (len(links[0].elements) > 3 and links[0].kind != "F"):
+    if overlay.misfits(found).max() <= EXACT:
         return found
-    elsewhere = links[0].near == GROUND and distance(a, links, np.eye(4)) > EXACT
-    steps = _elsewhere(links[0]) if elsewhere else _freedoms(links[0])
-    for T in tried[:FITTED]:
-        fitted = _fitted(overlay, steps, T)
-        if (better := _score(overlay.misfits(fitted))) > score + 0.4:
-            found, score = fitted, better
-        if overlay.misfits(found).max() <= EXACT:
-            break
+    if len(links[0].elements) <= 3 or links[0].kind == "F":
+        elsewhere = links[0].near == GROUND and distance(a, links, np.eye(4)) > EXACT
+        steps = _elsewhere(links[0]) if elsewhere else _freedoms(links[0])
+        for T in tried[:FITTED]:
+            fitted = _fitted(overlay, steps, T)
+            if (better := _score(overlay.misfits(fitted))) > score + 0.4:
+                found, score = fitted, better
+            if overlay.misfits(found).max() <= EXACT:
+                return found
+    for T in _by_matter(a, b, links):  # neither the joint nor a name tells
+        if (better := _score(overlay.misfits(T))) > score + 0.4:
+            found, score = T, better
     return found
 
 
