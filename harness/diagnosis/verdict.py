@@ -210,9 +210,9 @@ def _explains(found: Sequence[Difference], of: Explanation, both: Together | Non
     """What the causes explain of the torque difference, what is left, and what no torque shows."""
     why, proof = of.attribution, of.proof
     if why.before.scaled <= SAME:
-        more = sum(len(cause.differences) for cause in why.causes[1:] if cause.kind == "unseen")
-        others = [f"{_others(more)} no torque shows."] if more else []
-        return [f"{_capital(_unseen(found, why.before.scaled, both))}.", *others]
+        unseen = sum(len(cause.differences) for cause in why.causes[1:] if cause.kind == "unseen")
+        further = [f"{_others(unseen)} no torque shows."] if unseen else []
+        return [f"{_capital(_unseen(found, why.before.scaled, both))}.", *further]
     if not why.seen:
         said = "there was no time to explain" if late else "nothing that the two say explains"
         return [f"Torques differ by {_largest(why.before)}, which {said}.", *([_as_growth(of)] if of.growth else [])]

@@ -101,7 +101,7 @@ def _text(value: Any, figures: int | None) -> str:
     if not hasattr(value, "to_csv"):  # no table; pandas itself takes long to load
         return json_text(value)
     form = None if figures is None else f"%.{figures}g"
-    return value.to_csv(index=False, na_rep="nan", lineterminator="\n", float_format=form)
+    return str(value.to_csv(index=False, na_rep="nan", lineterminator="\n", float_format=form))
 
 
 class Shown:

@@ -68,10 +68,10 @@ def weighed(reading: Reading) -> Reading:
 def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
     """Brings both to common terms."""
     a = held(collapsed(weighed(a), pairing.bodies), pairing.only_a)
-    free = collapsed(weighed(b), {*pairing.bodies.values()})
-    b = held(free, pairing.only_b)
-    more = {n: body for n, body in b.bodies.items() if len(body.fixed) > len(free.bodies[n].fixed)}
-    extra = {n: combined(of_body(body), of_body(free.bodies[n]), -1.0) for n, body in more.items()}
+    movable = collapsed(weighed(b), {*pairing.bodies.values()})
+    b = held(movable, pairing.only_b)
+    more = {n: body for n, body in b.bodies.items() if len(body.fixed) > len(movable.bodies[n].fixed)}
+    extra = {n: combined(of_body(body), of_body(movable.bodies[n]), -1.0) for n, body in more.items()}
     names = {
         "bodies": {other: name for name, other in pairing.bodies.items() if other in b.bodies},
         "joints": {other: name for name, other in pairing.joints.items()},
