@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import re
-import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,20 +16,18 @@ import pandas as pd
 import pytest
 
 from screwgauge import Results
-from screwgauge import environment as env
 from screwgauge.environment import environment
 from screwgauge.report import folder as writing
 from screwgauge.report.figures import run as drawing
 from screwgauge.scene.entries import Figure
 from support.acting import Applied, Load
-from support.command import printed_by
 from support.engines import Failure, Solution, Timing, Values
 from support.errors import OutputError
 from support.mechanism import load_mechanism
-from support.pages import Picture, Table, fragment, markdown, number, size, terminal
+from support.pages import Picture, fragment, terminal
 from support.report import default_figures, first_difference, verdict
 from support.report import run_page as page
-from support.scene import GivenMotion, digits
+from support.scene import GivenMotion
 
 N = 400
 NAMES = ("leg1.q1", "leg1.q2", "leg2.q1", "leg2.q2")
@@ -449,49 +446,3 @@ def test_terminal_summary_fits_100_columns(make: Make) -> None:
         "✗",
         "no",
     ]
-
-
-def test_numbers_read_well() -> None:
-    assert [number(x) for x in (0.0, 1.25, 1e-11, 1234567.0, np.nan)] == [
-        "0",
-        "1.25",
-        "1e-11",
-        "1.23457e6",
-        "NaN",
-    ]
-    assert [size(x) for x in (0.0, 3.14e-13, np.nan, np.inf)] == ["0", "3.1e-13", "NaN", "inf"]
-    assert [digits(x) for x in (0.0, 1e-30, 1e-3, 5.0)] == [17.0, 17.0, pytest.approx(3.0), 0.0]
-    assert np.isnan(digits(np.nan))
-
-
-def test_cells_cannot_break_a_table() -> None:
-    assert markdown([Table(("a",), (("x | <y>\nz",),))]).splitlines()[-1] == "| x \\| &lt;y&gt; z |"
-
-
-def test_environment_names_no_place_or_person() -> None:
-    record = environment()
-    assert {"platform", "cpu", "cores", "python", "packages", "threads"} <= set(record)
-    text = json.dumps(record)
-    assert str(Path.home()) not in text
-    assert str(Path(__file__).resolve().parents[1]) not in text
-
-
-def test_a_commit_is_marked_where_its_code_was_changed_and_not_where_reports_were(tmp_path, monkeypatch) -> None:
-    for name in ("harness/environment.py", "models/a.py", "reference/a.py", "pyproject.toml", "reports/a.csv"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text("1\n", encoding="utf-8")
-    git = ["git", "-C", str(tmp_path), "-c", "user.name=a", "-c", "user.email=a"]
-    for words in (["init", "-q"], ["add", "."], ["commit", "-qm", "a"]):
-        subprocess.run([*git, *words], check=True)
-    monkeypatch.setattr(env, "__file__", str(tmp_path / "harness/environment.py"))
-    (tmp_path / "reports/a.csv").write_text("2\n", encoding="utf-8")
-    assert re.fullmatch(r"[0-9a-f]{40}", env._commit.__wrapped__())
-    (tmp_path / "models/a.py").write_text("2\n", encoding="utf-8")
-    assert re.fullmatch(r"[0-9a-f]{40}-dirty", env._commit.__wrapped__())
-
-
-@pytest.mark.slow
-def test_environment_imports_no_engine() -> None:
-    code = "import sys, screwgauge.environment as e; e.environment(); print([m in sys.modules for m in names])"
-    code = "names = ['pinocchio', 'mujoco', 'vl_convert']; " + code
-    assert printed_by(code).strip() == "[False, False, False]"

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from html import escape
 
+import numpy as np
 import pytest
 from markdown_it import MarkdownIt
 
@@ -24,11 +25,14 @@ from support.pages import (
     facts,
     fragment,
     markdown,
+    number,
     page,
     prose,
+    size,
     table,
     terminal,
 )
+from support.scene import digits
 
 ROWS = [
     {"engine": "screw", "case": "x", "max_abs": 1.25e-13, "ok": True},
@@ -306,3 +310,20 @@ def test_names_in_cells_may_break_at_their_signs_and_numbers_nowhere() -> None:
     cell = fragment([Table(("a", "b"), (("joint_acceleration of left.elbow @ 1.96 s", "at most 2e-08 by screw"),))])
     assert "joint_<wbr>acceleration of left.<wbr>elbow @ 1.96\N{NO-BREAK SPACE}s" in cell
     assert '<span class="number">2e-08</span>' in cell
+
+
+def test_numbers_read_well() -> None:
+    assert [number(x) for x in (0.0, 1.25, 1e-11, 1234567.0, np.nan)] == [
+        "0",
+        "1.25",
+        "1e-11",
+        "1.23457e6",
+        "NaN",
+    ]
+    assert [size(x) for x in (0.0, 3.14e-13, np.nan, np.inf)] == ["0", "3.1e-13", "NaN", "inf"]
+    assert [digits(x) for x in (0.0, 1e-30, 1e-3, 5.0)] == [17.0, 17.0, pytest.approx(3.0), 0.0]
+    assert np.isnan(digits(np.nan))
+
+
+def test_cells_cannot_break_a_table() -> None:
+    assert markdown([Table(("a",), (("x | <y>\nz",),))]).splitlines()[-1] == "| x \\| &lt;y&gt; z |"
