@@ -154,3 +154,13 @@ def test_a_model_file_of_ones_own_is_bad_input_there_too(paper_scene, tmp_path):
 def test_a_number_in_the_place_of_limits_is_refused():
     with pytest.raises(screwgauge.ScrewgaugeError, match=r"limits: 60 is no Limits; give screwgauge\.Limits"):
         screwgauge.run(screwgauge.load_scene("slider-crank"), limits=60)
+
+
+@pytest.mark.slow
+def test_a_process_is_asked_again_soon_and_replaced_before_it_may_have_ended(monkeypatch):
+    """Of the crash of a process that loky starts anew in an old pool nobody would hear."""
+    monkeypatch.setattr("screwgauge.study.isolation._FREE", free := {})
+    first, second = (isolated({"one": bad_works.who}, Limits(), silent)["one"] for _ in range(2))
+    free["one"] -= 1e3
+    third = isolated({"one": bad_works.who}, Limits(), silent)["one"]
+    assert first == second != third

@@ -36,7 +36,9 @@ T = TypeVar("T")
 #: GB of memory that the machine has.
 MACHINE = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
 TICK = 0.2  # s between looks at progress and clock
-IDLE = 60.0  # s after which a process that nobody asks again ends
+#: s after which a process that nobody asks again ends, and after which it is not asked again: loky does not see the
+#: crash of a process that it starts in the place of one that has ended so.
+IDLE, ASKED = 60.0, 30.0
 #: s after its limit at which a process ends itself, if the parent, who can say more, has not ended it.
 GRACE = 5.0
 LONGEST = 1e9  # s that a timer takes
@@ -47,6 +49,8 @@ SAID = 200  # characters of what a work says that it is at
 ENVIRONMENT = {**ONE, "MUJOCO_GL": "disable"}
 #: Of each name, kept for the next work: starting a process and importing an engine takes a second.
 _EXECUTORS: dict[str, ProcessPoolExecutor] = {}
+#: Since when each has nothing to do [s].
+_FREE: dict[str, float] = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +172,7 @@ class _Jobs(Generic[T]):
 
     def _done(self, name: str, process: str, result: T | Failure) -> None:
         self.free.append(process)
+        _FREE[process] = monotonic()
         if self.lanes and isinstance(result, Failure) and KILLED.search(result.reason):
             self.killed[name] += 1
             if self.killed[name] <= AGAIN:
@@ -229,6 +234,8 @@ def _submit(name: str, work: Callable[[], T]) -> Future[T]:
     if current_process().daemon:  # as a worker of Dask is: it may have no children, which end by the lifeline here
         current_process().daemon = False
         Finalize(None, _stop_all, exitpriority=100)  # before its children are waited for
+    if name in _EXECUTORS and monotonic() - _FREE.get(name, 0.0) > ASKED:
+        _stop(name)
     try:
         future: Future[T] = _EXECUTORS[name].submit(work)
     except (KeyError, BrokenProcessPool):
