@@ -151,7 +151,7 @@ LOOPS = {  # `loop`: MuJoCo has its own and does not read these
     "its kind": ('[joints.b]\nkind = "R"', '[joints.b]\nkind = "P"', "other: joint of b"),
     "what is driven": ('coordinates = ["b"]', "&\nactuated = true", "other: joint of b"),
     "what is independent": ('crank = "a"', 'crank = "c"', "other: independent"),
-    "rule": ("[joints.a]", '[spherical_axial]\njoint = "d"\ndirection = [1, 0, 0]\n&', "other: spherical_axial"),
+    "rule": ("[joints.a]", '[spherical_axial]\njoint = "d"\ndirection = [1, 0, 0]\n&', "refused"),
     "another mechanism": ('mechanism = "four-bar"', 'mechanism = "other"', "other: mechanism"),
     "points of a loop": (
         _POINTS,

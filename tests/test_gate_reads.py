@@ -148,7 +148,7 @@ each = comparing._components
         ("_limit", lambda *arguments: (1e-3, ""), "passes a tolerance of"),
         (
             "_held",
-            lambda row, *others: {**row, "rule": "", "unique": True, "ok": True},
+            lambda row, *others: replace(row, rule="", unique=True, ok=True),
             "pass",
         ),
     ],

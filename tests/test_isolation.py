@@ -160,7 +160,7 @@ def test_a_number_in_the_place_of_limits_is_refused():
 def test_a_process_is_asked_again_soon_and_replaced_before_it_may_have_ended(monkeypatch):
     """Of the crash of a process that loky starts anew in an old pool nobody would hear."""
     monkeypatch.setattr("screwgauge.study.isolation._FREE", free := {})
-    first, second = (isolated({"one": bad_works.who}, Limits(), silent)["one"] for _ in range(2))
+    first, second = (isolated({"one": bad_works.fine}, Limits(), silent)["one"] for _ in range(2))
     free["one"] -= 1e3
-    third = isolated({"one": bad_works.who}, Limits(), silent)["one"]
+    third = isolated({"one": bad_works.fine}, Limits(), silent)["one"]
     assert first == second != third

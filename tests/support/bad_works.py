@@ -104,7 +104,3 @@ def says_where_nothing_can_be_written(progress) -> str:
     shutil.rmtree(file.parent)
     progress(0.5)
     return "done"
-
-
-def who(progress):
-    return os.getpid()
