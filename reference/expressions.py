@@ -86,7 +86,9 @@ def number(value: Any, where: str) -> float:
 def vector(value: Any, where: str, size: int = 3) -> Array:
     """Reads a list of `size` numbers. Shape (size,)."""
     if not isinstance(value, list) or len(value) != size:
-        raise DescriptionError(f"'{value}' is not a list of {size} numbers", where, f"write {size} numbers")
+        count = f"{size} number{'s' * (size > 1)}"
+        remedy = f"write {count} in brackets, such as {[*range(size)]}"
+        raise DescriptionError(f"'{value}' is not a list of {count}", where, remedy)
     return np.array([number(item, where) for item in value])
 
 

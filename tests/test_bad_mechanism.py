@@ -137,7 +137,7 @@ def test_joint_to_a_body_that_does_not_exist_is_refused(side, rod, refused):
         ('"R"\n', '"U"\n', "a U joint has 2 axes"),
         ('"R"\n', '"X"\n', "unknown joint kind 'X'"),
         ('"R"\n', '["R"]\n', "unknown joint kind"),
-        ('"R"\n', '"R"\nhome = [0, 0]\n', "is not a list of 1 numbers"),
+        ('"R"\n', '"R"\nhome = [0, 0]\n', "is not a list of 1 number; write 1 number in brackets, such as [0]"),
         ('"R"\n', '"R"\nlimits = [[1, -1]]\n', "has low >= high"),
         ('"R"\n', '"R"\nlimits = [-1, 1]\n', "expected 1 pairs [low, high]"),
         ('"R"\n', '"R"\ncoordinates = ["a", "b"]\n', "has 1 coordinates"),
