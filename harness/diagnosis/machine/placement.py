@@ -178,7 +178,8 @@ def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Arr
                 found, score = fitted, better
             if overlay.misfits(found).max() <= EXACT:
                 return found
-    for T in _by_matter(a, b, links):  # neither the joint nor a name tells
+    named = {*a.bodies[links[0].far].frames} & {*b.bodies[links[1].far].frames}
+    for T in () if named else _by_matter(a, b, links):  # neither the joint nor a name tells
         if (better := _score(overlay.misfits(T))) > score + 0.4:
             found, score = T, better
     return found
