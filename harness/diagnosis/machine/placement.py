@@ -164,25 +164,30 @@ def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Arr
     """
     overlay = _Overlay(a, b, (links[0].far, links[1].far))
     tried = list(_candidates(a, b, links, near))
-    scores = [_score(overlay.misfits(T)) for T in tried]
-    best = max(range(len(tried)), key=lambda i: (round(scores[i], 5), -i))
-    found, score = tried[best], scores[best]
-    if overlay.misfits(found).max() <= EXACT:
+    offs = [overlay.misfits(T) for T in tried]
+    best = max(range(len(tried)), key=lambda i: (round(_score(offs[i]), 5), -i))
+    found, off = tried[best], offs[best]
+    if off.max() <= EXACT:
         return found
+    for T in _further(a, b, links, overlay, tried):
+        other = overlay.misfits(T)
+        if _score(other) > _score(off) + 0.4:
+            found, off = T, other
+        if off.max() <= EXACT:
+            break
+    return found
+
+
+def _further(
+    a: Machine, b: Machine, links: tuple[Link, Link], overlay: _Overlay, tried: list[Array]
+) -> Iterator[Array]:
+    """Placements where no candidate is exact: motions of the link, and by matter where no name tells either."""
     if len(links[0].elements) <= 3 or links[0].kind == "F":
         elsewhere = links[0].near == GROUND and distance(a, links, np.eye(4)) > EXACT
         steps = _elsewhere(links[0]) if elsewhere else _freedoms(links[0])
-        for T in tried[:FITTED]:
-            fitted = _fitted(overlay, steps, T)
-            if (better := _score(overlay.misfits(fitted))) > score + 0.4:
-                found, score = fitted, better
-            if overlay.misfits(found).max() <= EXACT:
-                return found
-    named = {*a.bodies[links[0].far].frames} & {*b.bodies[links[1].far].frames}
-    for T in () if named else _by_matter(a, b, links):  # neither the joint nor a name tells
-        if (better := _score(overlay.misfits(T))) > score + 0.4:
-            found, score = T, better
-    return found
+        yield from (_fitted(overlay, steps, T) for T in tried[:FITTED])
+    if not {*a.bodies[links[0].far].frames} & {*b.bodies[links[1].far].frames}:
+        yield from _by_matter(a, b, links)
 
 
 def _candidates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Iterator[Array]:

@@ -34,7 +34,7 @@ Settings = MujocoSettings
 
 
 def load(files: ModelFiles, **settings: Any) -> MujocoModel:
-    """Loads an MJCF with its loops file; see `screwgauge.engines.mujoco.settings.Settings`."""
+    """Loads an MJCF with its loops file; see `MujocoSettings`."""
     file = loops_file(files)
     with warned():
         tree = MujocoTree(files.model, file)
