@@ -25,7 +25,7 @@ SMALL = 1e-2
 #: What no torque shows and still is no detail: of closures and couplings, of what is there at all, of the medium.
 WEIGHTY = {
     *("closure", "first_frame", "second_frame", "coupling", "polynomial", "leading joint", "softness"),
-    *("branch", "kind", "body", "medium", "gravity"),
+    *("branch", "link", "kind", "body", "medium", "gravity"),
 }
 
 
