@@ -32,7 +32,7 @@ APART = {"medium", *kinds()}
 #: Content that acts by friction, stops or contacts, which all torques leave out.
 RESISTING = {"fixed tendons", "range of rotation", "softness of stops", "softness of friction", "contact pairs"}
 #: Of parts that one model alone has, without which torques are compared.
-MISSING = {"branch", "kind", "body"}
+MISSING = {"branch", "link", "kind", "body"}
 #: Quantity whose velocity products a library has wrong -> case of the casebook.
 CASES = {"Jdot v": "mj-jdotv-before-3.7", "acceleration": "spatial-or-classical"}
 #: Words of a headline at most.
@@ -255,7 +255,7 @@ def _unseen(found: Sequence[Difference], off: float, both: Together | None) -> s
         both: Those of the libraries, where they agree, too.
     """
     closed = [each.what in CLOSING for each in found]
-    if any(each.what in ("branch", "kind") for each in found):
+    if any(each.what in ("branch", "link", "kind") for each in found):
         return f"torques of all else agree ({off:.1g})"
     if any(each.what in RESISTING for each in found):
         return f"torques, which leave out friction of tendons, stops and contacts, agree ({off:.1g})"

@@ -28,7 +28,7 @@ REST = 1e-3
 #: What no torque shows and still is no detail: of closures and couplings, of what is there at all, of the medium.
 WEIGHTY = {
     *("closure", "first_frame", "second_frame", "coupling", "polynomial", "leading joint", "softness"),
-    *("branch", "kind", "body", "medium", "gravity"),
+    *("branch", "link", "kind", "body", "medium", "gravity"),
 }
 
 

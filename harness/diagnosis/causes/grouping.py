@@ -32,6 +32,7 @@ PLURALS = {
     "stiffness": "stiffnesses",
     "gear": "gears",
     "branch": "subtrees",
+    "link": "links",
     "kind": "kinds of joints",
 }
 #: Where a joint is and how it counts.
@@ -47,8 +48,7 @@ _OF_SEVERAL = (
     (r"with all that (?:it carries|they carry) \((.*?)\)", r"with all that they carry (\1 each)"),
     (
         r": does not move in (.), where what it carries is part of what is before it",
-        r": do not move in \1, where what "
-        "they carry is part of what is before them",
+        r": do not move in \1, where what they carry is part of what is before them",
     ),
 )
 _NAMED = 3

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -36,8 +36,8 @@ class Property:
 #: ``pose`` of a body is that of its own frame alone, its matter with it; ``placement`` of a joint is the displacement
 #: of the joint and of all outwards of it; ``axis`` and ``centre`` move the screw alone; ``zero`` is the coordinate at
 #: home; ``sign`` -1 counts the coordinate the other way, limits and rest with it; ``branch`` 0 takes a joint away and
-#: all outwards of it. ``inertia`` is about the centre of mass in the axes of the body. ``softness`` is also that of a
-#: coupling.
+#: all outwards of it, ``link`` 0 a joint and the body that it moves: what hangs on that hangs on what is before it.
+#: ``inertia`` is about the centre of mass in the axes of the body. ``softness`` is also that of a coupling.
 PROPERTIES: dict[str, Property] = {
     "mass": Property("body", (), "kg"),
     "com": Property("body", (3,), "m"),
@@ -56,6 +56,7 @@ PROPERTIES: dict[str, Property] = {
     "stiffness": Property("joint", (), "N m/rad|N/m"),
     "rest": Property("joint", (), "rad|m"),
     "branch": Property("joint", (), "1"),
+    "link": Property("joint", (), "1"),
     "first_frame": Property("closure", (4, 4), "m"),
     "second_frame": Property("closure", (4, 4), "m"),
     "softness": Property("closure", (-1,), "1"),
@@ -173,8 +174,8 @@ def _changed(reading: Reading, change: Change) -> Reading:
     item = items[change.item]
     if what == "placement":
         return _displaced(reading, change.item, value)
-    if what == "branch":
-        return reading if value else without(reading, change.item)
+    if what in ("branch", "link"):
+        return reading if value else (without if what == "branch" else spliced)(reading, change.item)
     if what == "sign":
         return reading if value > 0 else _reversed(reading, change.item)
     new: Any
@@ -214,7 +215,19 @@ def _reversed(reading: Reading, name: str) -> Reading:
 def without(reading: Reading, joint: str) -> Reading:
     """A reading without a joint and what it carries. Joints before it, of the same body, go with it."""
     bodies, joints = outwards(reading, joint)
-    lost = {*joints, *(name for body in bodies for name in reading.bodies[body].joints)}
+    return _lacking(reading, bodies, {*joints, *(name for body in bodies for name in reading.bodies[body].joints)})
+
+
+def spliced(reading: Reading, joint: str) -> Reading:
+    """A reading without the body that a joint moves; what hangs on that hangs, where it is, on what was before it."""
+    name = reading.moved_by(joint)
+    gone = reading.bodies[name]
+    bodies = {n: replace(b, near=gone.near) if b.near == name else b for n, b in reading.bodies.items()}
+    return _lacking(replace(reading, bodies=bodies), [name], {*gone.joints})
+
+
+def _lacking(reading: Reading, bodies: Collection[str], joints: Collection[str]) -> Reading:
+    """A reading without some bodies and joints, and without what is of them."""
 
     def stays(body: str) -> bool:
         return body not in bodies
@@ -222,8 +235,8 @@ def without(reading: Reading, joint: str) -> Reading:
     return replace(
         reading,
         bodies={name: body for name, body in reading.bodies.items() if stays(name)},
-        joints={name: joint for name, joint in reading.joints.items() if name not in lost},
+        joints={name: joint for name, joint in reading.joints.items() if name not in joints},
         closures={n: c for n, c in reading.closures.items() if stays(c.first) and stays(c.second)},
-        couplings={n: c for n, c in reading.couplings.items() if not {c.joint, c.of} & lost},
-        actuators={n: driven for n, driven in reading.actuators.items() if driven[0] not in lost},
+        couplings={n: c for n, c in reading.couplings.items() if not {c.joint, c.of} & {*joints}},
+        actuators={n: driven for n, driven in reading.actuators.items() if driven[0] not in joints},
     )

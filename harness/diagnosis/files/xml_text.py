@@ -69,6 +69,7 @@ class XmlText:
         self._attributes: dict[Element, dict[str, str | None]] = {}
         self._inserted: dict[Element, list[str]] = {}
         self._replaced: dict[Element, str] = {}
+        self._unwrapped: list[Element] = []
         self._parse(text, where)
 
     def _parse(self, text: str, where: str) -> None:
@@ -136,9 +137,16 @@ class XmlText:
         """Puts a text in the place of an element with all that is in it."""
         self._replaced[element] = text
 
+    def unwrap(self, element: Element) -> None:
+        """Takes out the tags of an element and leaves what is between them."""
+        self._unwrapped.append(element)
+
     def text(self) -> str:
         """The text with all changes made."""
         edits = [(element.start, element.end, new) for element, new in self._replaced.items()]
+        for element in self._unwrapped:
+            last = element.stop if self._alone(element) else self._text.rindex("</", element.stop, element.end)
+            edits += [(element.start, element.stop, ""), (last, element.end, "")]
         for element in {**self._attributes, **self._inserted}:
             edits.append((element.start, element.stop, self._start_tag(element)))
         out, at = list[str](), 0

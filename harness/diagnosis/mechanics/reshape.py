@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
 from screwgauge.models.kinematics import moved
-from screwgauge.models.matter import combined, displaced, of_body
+from screwgauge.models.matter import Matter, combined, displaced, of_body
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -87,11 +88,17 @@ def _shown(part: BodyReading) -> bool:
     return bool(part.mass or part.inertia.any()) and not part.copy_of
 
 
+def _own(part: BodyReading) -> Matter:
+    """That of the link that a body is called after."""
+    return reduce(lambda left, other: combined(left, other, -1.0), part.parts.values(), of_body(part))
+
+
 def joined(body: BodyReading, name: str, part: BodyReading) -> BodyReading:
     """A body with another one fixed to it as both are at home."""
     T = np.linalg.inv(body.pose) @ part.pose
     both = combined(of_body(body), displaced(of_body(part), T))
     weight = body.mass * body.gravcomp + part.mass * part.gravcomp
+    parts = {link: displaced(matter, T) for link, matter in part.parts.items()}
     links = {name: T, **{link: T @ frame for link, frame in part.fixed.items()}}
     return replace(
         body,
@@ -100,5 +107,5 @@ def joined(body: BodyReading, name: str, part: BodyReading) -> BodyReading:
         inertia=both.inertia,
         gravcomp=weight / both.mass if both.mass else 0.0,
         fixed={**body.fixed, **links},
-        parts=(*body.parts, *([name] if _shown(part) else []), *part.parts),
+        parts={**body.parts, **({name: displaced(_own(part), T)} if _shown(part) else {}), **parts},
     )
