@@ -16,8 +16,8 @@ from screwgauge.diagnosis.causes.fitting import SPEEDS, Growth, growth
 from screwgauge.diagnosis.causes.soft import softness
 from screwgauge.diagnosis.compare import STATES, Row, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
-from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.content import beyond
+from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.differences.digits import marked
 from screwgauge.diagnosis.differences.loops import Loops, at_home, loops
 from screwgauge.diagnosis.differences.static import differences, distinct

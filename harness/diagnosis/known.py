@@ -8,23 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.casebook.book import reproduce
-from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, Difference
-from screwgauge.diagnosis.differences.words import NAMES
+from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.model import Model
-from screwgauge.diagnosis.pairing.common import STANDARD
+from screwgauge.diagnosis.properties import OPTIONAL, PROPERTIES, ROOMS, Change, word
 from screwgauge.models.readings.reading import Reading
-
-#: Value of a property that no file has to say, for all that is not zero.
-_DEFAULTS = {"gravity": STANDARD}
-_OPTIONAL = ("gravity", "medium", "gravcomp", "armature", "damping", "friction", "stiffness", "rest")
-#: Library that does not use a property -> case of the casebook.
-CASES = {
-    ("pinocchio", "gravity"): "pin-mjcf-gravity",
-    ("pinocchio", "gravcomp"): "pin-mjcf-gravcomp",
-    ("pinocchio", "stiffness"): "pin-mjcf-springs",
-    ("pinocchio", "rest"): "pin-mjcf-springs",
-}
-
 
 #: Case of tensors that MuJoCo's compiler turns inexactly, and more than it changes of them.
 AXES, INEXACT = "mj-axes-before-3.14", 1e-6
@@ -51,15 +38,15 @@ def one_file(models: tuple[Model, Model]) -> bool:
 def unused(models: tuple[Model, Model], found: Sequence[Difference]) -> Iterator[str]:
     """Of one file: what one library reads and the other leaves as if the file did not say it; a sentence each."""
     for k, model in enumerate(models if one_file(models) else ()):
-        whats = [each.what for each in found if each.what in _OPTIONAL and _left_out((each.a, each.b), k, each.what)]
+        whats = [each.what for each in found if each.what in OPTIONAL and _left_out((each.a, each.b), k, each.what)]
         if whats:
             yield does_not_use(model.library, whats)
 
 
 def does_not_use(library: str, whats: Sequence[str]) -> str:
     """A sentence on properties that a library leaves in a file."""
-    names = ", ".join(dict.fromkeys(NAMES.get(what, what) for what in whats))
-    cases = dict.fromkeys(CASES[key] for what in whats if (key := (library, what)) in CASES)
+    names = ", ".join(dict.fromkeys(word(what) for what in whats))
+    cases = dict.fromkeys(filter(None, (PROPERTIES[what].cases.get(library) for what in whats)))
     book = f" (casebook: {', '.join(cases)})" if cases else ""
     return f"{library} does not use what the file says of {names}{book}."
 
@@ -67,7 +54,7 @@ def does_not_use(library: str, whats: Sequence[str]) -> str:
 def unheard(change: Change, before: Reading, after: Reading) -> bool:
     """Whether a library reads the same as before from a file that has the change."""
     owner = PROPERTIES[change.what].owner
-    if change.what not in _OPTIONAL or (owner != "model" and change.item not in getattr(after, ROOMS[owner])):
+    if change.what not in OPTIONAL or (owner != "model" and change.item not in getattr(after, ROOMS[owner])):
         return False
     holders = [r if owner == "model" else getattr(r, ROOMS[owner])[change.item] for r in (before, after)]
     old, new = (np.asarray(getattr(holder, change.what), dtype=float) for holder in holders)
@@ -76,6 +63,6 @@ def unheard(change: Change, before: Reading, after: Reading) -> bool:
 
 def _left_out(values: tuple[object, object], k: int, what: str) -> bool:
     """Whether one value is that of a file that does not say it, and the other one is not."""
-    default = _DEFAULTS.get(what, np.zeros(PROPERTIES[what].shape))
+    default = np.broadcast_to(PROPERTIES[what].default or 0.0, PROPERTIES[what].shape or ())
     plain = [value is not None and np.array_equal(np.asarray(value), default) for value in values]
     return plain[k] and not plain[1 - k]

@@ -15,6 +15,7 @@ from screwgauge.diagnosis.library_dynamics import Witness
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, Common
 from screwgauge.diagnosis.pairing.mapping import CLOSE
+from screwgauge.diagnosis.properties import PROPERTIES
 from screwgauge.models.kinematics import draw, not_modelled, plant, size
 from screwgauge.models.matter import Matter, combined, displaced, of_body
 from screwgauge.models.readings.reading import Reading
@@ -26,8 +27,6 @@ from screwgauge.witness.dynamics import passive_parts
 NAMED = 3
 #: Library -> its call for inverse dynamics.
 _CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
-#: What one call contains and another one does not -> case of the casebook.
-CASES = {"damping": "urdf-damping-one-side", "stiffness": "pin-mjcf-springs"}
 
 
 def notes(
@@ -134,7 +133,7 @@ def _calls(readings: dict[str, Reading], seen: Sequence[Witness], seed: int) -> 
         if what:
             reading = readings[less.side]
             value, component = _largest_left_out(reading, what, seed)
-            cases = [CASES[each] for each in what if each in CASES]
+            cases = [*filter(None, (PROPERTIES[each].call for each in what))]
             book = f" (casebook: {', '.join(cases)})" if cases else ""
             yield (
                 f"{_CALLS[more.library]} of {more.side} contains {' and '.join(what)}, {_CALLS[less.library]} of "

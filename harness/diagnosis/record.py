@@ -7,7 +7,7 @@ from typing import Any
 
 from screwgauge.diagnosis.causes.attribution import Attribution, Cause
 from screwgauge.diagnosis.diagnose import Diagnosis
-from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.model import Model
 
 SCHEMA = 2

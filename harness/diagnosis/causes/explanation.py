@@ -8,13 +8,14 @@ from pathlib import Path
 
 from screwgauge.diagnosis.causes.attribution import Attribution, Torques, attribute, changes_of
 from screwgauge.diagnosis.causes.backfill import Backfill, backfill
+from screwgauge.diagnosis.causes.edits import Files, edits
 from screwgauge.diagnosis.causes.fitting import Growth
 from screwgauge.diagnosis.causes.grouping import Grouping
-from screwgauge.diagnosis.causes.slips import Files, edits
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.differences.change import Change, Difference
+from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.files.layout import UnpatchableError
 from screwgauge.diagnosis.files.opened import Opened, opened
+from screwgauge.diagnosis.properties import Change
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.files import read_file

@@ -17,12 +17,13 @@ from screwgauge.diagnosis.causes.backfill import reread
 from screwgauge.diagnosis.causes.grouping import Group
 from screwgauge.diagnosis.compare import components
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.differences.change import Change, Difference
+from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.files.patch import patched
 from screwgauge.diagnosis.library_dynamics import ASKED, CLOSING, joint_states
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import counterpart, states_of_b, velocity_map
 from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.diagnosis.properties import Change
 from screwgauge.models.kinematics import ReadingTree, draw, plant
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError

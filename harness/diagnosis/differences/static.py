@@ -9,22 +9,20 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.differences.change import PROPERTIES, Difference, Kind
+from screwgauge.diagnosis.differences.difference import Difference, Kind, another, differ, difference
 from screwgauge.diagnosis.differences.geometry import Deviation, deviations, step_of
-from screwgauge.diagnosis.differences.stated import another, differ, difference
 from screwgauge.diagnosis.differences.static_bodies import bodies
 from screwgauge.diagnosis.differences.static_loops import actuators, closures, couplings
-from screwgauge.diagnosis.differences.words import axes_of, compared, each_in_its_own, place, unit_of
+from screwgauge.diagnosis.differences.words import axes_of, compared, each_in_its_own, place
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common
 from screwgauge.diagnosis.pairing.mapping import CLOSE
+from screwgauge.diagnosis.properties import PASSIVE, unit_of
 from screwgauge.diagnosis.transformations import axis
 from screwgauge.models.kinematics import downwards, size
 from screwgauge.models.mjcf import FAR
 from screwgauge.models.readings.reading import JointReading
 from screwgauge.reference.rotations import Array, rotation_vector
 
-#: Entries of a joint that are one number each.
-ENTRIES = ("armature", "damping", "friction", "stiffness", "rest")
 #: A limit beyond so many rad or m is none.
 BOUNDLESS = 100.0
 #: Places along a joint whose zero is elsewhere are the same up to so much [rad or m]: files print some digits.
@@ -73,10 +71,11 @@ def _deviation(common: Common, found: Deviation) -> Difference:
 def _model(common: Common) -> Iterator[Difference]:
     a, b = downwards(common.a), downwards(common.b)
     if np.linalg.norm(a - b) > ROUNDING * max(float(np.linalg.norm(a)), float(np.linalg.norm(b))):
-        size_, sentence = compared("", "gravity", a, b, PROPERTIES["gravity"].unit)
+        unit = unit_of("gravity")
+        size_, sentence = compared("", "gravity", a, b, unit)
         R = common.placement[:3, :3]
         if np.abs(R - np.eye(3)).max() > ROUNDING:
-            unit, axes = PROPERTIES["gravity"].unit, "along the axes of its own world"
+            axes = "along the axes of its own world"
             apart = f"{np.linalg.norm(a - b):.4g} {unit} apart"
             sentence = each_in_its_own("", "gravity", a, R.T @ b, unit, axes, apart)
         yield difference(common, "", "gravity", a, b, (size_, sentence + _stands(common, a, b)))
@@ -105,7 +104,7 @@ def _joint(common: Common, name: str, written: JointReading, shift: float) -> It
     if a.kind != b.kind:
         sentence = f"{name}: a {b.kind} in B, a {a.kind} in A"
         yield another(common, "joints", name, "kind", sentence)
-    for what in ENTRIES:
+    for what in (*PASSIVE, "rest"):
         if what == "rest" and not (a.stiffness or b.stiffness):
             continue
         first, second = getattr(a, what), getattr(b, what)

@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import Difference
-from screwgauge.diagnosis.differences.stated import differ, difference, only
-from screwgauge.diagnosis.differences.words import NAMES, axes_of, compared, each_in_its_own, in_axes
+from screwgauge.diagnosis.differences.difference import Difference, differ, difference, only
+from screwgauge.diagnosis.differences.words import axes_of, compared, each_in_its_own, in_axes
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common
+from screwgauge.diagnosis.properties import INERTIAL, word
 from screwgauge.models.kinematics import size
 from screwgauge.models.matter import Matter, combined, displaced, of_body, relative, steps_of
 from screwgauge.models.readings.reading import BodyReading, Reading
@@ -76,12 +76,12 @@ def _beside_held(common: Common, name: str, found: Iterator[Difference]) -> Iter
     (com, inertia), _ = seen_from(a, b)
     old, new = (combined(matter, held, -1.0) for matter in (of_body(b), Matter(a.mass, com, inertia)))
     told = {each.what: each for each in found}
-    if not {"mass", "com", "inertia"} & {*told}:
+    if not {*INERTIAL} & {*told}:
         yield from told.values()
         return
-    for what in ("mass", "com", "inertia"):
+    for what in INERTIAL:
         value, now = (np.asarray(getattr(matter, what), dtype=float) for matter in (new, old))
-        sentence = f"{name}: its {NAMES.get(what, what)} without what further joints of B move is another one in A"
+        sentence = f"{name}: its {word(what)} without what further joints of B move is another one in A"
         each = told.get(what) or difference(common, name, what, value, now, (0.0, sentence))
         if what in told or np.abs(value - now).max() > ROUNDING * float(np.abs(value).max()):
             told[what] = replace(
