@@ -22,12 +22,11 @@ from screwgauge.diagnosis.differences.digits import marked
 from screwgauge.diagnosis.differences.loops import Loops, at_home, loops
 from screwgauge.diagnosis.differences.static import differences, distinct
 from screwgauge.diagnosis.differences.static_loops import cut_joints
-from screwgauge.diagnosis.known import compiled
 from screwgauge.diagnosis.library_dynamics import Witness, witnesses
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Loops as Beside
 from screwgauge.diagnosis.model import Model, Read, Weighed, alike, cut_alike, each_loops, in_process, loaded
-from screwgauge.diagnosis.notes import notes, outside
+from screwgauge.diagnosis.notes import compiled, notes, outside
 from screwgauge.diagnosis.order import Order, between
 from screwgauge.diagnosis.pairing.branches import bare, missing
 from screwgauge.diagnosis.pairing.common import brought

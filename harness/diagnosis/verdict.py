@@ -12,9 +12,9 @@ from screwgauge.diagnosis.differences.content import Beyond
 from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.differences.loops import ALIKE, Loops
 from screwgauge.diagnosis.differences.static import distinct
-from screwgauge.diagnosis.known import does_not_use, one_file, unused
 from screwgauge.diagnosis.library_dynamics import Witness
 from screwgauge.diagnosis.model import Model
+from screwgauge.diagnosis.notes import does_not_use, one_file, unused
 from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.diagnosis.properties import CLOSING, PARTS
 from screwgauge.diagnosis.together import Together

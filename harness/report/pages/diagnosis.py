@@ -8,7 +8,7 @@ from typing import Any
 
 from screwgauge.diagnosis.compare import STATES
 from screwgauge.diagnosis.diagnose import Diagnosis
-from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.differences.static import sorted_by_size
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.record import summary
