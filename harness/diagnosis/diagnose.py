@@ -11,9 +11,8 @@ import numpy as np
 
 from screwgauge.diagnosis.causes.attribution import Attribution, Cause, Torques
 from screwgauge.diagnosis.causes.backfill import Backfill, write_fix
-from screwgauge.diagnosis.causes.explanation import explained
+from screwgauge.diagnosis.causes.explanation import explained, softness
 from screwgauge.diagnosis.causes.fitting import SPEEDS, Growth, growth
-from screwgauge.diagnosis.causes.soft import softness
 from screwgauge.diagnosis.compare import STATES, Row, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.differences.content import beyond
