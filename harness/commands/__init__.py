@@ -61,7 +61,7 @@ def models(options: argparse.Namespace) -> int:
 
 def import_(options: argparse.Namespace) -> int:
     """Writes a URDF or MJCF as a description and a scene, and prints what neither can hold."""
-    from screwgauge.diagnosis.order import indexed
+    from screwgauge.diagnosis.compare import indexed
     from screwgauge.models.importing.convert import Wanted
     from screwgauge.models.importing.model import Options, notes
     from screwgauge.scene.default import write_imported

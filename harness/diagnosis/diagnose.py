@@ -13,7 +13,7 @@ from screwgauge.diagnosis.causes.attribution import Attribution, Cause, Torques
 from screwgauge.diagnosis.causes.backfill import Backfill, write_fix
 from screwgauge.diagnosis.causes.explanation import explained, softness
 from screwgauge.diagnosis.causes.fitting import SPEEDS, Growth, growth
-from screwgauge.diagnosis.compare import STATES, Row, table, torques
+from screwgauge.diagnosis.compare import STATES, Order, Row, order_of, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.differences.content import beyond
 from screwgauge.diagnosis.differences.difference import Difference
@@ -26,7 +26,6 @@ from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Loops as Beside
 from screwgauge.diagnosis.model import Model, Read, Weighed, alike, cut_alike, each_loops, in_process, loaded
 from screwgauge.diagnosis.notes import compiled, notes, outside
-from screwgauge.diagnosis.order import Order, between
 from screwgauge.diagnosis.pairing.branches import bare, missing
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
@@ -168,7 +167,7 @@ def diagnose(
         found = Diagnosis(one, two, seed, *strange((one, two), pairing), False, pairing, ())
     else:
         found = _compared(one, two, pairing, seed, load, deadline)
-        if order := between((one, two), pairing, seed):
+        if order := order_of((one, two), pairing, seed):
             found = replace(_and(found, order.sentence), order=order)
         if not pairing.one_machine:
             found = replace(found, explanation=f"{partly((one, two), pairing)} {found.explanation}".strip())
