@@ -184,8 +184,7 @@ def stress(options: argparse.Namespace) -> int:
 
 def diagnose(options: argparse.Namespace) -> int:
     """Compares two models, and explains and proves their differences."""
-    from screwgauge.diagnosis.diagnose import diagnose
-    from screwgauge.diagnosis.record import summary
+    from screwgauge.diagnosis.diagnose import diagnose, summary
     from screwgauge.environment import json_text
     from screwgauge.report.pages.diagnosis import PAGE, every_difference
     from screwgauge.study.loading import read_isolated, sides
