@@ -7,7 +7,7 @@ of neighbours. The body behind a pair of links is then placed in the first machi
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain, product
 
@@ -215,9 +215,9 @@ def _roles(reading: Reading, link: Link) -> tuple[bool, bool]:
     return any(leads for leads, _ in pairs), any(follows for _, follows in pairs)
 
 
-def _behind(machine: Machine, links: Iterable[Link]) -> list[Link]:
-    """What hangs on the far bodies of links."""
-    return [far for link in links for far in machine.at(link.far) if far.names != link.reversed().names]
+def _behind(machine: Machine, link: Link) -> list[Link]:
+    """What hangs on the far body of a link."""
+    return [far for far in machine.at(link.far) if far.names != link.reversed().names]
 
 
 def aligned(a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str]) -> Alignment:
@@ -261,16 +261,18 @@ class _Walk:
         ]
 
     def _skipping(self, near: str) -> list[tuple[Link, Link]]:
-        """A link of a body, and one behind another link of its partner, which is in one place: that one is missing."""
+        """Links of a body and those behind another link of its partner that are in one place: that link is missing."""
         if len(self.a.links) == len(self.b.links):
             return []
-        ours = [link.of(near) for link in self.open_a if link.joins(near)]
         there = self.bodies[near]
+        ours = [link.of(near) for link in self.open_a if link.joins(near)]
         theirs = [link.of(there) for link in self.open_b if link.joins(there)]
-        if any(self._lie(*pair, near) for pair in product(ours, theirs)):
-            return []
-        pairs = [*product(_behind(self.a, ours), theirs), *product(ours, _behind(self.b, theirs))]
-        found = [pair for pair in pairs if self._lie(*pair, near)][:1]
+        direct = [pair for pair in product(ours, theirs) if self._lie(*pair, near)]
+        ours = [link for link in ours if all(link is not one for one, _ in direct)]
+        theirs = [link for link in theirs if all(link is not other for _, other in direct)]
+        pairs = [product(_behind(self.a, link), theirs) for link in ours]
+        pairs += [product(ours, _behind(self.b, link)) for link in theirs]
+        found = max(([pair for pair in some if self._lie(*pair, near)] for some in pairs), key=len, default=[])
         self.placed |= {one.near: self.placed[near] for one, _ in found}
         return found
 
