@@ -78,7 +78,7 @@ def check(
         ScrewgaugeError: Bad input. What is wrong with one scene is no error but a row.
     """
     from screwgauge.report.gate import check_with
-    from screwgauge.study.executors import InTurn, Processes
+    from screwgauge.study.runner import InTurn, Processes
 
     execute = InTurn() if limits is None else Processes(jobs, limits)
     return check_with(

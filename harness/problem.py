@@ -19,6 +19,9 @@ Rows = NDArray[np.intp]
 Progress = Callable[[float], None]
 """Takes the share of the work that is done, 0 to 1."""
 
+Report = Callable[[str, float], None]
+"""Takes the name of a step and the share of it that is done, 0 to 1."""
+
 
 def spread(n: int, most: int) -> Rows:
     """Rows of `n` samples: at most `most`, evenly spread, both ends among them."""
@@ -27,6 +30,10 @@ def spread(n: int, most: int) -> Rows:
 
 def quiet(share: float) -> None:
     """Progress that nobody looks at."""
+
+
+def silent(step: str, share: float) -> None:
+    """A report that nobody looks at."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

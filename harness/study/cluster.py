@@ -26,12 +26,12 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from screwgauge.environment import environment
-from screwgauge.problem import Progress
+from screwgauge.problem import Progress, Report
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, first_few
 from screwgauge.reference.files import read_bytes, read_json
 from screwgauge.solution import Failure
 from screwgauge.study import isolation
-from screwgauge.study.executors import Executor, InTurn, Processes, Report, Task
+from screwgauge.study.runner import Executor, InTurn, Processes, Task
 
 if TYPE_CHECKING:
     from distributed import Client, Future

@@ -1,10 +1,12 @@
-"""What a comparison found."""
+"""The result of a run: solutions, comparisons and judgements, and which files they are of. How it is made: `run`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from functools import cached_property
+from pathlib import Path
 from typing import Any, TypeVar
 
 import pandas as pd
@@ -12,9 +14,12 @@ import pandas as pd
 from screwgauge.judging.conditioning import Guarded, guarded
 from screwgauge.judging.coverage import Coverage
 from screwgauge.judging.refusals import Refusal
+from screwgauge.models import catalog
 from screwgauge.quantities import QUANTITIES
-from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.files import digest
 from screwgauge.reference.rotations import Array
+from screwgauge.scene import read as scenes
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution, Values
 
@@ -43,7 +48,7 @@ class Comparison:
         refusals: Samples at which an engine gives no number, with the reason.
         cover: Looks at what the scene could have seen of mistakes: not everybody asks.
         known: Sentences about discrepancies of the engines that have a name and touch what is out of tolerance.
-        provenance: Files that were judged, date and schema, see `screwgauge.study.provenance`.
+        provenance: Files that were judged, date and schema, see `screwgauge.study.comparison`.
     """
 
     scene: Scene
@@ -150,3 +155,47 @@ class Comparison:
                 return table[quantity]
         known = dict.fromkeys(name for table in tables for name in table)
         raise UnknownNameError(kind, quantity, known or ["none, as the engine truth was not run"])
+
+
+SCHEMA = 1  #: Of ``summary.json``: raised when a key goes or changes its meaning.
+_BUILT_IN = (scenes.FOLDER, catalog.FOLDER)
+
+
+def provenance(
+    scene: Scene | None, models: Mapping[str, Path], *, description: Path | None = None, date: datetime | None = None
+) -> dict[str, Any]:
+    """Names and contents of what was judged.
+
+    Args:
+        scene: None where there is no single one.
+        models: Engine -> model file as it read it; generated ones must still be there.
+        description: What describes the mechanism where that is not the scene's file; generated, too.
+        date: When it was judged; now by default.
+
+    Returns:
+        ``models`` (engine -> ``file`` and ``sha256``), ``scene_file`` and ``scene_sha256``, ``description`` (``file``,
+        ``sha256``), ``date`` (ISO 8601, UTC) and ``schema``. Files are named as they were given.
+    """
+    found: dict[str, Any] = {"date": (date or datetime.now(UTC)).astimezone(UTC).isoformat(timespec="seconds")}
+    if scene is not None:
+        given = {*scene.models.values(), scene.mechanism_file, *(table.file for table in scene.tables.values())}
+        found["models"] = {name: _file(path, generated=path not in given) for name, path in models.items()}
+        described = description or scene.mechanism_file
+        found["description"] = _file(described, generated=described not in given)
+        if scene.file is not None:
+            found["scene_file"], found["scene_sha256"] = _file(scene.file).values()
+    return {**found, "schema": SCHEMA}
+
+
+def built_in(path: Path) -> bool:
+    """Whether a file comes with this package."""
+    return any(path.is_relative_to(folder) for folder in _BUILT_IN)
+
+
+def _file(path: Path, *, generated: bool = False) -> dict[str, str | None]:
+    """Name and SHA-256; none where the file has gone since."""
+    name = f"generated {path.name}" if generated else f"built-in {path.name}" if built_in(path) else str(path)
+    try:
+        return {"file": name, "sha256": digest(path)}
+    except DescriptionError:
+        return {"file": name, "sha256": None}

@@ -26,14 +26,13 @@ import pandas as pd
 import screwgauge
 from screwgauge.casebook.book import CASES, reproduce
 from screwgauge.judging.residual import JUDGE, columns_of
-from screwgauge.problem import Progress
+from screwgauge.problem import Progress, Report, silent
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.study.executors import Executor, InTurn, Report, Task
-from screwgauge.study.gate.row import EXIT
+from screwgauge.study.gate.items import EXIT
 from screwgauge.study.lifeline import tied
-from screwgauge.study.runner import grow_table, silent
-from screwgauge.study.table import TableFile
+from screwgauge.study.runner import Executor, InTurn, Task, grow_table
+from screwgauge.study.store import TableFile
 
 #: What pin before 4 was built with and asks for in any version: newer ones have no libtinyxml2.so.10 or
 #: liburdfdom_sensor.so.4.0 (pin 3.4.0 and 3.9.0 were tried), and it cannot be imported.

@@ -15,16 +15,15 @@ import pandas as pd
 
 from screwgauge.environment import environment, json_text
 from screwgauge.judging.residual import columns_of, frame
-from screwgauge.problem import Progress
+from screwgauge.problem import Progress, Report, silent
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.study.cases.case import SILENT, Finding, StressCase
 from screwgauge.study.cases.question import findings
 from screwgauge.study.cases.registry import choose
-from screwgauge.study.executors import Executor, InTurn, Report, Task
-from screwgauge.study.journal import Journal
+from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import missing
-from screwgauge.study.provenance import provenance
-from screwgauge.study.runner import run_tasks, silent
+from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
+from screwgauge.study.store import Journal
 
 #: Column of ``stress.csv`` -> attribute of a `Finding`.
 COLUMNS = {

@@ -14,4 +14,4 @@ from screwgauge.study.bench.slopes import RULES, Rule, table
 from screwgauge.study.bench.slopes import fits as fit_slopes
 from screwgauge.study.bench.stamp import NAME, stamp
 from screwgauge.study.bench.timing import Protocol, enough, measure, once
-from screwgauge.study.journal import Journal
+from screwgauge.study.store import Journal

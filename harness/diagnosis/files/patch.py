@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,13 +34,21 @@ class Patch:
     left: tuple[tuple[Change, str], ...] = ()
 
 
-def patched(text: str, reading: Reading, changes: Sequence[Change], *, plain: bool = False) -> Patch:
+def patched(
+    text: str,
+    reading: Reading,
+    changes: Sequence[Change],
+    *,
+    plain: bool = False,
+    spell: Callable[[str], str] = str,
+) -> Patch:
     """A model file with changes made.
 
     Args:
         text: Of the file.
         reading: What was read from it; the changes are those of it.
         plain: Whole inertials in the axes of their links instead of the least change.
+        spell: The value of an attribute -> as it is to be written.
 
     Raises:
         DescriptionError: The file is no XML.
@@ -49,6 +57,7 @@ def patched(text: str, reading: Reading, changes: Sequence[Change], *, plain: bo
         file = opened(text, reading)
     except UnpatchableError as error:
         return Patch(text, tuple((change, str(error)) for change in changes))
+    file.xml.spell = spell
     left = list[tuple[Change, str]]()
     done = list[Change]()
     for change in changes:

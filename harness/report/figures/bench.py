@@ -12,7 +12,7 @@ from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import INK, STAR, Look, Spec, by_camp, camp
 from screwgauge.study.bench.rows import LEVELS, OK
-from screwgauge.study.prepared_scene import QUANTITIES
+from screwgauge.study.reference import QUANTITIES
 
 if TYPE_CHECKING:
     from screwgauge.study.bench.rows import BenchRow

@@ -54,10 +54,11 @@ def _causes(found: Diagnosis) -> list[Row]:
 
 
 def _share(cause: Cause) -> str:
-    """Of the torque difference."""
-    if math.isnan(cause.share):
+    """Of the torque difference, or of the rest of it."""
+    if math.isnan(cause.weight):
         return ""
-    return f"{100.0 * cause.share:.2g} %" if abs(cause.share) < 0.1 else f"{100.0 * cause.share:.1f} %"
+    percent = f"{100.0 * cause.weight:.{'2g' if abs(cause.weight) < 0.1 else '1f'}} %"
+    return percent if math.isnan(cause.of_rest) else f"{percent} of the rest"
 
 
 def _scale(found: Diagnosis) -> str:
@@ -66,9 +67,11 @@ def _scale(found: Diagnosis) -> str:
         return ""
     rows = (row for row in found.rows if row.quantity == TORQUES)
     most = next((f", at most {number(row.max_abs, 3)} {unit_text(row.unit)}" for row in rows), "")
+    rests = any(not math.isnan(cause.of_rest) for cause in found.causes)
+    rest = "; those of the rest are of what is left when the first cause is put right" if rests else ""
     return (
         f"Shares are of the torque difference at {STATES} random states{most}, torques of each unit over the largest "
-        "of it; a negative one makes up for others."
+        f"of it; a negative one makes up for others{rest}."
     )
 
 

@@ -11,8 +11,7 @@ from typing import Any
 from screwgauge.solution import Solution
 from screwgauge.study.bench.questions import Asked, Question
 from screwgauge.study.methods import Method
-from screwgauge.study.prepared_scene import PreparedScene
-from screwgauge.study.reference import joined
+from screwgauge.study.reference import PreparedScene, joined
 
 TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("contestants.toml").read_text(encoding="utf-8"))
 #: The quantity of a contestant that computes none.

@@ -15,7 +15,7 @@ from screwgauge.environment import environment
 from screwgauge.judging.answer import answer_at
 from screwgauge.judging.residual import SizedResidual
 from screwgauge.judging.residuals import energy_balance
-from screwgauge.problem import Integration, Problem, Progress, spread
+from screwgauge.problem import Integration, Problem, Progress, Report, silent, spread
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.scene.observables import known_values, observe
@@ -28,13 +28,12 @@ from screwgauge.study.bench.registry import simulators
 from screwgauge.study.bench.rows import CUT, FAILED, OK, BenchRow
 from screwgauge.study.bench.run import BESIDE, Bench, Plan, check_generated, models_of
 from screwgauge.study.bench.slopes import Rule, fits
-from screwgauge.study.executors import Executor, Report, Task
-from screwgauge.study.journal import Journal
+from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import Method
-from screwgauge.study.prepared_scene import PreparedScene
-from screwgauge.study.provenance import provenance
-from screwgauge.study.reference import Reference, deviation, score, sizes
-from screwgauge.study.runner import TooLongError, ask, generated, model_files, run_tasks, silent, within
+from screwgauge.study.reference import PreparedScene, Reference, deviation, score, sizes
+from screwgauge.study.runner import Executor, Task, run_tasks
+from screwgauge.study.solving import TooLongError, ask, generated, model_files, within
+from screwgauge.study.store import Journal
 from screwgauge.threads import one_thread
 
 NAN = float("nan")

@@ -16,9 +16,8 @@ from screwgauge.study.bench.contestant import Contestant
 from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.rows import FAILED, BenchRow
 from screwgauge.study.methods import Method
-from screwgauge.study.prepared_scene import PreparedScene
-from screwgauge.study.reference import Reference, sizes
-from screwgauge.study.runner import model_files
+from screwgauge.study.reference import PreparedScene, Reference, sizes
+from screwgauge.study.solving import model_files
 
 #: Family of these contestants, which have a table of their own.
 LEAVING_OUT = "leaving-out"

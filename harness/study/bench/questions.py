@@ -16,9 +16,8 @@ from screwgauge.models.layout import lay_out
 from screwgauge.problem import GivenMotion, Integration, ModelFiles, Problem, Rows
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.solution import Values
-from screwgauge.study.four_bar import four_bar_states, write_four_bar
-from screwgauge.study.prepared_scene import PreparedScene
-from screwgauge.study.reference import Reference, reference_values, sizes
+from screwgauge.study.linkages import four_bar_states, write_four_bar
+from screwgauge.study.reference import PreparedScene, Reference, reference_values, sizes
 
 EDGE = 2  # samples at each end where np.gradient, applied twice, is one-sided
 

@@ -16,7 +16,7 @@ from screwgauge.scene.simulation import EXPLICIT
 from screwgauge.study.bench import leaving_out, questions
 from screwgauge.study.bench.contestant import TABLE, Contestant
 from screwgauge.study.methods import Method
-from screwgauge.study.prepared_scene import QUANTITIES
+from screwgauge.study.reference import QUANTITIES
 
 #: What an entry may say as a contestant has it.
 _AS_IT_IS = ("family", "name", "setting", "covers", "series", "label", "drawn", "given", "hint")

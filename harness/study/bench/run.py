@@ -17,7 +17,7 @@ import pandas as pd
 
 from screwgauge.engines.registry import EngineModel, get_engine
 from screwgauge.environment import environment
-from screwgauge.problem import ModelFiles, Progress
+from screwgauge.problem import ModelFiles, Progress, Report, silent
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
@@ -28,13 +28,11 @@ from screwgauge.study.bench.questions import Asked
 from screwgauge.study.bench.registry import choose
 from screwgauge.study.bench.rows import CUT, FAILED, OK, BenchRow
 from screwgauge.study.bench.stamp import stamp
-from screwgauge.study.completeness import check_whole
-from screwgauge.study.executors import Executor, Report, Task
-from screwgauge.study.journal import Journal
-from screwgauge.study.methods import failure
-from screwgauge.study.prepared_scene import PreparedScene, pose_scene
-from screwgauge.study.provenance import provenance
-from screwgauge.study.runner import run_tasks, silent
+from screwgauge.study.comparison import provenance
+from screwgauge.study.methods import check_whole, failure
+from screwgauge.study.reference import PreparedScene, pose_scene
+from screwgauge.study.runner import Executor, Task, run_tasks
+from screwgauge.study.store import Journal
 from screwgauge.threads import one_thread
 
 

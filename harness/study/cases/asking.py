@@ -21,9 +21,8 @@ from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.study.cases.question import UNKNOWN, Question, put
 from screwgauge.study.methods import Method
-from screwgauge.study.prepared_scene import PreparedScene, pose_scene
-from screwgauge.study.reference import TRUTH, Reference
-from screwgauge.study.runner import solve
+from screwgauge.study.reference import TRUTH, PreparedScene, Reference, pose_scene
+from screwgauge.study.solving import solve
 from screwgauge.witness.joints import MechanismTree
 from screwgauge.witness.kinematics import TreeMotion
 from screwgauge.witness.tree import stacked

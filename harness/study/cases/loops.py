@@ -14,10 +14,9 @@ from screwgauge.reference.mobility import mobility
 from screwgauge.scene.read import load_scene
 from screwgauge.study.cases.asking import ACCELERATION, ENGINES, SCREW, loaded, push
 from screwgauge.study.cases.question import Question, put
-from screwgauge.study.four_bar import FILE, four_bar_states, write_four_bar
+from screwgauge.study.linkages import FILE, four_bar_states, write_four_bar
 from screwgauge.study.methods import Method
-from screwgauge.study.prepared_scene import PreparedScene, pose_scene
-from screwgauge.study.reference import Reference, reference_values
+from screwgauge.study.reference import PreparedScene, Reference, pose_scene, reference_values
 
 ITERATIONS = (1, 2, 5)
 SAMPLES = 3

@@ -32,9 +32,8 @@ from screwgauge.study.cases.asking import (
 )
 from screwgauge.study.cases.question import Question, files_of, findings
 from screwgauge.study.methods import Method
-from screwgauge.study.prepared_scene import pushed
-from screwgauge.study.reference import TRUTH, Reference
-from screwgauge.study.runner import solve
+from screwgauge.study.reference import TRUTH, Reference, pushed
+from screwgauge.study.solving import solve
 from screwgauge.witness.joints import mechanism_tree
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates

@@ -19,7 +19,7 @@ from screwgauge.solution import Failure, Solution, Values
 from screwgauge.study.cases.case import GOOD, SILENT, Finding
 from screwgauge.study.methods import Method
 from screwgauge.study.reference import Reference, deviation, sizes
-from screwgauge.study.runner import ask, model_files
+from screwgauge.study.solving import ask, model_files
 
 OWN = "screw"  # the engine that answers for our own solver
 LONGEST = 500  # letters of a reason: some errors name a whole state

@@ -34,7 +34,7 @@ from screwgauge.study.cases.asking import (
 from screwgauge.study.cases.question import UNKNOWN, Question, files_of, integrated, put
 from screwgauge.study.methods import Method
 from screwgauge.study.reference import Reference, sizes
-from screwgauge.study.runner import solve
+from screwgauge.study.solving import solve
 
 QUANTITIES = ("loop_gap", "constraint_force", "energy", "joint_position")
 #: Tolerance of the reference, whose own error after a second is about 1e-11 of the motion, and that of `screw`.

@@ -24,8 +24,7 @@ from screwgauge.study.cases.asking import ACCELERATION, SCENE, SCREW, loaded, lo
 from screwgauge.study.cases.collocation import collocate
 from screwgauge.study.cases.question import Question, integrated, put
 from screwgauge.study.methods import Method
-from screwgauge.study.prepared_scene import PreparedScene
-from screwgauge.study.reference import Reference
+from screwgauge.study.reference import PreparedScene, Reference
 
 #: Share of critical damping at home: overdamped, so that eigenvalues are real; the fastest is 1e5 1/s at 1e10 N/m.
 DAMPING = 1.2

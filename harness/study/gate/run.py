@@ -19,13 +19,11 @@ from screwgauge.problem import GivenMotion
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.files import digest, files_read, is_file
 from screwgauge.scene.read import load_scene
-from screwgauge.study.executors import Executor, InTurn, Task
-from screwgauge.study.gate.items import Item
+from screwgauge.study.comparison import built_in
+from screwgauge.study.gate.items import GateRow, Item, row_from
 from screwgauge.study.gate.measure import GateSettings, files_of, measured
-from screwgauge.study.gate.row import GateRow, row_from
-from screwgauge.study.journal import Journal
-from screwgauge.study.provenance import built_in
-from screwgauge.study.runner import run_tasks
+from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
+from screwgauge.study.store import Journal
 
 NAME = "check.partial.jsonl"
 
