@@ -48,7 +48,7 @@ class Comparison:
         refusals: Samples at which an engine gives no number, with the reason.
         cover: Looks at what the scene could have seen of mistakes: not everybody asks.
         known: Sentences about discrepancies of the engines that have a name and touch what is out of tolerance.
-        provenance: Files that were judged, date and schema, see `screwgauge.study.comparison`.
+        provenance: Files that were judged, date and schema, see `screwgauge.study.comparison.provenance`.
     """
 
     scene: Scene

@@ -1,8 +1,8 @@
 """Planar linkages with bars of given lengths at given angles; a four-bar with its exact accelerations.
 
-Bars lie along the x axes of their bodies, so that their lengths are exactly those asked for. The four-bar is closed by a
-ball: one of its three closing rows is redundant, so that Pinocchio divides by zero where mu = 0. Its accelerations are
-those of a chain of rods in a plane, from formulas that no engine has.
+Bars lie along the x axes of their bodies, so that their lengths are exactly those asked for. The four-bar is closed by
+a ball: one of its three closing rows is redundant, so that Pinocchio divides by zero where mu = 0. Its accelerations
+are those of a chain of rods in a plane, from formulas that no engine has.
 """
 
 from __future__ import annotations

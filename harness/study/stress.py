@@ -1,11 +1,16 @@
-"""Runs stress cases, rung by rung; whatever goes wrong on a rung is a row."""
+"""Stress: the cases of ``cases/cases.toml``, ladders of one severity each, and their rungs, run as tasks.
+
+What is put to engines on a rung is in ``cases``; no case is imported before it is asked.
+"""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+import tomllib
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -16,14 +21,108 @@ import pandas as pd
 from screwgauge.environment import environment, json_text
 from screwgauge.judging.residual import columns_of, frame
 from screwgauge.problem import Progress, Report, silent
-from screwgauge.reference.errors import DescriptionError
-from screwgauge.study.cases.case import SILENT, Finding, StressCase
-from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import choose
+from screwgauge.reference.errors import DescriptionError, check_choice
+from screwgauge.study.cases.question import SILENT, Finding, Question, findings
 from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import missing
 from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
 from screwgauge.study.store import Journal
+
+Ask = Callable[[float, bool, Path], Iterable[Question]]
+"""(severity, quick, folder for model files) -> the questions of a rung. A function of a module, so that it pickles."""
+
+
+@dataclass(frozen=True, slots=True)
+class StressCase:
+    """A ladder. Data only; it pickles.
+
+    Attributes:
+        name: As on the command line.
+        title: What is made extreme, for the heading of its plot.
+        axis: What the severity is, with its unit.
+        about: What is measured and what is to be seen, for the report.
+        drawn: Quantity of the small plot.
+        low, high: Range of the severity.
+        full, quick: Severities of its rungs.
+        ask: Makes the questions of a rung.
+        falling: Whether small severities are the severe ones.
+        whole: Whether severities are counts.
+    """
+
+    name: str
+    title: str
+    axis: str
+    about: str
+    drawn: str
+    low: float
+    high: float
+    full: Sequence[float]
+    quick: Sequence[float]
+    ask: Ask
+    falling: bool = False
+    whole: bool = False
+
+    @property
+    def span(self) -> str:
+        """What its severity may be, in words."""
+        return f"{self.axis}, {self.low:g} to {self.high:g}"
+
+    def rungs(self, *, quick: bool = False, severities: Sequence[float] | None = None) -> list[float]:
+        """The given severities, or those of a full or quick run, once each.
+
+        Raises:
+            DescriptionError: A severity is outside the case's range, or there is none.
+        """
+        where = f"case {self.name}"
+        if severities is not None and not len(severities):
+            raise DescriptionError("there is no severity", where, f"give some within {self.span}")
+        for value in severities or ():
+            if self.whole and value != int(value):
+                raise DescriptionError(f"severity {value:g} is no count", where, "give whole numbers")
+            if not self.low <= value <= self.high:
+                raise DescriptionError(
+                    f"severity {value:g} is outside {self.low:g} to {self.high:g} ({self.axis})",
+                    where,
+                    "give one within",
+                )
+        return list(dict.fromkeys(severities or (self.quick if quick else self.full)))
+
+
+def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
+    """Powers of ten with exponents from `first` to `last`, both included."""
+    sign = 1 if last >= first else -1
+    return tuple(float(f"1e{k}") for k in range(first, last + sign, sign * step))
+
+
+def _case(ask: str, full: Any, quick: Any, **rest: Any) -> StressCase:
+    """An entry of the file."""
+    return StressCase(**rest, full=_rungs(full), quick=_rungs(quick), ask=partial(_questions, *ask.split(":")))
+
+
+def _questions(module: str, name: str, severity: float, quick: bool, folder: Path) -> Iterable[Question]:
+    """The questions of a rung, by the function that an entry of the file names."""
+    ask: Ask = getattr(import_module(f"screwgauge.study.cases.{module}"), name)
+    return ask(severity, quick, folder)
+
+
+def _rungs(given: Sequence[float] | dict[str, Any]) -> tuple[float, ...]:
+    return (*given.get("at", ()), *decades(*given["decades"])) if isinstance(given, dict) else tuple(given)
+
+
+_FILE = Path(__file__).with_name("cases") / "cases.toml"
+#: Name -> case, in the order in which they are run.
+CASES = {entry["name"]: _case(**entry) for entry in tomllib.loads(_FILE.read_text(encoding="utf-8"))["cases"]}
+
+
+def choose(names: Iterable[str] | None) -> list[StressCase]:
+    """The named cases in the order of the table, all by default.
+
+    Raises:
+        DescriptionError: A name is not known.
+    """
+    wanted = list(CASES) if names is None else check_choice("case", names, CASES)
+    return [case for name, case in CASES.items() if name in wanted]
+
 
 #: Column of ``stress.csv`` -> attribute of a `Finding`.
 COLUMNS = {

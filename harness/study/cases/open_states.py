@@ -20,17 +20,19 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values
-from screwgauge.study.cases.asking import (
+from screwgauge.study.cases.question import (
     ACCELERATION,
     ENGINES,
     JUDGED,
     SCENE,
     SCREW,
+    Question,
     closure_residuals,
+    files_of,
+    findings,
     moving,
     tree_coordinates,
 )
-from screwgauge.study.cases.question import Question, files_of, findings
 from screwgauge.study.methods import Method
 from screwgauge.study.reference import TRUTH, Reference, pushed
 from screwgauge.study.solving import solve

@@ -1,7 +1,7 @@
 """States of a gate on disk: the history, a Parquet file for each check, and the baseline, a JSON file.
 
-Files of a history never change, so that nothing is locked; DuckDB reads them. A baseline has the errors of a known state
-with its versions and hashes; later states must not lose digits.
+Files of a history never change, so that nothing is locked; DuckDB reads them. A baseline has the errors of a known
+state with its versions and hashes; later states must not lose digits.
 """
 
 from __future__ import annotations
