@@ -112,9 +112,9 @@ class Cluster:
             try:
                 client = Client(self.address, timeout=timeout, set_as_default=False)
             except (OSError, ValueError) as error:
-                said = " ".join(str(error).split()) or type(error).__name__
+                message = " ".join(str(error).split()) or type(error).__name__
                 remedy = "start it and run the same command again: it goes on from the rows that are there"
-                raise OutputError(f"no scheduler answers ({said})", self.where, remedy) from None
+                raise OutputError(f"no scheduler answers ({message})", self.where, remedy) from None
         try:
             yield client
         finally:
@@ -218,13 +218,13 @@ class _Session:
             task, files = self.left[name], dict[str, str]()
             for path in task.files():
                 data = read_bytes(path, "MB of CSV")
-                said = files[os.path.abspath(path)] = hashlib.sha256(data).hexdigest()
-                if said not in self.blobs:  # a task, so that a worker that has it may die
-                    self.blobs[said] = self.client.submit(bytes, data, key=f"screwgauge-file-{said}")
-                blobs[said] = self.blobs[said]
+                digest = files[os.path.abspath(path)] = hashlib.sha256(data).hexdigest()
+                if digest not in self.blobs:  # a task, so that a worker that has it may die
+                    self.blobs[digest] = self.client.submit(bytes, data, key=f"screwgauge-file-{digest}")
+                blobs[digest] = self.blobs[digest]
             works.append((name, task.work, files))
-        asked = partial(on_worker, works, self.limits, self.expected, os.getcwd(), tuple(blobs))
-        return self.client.submit(asked, *blobs.values(), pure=False)
+        job = partial(on_worker, works, self.limits, self.expected, os.getcwd(), tuple(blobs))
+        return self.client.submit(job, *blobs.values(), pure=False)
 
     def _results(self, future: Future, names: list[str]) -> dict[str, Any]:
         """What has become of a batch."""
@@ -244,8 +244,8 @@ class _Session:
         except ScrewgaugeError:
             raise
         except Exception as error:
-            said = " ".join(f"{type(error).__name__}: {error}".split())
-            raise DescriptionError(f"a worker cannot do it ({said:.300})", "--cluster", "see its log") from error
+            message = " ".join(f"{type(error).__name__}: {error}".split())
+            raise DescriptionError(f"a worker cannot do it ({message:.300})", "--cluster", "see its log") from error
         self.seconds += seconds
         self.done += len(names)
         return dict(results)
@@ -253,10 +253,10 @@ class _Session:
     def _refuse(self) -> None:
         """Refuses workers with other versions."""
         try:
-            found = self._asked(partial(self.client.run, differences, self.expected))
+            answers = self._asked(partial(self.client.run, differences, self.expected))
         except ImportError as error:
             raise DescriptionError(f"a worker has no screwgauge ({error})", "--cluster", "install it there") from None
-        if odd := [f"{worker}: {first_few(said, 3)}" for worker, said in found.items() if said]:
+        if odd := [f"{worker}: {first_few(odds, 3)}" for worker, odds in answers.items() if odds]:
             _refuse_versions(first_few(odd, 2, "; "))
 
     @staticmethod
@@ -268,19 +268,19 @@ class _Session:
             raise LostError from error
 
 
-def _refuse_versions(said: str) -> None:
-    raise DescriptionError(f"other versions than here on {said}", "--cluster", "install the same on all machines")
+def _refuse_versions(where: str) -> None:
+    raise DescriptionError(f"other versions than here on {where}", "--cluster", "install the same on all machines")
 
 
 def versions() -> dict[str, str]:
     """Versions of all that numbers depend on, and a digest of this package's code."""
-    found = dict(environment()["packages"]) | {"python": python_version(), "screwgauge's code": _code()}
+    packages = dict(environment()["packages"]) | {"python": python_version(), "screwgauge's code": _code()}
     for name in PACKAGES:
         try:
-            found[name] = version(name)
+            packages[name] = version(name)
         except PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+            packages[name] = "not installed"
+    return packages
 
 
 @cache
@@ -327,8 +327,8 @@ def on_worker(
     Raises:
         DescriptionError: Versions differ: the worker has come after they were compared.
     """
-    if said := differences(expected):
-        _refuse_versions(f"a worker: {first_few(said, 3)}")
+    if odd := differences(expected):
+        _refuse_versions(f"a worker: {first_few(odd, 3)}")
     begin, contents = perf_counter(), dict(zip(hashes, blobs, strict=True))
     tasks: dict[str, Callable[[Progress], Any]] = {}
     for name, work, files in works:
@@ -340,8 +340,8 @@ def on_worker(
 
 def _tree(files: Files, contents: Mapping[str, bytes], home: str) -> str:
     """A folder with files at the same paths as where they come from; made once in a worker."""
-    said = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()
-    root = Path(_scratch().name) / said
+    digest = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()
+    root = Path(_scratch().name) / digest
     if not root.exists():
         stage = Path(tempfile.mkdtemp(dir=_scratch().name))
         for name, content in files.items():

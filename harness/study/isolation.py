@@ -276,13 +276,13 @@ def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failu
     return Failure(name, f"{type(error).__name__}: {' '.join(str(error).split())}", str(error.__cause__ or ""))
 
 
-def _ending(said: str) -> str:
+def _ending(message: str) -> str:
     """How a process ended, from what loky says of it."""
-    if found := re.search(r"SIG[A-Z]+", said):
-        return f"its process got {found[0]}"
-    if found := re.search(r"EXIT\((\d+)\)", said):
-        return f"its process exited with status {found[1]}"
-    return " ".join(said.split())
+    if match := re.search(r"SIG[A-Z]+", message):
+        return f"its process got {match[0]}"
+    if match := re.search(r"EXIT\((\d+)\)", message):
+        return f"its process exited with status {match[1]}"
+    return " ".join(message.split())
 
 
 def _file(folder: Path, name: str) -> Path:

@@ -145,23 +145,23 @@ def _checked_in(
         return VersionRow(pin, mujoco, "not installed", reason=str(error))
     lay_out(folder / "package")
     try:
-        found = _checked(python, folder, scenes)
+        outcome = _checked(python, folder, scenes)
     except CannotError as error:
-        found = {"status": "failed", "reason": str(error)}
+        outcome = {"status": "failed", "reason": str(error)}
     by: dict[str, list[str]] = {}
     for case, status in _shown(python, folder, [*cases]):
         by.setdefault(status, []).append(case)
     shown, not_shown = (" ".join(by.get(status, ())) for status in ("shown", "not shown"))
     failed = " ".join([*by.get("failed", ()), *by.get(CRASHED, ())])
-    return VersionRow(pin, mujoco, **found, shown=shown, not_shown=not_shown, failed=failed)
+    return VersionRow(pin, mujoco, **outcome, shown=shown, not_shown=not_shown, failed=failed)
 
 
 def requirements(**pinned: str) -> list[str]:
     """What this package needs, some of it in one version only, with what that was built with."""
     needed = [text for text in requires("screwgauge") or () if "extra ==" not in text]
     names = [match[0] for text in needed if (match := re.match(r"[\w.-]+", text))]
-    found = [f"{name}=={pinned[name]}" if name in pinned else text for name, text in zip(names, needed, strict=True)]
-    return [*found, *(BUILT_WITH if int(pinned["pin"].split(".")[0]) < 4 else ())]
+    texts = [f"{name}=={pinned[name]}" if name in pinned else text for name, text in zip(names, needed, strict=True)]
+    return [*texts, *(BUILT_WITH if int(pinned["pin"].split(".")[0]) < 4 else ())]
 
 
 def fresh(folder: Path, wanted: Sequence[str]) -> Path:
@@ -186,10 +186,10 @@ def lay_out(folder: Path) -> None:
         source = Path(str(import_module(name).__file__)).parent
         ignored = shutil.ignore_patterns("__pycache__")
         shutil.copytree(source, folder.joinpath(*name.split(".")), ignore=ignored, dirs_exist_ok=True)
-    said = folder / f"screwgauge-{screwgauge.__version__}.dist-info"
-    said.mkdir()
+    metadata = folder / f"screwgauge-{screwgauge.__version__}.dist-info"
+    metadata.mkdir()
     text = f"Metadata-Version: 2.1\nName: screwgauge\nVersion: {screwgauge.__version__}\n"
-    (said / "METADATA").write_text(text, encoding="utf-8")
+    (metadata / "METADATA").write_text(text, encoding="utf-8")
 
 
 def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[int] = (0,)) -> str:
@@ -234,7 +234,7 @@ def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any
     fewest, worst = min(pairs, default=(float("nan"), ""))
     out = Counter(name for row in bad for name in dict.fromkeys(_beyond(row["errors"])))
     failed = any(row["status"] in ("failed", "refused") for row in bad)
-    said: Mapping[str, Any] = bad[0] if bad else {"scene": "", "sentence": ""}
+    first: Mapping[str, Any] = bad[0] if bad else {"scene": "", "sentence": ""}
     return {
         "status": "failed" if failed else "differ" if bad or not rows else "agree",
         "passing": len(rows) - len(bad),
@@ -242,7 +242,7 @@ def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any
         "digits": round(fewest, 1),
         "worst": worst,
         "differing": ", ".join(f"{name} {n}" for name, n in out.most_common()),
-        "reason": f"{said['scene']}: {said['sentence']}" if bad else "",
+        "reason": f"{first['scene']}: {first['sentence']}" if bad else "",
     }
 
 

@@ -42,11 +42,11 @@ def missing(error: ImportError, engine: Engine | None = None) -> str:
 def failure(error: BaseException, name: str, folder: Path, engine: Engine | None = None) -> Failure:
     """What a method raised, in one line and without the folder of generated files, which goes with them."""
     try:
-        said = str(error) or "nothing more is said"  # as Python does of memory
+        message = str(error) or "nothing more is said"  # as Python does of memory
     except Exception:  # an error of another package, which may be wrong, too
-        said = "what it says cannot be read"
-    said = shortened(" ".join(said[: 2 * LONG].split()).replace(f"{folder}/", ""), LONG)
-    reason = f"{type(error).__name__}: {said}"
+        message = "what it says cannot be read"
+    message = shortened(" ".join(message[: 2 * LONG].split()).replace(f"{folder}/", ""), LONG)
+    reason = f"{type(error).__name__}: {message}"
     if isinstance(error, ImportError):
         reason = missing(error, engine)
     return Failure(name, shortened(reason, LONG), "".join(traceback.format_exception(error))[-TRACE:])
@@ -121,22 +121,22 @@ class EngineTask:
         """The answer with what the user's own model file says otherwise than the description."""
         from screwgauge.study.user_files import departures, physical_mismatch
 
-        said = departures(scene, self.engine.name, self.files)
-        physical = physical_mismatch(scene, self.engine.name, self.files) if said else ()
-        notes, warnings = (*answer.notes, *said), (*answer.warnings, *said)
+        mismatch = departures(scene, self.engine.name, self.files)
+        physical = physical_mismatch(scene, self.engine.name, self.files) if mismatch else ()
+        notes, warnings = (*answer.notes, *mismatch), (*answer.warnings, *mismatch)
         return replace(answer, notes=notes, warnings=warnings, otherwise=physical)
 
     def failure(self, error: BaseException) -> Failure:
         """What was raised, as a failure, with what the user's own model file says otherwise than the description."""
         if self.scene is not None and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
             raise error
-        found = failure(error, self.engine.name, self.folder, self.engine)
+        raised = failure(error, self.engine.name, self.folder, self.engine)
         if self.scene is None or not isinstance(error, ScrewgaugeError):
-            return found
+            return raised
         from screwgauge.study.user_files import physical_mismatch
 
-        said = first_few(physical_mismatch(self.scene, self.engine.name, self.files), DOUBTS, "; ")
-        return replace(found, reason=f"{found.reason} The models differ: {said}." if said else found.reason)
+        differences = first_few(physical_mismatch(self.scene, self.engine.name, self.files), DOUBTS, "; ")
+        return replace(raised, reason=f"{raised.reason} The models differ: {differences}.") if differences else raised
 
     def _ordered(self, model: EngineModel) -> Problem:
         """The problem with the independent coordinates in the order in which a model file of one's own lists them."""
@@ -157,8 +157,8 @@ def sound(answer: object, n: int) -> Solution:
     """
     if not isinstance(answer, Solution):
         raise TypeError(f"its answer is of type {type(answer).__name__}, not a Solution")
-    values = {name: _values(name, found, n) for name, found in _items("values", answer.values)}
-    shapes = {name: found.array.shape for name, found in values.items()}
+    values = {name: _values(name, one, n) for name, one in _items("values", answer.values)}
+    shapes = {name: one.array.shape for name, one in values.items()}
     estimate, conditions = (_over_time(what, getattr(answer, what), n) for what in ("estimate", "conditions"))
     return Solution(
         engine=shortened(answer.engine, SHORT),
@@ -208,23 +208,23 @@ def _some(what: str, items: object) -> list[Any]:
     return list(items)
 
 
-def _items(what: str, found: object) -> Iterator[tuple[str, Any]]:
+def _items(what: str, table: object) -> Iterator[tuple[str, Any]]:
     """What an answer says of each quantity."""
-    if not isinstance(found, Mapping):
-        raise TypeError(f"its {what} are of type {type(found).__name__}, not a mapping")
-    for name, value in found.items():
+    if not isinstance(table, Mapping):
+        raise TypeError(f"its {what} are of type {type(table).__name__}, not a mapping")
+    for name, value in table.items():
         if not isinstance(name, str) or len(name) > SHORT:
             raise ValueError(f"its {what} have '{name!s:.100}', which is no quantity")
         yield name, value
 
 
-def _values(name: str, found: object, n: int) -> Values:
-    if not isinstance(found, Values):
-        raise TypeError(f"its {name} is of type {type(found).__name__}, not Values")
-    array = _numbers(name, found.array, (None, None))
+def _values(name: str, values: object, n: int) -> Values:
+    if not isinstance(values, Values):
+        raise TypeError(f"its {name} is of type {type(values).__name__}, not Values")
+    array = _numbers(name, values.array, (None, None))
     if len(array) != n:
         raise ValueError(f"{len(array)} samples of {name} for {n} times")
-    components, units = (_names(name, texts) for texts in (found.components, found.units))
+    components, units = (_names(name, texts) for texts in (values.components, values.units))
     if len({*components}) < len(components):
         raise ValueError(f"two components of its {name} have one name")
     return Values(components, units, array)
@@ -248,20 +248,20 @@ def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
 
 def _sizes(what: str, array: object, n: int) -> Array:
     """A number for each sample that is not negative, or none."""
-    found = _numbers(what, array, (n,))
-    if (found < 0.0).any():
+    sizes = _numbers(what, array, (n,))
+    if (sizes < 0.0).any():
         raise ValueError(f"its {what} has negative numbers")
-    return found
+    return sizes
 
 
-def _over_time(what: str, found: object, n: int) -> dict[str, Array]:
-    return {name: _sizes(f"{what} of {name}", array, n) for name, array in _items(what, found)}
+def _over_time(what: str, by_name: object, n: int) -> dict[str, Array]:
+    return {name: _sizes(f"{what} of {name}", array, n) for name, array in _items(what, by_name)}
 
 
-def _floats(what: str, found: object) -> dict[str, float]:
-    if not isinstance(found, Mapping):
-        raise TypeError(f"its {what} are of type {type(found).__name__}, not a mapping")
-    return {shortened(name, SHORT): float(value) for name, value in found.items()}
+def _floats(what: str, table: object) -> dict[str, float]:
+    if not isinstance(table, Mapping):
+        raise TypeError(f"its {what} are of type {type(table).__name__}, not a mapping")
+    return {shortened(name, SHORT): float(value) for name, value in table.items()}
 
 
 def _rows(rows: object, n: int) -> Any:
@@ -348,8 +348,8 @@ def check_units(answer: Solution, units: Mapping[str, Mapping[str, str]], coordi
         coordinates: Of all joints.
     """
     for quantity in {*answer.values} & {*units}:
-        found = answer.values[quantity]
-        for name, unit in zip(found.components, found.units, strict=True):
+        values = answer.values[quantity]
+        for name, unit in zip(values.components, values.units, strict=True):
             if unit != (wanted := units[quantity].get(name, unit)):
                 raise ValueError(f"its {quantity} has {name} in '{unit}', not '{wanted}'")
     if answer.assembly is not None and answer.assembly.shape[1] != coordinates:

@@ -131,8 +131,8 @@ def _solve(scene: Scene, times: Array, quantities: tuple[str, ...], engine: str)
 
 def joined(parts: Iterable[Values]) -> Values:
     """Samples of one quantity, one part after the other."""
-    found = list(parts)
-    return Values(found[0].components, found[0].units, np.concatenate([part.array for part in found]))
+    values = list(parts)
+    return Values(values[0].components, values[0].units, np.concatenate([part.array for part in values]))
 
 
 #: What is measured of given motions, in this order.

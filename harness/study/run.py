@@ -95,17 +95,17 @@ def run(
     own = {name: recorded(scene, name, components, wanted) for name in names if name in scene.tables}
     names = tuple(name for name in names if name not in own)
     with generated(scene) as folder:
-        asked = asked_of_engines(wanted) if scene.simulated else wanted
-        expected = {name: found for name, (found, _) in components.items()}
-        units = {} if scene.simulated else {q: dict(zip(*found, strict=True)) for q, found in components.items()}
-        answers, failures = ask_engines(scene, names, asked, folder, progress, expected, limits, units)
+        requested = asked_of_engines(wanted) if scene.simulated else wanted
+        expected = {name: named for name, (named, _) in components.items()}
+        units = {} if scene.simulated else {q: dict(zip(*named, strict=True)) for q, named in components.items()}
+        answers, failures = ask_engines(scene, names, requested, folder, progress, expected, limits, units)
         files = {name: model_files(scene, name, folder).model for name in names}
         files |= {name: file for name in own if (file := scene.tables[name].file)}
         judged_files = provenance(scene, files, description=description_file(scene, folder), date=date)
     progress("comparison", 0.0)
     mechanism, problem = scene.mechanism, scene.problem(wanted)
     refused = [one for answer in answers.values() for one in refusals(mechanism, problem, answer)]
-    missing = list(_missing(asked, answers, len(scene.t)))
+    missing = list(_missing(requested, answers, len(scene.t)))
     answers = {name: _noted(scene, answer, [*refused, *missing]) for name, answer in answers.items()}
     judging = partial(judge, mechanism, problem, refused=refused, tolerance_of=scene.tolerance)
     judged = {name: judging(answer) for name, answer in answers.items()}
@@ -124,7 +124,7 @@ def run(
     unsure = doubtful(pairs, judged.values()) & {*answers} if lay is not None else set()
     if lay is not None and unsure:
         with generated(scene) as folder:  # what integration leaves matters now: further runs, less exact
-            ask = partial(ask_engines, names=sorted(unsure), wanted=asked, folder=folder, progress=progress)
+            ask = partial(ask_engines, names=sorted(unsure), wanted=requested, folder=folder, progress=progress)
             looser = [ask(each, expected=expected, limits=limits)[0] for each in loosened(scene)]
         for name in unsure:
             judged[name] = judging(answers[name], again=[runs[name] for runs in looser if name in runs])
@@ -160,9 +160,9 @@ def _known(pairs: pd.DataFrame, solutions: Mapping[str, Solution]) -> Iterator[s
     """Discrepancies of the casebook that the installed engines show and that touch what is out of tolerance."""
     bad = pairs[~pairs["ok"].astype(bool)]
     wrong, packages = {*bad["quantity"]}, {ENGINES[name].package for name in {*solutions} & {*ENGINES}}
-    for found in suspects(wrong, {*pairs["quantity"]} - wrong, packages) if wrong else ():
-        symptom = found.sentence.rstrip(".")
-        yield f"Known of {found.installed}: {symptom[0].lower()}{symptom[1:]} (casebook: {found.case.id})."
+    for case in suspects(wrong, {*pairs["quantity"]} - wrong, packages) if wrong else ():
+        symptom = case.sentence.rstrip(".")
+        yield f"Known of {case.installed}: {symptom[0].lower()}{symptom[1:]} (casebook: {case.case.id})."
 
 
 def _noted(scene: Scene, answer: Solution, refused: Sequence[Refusal]) -> Solution:
@@ -231,7 +231,7 @@ def _check_given(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     counted, mechanism = check_scene(scene), scene.mechanism
     wanted, left = check_actuation(scene, counted, wanted)
     # those of a tree are the engine's own
-    given = {name: found for name, found in described(mechanism).items() if not name.startswith("tree_force")}
+    given = {name: named for name, named in described(mechanism).items() if not name.startswith("tree_force")}
     sampled = scene.drive.doubts([*mechanism.independent]) if isinstance(scene.drive, Sampled) else ()
     return counted, given, None, wanted, (*left, *far_from_home(scene), *sampled)
 
@@ -243,10 +243,10 @@ def _check_simulated(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     return counted, given, lay, wanted, warnings
 
 
-def _missing(asked: Sequence[str], answers: Mapping[str, Solution], n: int) -> Iterator[Refusal]:
-    """What engines were asked for and do not give at any of the n samples."""
+def _missing(requested: Sequence[str], answers: Mapping[str, Solution], n: int) -> Iterator[Refusal]:
+    """What engines were requested for and do not give at any of the n samples."""
     for name, answer in answers.items():
-        if lost := left_out(name, asked, answer):
+        if lost := left_out(name, requested, answer):
             yield Refusal(name, lost, np.arange(n), without(lost), without(lost))
 
 
@@ -273,14 +273,14 @@ def asked_of_engines(wanted: Sequence[str]) -> tuple[str, ...]:
 
 def observed(scene: Scene, lay: Layout, answers: Mapping[str, Solution], wanted: Sequence[str]) -> dict[str, Solution]:
     """Simulated motions in the terms of a comparison, and the reference of the scene beside them, if it has one."""
-    found = {
+    solutions = {
         name: _observed(scene, lay, answer, wanted)
         for name, answer in answers.items()
         if "joint_position" in answer.values
     }
     if scene.known is not None and "observable" in wanted:
-        found[REFERENCE] = _reference(scene, scene.known)
-    return found
+        solutions[REFERENCE] = _reference(scene, scene.known)
+    return solutions
 
 
 def loosened(scene: Scene) -> list[Scene]:

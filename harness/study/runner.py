@@ -158,8 +158,8 @@ def grow_table(
         restored=lambda record: record["rows"],
         progress=progress,
     )
-    found = pd.DataFrame([*before, *(row for each in rows for row in each)], columns=[*table.columns])
-    replace_file(table.file, found.to_csv(index=False))
+    frame = pd.DataFrame([*before, *(row for each in rows for row in each)], columns=[*table.columns])
+    replace_file(table.file, frame.to_csv(index=False))
     kept.remove()
 
 

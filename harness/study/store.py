@@ -12,13 +12,14 @@ import os
 import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from importlib.util import find_spec
 from io import BytesIO
 from itertools import repeat
 from math import inf
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from screwgauge.reference.errors import DescriptionError, OutputError
 from screwgauge.reference.files import parse_json, read_bytes, read_file, replace_file, why
@@ -166,10 +167,10 @@ def _of_parquet(part: Path, stamp: str) -> Iterator[tuple[str, dict[str, Any]]]:
 
     try:
         table = read_table(part)
-        said = table.schema.metadata or {}
-        if said.get(_STAMP) != stamp.encode():
+        metadata = table.schema.metadata or {}
+        if metadata.get(_STAMP) != stamp.encode():
             raise ValueError("its stamp is another")
-        encoded = {*json.loads(said[_ENCODED])}
+        encoded = {*json.loads(metadata[_ENCODED])}
         rows = table.to_pylist()
         for row in rows:
             entries = {name.removeprefix("result."): value for name, value in row.items() if value is not None}
@@ -179,6 +180,31 @@ def _of_parquet(part: Path, stamp: str) -> Iterator[tuple[str, dict[str, Any]]]:
         raise OutputError(f"is no part of a journal ({error})", str(part), _ELSEWHERE) from None
 
 
+def is_record(value: object, hint: Any) -> bool:
+    """Whether a value that was read from JSON is of a type.
+
+    Args:
+        hint: A plain type, a dataclass (its record by `dataclasses.asdict`), or a sequence, mapping, union or literal.
+    """
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin is Literal:
+        return value in inner
+    if origin is UnionType:
+        return any(is_record(value, each) for each in inner)
+    if origin is tuple:
+        return isinstance(value, list) and len(value) == len(inner) and all(map(is_record, value, inner))
+    if origin is Sequence:
+        return isinstance(value, list) and all(is_record(each, inner[0]) for each in value)
+    if origin is Mapping:
+        return isinstance(value, dict) and all(is_record(each, inner[1]) for each in value.values())
+    if is_dataclass(hint):
+        hints = get_type_hints(hint)
+        needed = {each.name for each in fields(hint) if each.default is each.default_factory is MISSING}
+        whole = isinstance(value, dict) and needed <= value.keys() <= hints.keys()
+        return whole and all(is_record(each, hints[name]) for name, each in value.items())
+    return isinstance(value, int | float if hint is float else hint)
+
+
 @dataclass(frozen=True, slots=True)
 class TableFile:
     """A CSV file that rows are added to.
@@ -186,7 +212,8 @@ class TableFile:
     Attributes:
         what: It is the table of, for complaints.
         key: Makes the name of the task of a row.
-        whole, sizes: See `rows_in`.
+        whole: Columns of whole numbers.
+        sizes: Columns of numbers from 0 on, which may be empty.
     """
 
     file: Path
@@ -197,44 +224,30 @@ class TableFile:
     sizes: Sequence[str] = ()
 
     def rows(self) -> list[dict[str, str]]:
-        """Those that it has already."""
-        return rows_in(self.file, self.columns, self.what, self.whole, self.sizes)
+        """The rows that it has already; none where there is no file.
 
-
-def rows_in(
-    file: Path, columns: Sequence[str], what: str, whole: Sequence[str] = (), sizes: Sequence[str] = ()
-) -> list[dict[str, str]]:
-    """The rows that a CSV file has already; none where there is no file.
-
-    Args:
-        what: It is the table of, for the complaint.
-        whole: Columns of whole numbers.
-        sizes: Columns of numbers from 0 on, which may be empty.
-
-    Raises:
-        ScrewgaugeError: It cannot be read, its columns are others, or a number is none.
-    """
-    if not os.path.lexists(file):
-        return []
-    text = read_file(file, "MB of CSV")
-    if not text and not os.path.getsize(file):
-        return []
-    try:
-        head, *rows = list(csv.reader(text.splitlines(keepends=True), strict=True)) or [[]]
-    except csv.Error:  # a field of a megabyte, quotes within quotes
-        head, rows = [], []
-    if not text.endswith("\n"):  # a row that is added would be part of the last
-        head = []
-    if tuple(head) != tuple(columns) or any(len(row) != len(columns) for row in rows):
-        said = f"is no table of {what}, is of another version, or was cut short"
-        raise OutputError(said, str(file), "move it, or choose another --out")
-    found = [dict(zip(columns, row, strict=True)) for row in rows]
-    for name, holds in [*zip(whole, repeat(_is_whole)), *zip(sizes, repeat(_is_size))]:
-        if odd := [row[name] for row in found if not holds(row[name])]:
-            raise OutputError(
-                f"is no table of {what}: {name} is {odd[0]!r:.60}", str(file), "move it, or choose another --out"
-            )
-    return found
+        Raises:
+            ScrewgaugeError: It cannot be read, its columns are others, or a number is none.
+        """
+        if not os.path.lexists(self.file):
+            return []
+        text = read_file(self.file, "MB of CSV")
+        if not text and not os.path.getsize(self.file):
+            return []
+        try:
+            head, *lines = list(csv.reader(text.splitlines(keepends=True), strict=True)) or [[]]
+        except csv.Error:  # a field of a megabyte, quotes within quotes
+            head, lines = [], []
+        if not text.endswith("\n"):  # a row that is added would be part of the last
+            head = []
+        if tuple(head) != tuple(self.columns) or any(len(line) != len(head) for line in lines):
+            what = f"is no table of {self.what}, is of another version, or was cut short"
+            raise OutputError(what, str(self.file), _ELSEWHERE)
+        rows = [dict(zip(head, line, strict=True)) for line in lines]
+        for name, holds in [*zip(self.whole, repeat(_is_whole)), *zip(self.sizes, repeat(_is_size))]:
+            if odd := [row[name] for row in rows if not holds(row[name])]:
+                raise OutputError(f"is no table of {self.what}: {name} is {odd[0]!r:.60}", str(self.file), _ELSEWHERE)
+        return rows
 
 
 def _is_whole(text: str) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -19,14 +19,14 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.environment import environment, json_text
-from screwgauge.judging.residual import columns_of, frame
+from screwgauge.judging.residual import frame
 from screwgauge.problem import Progress, Report, silent
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.study.cases.question import SILENT, Finding, Question, findings
 from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import missing
 from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
-from screwgauge.study.store import Journal
+from screwgauge.study.store import Journal, is_record
 
 Ask = Callable[[float, bool, Path], Iterable[Question]]
 """(severity, quick, folder for model files) -> the questions of a rung. A function of a module, so that it pickles."""
@@ -168,6 +168,14 @@ class Stress:
         return frame(self.rows, COLUMNS)
 
 
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """What is found on a rung, and how long it took [s]."""
+
+    rows: Sequence[Finding]
+    seconds: float = 0.0
+
+
 def stress(
     cases: Iterable[str] | None = None,
     *,
@@ -192,40 +200,27 @@ def stress(
     if severities is not None and len(chosen) != 1:
         raise DescriptionError("severities are given", "--severity", "name the one case that they are of")
     ladders = [(case, severity) for case in chosen for severity in case.rungs(quick=quick, severities=severities)]
-    kept = Journal(journal, json_text([environment(), quick]), _is_rung)
-    rungs: list[dict[str, Any]] = run_tasks(
-        [Task(f"{case.name} {severity:g}", partial(_rung, case, severity, quick)) for case, severity in ladders],
+    kept = Journal(journal, json_text([environment(), quick]), lambda record: is_record(record, Rung))
+    rungs: list[Rung] = run_tasks(
+        [Task(f"{case.name} {severity:g}", partial(_climbed, case, severity, quick)) for case, severity in ladders],
         execute or InTurn(),
         kept,
-        lost=_broken,
+        lost=lambda name, reason: Rung([Finding("", a=ALL, reason=reason)]),
+        record=asdict,
+        restored=lambda record: Rung([Finding(**row) for row in record["rows"]], record["seconds"]),
         progress=progress,
     )
     rows, seconds = list[Finding](), dict.fromkeys((case.name for case in chosen), 0.0)
     for (case, severity), rung in zip(ladders, rungs, strict=True):
-        rows += [Finding(**{**row, "case": case.name, "severity": severity}) for row in rung["rows"]]
-        seconds[case.name] += rung["seconds"]
+        rows += [replace(row, case=case.name, severity=severity) for row in rung.rows]
+        seconds[case.name] += rung.seconds
     kept.remove()
     return Stress(tuple(chosen), tuple(rows), seconds, quick, environment(), provenance(None, {}))
 
 
-def _rung(case: StressCase, severity: float, quick: bool, progress: Progress) -> dict[str, Any]:
-    """What is found on a rung, as plain data, and how long it took."""
+def _climbed(case: StressCase, severity: float, quick: bool, progress: Progress) -> Rung:
     begin = perf_counter()
-    rows = [asdict(finding) for finding in climb(case, severity, quick=quick)]
-    return {"rows": rows, "seconds": perf_counter() - begin}
-
-
-def _broken(name: str, reason: str) -> dict[str, Any]:
-    """A rung that its process did not survive, as plain data."""
-    return {"rows": [asdict(Finding("", a=ALL, reason=reason))], "seconds": 0.0}
-
-
-def _is_rung(record: Mapping[str, Any]) -> bool:
-    """Whether a record is what `_rung` makes."""
-    known = columns_of(Finding)
-    rows, seconds = record.get("rows"), record.get("seconds")
-    sound = isinstance(rows, list) and all(isinstance(row, dict) and row.keys() == known.keys() for row in rows)
-    return sound and isinstance(seconds, float)
+    return Rung(climb(case, severity, quick=quick), perf_counter() - begin)
 
 
 def climb(case: StressCase, severity: float, *, quick: bool = False) -> list[Finding]:

@@ -61,10 +61,8 @@ def check_tables(scene: Scene) -> None:
         DescriptionError: One is.
     """
     for name in {*engine_names(), REFERENCE} & {*scene.tables}:
-        said = "as an engine is" if name != REFERENCE else "as the reference of a simulation is"
-        raise DescriptionError(
-            f"a table is called '{name}', {said}", f"{scene.file or scene.name}, tables", "rename it"
-        )
+        why = "as an engine is" if name != REFERENCE else "as the reference of a simulation is"
+        raise DescriptionError(f"a table is called '{name}', {why}", f"{scene.file or scene.name}, tables", "rename it")
 
 
 def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> Solution:
@@ -114,18 +112,18 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
 
 def _columns(table: Recorded, names: Names, wanted: Collection[str]) -> Columns:
     """What the columns of a table are of."""
-    found: Columns = {}
+    columns: Columns = {}
     for text, values in table.columns.items():
         header = read_header(text)
         quantity = _quantity(header, names, wanted, table.where)
         components, units = names[quantity]
         header.check_unit(units[components.index(header.component)], table.where)
-        if header.component in found.setdefault(quantity, {}):
+        if header.component in columns.setdefault(quantity, {}):
             raise DescriptionError(f"{header.component} of {quantity} is there twice", table.where, "remove one")
-        found[quantity][header.component] = values
+        columns[quantity][header.component] = values
     for quantity in table.error:
-        check_choice("quantity", [quantity], found, f"{table.where}, error")
-    return found
+        check_choice("quantity", [quantity], columns, f"{table.where}, error")
+    return columns
 
 
 def _quantity(header: Header, names: Names, wanted: Collection[str], where: str) -> str:
@@ -209,8 +207,8 @@ def with_factors(pairs: pd.DataFrame, own: Iterable[str], solutions: Mapping[str
         a, b = (solutions[row[side]] for side in "ab")
         factor = _factor(*_shared(a, b, row["quantity"], row["unit"]))
         if abs(factor - 1.0) > ALIKE:
-            said = f"{b.engine} is {factor:.6g} times {a.engine} throughout: check its units and signs"
-            pairs.loc[i, "reason"] = "; ".join(filter(None, (row["reason"], said)))
+            sentence = f"{b.engine} is {factor:.6g} times {a.engine} throughout: check its units and signs"
+            pairs.loc[i, "reason"] = "; ".join(filter(None, (row["reason"], sentence)))
     return pairs
 
 
@@ -254,14 +252,14 @@ def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
         return (_NOT_KNOWN.format(name, f"{files.model.name}: anything"),)
     known, library = name in ENGINES, name.partition("-")[0]
     reader = library if known else _reader(engine)
-    said = [
+    sentences = [
         *_beyond(mechanism, engine, files.model, known=known),
         *_other_than_described(
             files.model, check_file(mechanism, engine.cut, files.model, reader, gravity=scene.applied.g)
         ),
     ]
     ignored, other = of_loops(scene, name, files)
-    return (*said, *ignored, *other)
+    return (*sentences, *ignored, *other)
 
 
 def physical_mismatch(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
@@ -269,15 +267,15 @@ def physical_mismatch(scene: Scene, name: str, files: ModelFiles) -> tuple[str, 
     from screwgauge.diagnosis.differences.words import with_sides
 
     sides = "in the description", f"in {files.model.name}"
-    said = (with_sides(each.sentence, *sides) for each in physical(scene, name, files.model))
-    return (*said, *of_loops(scene, name, files)[1])
+    sentences = (with_sides(each.sentence, *sides) for each in physical(scene, name, files.model))
+    return (*sentences, *of_loops(scene, name, files)[1])
 
 
 def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
     """Differences of a model file from the description, the largest first; those that rounding makes are marked.
 
     Args:
-        name: The engine, which reads a URDF or MJCF of the user's own; of others nothing is said.
+        name: The engine, which reads a URDF or MJCF of the user's own; of others nothing is changes.
     """
     # a scene without files of the user's own has no use for the diagnosis
     from screwgauge.diagnosis.differences.digits import ALL, digits_of, marked
@@ -292,14 +290,14 @@ def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
     expected = expected_reading(mechanism, engine.cut, scene.applied.g)
     try:
         home = dict(zip(mechanism.coordinates, map(float, mechanism.home), strict=True))
-        found = read(model, library, home=home)
+        actual = read(model, library, home=home)
         digits = digits_of(read_file(model))
     except ScrewgaugeError:
         return []  # `departures` says that it cannot be compared
-    silent = _UNUSED.get(library, set()) | ({"closure", "gravity", "coupling"} if found.gravity is None else set())
-    pairing = paired(expected, found)
-    said = [*missing(expected, found, pairing), *differences(brought(expected, found, pairing))[0]]
-    return sorted_by_size([each for each in marked(said, (ALL, digits)) if each.what not in silent])
+    silent = _UNUSED.get(library, set()) | ({"closure", "gravity", "coupling"} if actual.gravity is None else set())
+    pairing = paired(expected, actual)
+    changes = [*missing(expected, actual, pairing), *differences(brought(expected, actual, pairing))[0]]
+    return sorted_by_size([each for each in marked(changes, (ALL, digits)) if each.what not in silent])
 
 
 def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], list[str]]:
@@ -318,17 +316,17 @@ def _reader(engine: Engine) -> str:
 
 
 def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -> Iterator[str]:
-    found: dict[str, dict[str, list[str]]] = {}
+    by_fate: dict[str, dict[str, list[str]]] = {}
     try:
-        said = extras(model, FORMATS[engine.reads], mechanism)
+        beyond = extras(model, FORMATS[engine.reads], mechanism)
     except (ParseError, LookupError, ValueError) as error:
         yield f"{model.name} cannot be searched for what is beyond the description ({error})"
         return
-    for extra in said:
+    for extra in beyond:
         fate = _FATE.get(extra.kind, _NOT_KNOWN) if known else _NOT_KNOWN
-        found.setdefault(fate, {}).setdefault(extra.what, []).append(extra.whose)
-    for fate in sorted(found, key=[*_FATE.values(), _NOT_KNOWN].index):
-        things = (f"{what}{first_few(whose, 1)}" for what, whose in found[fate].items())
+        by_fate.setdefault(fate, {}).setdefault(extra.what, []).append(extra.whose)
+    for fate in sorted(by_fate, key=[*_FATE.values(), _NOT_KNOWN].index):
+        things = (f"{what}{first_few(whose, 1)}" for what, whose in by_fate[fate].items())
         yield f"{fate.format(engine.name, model.name)}: {_listed(things)}"
 
 
@@ -336,8 +334,8 @@ def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
     """A description of the user's own against that of the scene; their names may differ."""
     own, out = replace(load_mechanism(path), name=mechanism.name), ModelComparison(path.name, "screw")
     compare_loops(out, loops_of(mechanism, "full"), loops_of(own, "full"), mechanism)
-    said, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (own, mechanism))
-    compare_readings(out, expected, replace(said, gravity=None), mechanism)
+    actual, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (own, mechanism))
+    compare_readings(out, expected, replace(actual, gravity=None), mechanism)
     return out.rows
 
 

@@ -95,7 +95,7 @@ def data(motion: DrawnMotion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
         scales[group] = f"{before}{most:.4g} N{' m' * turns}"
     return {
         "title": mechanism.title or mechanism.name,
-        "said": motion.said,
+        "said": motion.source,
         "unit": unit,
         "view": _rounded(viewed_from(mechanism)),
         "t": [float(f"{t:.6g}") for t in motion.t],

@@ -22,12 +22,9 @@ from screwgauge.scene.observables import known_values, observe
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import EXPLICIT, check_start, stiff_warning, stiffness
 from screwgauge.solution import REFERENCE, Cost, Failure, Solution
-from screwgauge.study.bench.contestant import Contestant
-from screwgauge.study.bench.leaving_out import table as leaving_out
-from screwgauge.study.bench.registry import simulators
-from screwgauge.study.bench.rows import CUT, FAILED, OK, BenchRow
+from screwgauge.study.bench.contestants import Contestant, simulators
 from screwgauge.study.bench.run import BESIDE, Bench, Plan, check_generated, models_of
-from screwgauge.study.bench.slopes import Rule, fits
+from screwgauge.study.bench.tables import CUT, FAILED, OK, BenchRow, Rule, fits, leaving_out_table
 from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import Method
 from screwgauge.study.reference import PreparedScene, Reference, deviation, score, sizes
@@ -102,7 +99,7 @@ def contest(
         rows=rows,
         # three points between saturation and rounding
         fits=[fit for fit in fits(rows, RULES) if np.isfinite(fit.slope)],
-        leaving_out=leaving_out([]),
+        leaving_out=leaving_out_table([]),
         reference=posed.reference.engine,
         notes=notes,
         environment={**environment(), "one_thread": one_thread()},
@@ -244,12 +241,12 @@ def _turn(
     known = any(row.contestant.family == contestant.family for row in before)
     if known and _foreseen(contestant, before) > plan.each:
         return _lost(contestant, f"the setting before tells that it would take more than {plan.each:g} s")
-    asked, costs = contestant.ask(posed), list[Cost]()
-    (problem,), most = asked.problems, min(plan.each, left)
+    trial, costs = contestant.ask(posed), list[Cost]()
+    (problem,), most = trial.problems, min(plan.each, left)
     while True:
         try:
             with np.errstate(all="ignore"):
-                answer = ask(contestant.method, asked.files, problem, within(most))
+                answer = ask(contestant.method, trial.files, problem, within(most))
         except TooLongError as error:
             return _lost(contestant, str(error))
         if isinstance(answer, Failure):

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
+from screwgauge import __version__
 from screwgauge.models.generate import write_models
-from screwgauge.problem import States
+from screwgauge.problem import ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.graph import layout, spanning_tree
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution, Values
+from screwgauge.solution import Solution, Stopwatch, Values
 from screwgauge.study.cases.question import (
     ACCELERATION,
     ENGINES,
@@ -46,7 +49,6 @@ HARD, PASSES = 0.9999, 7
 FORWARD, TREE_FORCE, _SOFT_FORCE = "forward_acceleration", "tree_force", "tree_force_soft"
 #: Proximal settings that reach rounding on loops of full rank.
 _EXACT = {"mu": 1e-10, "iterations": 5}
-_PROJECTED = Method("screw", {"projected": True})
 _TAKEN = "the state is taken for a closed one: the answer is that of a mechanism pulled apart by the gap"
 _SPRINGS = f"{_TAKEN}; springs on the gap make it smaller later, not the answer right"
 _STIFF = "mj_inverse returns the force of its soft constraints: the gap times stiffness times apparent mass"
@@ -67,7 +69,8 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
     # an engine that is missing closes nothing, but its rows are to be there
     own = {name: _at(solutions.get(name, solutions[exact]).values, names) for name in ENGINES}
     raw, right = pulled_apart(scene, names, gap), _at(true.values, names)
-    yield _accelerations(given, _PROJECTED, _at(solutions["screw"].values, mechanism.coordinates))
+    projected, every = Projected("screw", mechanism=mechanism), mechanism.coordinates
+    yield _accelerations(given, projected, _at(solutions["screw"].values, every))
     yield _forces(given, Method("pinocchio", label="pinocchio raw"), raw)
     for label, states, more, cause in (
         ("projected", own["pinocchio"], {}, ""),
@@ -159,6 +162,27 @@ def _accelerations(given: Question, method: Method, states: States, cause: str =
         read=partial(renamed, has=ACCELERATION),
         cause=cause,
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Projected(Method):
+    """Accelerations of closed states by the equations of the independent coordinates, not by those of all bodies."""
+
+    mechanism: Mechanism
+
+    def load(self, files: ModelFiles) -> Projected:
+        return self
+
+    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
+        """``joint_acceleration`` for the given forces along all joint coordinates."""
+        clock, mechanism, task = Stopwatch(), self.mechanism, problem.task
+        if not isinstance(task, States):
+            raise TypeError("the task gives no states")
+        yd = task.v[:, mechanism.independent_columns]
+        at = motion_at(layout(mechanism), task.q, yd, applied=problem.applied, joints=task.tau)
+        units = tuple(f"{unit}/s^2" for unit in mechanism.units)
+        values = {ACCELERATION: Values(mechanism.coordinates, units, at.joint_acceleration)}
+        return Solution(self.engine, __version__, values, at.condition, cost=clock.cost())
 
 
 def renamed(question: Question, solution: Solution, *, has: str) -> Mapping[str, Values]:

@@ -13,14 +13,21 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
+from screwgauge import __version__
 from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.models.generate import write_models
-from screwgauge.reference.closed.assembly_mode import positions
-from screwgauge.reference.graph import layout
+from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
+from screwgauge.reference import linear
+from screwgauge.reference.closed.assembly_mode import closed_form_positions, positions
+from screwgauge.reference.closed_motion import motion_at
+from screwgauge.reference.equations.forward import NewtonEuler, force_matrix
+from screwgauge.reference.equations.kinematics import pose
+from screwgauge.reference.graph import Layout, layout
+from screwgauge.reference.mechanism import Mechanism, in_precision
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Values
+from screwgauge.solution import Solution, Stopwatch, Values
 from screwgauge.study.cases.question import ENGINES, QUANTITIES, SCENE, UNKNOWN, Question, compare, put, still
 from screwgauge.study.linkages import PlanarLinkage, Tables, five_bar, four_bar, slider_crank
 from screwgauge.study.methods import Method
@@ -40,12 +47,9 @@ _IMPLICIT = "all coordinates are solved for, and the third rotation, which vanis
 _SMALL = "the leg's direction is a small difference of lengths, whose rounding is divided by the distance"
 #: How far a motion in a leads past the lock of leg 4 [rad], and the angles that tell the assemblies of that leg.
 FAR, _ANGLES = 1.2, ("leg4.q1", "leg4.q2")
+_FORCE = "actuator_force"
 #: Angular velocity and acceleration of (a, b), without symmetry.
 _RATE, _ACCELERATION = np.array([0.7, 0.4]), np.array([-0.3, 0.9])
-_WHOLE = (
-    Method("screw", {"whole_system": True}, "screw whole system"),
-    Method("screw", {"whole_system": True, "refined": True}, "screw whole system refined"),
-)
 
 
 def upu_singularity(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
@@ -56,8 +60,9 @@ def upu_singularity(distance: float, quick: bool, folder: Path) -> Iterator[Ques
     )
     yield question
     if question.known:
-        problem = replace(question.problem, wanted=frozenset(("actuator_force",)))
-        yield replace(question, methods=_WHOLE, quantities=("actuator_force",), problem=problem)
+        methods = tuple(WholeSystem("screw", mechanism=question.mechanism, refined=each) for each in (False, True))
+        problem = replace(question.problem, wanted=frozenset((_FORCE,)))
+        yield replace(question, methods=methods, quantities=(_FORCE,), problem=problem)
 
 
 def u_lock(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
@@ -92,6 +97,66 @@ def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
             ("joint_position",),
             Reference.by_size("closed form", scene.mechanism, right),
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WholeSystem(Method):
+    """Actuator forces of smallest norm from eqs. (57)-(58) of all bodies at once, in place of virtual power.
+
+    Attributes:
+        refined: One step of iterative refinement, its residual from a wider matrix; see `wide_force_matrix`.
+    """
+
+    mechanism: Mechanism
+    refined: bool = False
+
+    @property
+    def name(self) -> str:
+        return "screw whole system" + " refined" * self.refined
+
+    def load(self, files: ModelFiles) -> WholeSystem:
+        return self
+
+    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
+        """``actuator_force`` alone, and as estimate of its error the rounding times the condition of the system."""
+        clock, lay, task = Stopwatch(), layout(self.mechanism), problem.task
+        if not isinstance(task, GivenMotion):
+            raise TypeError("the task is no given motion")
+        q = positions(lay, task.y, task.t, (task.yd, task.ydd))
+        system = NewtonEuler(motion_at(lay, q, task.yd, task.ydd, problem.applied, task.t))
+        wide = wide_force_matrix(lay, task.y) if self.refined else None
+        unknown = system.solve(system.need[..., None], wide)[..., 0]
+        f = np.asarray(unknown[:, len(system.names) :], dtype=float)
+        return Solution(
+            self.engine,
+            __version__,
+            {_FORCE: Values(self.mechanism.actuator_names, self.mechanism.actuator_units, f)},
+            system.condition,
+            estimate={_FORCE: linear.EPS * system.condition},
+            conditions={_FORCE: system.condition},
+            cost=clock.cost(),
+        )
+
+
+def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
+    """The matrix c of eq. (57) in numpy's longest format, at poses known in closed form.
+
+    Args:
+        y: Independent coordinates [rad or m]. Shape (n, k).
+
+    Returns:
+        See `force_matrix`. None where that format is no wider than a double, or the closed form leaves the loops open.
+    """
+    wider = np.finfo(np.longdouble)
+    if not wider.eps < np.finfo(float).eps:
+        return None
+    lay = layout(in_precision(lay.mechanism, np.longdouble))
+    q = closed_form_positions(lay, y.astype(np.longdouble))
+    if q is None:
+        return None
+    at = pose(lay, q)
+    closed = np.abs(at.residual).max(initial=0.0) < 64 * wider.eps
+    return force_matrix(at, at.q, at.S) if closed else None
 
 
 def _towards(angle: float) -> Array:

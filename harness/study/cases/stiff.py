@@ -251,12 +251,12 @@ def collocate(slope: Slope, state: Array, times: Array) -> Array:
     Raises:
         ScrewgaugeError: A step does not converge.
     """
-    found = [np.asarray(state, dtype=float)]
-    largest = np.abs(found[0])
+    states = [np.asarray(state, dtype=float)]
+    largest = np.abs(states[0])
     for t, h in zip(times, np.diff(times), strict=False):
-        found.append(_step(slope, found[-1], float(h), largest=largest, t=float(t)))
-        largest = np.maximum(largest, np.abs(found[-1]))
-    return np.array(found)
+        states.append(_step(slope, states[-1], float(h), largest=largest, t=float(t)))
+        largest = np.maximum(largest, np.abs(states[-1]))
+    return np.array(states)
 
 
 def _step(slope: Slope, state: Array, h: float, *, largest: Array, t: float) -> Array:
