@@ -104,7 +104,7 @@ class Cluster:
 
     @contextmanager
     def _client(self, timeout: float) -> Iterator[Client]:
-        """Whoever talks to the scheduler, which has to answer within so many seconds."""
+        """A client of the scheduler, which has to answer within `timeout` [s]."""
         from distributed import Client
 
         with warnings.catch_warnings():
@@ -124,7 +124,7 @@ class Cluster:
 def executor(
     jobs: int | None, cluster: str | None, limits: isolation.Limits | None = None, *, insecure: bool = False
 ) -> Executor:
-    """The executor that options ask for: on a cluster, in processes, or in this one.
+    """The executor of the options: on a cluster, in other processes, or in this one.
 
     Args:
         jobs: Processes at a time.
@@ -162,7 +162,7 @@ def check_address(address: str, *, insecure: bool = False) -> None:
 
 
 class _Session:
-    """Tasks on a scheduler as long as it is there."""
+    """Tasks on one connection to a scheduler."""
 
     def __init__(self, client: Client, limits: isolation.Limits, left: dict[str, Task], n: int) -> None:
         self.client, self.limits, self.left, self.n = client, limits, left, n
@@ -173,7 +173,7 @@ class _Session:
         self.seconds, self.done, self.threads, self.looked = 0.0, 0, 1, 0
 
     def run(self, keep: Callable[[str, Any], None], report: Report) -> None:
-        """Does what is left, and takes it off as soon as it is done."""
+        """Runs the tasks in `left`; each is removed from it when it is done. Raises `LostError`, as all below do."""
         from distributed import as_completed
 
         report("workers", 1.0 - len(self.left) / self.n)
@@ -190,9 +190,9 @@ class _Session:
             raise LostError
 
     def _fill(self, completed: Any) -> None:
-        """Hands out batches; what was there when a worker died waits until all others are done, and then goes alone.
+        """Submits batches. Tasks of a worker that died wait until all others are done, and then go one by one.
 
-        A scheduler blames all tasks that a dead worker held, so that nothing else may be on it.
+        The scheduler blames every task that a dead worker held: a suspect must not share its worker.
         """
         self.looked += 1
         if self.looked % max(1, self.threads // 10) == 0:  # workers come and go; asking takes a millisecond
@@ -227,7 +227,7 @@ class _Session:
         return self.client.submit(job, *blobs.values(), pure=False)
 
     def _results(self, future: Future, names: list[str]) -> dict[str, Any]:
-        """What has become of a batch."""
+        """Results of a batch by name; empty if its worker died and its tasks go alone."""
         from distributed import CancelledError, KilledWorker
         from distributed.comm import CommClosedError
 
@@ -261,7 +261,7 @@ class _Session:
 
     @staticmethod
     def _asked(call: Callable[[], Any]) -> Any:
-        """What the scheduler answers."""
+        """The scheduler's answer."""
         try:
             return call()
         except (OSError, RuntimeError) as error:  # of Dask's comm, and of a client that is closed
@@ -295,7 +295,7 @@ def _code() -> str:
 
 
 def differences(expected: Mapping[str, str]) -> list[str]:
-    """Versions here that are others than expected, in words."""
+    """Versions here that differ from the expected ones, in words."""
     return _differences(tuple(expected.items()))
 
 
@@ -313,7 +313,7 @@ def on_worker(
     hashes: Sequence[str],
     *blobs: bytes,
 ) -> tuple[float, dict[str, Any]]:
-    """What a worker does: tasks one after the other, in a process of this thread.
+    """Runs a batch on a worker: tasks one after the other, in a process that belongs to this thread.
 
     Args:
         works: Name, work and files of each.
@@ -339,7 +339,7 @@ def on_worker(
 
 
 def _tree(files: Files, contents: Mapping[str, bytes], home: str) -> str:
-    """A folder with files at the same paths as where they come from; made once in a worker."""
+    """A folder with files at the paths of the machine that they come from; made once in a worker."""
     digest = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()
     root = Path(_scratch().name) / digest
     if not root.exists():
@@ -360,7 +360,7 @@ def _scratch() -> tempfile.TemporaryDirectory[str]:
 
 
 def _in_tree(work: Callable[[Progress], Any], root: str, home: str, progress: Progress) -> Any:
-    """Does a work where its files have been laid out, and says of these what it would say at home."""
+    """Does a task on the copied files, with the paths of the machine that they come from in its result."""
     before = os.getcwd()
     os.chdir(root + home)
     try:
@@ -371,12 +371,12 @@ def _in_tree(work: Callable[[Progress], Any], root: str, home: str, progress: Pr
 
 
 def _absolute(root: str, text: str) -> str:
-    """The place of a file or folder that is named from the root."""
+    """A path below `root` where there is such a file or folder, else the text itself."""
     return root + text if text.startswith("/") and os.path.exists(root + text) else text
 
 
 def _translated(value: Any, of: Callable[[str], str]) -> Any:
-    """A value, or a call that is bound to some, with other texts and paths; itself where there is none of these."""
+    """A value or bound call with `of` applied to every text and path in it; the same object where nothing changes."""
     if isinstance(value, str | Path):
         text = of(str(value))
         return value if text == str(value) else type(value)(text)

@@ -46,7 +46,7 @@ class Comparison:
         doubts: Those of them on numbers that no machine has: engines may agree on what nobody meant.
         unread: Those of them on files that the scene names and nobody read.
         refusals: Samples at which an engine gives no number, with the reason.
-        cover: Looks at what the scene could have seen of mistakes: not everybody asks.
+        cover: Computes `coverage`, which is not always wanted.
         known: Sentences about discrepancies of the engines that have a name and touch what is out of tolerance.
         provenance: Files that were judged, date and schema, see `screwgauge.study.comparison`.
     """
@@ -72,7 +72,7 @@ class Comparison:
     def ok(self) -> bool:
         """Every engine ran and gave every number; all is within its tolerance, and something was compared.
 
-        Of one engine, which has none beside it, it is enough that something was judged.
+        With a single engine it is enough that something was judged.
         """
         looked_at = len(self.pairs) or (len(self.solutions) == 1 and len(self.judge))
         if self.failures or self.refusals or not looked_at:
@@ -108,7 +108,7 @@ class Comparison:
 
     @cached_property
     def coverage(self) -> Coverage:
-        """What the scene could have seen of mistakes."""
+        """Which mistakes the scene could have revealed."""
         return self.cover()
 
     @property
@@ -146,7 +146,7 @@ class Comparison:
         return self.quantity(quantity, engine).components
 
     def _pick(self, kind: str, quantity: str, by_engine: Mapping[str, Mapping[str, T]], engine: str | None) -> T:
-        """What the engine named, or the first one that has the quantity, has of it."""
+        """The entry of a quantity of the named engine, or of the first one that has it."""
         if engine and engine not in by_engine:
             raise UnknownNameError("engine", engine, by_engine)
         tables = [by_engine[engine]] if engine else list(by_engine.values())
@@ -193,7 +193,7 @@ def built_in(path: Path) -> bool:
 
 
 def _file(path: Path, *, generated: bool = False) -> dict[str, str | None]:
-    """Name and SHA-256; none where the file has gone since."""
+    """Name and SHA-256, which is None if the file no longer exists."""
     name = f"generated {path.name}" if generated else f"built-in {path.name}" if built_in(path) else str(path)
     try:
         return {"file": name, "sha256": digest(path)}

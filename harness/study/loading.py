@@ -36,7 +36,7 @@ def read_isolated(path: Path, library: str, floating: bool = False) -> Reading:
 
 
 def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
-    """Both sides of a diagnosis, with mass and inertia from meshes if that is asked for; see `diagnosis.model.weighed`.
+    """Both sides of a diagnosis, on request with mass and inertia from meshes; see `diagnosis.model.weighed`.
 
     Raises:
         ScrewgaugeError: Meshes cannot be read, or lie outside the folder of the file.
@@ -55,7 +55,7 @@ def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
 
 
 def import_isolated(path: Path, options: Options | None = None) -> Imported:
-    """What `import_model` gives.
+    """`import_model` in a process of its own.
 
     Raises:
         ScrewgaugeError: It is no model, or one that a description cannot hold; or whoever reads it fails.

@@ -51,7 +51,7 @@ class VersionRow:
         passing, scenes: Scenes that pass, of so many.
         digits: Fewest digits of two engines that agree, `worst`: scene and quantity that have them.
         differing: Quantities out of tolerance, with the number of scenes.
-        reason: What is said of the first scene that does not pass, or why there is none.
+        reason: The sentence on the first scene that does not pass, or why there is none.
         shown, not_shown, failed: Cases of the casebook by what became of them.
     """
 
@@ -94,7 +94,7 @@ def matrix(
 
     Args:
         pairs: Versions of pin and of mujoco.
-        file: CSV file that rows are added to; those that it has already are kept. A journal beside it has the others.
+        file: CSV file that rows are added to; those that it has already are kept. See `grow_table`.
         make: Makes an environment, by uv or pip.
         scenes: As `screwgauge check` takes them; all built-in ones by default.
         cases: Names of discrepancies that are looked at.
@@ -121,7 +121,7 @@ def _name(pin: str, mujoco: str) -> str:
 
 
 def check_versions(names: Sequence[str], package: str) -> Sequence[str]:
-    """Refuses what is no version: it is handed to an installer."""
+    """Refuses a text that is no version, as an installer gets it."""
     for name in names:
         if not re.fullmatch(r"\d+(\.\w+)*", name):
             raise DescriptionError(f"'{name}' is no version", f"--{package}", "write 4.1.0, or 3.9.0,4.1.0")
@@ -157,7 +157,7 @@ def _checked_in(
 
 
 def requirements(**pinned: str) -> list[str]:
-    """What this package needs, some of it in one version only, with what that was built with."""
+    """Requirements of this package with some versions pinned, and what pinned wheels were built with."""
     needed = [text for text in requires("screwgauge") or () if "extra ==" not in text]
     names = [match[0] for text in needed if (match := re.match(r"[\w.-]+", text))]
     texts = [f"{name}=={pinned[name]}" if name in pinned else text for name, text in zip(names, needed, strict=True)]
@@ -181,7 +181,7 @@ def fresh(folder: Path, wanted: Sequence[str]) -> Path:
 
 
 def lay_out(folder: Path) -> None:
-    """This package, as it runs here and whatever it was installed from, for another Python."""
+    """Copies this package, as it runs here, for another Python."""
     for name in ("screwgauge", "screwgauge.reference", "screwgauge.models"):
         source = Path(str(import_module(name).__file__)).parent
         ignored = shutil.ignore_patterns("__pycache__")
@@ -193,7 +193,7 @@ def lay_out(folder: Path) -> None:
 
 
 def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[int] = (0,)) -> str:
-    """What a command prints.
+    """Standard output of a command.
 
     Args:
         folder: Where this package is laid out, if it is a command of it.
@@ -217,7 +217,7 @@ def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[in
 
 
 def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any]:
-    """What `screwgauge check --smoke` finds, in the terms of a row."""
+    """The result of `screwgauge check --smoke` as fields of a row."""
     command = [str(python), "-m", "screwgauge.cli", "check", *scenes, "--smoke", "--json", "--out", str(folder / "out")]
     text = _run(command, folder, (0, 1, 3))
     try:
@@ -252,7 +252,7 @@ def _beyond(errors: Iterable[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _shown(python: Path, folder: Path, cases: list[str]) -> Iterator[tuple[str, str]]:
-    """What becomes of each case. One that takes its process with it is said to have, and the others go on."""
+    """The status of each case. One that takes its process along is `CRASHED`, and the others go on."""
     while cases:
         try:
             text = _run([str(python), "-m", "screwgauge.study.matrix", *cases], folder, ())

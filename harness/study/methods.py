@@ -32,7 +32,7 @@ DOUBTS = 3  # about the models or the engines, that a sentence names
 
 
 def missing(error: ImportError, engine: Engine | None = None) -> str:
-    """What to install for a module that is not there, or was not built for what is there."""
+    """What to install for a module that is missing, or that was built for other versions."""
     package = engine.package if engine is not None else (error.name or "it").split(".")[0]
     if isinstance(error, ModuleNotFoundError):
         return f"not installed ({error}); pip install {package}"
@@ -40,7 +40,7 @@ def missing(error: ImportError, engine: Engine | None = None) -> str:
 
 
 def failure(error: BaseException, name: str, folder: Path, engine: Engine | None = None) -> Failure:
-    """What a method raised, in one line and without the folder of generated files, which goes with them."""
+    """An exception as a failure: one line, without the name of the temporary folder of generated files."""
     try:
         message = str(error) or "nothing more is said"  # as Python does of memory
     except Exception:  # an error of another package, which may be wrong, too
@@ -83,7 +83,7 @@ class Method:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EngineTask:
-    """A problem for an engine, wherever it is asked. Data only; it pickles.
+    """A problem for an engine, solved here or in a process of its own. Data only; it pickles.
 
     Attributes:
         folder: Where the generated models are.
@@ -107,7 +107,7 @@ class EngineTask:
             MemoryError: There is not enough memory.
         """
         try:
-            with redirect_stdout(sys.stderr):  # what an engine prints is no part of what a command says
+            with redirect_stdout(sys.stderr):  # what an engine prints is no output of a command
                 model = self.engine.load(self.files)
                 answer = model.solve(self._ordered(model), progress)
             answer = replace(sound(answer, len(self.problem.task)), engine=self.engine.name)
@@ -118,7 +118,7 @@ class EngineTask:
             return self.failure(error)
 
     def _with_mismatch(self, answer: Solution, scene: Scene) -> Solution:
-        """The answer with what the user's own model file says otherwise than the description."""
+        """The answer with notes on differences between the user's model file and the description."""
         from screwgauge.study.user_files import departures, physical_mismatch
 
         mismatch = departures(scene, self.engine.name, self.files)
@@ -127,7 +127,7 @@ class EngineTask:
         return replace(answer, notes=notes, warnings=warnings, otherwise=physical)
 
     def failure(self, error: BaseException) -> Failure:
-        """What was raised, as a failure, with what the user's own model file says otherwise than the description."""
+        """An exception as a failure, with physical differences between the user's model file and the description."""
         if self.scene is not None and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
             raise error
         raised = failure(error, self.engine.name, self.folder, self.engine)
@@ -139,7 +139,7 @@ class EngineTask:
         return replace(raised, reason=f"{raised.reason} The models differ: {differences}.") if differences else raised
 
     def _ordered(self, model: EngineModel) -> Problem:
-        """The problem with the independent coordinates in the order in which a model file of one's own lists them."""
+        """The problem with the independent coordinates in the order of the user's model file."""
         labels, own, task = list(self.labels), getattr(model, "independent", ()), self.problem.task
         if list(own) == labels or {*own} != {*labels} or isinstance(task, States):
             return self.problem
@@ -150,10 +150,10 @@ LONG, SHORT, MOST = 2000, 200, 100  # characters of a note, of a name; notes, ti
 
 
 def sound(answer: object, n: int) -> Solution:
-    """An answer for n samples, made of nothing but numbers and texts; long texts are cut, which is said there.
+    """An answer for n samples, made of nothing but numbers and texts; long texts are cut, with a remark.
 
     Raises:
-        TypeError, ValueError: It is no such answer; the message says what of it is wrong.
+        TypeError, ValueError: It is no such answer; the message names what is wrong.
     """
     if not isinstance(answer, Solution):
         raise TypeError(f"its answer is of type {type(answer).__name__}, not a Solution")
@@ -184,7 +184,7 @@ def sound(answer: object, n: int) -> Solution:
 
 
 def shortened(text: object, most: int) -> str:
-    """A text of at most so many characters, and what was cut off.
+    """A text of at most `most` characters, with the number of those cut off.
 
     Raises:
         TypeError: It is no text.
@@ -200,7 +200,7 @@ def _texts(what: str, texts: object) -> tuple[str, ...]:
 
 
 def _some(what: str, items: object) -> list[Any]:
-    """A tuple or list, not more of it than anybody reads."""
+    """The items of a tuple or list of at most `MOST`."""
     if not isinstance(items, (tuple, list)):
         raise TypeError(f"its {what} are of type {type(items).__name__}, not a tuple")
     if len(items) > MOST:
@@ -209,7 +209,7 @@ def _some(what: str, items: object) -> list[Any]:
 
 
 def _items(what: str, table: object) -> Iterator[tuple[str, Any]]:
-    """What an answer says of each quantity."""
+    """Entries of a mapping from quantities."""
     if not isinstance(table, Mapping):
         raise TypeError(f"its {what} are of type {type(table).__name__}, not a mapping")
     for name, value in table.items():
@@ -235,7 +235,7 @@ def _names(what: str, texts: Iterable[object]) -> tuple[str, ...]:
 
 
 def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
-    """An array of doubles; of a shape, as far as that says something."""
+    """An array of doubles of a shape, in which None is any length."""
     if type(array) is not np.ndarray:  # of a masked one, say, some numbers do not count
         raise TypeError(f"its {what} is of type {type(array).__name__}, not an array of numbers")
     if array.dtype.kind not in "fiu":
@@ -247,7 +247,7 @@ def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
 
 
 def _sizes(what: str, array: object, n: int) -> Array:
-    """A number for each sample that is not negative, or none."""
+    """A number for each sample, not negative, or NaN."""
     sizes = _numbers(what, array, (n,))
     if (sizes < 0.0).any():
         raise ValueError(f"its {what} has negative numbers")
@@ -292,31 +292,31 @@ Expected = Mapping[str, tuple[str, ...]]
 
 
 class LeftOutError(Exception):
-    """An answer without all that was asked for."""
+    """An answer that lacks requested quantities."""
 
 
 def left_out(engine: str, wanted: Collection[str], answer: Solution) -> tuple[str, ...]:
-    """Quantities that an engine was asked for and does not give, other than those that its entry excepts."""
+    """Requested quantities that an answer lacks, except those that the engine's entry excepts."""
     return tuple(q for q in QUANTITIES if q in wanted and q not in answer.values and q not in _lacks(engine))
 
 
 def without(quantities: Iterable[str]) -> str:
-    """What is said of an answer that has no such quantities."""
+    """The sentence on an answer that lacks quantities."""
     return f"gives no {', '.join(quantities)}, though asked for"
 
 
 def excepted(engine: str, wanted: Collection[str]) -> Iterator[str]:
-    """What the entry of an engine says of quantities that were asked for and that it cannot give."""
+    """Notes from an engine's entry on requested quantities that it cannot give."""
     return (f"gives no {name}: {why}" for name, why in _lacks(engine).items() if name in wanted)
 
 
 def _lacks(engine: str) -> Mapping[str, str]:
-    """What an entry excepts; nothing of a method that has no entry, such as the paper's scheme."""
+    """Exceptions of an entry; none of a method without an entry, such as the paper's scheme."""
     return get_engine(engine).lacks if engine in engine_names() else {}
 
 
 def check_whole(engine: str, problem: Problem, answer: Solution) -> Solution:
-    """The answer, if it has all that was asked for.
+    """The answer, if it has all requested quantities.
 
     Raises:
         LeftOutError: It has not.

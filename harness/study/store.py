@@ -33,22 +33,22 @@ _STAMP, _ENCODED = b"screwgauge.stamp", b"screwgauge.json"
 
 
 class Journal:
-    """A stamp, then results and measured times as they come.
+    """A log: a stamp, then results and measured times as they come.
 
     Attributes:
         results: Key -> result of the first call.
         times: Key -> seconds measured.
-        note: What was on disk, for the report; empty if nothing.
+        note: A sentence for the report on what was on disk; empty if nothing.
     """
 
     def __init__(
         self, path: Path | None, stamp: str, fits: Callable[[dict[str, Any]], bool] = lambda result: True
     ) -> None:
-        """Takes over what is on disk.
+        """Reads what is on disk.
 
         Args:
-            stamp: Of what the work depends on; pieces of another are not used.
-            fits: Whether a result is one of this work: one that is not is made anew.
+            stamp: Stands for all that the work depends on; results under another stamp are not used.
+            fits: Whether a result has the form of this work's; another is made anew.
 
         Raises:
             ScrewgaugeError: The file cannot be read, or is no journal.
@@ -102,7 +102,7 @@ class Journal:
             shutil.rmtree(self._parts, ignore_errors=True)
 
     def _write(self, mode: str, *records: Mapping[str, Any]) -> None:
-        """Lines of their own, even after one that was cut off while it was written."""
+        """Writes each record on a line of its own, even after one that was cut off."""
         if self.path is None:
             return
         try:
@@ -114,7 +114,7 @@ class Journal:
             raise OutputError(f"cannot be written ({why(error)})", str(self.path), remedy) from None
 
     def _seal(self, log: Path) -> None:
-        """Moves what the log has into a part. What is in both, having been stopped in between, has one key."""
+        """Moves the results of the log into a part. If that is interrupted, keys tell what is in both."""
         self._parts.mkdir(exist_ok=True)
         part = self._parts / f"{len([*self._parts.glob('*.parquet')]):06d}.parquet"
         replace_file(part, _parquet(self._loose, self.stamp))
@@ -128,7 +128,7 @@ class Journal:
 
 
 def _parse(line: str) -> dict[str, Any]:
-    """The record of a line; empty if there is none."""
+    """The record of a line; empty if it is none."""
     try:
         record = parse_json(line, "line of a journal", "", "")
     except DescriptionError:
@@ -157,7 +157,7 @@ def _parquet(results: Mapping[str, Mapping[str, Any]], stamp: str) -> bytes:
 
 
 def _of_parquet(part: Path, stamp: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """What `_parquet` has made of results.
+    """Results from a file that `_parquet` has made.
 
     Raises:
         OutputError: It is something else, or was not written in whole.

@@ -64,7 +64,7 @@ class StressCase:
 
     @property
     def span(self) -> str:
-        """What its severity may be, in words."""
+        """Its severity and the range of that, in words."""
         return f"{self.axis}, {self.low:g} to {self.high:g}"
 
     def rungs(self, *, quick: bool = False, severities: Sequence[float] | None = None) -> list[float]:
@@ -127,7 +127,7 @@ def choose(names: Iterable[str] | None) -> list[StressCase]:
 #: Column of ``stress.csv`` -> attribute of a `Finding`.
 COLUMNS = {
     **{name: name for name in ("case", "severity", "engine", "quantity", "digits", "condition", "time_s", "verdict")},
-    "reason": "told",
+    "reason": "explanation",
 }
 #: File of rungs that interrupted stress goes on from.
 NAME = "stress.partial.jsonl"
@@ -137,7 +137,7 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stress:
-    """What the ladders found.
+    """Findings of all ladders.
 
     Attributes:
         cases: In the order run.
@@ -159,7 +159,7 @@ class Stress:
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """Why rungs have no rows of their own."""
+        """Reasons of rungs that broke."""
         return tuple(dict.fromkeys(row.reason for row in self.rows if row.engine == ALL))
 
     @property
@@ -170,7 +170,7 @@ class Stress:
 
 @dataclass(frozen=True, slots=True)
 class Rung:
-    """What is found on a rung, and how long it took [s]."""
+    """Findings of a rung, and how long it took [s]."""
 
     rows: Sequence[Finding]
     seconds: float = 0.0
@@ -224,7 +224,7 @@ def _climbed(case: StressCase, severity: float, quick: bool, progress: Progress)
 
 
 def climb(case: StressCase, severity: float, *, quick: bool = False) -> list[Finding]:
-    """What is found on one rung; a rung that breaks is one finding of `ALL`."""
+    """Findings of one rung; a rung that breaks is one finding of `ALL`."""
     try:
         # extremes are the point; what comes of them is judged
         with np.errstate(all="ignore"), tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:

@@ -12,7 +12,7 @@ from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import INK, STAR, Look, Spec, by_camp, camp
 from screwgauge.study.bench.tables import LEVELS, OK
-from screwgauge.study.reference import QUANTITIES
+from screwgauge.study.reference_values import QUANTITIES
 
 if TYPE_CHECKING:
     from screwgauge.study.bench.run import Bench

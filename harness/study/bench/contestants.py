@@ -26,7 +26,7 @@ from screwgauge.solution import Solution
 from screwgauge.study.bench import questions
 from screwgauge.study.bench.questions import Question, Trial
 from screwgauge.study.methods import Method
-from screwgauge.study.reference import QUANTITIES, PreparedScene, joined
+from screwgauge.study.reference_values import QUANTITIES, PreparedScene, joined
 
 TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("contestants.toml").read_text(encoding="utf-8"))
 #: The quantity of a contestant that computes none.
@@ -51,7 +51,7 @@ class Contestant:
         label: Short name of the setting in diagrams.
         drawn: Whether it has a place in the work-precision diagram.
         given: It starts from given joint motion, so that closing the loops is not in its time.
-        hint: Why it may fail, for the row that says so.
+        hint: Why it may fail, for the row of a failure.
     """
 
     family: str
@@ -132,7 +132,7 @@ def contestants(*, quick: bool) -> list[Contestant]:
 
 
 def _expanded(entry: Mapping[str, Any], quick: bool) -> Iterator[Contestant]:
-    """The contestants of an entry of ``contestants.toml``, which says what it means."""
+    """The contestants of an entry of ``contestants.toml``, whose head explains the entries."""
     axes = [
         [value if isinstance(value, dict) else {name: value} for value in values]
         for name, values in entry.get("over", {}).items()
@@ -170,7 +170,7 @@ def _contestant(values: Mapping[str, Any]) -> Contestant:
 
 
 def leaving_out() -> Iterator[Contestant]:
-    """What leaving out buys: run time with less asked for, the same numbers; the first of each engine is everything."""
+    """Each engine with less asked for, to show what that saves; its first contestant computes everything."""
     for engine in ENGINES:
         covers = f"from y and its derivatives: the engine {engine}, model loaded"
         any_engine = partial(Contestant, LEAVING_OUT, LEAVING_OUT, covers=covers, drawn=False)

@@ -27,7 +27,7 @@ from screwgauge.study.bench.run import BESIDE, Bench, Plan, check_generated, mod
 from screwgauge.study.bench.tables import CUT, FAILED, OK, BenchRow, Rule, fits, leaving_out_table
 from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import Method
-from screwgauge.study.reference import PreparedScene, Reference, deviation, score, sizes
+from screwgauge.study.reference_values import PreparedScene, Reference, deviation, score, sizes
 from screwgauge.study.runner import Executor, Task, run_tasks
 from screwgauge.study.solving import TooLongError, ask, generated, model_files, within
 from screwgauge.study.store import Journal
@@ -116,7 +116,7 @@ def _shortest_first(
     rows: list[BenchRow],
     progress: Report,
 ) -> None:
-    """Adds the rows of all contestants, the shortest first, as far as the family's last one tells.
+    """Adds the rows of all contestants, the shortest first, as foreseen from the last one of its family.
 
     Args:
         late: Families that are known to take very long: they come last.
@@ -213,7 +213,7 @@ def simulated(scene: Scene, folder: Path) -> PreparedScene:
 
 
 def _foreseen(contestant: Contestant, before: Sequence[BenchRow]) -> float:
-    """How long it will last [s]: from the setting before it of its family, or the first of its engine."""
+    """Estimated duration [s], from the previous setting of its family, or else the first of its engine."""
     same = [row for row in before if row.contestant.family == contestant.family]
     if not same:
         engine = contestant.method.engine
@@ -261,7 +261,7 @@ def _turn(
 def _scored(
     posed: PreparedScene, contestant: Contestant, problem: Problem, solution: Solution, costs: Sequence[Cost]
 ) -> tuple[BenchRow, BenchRow]:
-    """The rows of an answer, as far as it came: the observables, and the energy that is not accounted for.
+    """The rows of an answer up to where it stopped: error of the observables, and energy that is not accounted for.
 
     Args:
         costs: Of each integration; the shortest times count.

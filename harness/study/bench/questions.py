@@ -1,6 +1,6 @@
 """What a bench asks of a scene: its motion, its true states, or a motion that is changed for a purpose.
 
-Each question is a function of the scene, of the engine that is asked and of the wanted quantities. What else it takes
+Each question is a function of the scene, of the engine and of the wanted quantities. What else it takes
 is bound by `functools.partial`, so that questions pickle.
 """
 
@@ -21,7 +21,7 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.solution import Values
 from screwgauge.study.linkages import four_bar_states, write_four_bar
 from screwgauge.study.methods import Method
-from screwgauge.study.reference import PreparedScene, Reference, reference_values, sizes
+from screwgauge.study.reference_values import PreparedScene, Reference, reference_values, sizes
 from screwgauge.study.solving import model_files
 
 ALL_PARTS = "all of them"
@@ -77,7 +77,7 @@ def true_states(
 
 @lru_cache(maxsize=3)
 def _on_tree(posed: PreparedScene, pushed: bool, bare: bool) -> Problem:
-    """Many methods are asked this."""
+    """The problem of `true_states`, which is that of many methods."""
     mechanism = posed.scene.mechanism
     tree = lay_out(mechanism, "minimal").coordinates
     coordinates = tuple(name for name in mechanism.coordinates if name in tree)
@@ -174,7 +174,7 @@ def less(
     absent: str = "",
     part: str = "",
 ) -> Trial:
-    """The given motion with less asked for, or less about it, measured by everything that the engine says of it.
+    """The given motion with fewer quantities or forces, measured against the engine's own full answer.
 
     Args:
         computed: Quantities that are computed.
@@ -196,7 +196,7 @@ def less(
 
 @lru_cache(maxsize=3)
 def _everything(posed: PreparedScene, engine: str) -> Reference:
-    """All that an engine says of a scene, measured by the largest magnitude of each unit."""
+    """All quantities of a scene by an engine, measured by the largest magnitude of each unit."""
     values = Method(engine).load(posed.files(engine)).solve(posed.problem(*GIVEN)).values
     scales = {name: {unit: size or 1.0 for unit, size in sizes(has).items()} for name, has in values.items()}
     return Reference(engine, values, "", scales)

@@ -31,7 +31,7 @@ from screwgauge.study.bench.tables import CUT, FAILED, OK, BenchRow, SlopeFit, l
 from screwgauge.study.bench.tables import fits as slope_fits
 from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import check_whole, failure
-from screwgauge.study.reference import PreparedScene, pose_scene
+from screwgauge.study.reference_values import PreparedScene, pose_scene
 from screwgauge.study.runner import Executor, Task, run_tasks
 from screwgauge.study.store import Journal, is_record
 from screwgauge.threads import one_thread
@@ -62,7 +62,7 @@ Measurements = tuple[dict[str, Any], dict[str, list[float]]]
 """Contestant -> result of its first call, and -> its times [s]."""
 
 FULL = Plan(samples=201, rounds=12, budget=480.0, quick=False)
-#: Said of times that were measured beside each other.
+#: Note on times that were measured at the same time.
 BESIDE = "Contestants were measured beside each other, in processes or on workers of their own, which disturbs times."
 QUICK = Plan(samples=41, rounds=3, budget=48.0, quick=True)
 
@@ -97,7 +97,7 @@ class Bench:
 
 
 def check_budget(seconds: float) -> float:
-    """A budget as given by a user.
+    """The budget that a user gives [s].
 
     Raises:
         DescriptionError: It is no positive number of seconds.
@@ -189,7 +189,7 @@ def _elsewhere(
     execute: Executor,
     progress: Report,
 ) -> None:
-    """Measures contestants wherever tasks run, and keeps what is new."""
+    """Measures contestants as tasks of an executor, and keeps new results and times."""
     end = time() + (protocol.deadline - protocol.clock()) * 1e-9
     groups = {" ".join(key): list(group) for key, group in groupby(chosen, key=_group)}
     tasks = []
@@ -221,7 +221,7 @@ def _measured(
     end: float,
     progress: Progress,
 ) -> Measurements:
-    """Results and times of the settings of a contestant, those that are known included.
+    """Results and times of the settings of a contestant, including those that are known.
 
     Args:
         end: When nothing further begins [s since 1970].
@@ -273,7 +273,7 @@ class _Measurements:
         self._measure(self.calls, self.protocol)
 
     def _first(self, contestant: Contestant) -> None:
-        """The error of a contestant, unless an earlier bench has it, and at once one time."""
+        """The error of a contestant, unless an earlier bench has it, and one measured time."""
         try:
             trial, method = contestant.ask(self.posed), contestant.method
             loaded = method.engine, repr(method.settings), trial.files  # once for all contestants that ask it
@@ -317,7 +317,7 @@ def _group(contestant: Contestant) -> tuple[str, str]:
 
 
 def fits(result: Mapping[str, Any]) -> bool:
-    """Whether what a journal has of a contestant is what was kept of it: a failure with its reason, or numbers."""
+    """Whether a result from a journal is whole: a failure with its reason, or numbers."""
     if result.get("status") == FAILED:
         return isinstance(result.get("reason"), str)
     first, scores = result.get("first"), Mapping[str, tuple[float, float, str]]  # largest and RMS, why there is none
@@ -326,7 +326,7 @@ def fits(result: Mapping[str, Any]) -> bool:
 
 
 def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
-    """The rows of one contestant, whatever has become of it."""
+    """The rows of one contestant, measured, failed or cut short."""
     result = kept.results.get(contestant.key, {"status": CUT, "reason": "the budget was spent before its turn"})
     seconds, n = tuple(kept.times.get(contestant.key, ())), int(result.get("n_sample", 0))
     for quantity in contestant.quantities:

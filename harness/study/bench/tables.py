@@ -200,7 +200,7 @@ class SlopeFit:
 
 
 def fits(rows: Sequence[BenchRow], rules: Sequence[Rule] = RULES) -> list[SlopeFit]:
-    """The rules for which there are rows; what was cut short before it had three points is left out."""
+    """Fits of the rules for which there are rows; those cut short before they had three points are left out."""
     fitted = []
     for rule in rules:
         of_rule = [row for row in rows if row.contestant.line == rule.line and row.quantity == rule.quantity]

@@ -48,7 +48,7 @@ from screwgauge.study.cases.question import (
 )
 from screwgauge.study.linkages import FILE, four_bar_states, write_four_bar
 from screwgauge.study.methods import Method
-from screwgauge.study.reference import PreparedScene, Reference, pose_scene, reference_values, sizes
+from screwgauge.study.reference_values import PreparedScene, Reference, pose_scene, reference_values, sizes
 from screwgauge.study.solving import solve
 
 ITERATIONS = (1, 2, 5)
@@ -177,7 +177,7 @@ def refinement(softness: float, quick: bool, folder: Path) -> Iterator[Question]
 
 @lru_cache(maxsize=4)
 def held(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
-    """The default scene from `INSTANT` on, the actuator forces staying as they are; what is right is by `screw`.
+    """The default scene from `INSTANT` on under constant actuator forces, with reference values by `screw`.
 
     Raises:
         ScrewgaugeError: The motion does not lead so far.
@@ -199,7 +199,7 @@ def held(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
 
 
 def in_tree(question: Question) -> Reference:
-    """What is right of all that MuJoCo has: the coordinates of its tree and the forces that close its loops."""
+    """Reference values of what MuJoCo has: the coordinates of its tree and the forces that close its loops."""
     values, mechanism = question.right.values, question.mechanism
     closing = tuple(f"{closure.joint}.f{axis}" for closure in loops_of(mechanism, "minimal").closures for axis in "xyz")
     force, q = values["constraint_force"].pick(closing), values["joint_position"].pick(tree_coordinates(mechanism))
@@ -220,7 +220,7 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
 
 
 def _by_largest(mechanism: Mechanism, values: Mapping[str, Values]) -> Reference:
-    """Values as what is right, loops being closed, each quantity measured by the largest size that it has."""
+    """Values as a reference with closed loops, each quantity measured by its largest magnitude."""
     gap, force, energy, q = (values[name] for name in QUANTITIES)
     largest = float(np.abs(force.array).max())
     scales = {

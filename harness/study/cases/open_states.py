@@ -37,7 +37,7 @@ from screwgauge.study.cases.question import (
     tree_coordinates,
 )
 from screwgauge.study.methods import Method
-from screwgauge.study.reference import TRUTH, Reference, pushed
+from screwgauge.study.reference_values import TRUTH, Reference, pushed
 from screwgauge.study.solving import solve
 from screwgauge.witness.joints import mechanism_tree
 from screwgauge.witness.kinematics import move
@@ -56,7 +56,7 @@ _SOFT = "soft constraints: (1 - d) / d of the constraint forces is missing, on c
 
 
 def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Joint coordinates and velocities off the manifold, as those of a file or of an integration are."""
+    """Joint coordinates and velocities that do not close the loops, like those of a file or of an integration."""
     scene = moving(load_scene(SCENE), quick)
     mechanism, names, methods = scene.mechanism, tree_coordinates(scene.mechanism), tuple(map(Method, ENGINES))
     write_models(mechanism, folder, gravity=scene.applied.g)
@@ -140,7 +140,7 @@ def _forces(given: Question, method: Method, states: States) -> Question:
 
 
 def _soft_forces(given: Question, scene: Scene, method: Method, states: States) -> Question:
-    """`mj_inverse` with constraints on, against what the closed state needs: there they have no force."""
+    """`mj_inverse` with constraints on, against the forces of the closed state, in which constraints have none."""
     needed = solve(scene, (SCREW.engine,), (TREE_FORCE,))[0][SCREW.engine]
     question, right = _forces(given, method, states), Reference.by_size(SCREW.engine, scene.mechanism, needed.values)
     problem, read = replace(question.problem, wanted=frozenset((_SOFT_FORCE,))), partial(renamed, has=_SOFT_FORCE)
@@ -148,7 +148,7 @@ def _soft_forces(given: Question, scene: Scene, method: Method, states: States) 
 
 
 def _accelerations(given: Question, method: Method, states: States, cause: str = "") -> Question:
-    """Accelerations that the true actuator forces are said to cause."""
+    """Accelerations under the true actuator forces."""
     mechanism, names, true = given.mechanism, states.coordinates, given.right
     q = np.zeros((len(states), len(mechanism.coordinates)))
     q[:, mechanism.columns(names)] = states.q
@@ -186,5 +186,5 @@ class Projected(Method):
 
 
 def renamed(question: Question, solution: Solution, *, has: str) -> Mapping[str, Values]:
-    """What a solution has, by the name that it has in this case."""
+    """A quantity of a solution under the name that it has in this case."""
     return {question.quantities[0]: solution.values[has]}

@@ -31,7 +31,7 @@ from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution, Values
 from screwgauge.study.methods import Method
-from screwgauge.study.reference import TRUTH, PreparedScene, Reference, deviation, pose_scene, sizes
+from screwgauge.study.reference_values import TRUTH, PreparedScene, Reference, deviation, pose_scene, sizes
 from screwgauge.study.solving import ask, model_files, solve
 from screwgauge.witness.joints import MechanismTree
 from screwgauge.witness.kinematics import TreeMotion
@@ -45,12 +45,12 @@ VERDICTS = (OK, DEGRADED, REFUSED, SILENT)
 
 @dataclass(frozen=True, slots=True)
 class Finding(Residual):
-    """What one engine made of one quantity on one rung, a row of a stress table; its error is against the truth.
+    """Error of one quantity of one engine on one rung against the truth, a row of a stress table.
 
     Attributes:
         a: Name of the engine; a setting may follow, as in ``mujoco RK4``.
         tolerance: Largest scaled error that a warning of the engine, or an estimate of its error, admits.
-        reason: Why it was refused, what the warning says, or the cause of the error.
+        reason: Why it was refused, a warning, or the cause of the error.
         condition: Condition number of what was solved; NaN where nothing was.
         time_s: Run time [s].
         own: Whether it is our own solver.
@@ -70,8 +70,8 @@ class Finding(Residual):
         return self.a
 
     @property
-    def told(self) -> str:
-        """The reason, or that there is none where one is needed."""
+    def explanation(self) -> str:
+        """The reason, or a remark where one is missing."""
         silent = not self.reason and not math.isfinite(self.error)
         return "not a number, and nothing says so" if silent else self.reason
 
@@ -94,22 +94,22 @@ UNKNOWN = Reference("", {}, "", {})
 
 
 def answered(question: Question, solution: Solution) -> Mapping[str, Values]:
-    """What a solution says, as it says it."""
+    """The values of a solution as they are."""
     return solution.values
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Question:
-    """A problem put to methods, and what is right. Data only; it pickles.
+    """A problem put to methods, with reference values. Data only; it pickles.
 
     Attributes:
         files: Engine -> its model.
         quantities: What is measured, in this order.
-        right: Their true values, those components that are compared; `UNKNOWN` where there is no truth: then the
-            judge measures.
+        right: Their true values, of the compared components; `UNKNOWN` where there is no truth: then the judge
+            measures.
         read: Takes the measured quantities from a solution. A function of a module.
-        cause: Why a method other than ours is wrong where nothing says so; ``{notes}`` stands for what it notes.
-        remarks: Quantity -> what is said of it whatever comes out.
+        cause: Why a method other than ours is silently wrong; ``{notes}`` stands for its notes.
+        remarks: Quantity -> a remark, whatever the error.
         admitted: Quantity -> scaled error that is admitted, whatever a method estimates of its own.
         by: What admits an error, in words.
         condition: Condition number of the closed loops, where that of what a method solves is not meant.
@@ -134,7 +134,7 @@ class Question:
 
     @property
     def known(self) -> bool:
-        """Whether it is known what is right."""
+        """Whether there are reference values."""
         return bool(self.right.values)
 
 
@@ -159,7 +159,7 @@ def integrated(question: Question, integration: Integration) -> Question:
 
 
 def findings(question: Question) -> Iterator[Finding]:
-    """What every method makes of every quantity: the error, what is admitted, and why."""
+    """A finding for every method and quantity: the error, the admitted one, and why."""
     for method in question.methods:
         yield from _of(question, method)
 
@@ -207,7 +207,7 @@ def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> 
 def _measured(
     question: Question, solution: Solution, blank: Finding, values: Values, excuses: Mapping[str, str]
 ) -> Finding:
-    """Error, what is admitted, and why."""
+    """The error of a quantity, the admitted one, and why."""
     quantity, right = blank.quantity, question.right
     error = scaled_error(values, right.values[quantity], right.scales[quantity])
     scales, own = right.scales[quantity], solution.tolerances.get(quantity, {})
@@ -239,7 +239,7 @@ def _judged(question: Question, solution: Solution, blank: Finding) -> Finding:
 
 
 def _excuses(question: Question, solution: Solution) -> dict[str, str]:
-    """Quantity -> which singularity is the reason that there is no number; under no name what is noted of all."""
+    """Quantity -> the singularity for which there is no number; the notes on all of them under no name."""
     if not isinstance(question.problem.task, GivenMotion):
         return {}
     refused = refusals(question.mechanism, question.problem, solution)
@@ -247,7 +247,7 @@ def _excuses(question: Question, solution: Solution) -> dict[str, str]:
 
 
 def _estimated(solution: Solution, quantity: str) -> float:
-    """Largest error that the engine estimates for a quantity; what cannot be estimated may be anything."""
+    """Largest error that the engine estimates for a quantity; infinite where it cannot be estimated."""
     if quantity not in solution.estimate:
         return 0.0
     return float(np.nan_to_num(solution.estimate[quantity], nan=np.inf, posinf=np.inf).max(initial=0.0))
@@ -306,11 +306,11 @@ def compare(
     setting: str = "",
     cause: str = "",
 ) -> Question:
-    """A given motion, put to engines. Where the truth lacks a sample, just those that matter, it is not known.
+    """A given motion, put to engines. There are no reference values if the truth lacks a sample.
 
     Args:
         setting: Follows the name of every engine.
-        cause: Why an engine other than ours is wrong where it says nothing.
+        cause: Why an engine other than ours is silently wrong.
     """
     write_models(scene.mechanism, folder, gravity=scene.applied.g)
     methods = tuple(Method(name, label=f"{name} {setting}".strip()) for name in engines)
@@ -327,7 +327,7 @@ def loaded(folder: Path) -> PreparedScene:
 
 
 def push(posed: PreparedScene, *methods: Method) -> Question:
-    """The question for accelerations: of all joints from `screw`, of its tree from another engine."""
+    """Accelerations wanted: of all joints from `screw`, of its tree from another engine."""
     mechanism = posed.scene.mechanism
     names = mechanism.coordinates if methods[0].engine == SCREW.engine else tree_coordinates(mechanism)
     values = {ACCELERATION: posed.reference.values[ACCELERATION].pick(names)}
@@ -341,7 +341,7 @@ def tree_coordinates(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def closure_residuals(tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
-    """What lies between the points that close the loops, child less parent: distance [m] and velocity [m/s].
+    """Distance [m] and velocity [m/s] between the points that close the loops, child less parent.
 
     Returns:
         Shape (n, n_point, 3) each.

@@ -29,7 +29,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Stopwatch, Values, empty
 from screwgauge.study.cases.question import SCENE, Question, compare, exactly, moving, still
 from screwgauge.study.methods import Method
-from screwgauge.study.reference import joined, reference_values
+from screwgauge.study.reference_values import joined, reference_values
 from screwgauge.study.stream import stream, times
 from screwgauge.study.stress import Ask
 
@@ -117,7 +117,7 @@ def inertia_anisotropy(tables: Tables, e: float) -> None:
 STEP = 1e-3  # [s] between samples
 SCHEME_STEP = 1e-2  # [s] of the paper's scheme
 PART = 2048  # steps of the scheme at a time
-CHECKED = 8  # samples at which the truth is asked, the last among them
+CHECKED = 8  # samples that are compared with the truth, the last among them
 QUANTITIES = ("joint_position", "generalized_force")
 SCHEMES = {
     "paper Euler": ("euler", "steps of eq. (27): an error of first order that nothing corrects or estimates"),
@@ -148,7 +148,7 @@ def _checked(count: int) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Streamed(Method):
-    """An engine on all samples of a scene, part by part; it answers at those that are asked."""
+    """An engine on all samples of a scene, part by part, with answers at the times of the problem."""
 
     scene: Scene
     count: int
@@ -157,7 +157,7 @@ class Streamed(Method):
         return self
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        """Values at the times asked, which are some of the samples."""
+        """Values at the times of the problem, which are some of the samples."""
         clock, at = Stopwatch(), np.rint(timed(problem).t / STEP).astype(int)
         parts: dict[str, list[Values]] = {name: [] for name in sorted(problem.wanted)}
         worst, done, version = 0.0, 0, ""
@@ -181,7 +181,7 @@ class PaperScheme(Method):
         return self
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
-        """Joint positions at the times asked, at which steps end."""
+        """Joint positions at the times of the problem, at which steps end."""
         clock, mechanism, method = Stopwatch(), self.scene.mechanism, str(self.settings["method"])
         lay = layout(mechanism)
         side, parts = chains(lay), PARTS[method]

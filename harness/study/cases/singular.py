@@ -31,7 +31,7 @@ from screwgauge.solution import Solution, Stopwatch, Values
 from screwgauge.study.cases.question import ENGINES, QUANTITIES, SCENE, UNKNOWN, Question, compare, put, still
 from screwgauge.study.linkages import PlanarLinkage, Tables, five_bar, four_bar, slider_crank
 from screwgauge.study.methods import Method
-from screwgauge.study.reference import Reference
+from screwgauge.study.reference_values import Reference
 
 #: The paper's radii of the joints' circles on the ground and on the platform, and height of the latter [m].
 _R, _r, _H = 0.8, 0.5, 0.3 * np.sqrt(3.0)

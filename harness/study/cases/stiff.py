@@ -41,7 +41,7 @@ from screwgauge.study.cases.question import (
     true_velocities,
 )
 from screwgauge.study.methods import Method
-from screwgauge.study.reference import PreparedScene, Reference
+from screwgauge.study.reference_values import PreparedScene, Reference
 
 #: Share of critical damping at home: overdamped, so that eigenvalues are real; the fastest is 1e5 1/s at 1e10 N/m.
 DAMPING = 1.2
@@ -93,7 +93,7 @@ def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ..
 
 
 def accelerations(stiffness: float, folder: Path) -> Iterator[Question]:
-    """The loaded default scene, the actuators taking over what the springs exert; each length is known only to eps."""
+    """The loaded default scene with springs that the actuators compensate; each length is known only to eps."""
     posed = loaded(folder)
     springs, at = leg_springs(posed.scene.mechanism, stiffness), true_velocities(posed)
     admitted = {ACCELERATION: _spring_rounding(posed, springs, at)}
@@ -111,7 +111,7 @@ def accelerations(stiffness: float, folder: Path) -> Iterator[Question]:
 def _sprung(
     posed: PreparedScene, problem: Problem, springs: tuple[JointSpring, ...], engine: str, at: ClosedMotion
 ) -> Problem:
-    """The problem with springs, and with actuator forces that take over what these exert on the true motion."""
+    """The problem with springs, and with actuator forces that compensate those of the springs."""
     states = problem.task
     if not isinstance(states, States) or states.tau is None:
         raise TypeError("the task gives no forces")
@@ -142,9 +142,9 @@ def _spring_rounding(posed: PreparedScene, springs: tuple[JointSpring, ...], at:
 
 
 def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, float]:
-    """A short motion from rest, put to nobody yet, and its largest eigenvalue at the start [1/s].
+    """A short motion from rest, without methods, and its largest eigenvalue at the start [1/s].
 
-    What is right comes from collocation, in steps that grow with time as the motion gets slower.
+    Reference values are by collocation, in steps that grow with time as the motion gets slower.
     """
     scene = load_scene(SCENE)
     mechanism, lay = scene.mechanism, layout(scene.mechanism)
@@ -182,7 +182,7 @@ def _moving(lay: Layout, states: Array, applied: Applied) -> ClosedMotion:
 
 
 def tolerant(question: Question, integration: Integration, *methods: Method) -> Question:
-    """The motion by one of scipy's methods, whose tolerance says what it admits."""
+    """The motion by one of scipy's methods, whose tolerance is the admitted error."""
     # of one step, since what is damped adds nothing up; relative to an angle, not to how far it moves
     each = integration.rtol * max(map(abs, START)) + integration.atol
     each /= min(question.right.scales["motion"].values())

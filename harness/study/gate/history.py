@@ -82,7 +82,7 @@ _COLUMNS: Mapping[str, Callable[[object], bool]] = {
 
 
 def check_store(store: Path) -> None:
-    """Finds out before long work whether there can be a history.
+    """Checks before long work that a history can be kept.
 
     Raises:
         OutputError: What it needs is not installed, or the folder is no folder.
@@ -130,7 +130,7 @@ def keep(store: Path, rows: Sequence[GateRow], smoke: bool, date: datetime | Non
 
 
 def queried(store: Path, query: str, **values: Any) -> pd.DataFrame:
-    """What a query finds in a store; ``ERRORS`` in it stands for the table of all errors.
+    """The result of a query of a store; ``ERRORS`` in it stands for the table of all errors.
 
     Raises:
         DescriptionError: There is no history, or a file of it is of something else.
@@ -217,7 +217,7 @@ GROWN, NOISE = 10.0, 0.01 * SOLVED
 
 @dataclass(frozen=True, slots=True)
 class Against:
-    """What has become of a known state.
+    """Comparison with a known state.
 
     Attributes:
         changed: Which engines, models, versions are others, in sentences.
@@ -233,7 +233,7 @@ class Against:
 
 
 def state(rows: Iterable[GateRow], smoke: bool) -> dict[str, Any]:
-    """What a baseline keeps. Time is not among it."""
+    """The content of a baseline. Run times are not in it."""
     record = environment()
     return {
         "schema": BASELINE_SCHEMA,
@@ -278,7 +278,7 @@ def against(file: Path, rows: Sequence[GateRow], smoke: bool) -> Against:
     """Compares rows with a baseline.
 
     Raises:
-        DescriptionError: There is none, or it is one of another schema, of other scenes, or made otherwise.
+        DescriptionError: There is none, or it is of another schema, of other scenes, or of other options.
     """
     known = read_baseline(file, smoke, [row.scene for row in rows])
     before, now = known["scenes"], state(rows, smoke)
@@ -303,7 +303,7 @@ def against(file: Path, rows: Sequence[GateRow], smoke: bool) -> Against:
 
 
 def check_baseline(file: Path, *, force: bool = False) -> None:
-    """Refuses to make a known state of a file that is none.
+    """Refuses to overwrite a file that is no baseline.
 
     Raises:
         OutputError: It is something else.
@@ -322,7 +322,7 @@ def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, A
     """The entries of a baseline.
 
     Raises:
-        DescriptionError: It is none, or of another schema, or of other scenes, or not as asked for.
+        DescriptionError: It is none, or of another schema, of other scenes, or of other options.
     """
     known = read_json(file, "baseline", UPDATE)
     if known.keys() >= {"schema", "scenes", "environment"} and known["schema"] != BASELINE_SCHEMA:

@@ -86,7 +86,7 @@ def _scenes(names: Iterable[str]) -> Iterator[str]:
 
 
 def _files_in(folder: str, *endings: str) -> list[Path]:
-    """What stands in a folder and ends so.
+    """Files of a folder with one of some endings.
 
     Raises:
         DescriptionError: The folder cannot be read.
@@ -116,7 +116,7 @@ def unread(what: Iterable[str | Path], read: Iterable[str]) -> list[str]:
 
 
 def _is_scene(path: Path) -> bool:
-    """Whether it is one, if only by half, or cannot even be read, which is for whoever checks it to say."""
+    """Whether it is a scene, if an incomplete one, or cannot be read: then the check reports why."""
     if path.name.endswith(LOOPS):
         return False
     try:
@@ -168,7 +168,7 @@ class GateRow:
         status: ``agree``; ``judged`` (the equations hold for each engine, and no two were compared); ``unread`` (the
             scene names files that nobody read, and the rest agrees); ``differ``; ``failed`` (an engine, or its
             process); ``refused`` (bad input).
-        sentence: What was found, with the cause where one is known.
+        sentence: The result, with the cause where one is known.
         errors: One for each quantity, pair and unit.
         coverage: What the motion tests, in a sentence.
         versions: Of engines, by name; `files`: file -> SHA-256.
@@ -204,7 +204,7 @@ class GateRow:
 
 
 def row_from(record: Mapping[str, Any]) -> GateRow:
-    """A row from what `dataclasses.asdict` made of it, which may have been on disk since.
+    """A row from its record by `dataclasses.asdict`, which may have been on disk.
 
     Raises:
         ValueError: It is no row.

@@ -46,8 +46,8 @@ class GateSettings:
     """How items are checked; pickles.
 
     Attributes:
-        tolerances: Scaled errors that are admitted where a scene says nothing.
-        tell: What a comparison found, in a sentence or two.
+        tolerances: Scaled errors that are admitted of quantities for which a scene has none.
+        tell: Makes a sentence or two of a comparison.
     """
 
     tell: Callable[[Comparison], str]
@@ -71,7 +71,7 @@ def _scene(item: Item, settings: GateSettings, progress: Callable[..., None]) ->
 
 
 def _smoke(scene: Scene, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
-    """Little of a scene; once that passes, whether anything else would have been seen, and the full cuts."""
+    """A few samples of a scene; if they pass, a test of the comparison itself, and the full cuts."""
     scene, note = smoked(scene)
     row, results = compared(scene, settings, progress)
     row = replace(row, coverage=f"{note}{row.coverage}")
@@ -93,7 +93,7 @@ def _smoke(scene: Scene, settings: GateSettings, progress: Callable[..., None]) 
 def compared(
     scene: Scene, settings: GateSettings, progress: Callable[..., None] = lambda share, step: None
 ) -> tuple[GateRow, Comparison]:
-    """A scene as it is: its row, and what was compared. `progress`: takes a share and the engine that is at it."""
+    """The row of a scene, and the comparison. `progress`: takes a share and the engine at work."""
     usual = settings.tolerances or {}
     given = {**dict.fromkeys(usual, "--tolerances"), **dict.fromkeys(scene.tolerances, "the scene")}
     scene = replace(scene, tolerances={**usual, **scene.tolerances})
@@ -160,7 +160,7 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
 
     What the scene or a file gives, or else rounding of a well-conditioned mechanism, and what adds to that: what an
     engine admits (softness, rounding of summands that cancel), what it estimates by its condition, up to `LIMIT`, and
-    the digits that a model file is cut to where it says nothing else otherwise than the description.
+    the digits that a model file is cut to where it differs from the description in nothing else.
     """
     quantity, tolerance, scene = str(row["quantity"]), float(row["tolerance"]), results.scene
     usual = "the tolerance of the integration" if scene.simulated else "rounding times the usual condition"
@@ -189,7 +189,7 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
 
 
 def _value(results: Comparison, pair: Mapping[Any, Any], side: str) -> float:
-    """What an engine says where and when the difference is largest; NaN if it says nothing."""
+    """An engine's value where and when the difference is largest; NaN if it has none."""
     solution = results.solutions.get(pair[side])
     values = solution.values.get(pair["quantity"]) if solution is not None else None
     if values is None or pair["worst_component"] not in values.components or not np.isfinite(pair["worst_t"]):
@@ -199,7 +199,7 @@ def _value(results: Comparison, pair: Mapping[Any, Any], side: str) -> float:
 
 
 def _pair(item: Item, settings: GateSettings) -> GateRow:
-    """Two model files: torques at random states, and what the files say."""
+    """The row of two model files: torques at random states, and differences of the files."""
     a, b = (Path(name) for name in item.files)
     diagnosis = diagnose(a, b)
     given = (settings.tolerances or {}).get("tree_force")
@@ -250,7 +250,7 @@ _ALL_DETERMINED = Mobility(0, 0, 0, 0, 0, 0, 0, 0, (), (), ())
 
 
 def smoked(scene: Scene) -> tuple[Scene, str]:
-    """A scene of which little is looked at, and what that is.
+    """A scene with a few samples, and a sentence on them.
 
     A few samples of an exciting motion; of its own where there is no room for one; the beginning of a simulation.
     """
@@ -281,7 +281,7 @@ def full_cuts(scene: Scene) -> Scene | None:
 
 
 def blind(results: Comparison) -> str:
-    """Why a comparison that finds nothing would say nothing: a planted difference that it does not see as it is.
+    """Why a comparison without differences would mean nothing: a planted difference that it misses or missizes.
 
     An answer is compared with a copy in which one number of each quantity and unit is off by a known amount.
 

@@ -69,7 +69,7 @@ def _timed(item: Item, settings: GateSettings, progress: Callable[..., None]) ->
 
 
 def fingerprint(item: Item) -> str:
-    """Of an item's name and all files that it is made of, as far as they can be read."""
+    """SHA-256 of an item's name and all files that it is made of, as far as they can be read."""
     contents = hashlib.sha256(json_text([item.name, item.files]).encode())
     files = [Path(name) for name in item.files if is_model(name)]
     if not files:

@@ -30,7 +30,7 @@ class DrawnMotion:
         t: Time [s]. Shape (n,).
         values: Forces that an engine has computed at these samples, quantity -> values.
         loads: Of the scene, at these samples.
-        source: Whose poses these are.
+        source: The engine that the poses are from, or ``home pose``.
     """
 
     lay: Layout
@@ -58,14 +58,14 @@ class Arrow:
     turns: bool = False
 
 
-def still(mechanism: Mechanism) -> DrawnMotion:
+def home_pose(mechanism: Mechanism) -> DrawnMotion:
     """The home pose."""
     lay = layout(mechanism)
     return DrawnMotion(lay, pose(lay, mechanism.home[None]), np.zeros(1), "home pose")
 
 
-def followed(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAMES) -> DrawnMotion:
-    """The motion of a scene as the first engine says that knows all joints; else closed anew where it is given."""
+def drawn_motion(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAMES) -> DrawnMotion:
+    """The motion of a scene by the first engine that knows all joints, else a given motion with its loops closed."""
     lay = layout(scene.mechanism)
     for name, solution in solutions.items():
         q, given = solution.assembly, solution.values.get("joint_position")
@@ -81,10 +81,10 @@ def followed(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAM
         rows = spread(len(scene.t), frames)
         try:
             q = positions(lay, scene.task.y[rows], scene.t[rows])
-        except ScrewgaugeError:  # the report says what no engine could follow
-            return still(scene.mechanism)
+        except ScrewgaugeError:  # the report names what no engine could follow
+            return home_pose(scene.mechanism)
         return DrawnMotion(lay, pose(lay, q), scene.t[rows], "screw", loads=_loads(scene, rows))
-    return still(scene.mechanism)
+    return home_pose(scene.mechanism)
 
 
 def _loads(scene: Scene, rows: Rows) -> tuple[Load, ...]:
