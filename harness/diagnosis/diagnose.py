@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.attribution import Attribution, Cause, Torques
+from screwgauge.diagnosis.causes.attribution import Attribution, Cause
 from screwgauge.diagnosis.causes.backfill import Backfill, write_fix
 from screwgauge.diagnosis.causes.explanation import explained, softness
 from screwgauge.diagnosis.causes.fitting import SPEEDS, Growth, growth
-from screwgauge.diagnosis.compare import STATES, Order, Row, order_of, table, torques
+from screwgauge.diagnosis.compare import STATES, Order, Row, at_speeds, order_of, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.differences.content import beyond
 from screwgauge.diagnosis.differences.difference import Difference
@@ -35,7 +35,6 @@ from screwgauge.diagnosis.together import ELSEWHERE, Together, elsewhere, togeth
 from screwgauge.diagnosis.verdict import BINDING, RESTATED, SAME, partly, stopped, strange, verdict
 from screwgauge.models.kinematics import draw
 from screwgauge.models.readings.plausible import implausible
-from screwgauge.models.readings.reading import Reading
 from screwgauge.models.urdf import WIDE
 from screwgauge.reference.errors import DescriptionError, OutputError, check_seed
 
@@ -194,7 +193,8 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     ours, theirs = bare(a.reading, b.reading, lost)
     # what B has beyond A shows in its torques and can be taken away; without what A has beyond B both are compared
     common = brought(ours, b.reading, pairing)
-    found, content = [*lost, *differences(brought(ours, theirs, pairing), deadline)[0]], beyond(common)
+    both_have = common if theirs is b.reading else brought(ours, theirs, pairing)
+    found, content = [*lost, *differences(both_have, deadline)[0]], beyond(common)
     states = draw(common.a, STATES, seed)
     asked = torques(common, pairing, states)
     rows = [] if deadline.over("motion at random states") else table(common, states)
@@ -209,9 +209,10 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     read = (a.reading, b.reading), (paths[0], paths[1])
     written = b.as_read if b.cut is not None else None
     why = explained(asked, *read, found, lambda file: b.read_again(file, load), deadline, written)
-    cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
+    cause = why.attribution
     if cause.before.scaled > SAME and not deadline.over("growth of the torque difference with speed"):
-        why = replace(why, growth=_grown([torques(common, pairing, each) for each in faster], b.reading))
+        ours_at, theirs_at = at_speeds(common, states, SPEEDS)
+        why = replace(why, growth=growth(theirs_at, ours_at))
     why = replace(why, soft=softness((a, b), pairing, found, seed, deadline))
     seen = tuple(witnesses((a, b), seed, deadline))
     both, why_not = None, ""
@@ -256,11 +257,6 @@ def _numbered(attribution: Attribution, found: Sequence[Difference]) -> Attribut
 
     causes = (replace(cause, differences=distinctly(cause.differences)) for cause in attribution.causes)
     return replace(attribution, causes=tuple(causes), seen=distinctly(attribution.seen))
-
-
-def _grown(asked: Sequence[Torques], b: Reading) -> Growth | None:
-    """Of torques at `SPEEDS`."""
-    return growth([each.of(b) for each in asked], [each.a for each in asked])
 
 
 def _stated(found: Sequence[Difference], models: tuple[Model, Model], bound: Loops | None) -> list[Difference]:
