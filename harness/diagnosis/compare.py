@@ -276,8 +276,8 @@ def indexed(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[st
         f"pinocchio indexes the joints of a URDF of it as {first_few(first[k:], _NAMED)}{_from_joint(k)}",
         f"mujoco those of the file as {first_few(second[k:], _NAMED)}",
     )
-    found = _order(reading, (first, second), phrases, 0)
-    return () if found is None else (found.sentence,)
+    order = _order(reading, (first, second), phrases, 0)
+    return () if order is None else (order.sentence,)
 
 
 def _first_other(first: Sequence[str], second: Sequence[str]) -> int:

@@ -79,8 +79,8 @@ class Model:
     def home(self) -> dict[str, float]:
         """Coordinates of home that the file of its loops says, which a URDF cannot [rad or m]."""
         own = self.loops is not None and self.loops.name.endswith(OWN)
-        said = read_loops(self.loops).home if own and self.loops else {}
-        return {name: q for name, q in said.items() if name in self.reading.joints}
+        home = read_loops(self.loops).home if own and self.loops else {}
+        return {name: q for name, q in home.items() if name in self.reading.joints}
 
     def read_again(self, file: Path, load: Read) -> Reading:
         """What its library reads from a file in its place."""
@@ -218,7 +218,7 @@ def _described(name: str) -> Model:
 def _expected(mechanism: Mechanism, cut: str, gravity: Array | None) -> Reading:
     reading = expected_reading(mechanism, cut, STANDARD)
     limits = {
-        name: said for joint in mechanism.joints for name, said in zip(joint.coordinates, joint.limits, strict=True)
+        name: bounds for joint in mechanism.joints for name, bounds in zip(joint.coordinates, joint.limits, strict=True)
     }
     joints = {name: replace(joint, limits=limits.get(name, joint.limits)) for name, joint in reading.joints.items()}
     return replace(reading, joints=joints, gravity=gravity)

@@ -80,12 +80,12 @@ def backfill(
     on_reading = largest(torques, torques.left(applied(b, changes)))
     if file is None:
         return Backfill("reading", ("B has no file of a format that is changed here",), on_reading, "")
-    why, best, said = list[str](), Backfill("reading", (), on_reading, ""), written or b
-    elsewhere = tuple((change, RECUT) for change in changes if said is not b and not _stands(change, b, said))
+    why, best, stated = list[str](), Backfill("reading", (), on_reading, ""), written or b
+    elsewhere = tuple((change, RECUT) for change in changes if stated is not b and not _stands(change, b, stated))
     here = [change for change in changes if all(change is not other for other, _ in elsewhere)]
     spell = speller(pattern)
     for plain in (False, True):
-        patch = patched(read_file(file), said, here, plain=plain, spell=spell)
+        patch = patched(read_file(file), stated, here, plain=plain, spell=spell)
         patch = replace(patch, left=(*elsewhere, *patch.left))
         why = list(dict.fromkeys(reason for _, reason in patch.left))
         done = [change for change in changes if all(change is not other for other, _ in patch.left)]
@@ -143,7 +143,7 @@ def reread(file: Path, text: str, read: Callable[[Path], T]) -> T:
 def _bring(source: Path, folder: Path, text: str) -> None:
     """Copies what an MJCF includes or attaches, and what that does, if it lies in the folder of the file."""
     home, target = source.resolve(), folder.resolve()
-    waiting = [(Path(), *found) for found in re.findall(_NAMED, text)]  # looked for where, by which element, its name
+    waiting = [(Path(), *named) for named in re.findall(_NAMED, text)]  # looked for where, by which element, its name
     seen = set[Path]()
     while waiting:
         base, tag, name = waiting.pop()
@@ -156,7 +156,7 @@ def _bring(source: Path, folder: Path, text: str) -> None:
         shutil.copyfile(origin, copy)
         # what is included is looked for beside the whole, what is attached beside the model that does so
         base = base if tag == "include" else (base / name).parent
-        waiting += [(base, *found) for found in re.findall(_NAMED, read_file(origin))]
+        waiting += [(base, *named) for named in re.findall(_NAMED, read_file(origin))]
 
 
 def write_fix(out: Path, text: str, b: Path, own: Path | None = None) -> None:

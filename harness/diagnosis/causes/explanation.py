@@ -116,7 +116,7 @@ _REFUSED = (ScrewgaugeError, ValueError, LookupError)
 
 
 def softness(
-    models: tuple[Model, Model], pairing: Pairing, found: Sequence[Difference], seed: int, deadline: Deadline
+    models: tuple[Model, Model], pairing: Pairing, differences: Sequence[Difference], seed: int, deadline: Deadline
 ) -> Attribution | None:
     """Attributes the difference of soft forces to softness, all other differences that B's file can say put right.
 
@@ -124,7 +124,7 @@ def softness(
 
     None where softness does not differ, no library is asked of both, or there was no time.
     """
-    numbers = [i for i, each in enumerate(found) if each.what == "softness"]
+    numbers = [i for i, each in enumerate(differences) if each.what == "softness"]
     a, b = models
     apart = pairing.only_a or pairing.only_b or not {a.library, b.library} <= {*CLOSING}
     if not numbers or apart or a.file is None or b.file is None or deadline.over("forces of soft equalities"):
@@ -133,7 +133,7 @@ def softness(
     two, own = (plant(each) for each in counterpart(a.reading, b.reading, pairing.joints))
     states = _near(one, seed)
     theirs, C, text = states_of_b(one, two, states), velocity_map(one, two), read_file(file)
-    rest = changes_of(each for each in found if each.what != "softness")
+    rest = changes_of(each for each in differences if each.what != "softness")
 
     def of(reading: Reading) -> Array:
         soft = _softness(b.reading)
@@ -148,12 +148,12 @@ def softness(
 
     try:
         force = _force(a.file, a, one, states)
-    except _REFUSED:  # which is said where it is asked for torques
+    except _REFUSED:  # which is sentence where it is asked for torques
         return None
     names, units = zip(*components(a.reading), strict=True)
-    soft = [found[i] for i in numbers]
+    soft = [differences[i] for i in numbers]
     named = [(f"softness of {each.item_b}", each.sentence) for each in soft]
-    groups = [Group(name, said, (i,), said, "softness") for i, (name, said) in enumerate(named)]
+    groups = [Group(name, sentence, (i,), sentence, "softness") for i, (name, sentence) in enumerate(named)]
     return attribute(Torques(force, of, names, units), b.reading, soft, lambda _: groups, deadline=deadline)
 
 
