@@ -259,7 +259,7 @@ def order_of(models: tuple[Model, Model], pairing: Pairing, seed: int) -> Order 
 
 
 def indexed(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[str, ...]:
-    """That libraries order the joints of a model file otherwise, which its description cannot show; nothing if not.
+    """A sentence where libraries order the joints of a model file differently, which its description cannot show.
 
     Args:
         meshes: It was imported with mass from meshes.
@@ -307,7 +307,7 @@ def _order(
     ours, theirs = ([i for name in order for i in places[reading.freedoms[name]]] for order in orders)
     units = [(entries[i][1], entries[j][1]) for i, j in zip(ours, theirs, strict=True)]
     off = np.abs(tau[:, ours] - tau[:, theirs]).max(axis=0)
-    alike = np.array([one == other for one, other in units])  # a force beside a torque has no difference
+    alike = np.array([one == other for one, other in units])  # a force and a torque cannot be subtracted
     k = int(np.where(alike, off, -1.0).argmax())
     (one, unit), (other, _) = entries[ours[k]], entries[theirs[k]]
     largest = float(max(np.abs(tau[:, i]).max() for i, (_, of) in enumerate(entries) if of == unit))

@@ -41,11 +41,11 @@ from screwgauge.reference.errors import DescriptionError, OutputError, check_see
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
-    """What was found.
+    """Why two models differ, or that they do not.
 
     Attributes:
         headline: What differs, or that nothing does, in one sentence of at most `verdict.WORDS` words.
-        explanation: In further sentences: what that explains, what is left, and what else is to be said.
+        explanation: Further sentences: the share that causes explain, the rest, and what else matters.
         same: Whether nothing differs.
         pairing: Of joints and bodies; `differences`: static ones, from the ground outwards.
         rows: Differences at `seed`'s random states by quantity; none between different machines.
@@ -53,9 +53,9 @@ class Diagnosis:
         attribution: Of the torque difference; `proof`: by backfill. None where the torques agree.
         soft: Attribution of forces of soft equalities to their softness; None where that does not differ.
         growth: Of the torque difference with speed; None where it does not vanish at rest.
-        fix: B's file with all changes that it can say, what no torque shows among them; None where there are none.
-        witnesses: Each library's own torques beside the dynamics of what it has read.
-        matrix: All readings of both files, if asked for.
+        fix: B's file with all changes that it can hold, also those without effect on torques; None if there are none.
+        witnesses: Each library's own torques, compared with the dynamics of its reading.
+        matrix: All readings of both files, if wanted.
         notes: What was taken for granted, or not compared.
         left_out: What there was no time for.
         order: In which the two libraries index the joints; None where it is the same, or a description has none.
@@ -103,7 +103,7 @@ class Diagnosis:
         return f"{self.headline} {self.explanation}".strip()
 
     def __bool__(self) -> bool:
-        """So that an assertion of it alone says what it seems to."""
+        """`assert diagnosis` passes only if the two are the same."""
         return self.exit_status == 0
 
     @property
@@ -260,7 +260,7 @@ def _numbered(attribution: Attribution, facts: Sequence[Difference]) -> Attribut
 
 
 def _stated(facts: Sequence[Difference], models: tuple[Model, Model], bound: Loops | None) -> list[Difference]:
-    """Without limits that a description or a model file beside it does not say; and without closures that one alone
+    """Without limits that a description, or a model file compared with it, lacks; and without closures that one alone
     has, and places of closures that are made to cut it elsewhere, where these leave the same motions.
     """
     if bound is not None and bound.alike and bound.mobility[0]:

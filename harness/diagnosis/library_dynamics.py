@@ -1,4 +1,4 @@
-"""The dynamics of a library beside those of what it has read: where they differ an engine does, and not a model."""
+"""Each library's dynamics compared with those of its own reading: a difference is one of the engine, not the model."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from screwgauge.witness.tree import TreeStates
 
 #: Libraries that have dynamics, and what asks them.
 ASKED = {"pinocchio": "screwgauge.engines.pinocchio.plain", "mujoco": "screwgauge.engines.mujoco.plain"}
-#: Those of them that are asked for their loops, too.
+#: Those of them that answer for loops, too.
 CLOSING = ("mujoco",)
 #: Content with passive forces that cannot be switched off where a library is asked without what no reading holds.
 _UNKNOWN = {"flexible bodies", "plugins"}
@@ -109,7 +109,7 @@ def loop_pairs(
     soft += [each.softness for each in tree.reading.couplings.values()]
     if library not in CLOSING or not soft or not all(soft):  # loops of another file are not the library's
         return {}
-    drawn = float(np.abs(states.qdd).max())  # where loops leave no motion, what is left of it is rounding
+    drawn = float(np.abs(states.qdd).max())  # where loops leave no motion, it is rounding
     states, fits = closed(tree, states)
     states = states.at(clear(equations(tree, states).rows))
     if not fits.any() or not len(states.q):
@@ -119,7 +119,7 @@ def loop_pairs(
     if theirs.rows.shape != own.rows.shape:  # it keeps others besides, which no reading has
         return {}
     (one, _), (two, sure) = (admissible_projector(rows, slides, size(tree.reading)) for rows in (theirs.rows, own.rows))
-    # least squares amplify rounding, of rows and of what is left open, by the square of the condition number
+    # least squares amplify rounding, of rows and of gaps, by the square of the condition number
     weight = sure[:, None, None] ** 2
     here, there = (weight * (np.linalg.pinv(e.rows, rcond=DEPENDENT) @ e.bias[..., None]) for e in (theirs, own))
     return {
@@ -130,7 +130,7 @@ def loop_pairs(
 
 #: Scaled differences of an engine from the dynamics of its reading beyond this are no rounding: 1e-14 is usual.
 ROUNDING = 1e-11
-#: States at which a library is asked.
+#: States at which a library is compared.
 STATES = 10
 
 
@@ -141,9 +141,9 @@ class Witness:
     Attributes:
         side: ``A`` or ``B``.
         scaled: Quantity -> largest difference from the dynamics of the reading, over the largest magnitude.
-        omits: What its inverse dynamics do not contain; `adds`: what they do beside inertia and weight.
-        failed: Why it could not say; empty if it did.
-        fits: What the model would have to say otherwise for torques like the library's, and the share of their
+        omits: What its inverse dynamics do not contain; `adds`: what they contain besides inertia and weight.
+        failed: Why it has no answer; empty if it has.
+        fits: Changes of the model that would give torques like the library's, and the share of their
             difference that this explains; the best, and those that cannot be told from it.
         growth: Of the largest difference with speed; None where there is none, or not at speed alone.
     """
@@ -159,7 +159,7 @@ class Witness:
 
     @property
     def agrees(self) -> bool:
-        """Whether the engine computes what its reading says."""
+        """Whether the engine computes the dynamics of its reading."""
         return not self.failed and all(value <= ROUNDING for value in self.scaled.values())
 
 

@@ -48,7 +48,7 @@ class Between:
 
     Attributes:
         kind: ``model`` (two files, one library), ``loader`` (one file, two libraries) or ``both``.
-        differences: In words; none if they say the same.
+        differences: In words; none if they are the same.
     """
 
     first: tuple[str, str]
@@ -132,7 +132,7 @@ def _between(
 def differences_between(
     one: Reading, two: Reading, pairing: Pairing, deadline: Deadline | None = None
 ) -> list[Difference]:
-    """What two readings say otherwise: what one of them has not, then the largest first."""
+    """Differences of two readings: parts that one of them lacks, then the largest first."""
     lost = [*missing(one, two, pairing)]
     if not pairing.joints:
         return lost

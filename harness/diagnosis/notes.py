@@ -177,7 +177,7 @@ def one_file(models: tuple[Model, Model]) -> bool:
 
 
 def unused(models: tuple[Model, Model], differences: Sequence[Difference]) -> Iterator[str]:
-    """Of one file: what one library reads and the other leaves as if the file did not say it; a sentence each."""
+    """Of one file: what one library reads and the other ignores; a sentence each."""
     for k, model in enumerate(models if one_file(models) else ()):
         whats = [
             each.what for each in differences if each.what in OPTIONAL and _left_out((each.a, each.b), k, each.what)
@@ -205,7 +205,7 @@ def unheard(change: Change, before: Reading, after: Reading) -> bool:
 
 
 def _left_out(values: tuple[object, object], k: int, what: str) -> bool:
-    """Whether one value is that of a file that does not say it, and the other one is not."""
+    """Whether one value is the default, and the other one is not."""
     default = np.broadcast_to(PROPERTIES[what].default or 0.0, PROPERTIES[what].shape or ())
     plain = [value is not None and np.array_equal(np.asarray(value), default) for value in values]
     return plain[k] and not plain[1 - k]

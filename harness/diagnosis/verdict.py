@@ -1,4 +1,4 @@
-"""The verdict of a diagnosis in words: its first sentence is the headline, the rest says how sure that is."""
+"""The verdict of a diagnosis in words: a headline, then how much it explains and how sure that is."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from screwgauge.reference.errors import first_few
 
 #: Scaled torques that differ by no more are the same, whatever the readers' rounding.
 SAME = 1e-11
-#: Of closures and couplings, what says which motions they leave.
+#: Of closures and couplings, what decides which motions they leave.
 BINDING = CLOSING - {"softness"}
 #: Of that, what two models may state in different ways: a hinge by two points or, in a plane, by one.
 RESTATED = {"closure"}
@@ -57,7 +57,7 @@ def verdict(
     *,
     late: bool = False,
 ) -> tuple[str, str]:
-    """The headline, and further sentences: what the causes explain, and what is left.
+    """The headline, and further sentences: the share that causes explain, and the rest.
 
     Args:
         loops: What loops leave, and whether the two state the same in different ways.
@@ -119,7 +119,7 @@ def _shorter(text: str) -> Iterator[str]:
 
 
 def _bound(bound: Loops, *, restated: bool) -> list[str]:
-    """What loops leave, where that differs, or where the same is said otherwise."""
+    """Motions that loops leave, where these differ, or where the same ones are stated in different ways."""
     a, b = bound.mobility
     if a != b:
         return [f"Closures and couplings leave {a} degree{'s' * (a != 1)} of freedom in A, {b} in B."]
@@ -205,7 +205,7 @@ def _as_loaded(both: Together) -> str:
 
 
 def _explains(differences: Sequence[Difference], of: Explanation, both: Together | None, *, late: bool) -> list[str]:
-    """What the causes explain of the torque difference, what is left, and what no torque shows."""
+    """Share of the torque difference that causes explain, the rest, and differences without effect on torques."""
     why, proof = of.attribution, of.proof
     if why.before.scaled <= SAME:
         unseen = sum(len(cause.differences) for cause in why.causes[1:] if cause.kind == "unseen")

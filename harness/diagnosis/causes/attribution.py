@@ -113,7 +113,7 @@ class Cause:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attribution:
-    """What was found.
+    """Shares of causes in the torque difference.
 
     Attributes:
         before: Largest torque difference, scaled, then where and how large: component, value and its unit.
@@ -183,7 +183,7 @@ def attribute(
 
 
 class _Effects:
-    """What changes make of torques, each asked for once.
+    """Effects of changes on torques, each computed once.
 
     Attributes:
         start: Torques of B. Shape (n, m).
@@ -298,7 +298,7 @@ def _few(groups: Sequence[Group]) -> list[Group]:
 
 
 def _folded(groups: Sequence[Group], differences: Sequence[Difference], *, alone: bool) -> list[Cause]:
-    """What no torque shows: in one line beside other rows, else by what it is."""
+    """Differences without effect on torques: one line below other rows, else one for each family."""
     if alone or len(groups) < 2:
         largest_first = sorted(groups, key=lambda group: -max(differences[i].size for i in group.differences))
         return [_cause(group, kind="unseen") for group in _few(largest_first)]

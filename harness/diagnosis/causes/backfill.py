@@ -27,7 +27,7 @@ from screwgauge.reference.files import is_file, read_file, replace_file, stamped
 
 #: A file that is read again leaves at most so much, scaled: numbers of 17 digits, MuJoCo's principal axes.
 RELOADED = 10 * ROUNDING
-#: Properties that a file says in the same numbers, wherever its loops are cut; and why others are not written.
+#: Properties that a file holds in the same numbers, wherever its loops are cut; why others are not written.
 KEPT = {*INERTIAL, *OPTIONAL, "limits"}
 RECUT = "loops of B are cut elsewhere than in its file, in other numbers"
 #: Files that an MJCF includes or attaches.
@@ -45,7 +45,7 @@ class Backfill:
         why_not: Why not, or not all of it, in the file; a sentence each.
         left: Largest torque difference that is left.
         text: The file with the changes; empty if none could be made in it, or none is read from it.
-        unheard: Changes that the file says and B's library does not read; they are made in what it reads.
+        unheard: Changes that are in the file and that B's library ignores; they are made in what it reads.
     """
 
     on: Literal["file", "reading"]
@@ -74,7 +74,7 @@ def backfill(
     Args:
         file: B's, if it has one.
         read: B's library; loops are cut as in `b` again.
-        written: What the file says, where loops of `b` are cut elsewhere; `b` by default.
+        written: Reading of the file, where loops of `b` are cut elsewhere; `b` by default.
         pattern: Text of A's file, which has the numbers that are written.
     """
     on_reading = largest(torques, torques.left(applied(b, changes)))
@@ -154,7 +154,7 @@ def _bring(source: Path, folder: Path, text: str) -> None:
         seen.add(copy)
         copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(origin, copy)
-        # what is included is looked for beside the whole, what is attached beside the model that does so
+        # includes are relative to the whole file, attached models to the one that attaches them
         base = base if tag == "include" else (base / name).parent
         waiting += [(base, *named) for named in re.findall(_NAMED, read_file(origin))]
 

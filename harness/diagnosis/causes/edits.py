@@ -55,7 +55,7 @@ class Edit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Files:
-    """The files of two models, where they are known and can be put beside their readings."""
+    """The files of two models, where they are known and match their readings."""
 
     a: Opened | None = None
     b: Opened | None = None

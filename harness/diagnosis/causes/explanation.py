@@ -69,10 +69,10 @@ def explained(
         readings, paths: Of A and B, as they were read.
         differences: Of B to A, in the order in which their changes are to be made.
         read: Reads a copy of B's file by B's library.
-        written: What B's file says, where its loops are cut elsewhere to be compared.
+        written: Reading of B's file, where its loops are cut elsewhere to be compared.
     """
     a, b = readings
-    files = Files(_beside(paths[0], a), _beside(paths[1], b))
+    files = Files(_opened(paths[0], a), _opened(paths[1], b))
     made = edits(differences, b, files)
     attribution = attribute(
         torques, b, differences, lambda weight: Grouping(differences, b, files, weight, made).groups(), made, deadline
@@ -102,8 +102,8 @@ def _proved(
     return replace(proof, why_not=("A and B are one file, which two libraries read differently",))
 
 
-def _beside(path: Path | None, reading: Reading) -> Opened | None:
-    """A model file beside its reading; None where the two do not fit, or there is none."""
+def _opened(path: Path | None, reading: Reading) -> Opened | None:
+    """A model file with its reading; None where the two do not match, or there is none."""
     try:
         return opened(read_file(path), reading) if path else None
     except (ScrewgaugeError, UnpatchableError):
@@ -118,11 +118,11 @@ _REFUSED = (ScrewgaugeError, ValueError, LookupError)
 def softness(
     models: tuple[Model, Model], pairing: Pairing, differences: Sequence[Difference], seed: int, deadline: Deadline
 ) -> Attribution | None:
-    """Attributes the difference of soft forces to softness, all other differences that B's file can say put right.
+    """Attributes the difference of soft forces to softness, all other differences that B's file can hold put right.
 
     MuJoCo keeps equalities by springs. It is asked near closed states: where loops are closed, these exert nothing.
 
-    None where softness does not differ, no library is asked of both, or there was no time.
+    None where softness does not differ, no library answers for both, or there was no time.
     """
     numbers = [i for i, each in enumerate(differences) if each.what == "softness"]
     a, b = models

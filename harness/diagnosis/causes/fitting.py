@@ -1,4 +1,4 @@
-"""What a difference to a black box looks like: how it grows with speed, and what the model would have to say for it.
+"""What a difference to a black box looks like: how it grows with speed, and which change of the model would make it.
 
 A black box is an engine whose own torques are not those of what it has read, or torques of a user.
 """
@@ -72,7 +72,7 @@ def growth(theirs: Sequence[Array], ours: Sequence[Array]) -> Growth | None:
     return Growth(math.log2(twice / once), share if fits else math.nan)
 
 
-#: A fit explains as much as another one if it leaves no more than this share of the difference beside it.
+#: A fit explains as much as another one if it leaves no more than this share of the difference more.
 ALIKE = 1e-6
 #: Step of derivatives by central differences, of a number's own size: leaves about 1e-10 of them.
 STEP = 1e-6
@@ -91,7 +91,7 @@ class Family:
     Attributes:
         name: In words.
         typical: Size of each number. Shape (k,).
-        changes: Makes the changes of steps from what the reading says, shape (k,).
+        changes: Makes the changes of steps from the values of the reading, shape (k,).
     """
 
     name: str

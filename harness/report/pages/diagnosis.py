@@ -101,7 +101,7 @@ def _map(diagnosis: Diagnosis) -> list[Row]:
 
 
 def _ignored(diagnosis: Diagnosis) -> list[str]:
-    """What libraries pass over, but for what is said not to be compared."""
+    """Content that libraries ignore, without what the list of things not compared has."""
     whats = [(side, what) for side, model in _sides(diagnosis) for what in model.reading.ignored]
     return [f"{what} in {side}" for side, what in whats if f"{what} in {side}" not in diagnosis.not_compared]
 
