@@ -14,8 +14,7 @@ from screwgauge.models.importing.joints import Group, graph_of, groups, joint, p
 from screwgauge.models.importing.left_out import left_out, listed, springs_of
 from screwgauge.models.machine import Body as RigidBody
 from screwgauge.models.machine import Machine
-from screwgauge.models.readings.reading import CouplingReading, Reading
-from screwgauge.models.readings.renamed import renamed
+from screwgauge.models.readings.reading import CouplingReading, Reading, renamed
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
