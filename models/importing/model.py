@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 from screwgauge.models.importing.convert import Imported, Wanted, describe
 from screwgauge.models.importing.write import description
-from screwgauge.models.readings.compiler import warned
+from screwgauge.models.readings.compiled import warned
 from screwgauge.models.readings.loops import OWN, loops_for, with_loops
 from screwgauge.models.readings.mujoco import is_single, loaded
 from screwgauge.models.readings.read import libraries_of, read_source

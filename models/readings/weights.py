@@ -9,7 +9,7 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from screwgauge.models.formats import vector_text
-from screwgauge.models.readings.compiler import compiled, warned
+from screwgauge.models.readings.compiled import compiled, warned
 from screwgauge.models.readings.files import inside
 from screwgauge.models.readings.meshes import classes_of, shapes, weighs
 from screwgauge.reference.errors import ModelFileError

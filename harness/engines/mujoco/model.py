@@ -22,7 +22,7 @@ from screwgauge.engines.tree.forces import spring_pull, tree_forces
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations
 from screwgauge.models.mjcf import stood_in
-from screwgauge.models.readings.compiler import warned
+from screwgauge.models.readings.compiled import warned
 from screwgauge.problem import InitialValue, ModelFiles, Problem, Progress, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.applied import JointSpring
