@@ -23,10 +23,9 @@ from screwgauge.models.readings.checks import (
 )
 from screwgauge.models.readings.files import Part, parts
 from screwgauge.models.readings.markup import parse
-from screwgauge.models.readings.meshes import without_meshes
+from screwgauge.models.readings.meshes import weigh, without_meshes
 from screwgauge.models.readings.naming import joints_in, name_all
 from screwgauge.models.readings.reading import CouplingReading
-from screwgauge.models.readings.weights import weigh
 from screwgauge.reference.errors import ModelFileError, first_few
 from screwgauge.reference.files import check_count
 
