@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
-from screwgauge.models.readings.naming import joints_in
+from screwgauge.models.readings.files import joints_in
 from screwgauge.models.readings.source import Source
 
 

@@ -11,20 +11,22 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from screwgauge.models.content import Content
-from screwgauge.models.readings.checks import (
+from screwgauge.models.readings.files import (
     MAKERS,
+    Part,
     carried_link,
     check_names,
     check_numbers,
     check_tree,
+    joints_in,
+    name_all,
     number,
+    parse,
+    parts,
     root_link,
     world,
 )
-from screwgauge.models.readings.files import Part, parts
-from screwgauge.models.readings.markup import parse
 from screwgauge.models.readings.meshes import weigh, without_meshes
-from screwgauge.models.readings.naming import joints_in, name_all
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.errors import ModelFileError, first_few
 from screwgauge.reference.files import check_count

@@ -15,7 +15,7 @@ from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.models.formats import adjoint
 from screwgauge.models.kinematics import ReadingTree, downwards, rehomed
 from screwgauge.models.matter import Matter, combined, of_body
-from screwgauge.models.readings.naming import NUMBERED
+from screwgauge.models.readings.files import NUMBERED
 from screwgauge.models.readings.reading import ClosureReading, Reading, collapsed, renamed
 from screwgauge.reference.rotations import Array, quaternion_rotation
 from screwgauge.witness.tree import TreeStates
