@@ -7,7 +7,6 @@ from screwgauge.models.readings.assemble import matrix, steiner
 from screwgauge.models.readings.compiled import warned
 from screwgauge.models.readings.loops import read_loops_yaml, with_loops
 from screwgauge.models.readings.mujoco import joint_equality
-from screwgauge.models.readings.order import by_name, in_file
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read, read_source
 from screwgauge.models.readings.reading import (
     BodyReading,
@@ -18,7 +17,7 @@ from screwgauge.models.readings.reading import (
     collapsed,
     renamed,
 )
-from screwgauge.models.readings.source import prepare
+from screwgauge.models.readings.source import by_name, in_file, prepare
 from screwgauge.witness.constraints import closure_gaps, closure_rows, equations, stepped
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates
