@@ -12,9 +12,8 @@ from screwgauge.models.importing.write import description
 from screwgauge.models.readings.compiled import warned
 from screwgauge.models.readings.loops import OWN, loops_for, with_loops
 from screwgauge.models.readings.mujoco import is_single, loaded
-from screwgauge.models.readings.read import libraries_of, read_source
+from screwgauge.models.readings.read import dropped, libraries_of, read_source
 from screwgauge.models.readings.source import Source, prepare
-from screwgauge.models.readings.unread import dropped
 from screwgauge.models.urdf import read_loops
 from screwgauge.reference.errors import ModelFileError
 
