@@ -10,8 +10,7 @@ import numpy as np
 
 from screwgauge.models.importing.assemble import assemble
 from screwgauge.models.importing.choice import choose
-from screwgauge.models.importing.joints import Group, graph_of, groups, joint, pin_name
-from screwgauge.models.importing.left_out import left_out, listed, springs_of
+from screwgauge.models.importing.joints import Group, graph_of, groups, joint, left_out, listed, pin_name, springs_of
 from screwgauge.models.machine import Body as RigidBody
 from screwgauge.models.machine import Machine
 from screwgauge.models.readings.reading import CouplingReading, Reading, renamed
