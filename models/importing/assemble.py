@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from screwgauge.models.importing.closing import CLOSED, Loops
-from screwgauge.models.importing.homes import OWN, Home, chosen, limits, some
+from screwgauge.models.importing.homes import CLOSED, OWN, Home, Loops, chosen, limits, some
 from screwgauge.models.kinematics import plant, rehomed
 from screwgauge.models.readings.reading import Reading
 
