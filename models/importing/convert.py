@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.models.importing.assemble import assemble
-from screwgauge.models.importing.choice import choose
+from screwgauge.models.importing.assemble import assemble, choose
 from screwgauge.models.importing.joints import Group, graph_of, groups, joint, left_out, listed, pin_name, springs_of
 from screwgauge.models.machine import Body as RigidBody
 from screwgauge.models.machine import Machine
