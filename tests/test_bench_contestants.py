@@ -14,7 +14,7 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError
-from screwgauge.study.bench import registry
+from screwgauge.study.bench import contestants as registry
 from screwgauge.study.bench import run as run_module
 from screwgauge.study.linkages import FILE, LENGTHS, MASSES, MOMENTS, four_bar_states, write_four_bar
 from support.acting import JointSpring

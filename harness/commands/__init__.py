@@ -141,7 +141,7 @@ def bench(options: argparse.Namespace) -> int:
     from screwgauge.scene.read import load_scene
     from screwgauge.study.bench import forward_run
     from screwgauge.study.bench import run as given_run
-    from screwgauge.study.bench.stamp import NAME
+    from screwgauge.study.bench.run import NAME
 
     imported(options.scene)
     scene = load_scene(options.scene)

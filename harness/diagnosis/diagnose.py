@@ -93,8 +93,11 @@ class Diagnosis:
     not_compared: tuple[str, ...] = ()
     undecided: bool = False
     order: Order | None = None
-    causes: tuple[Cause, ...] = ()
     date: str = ""
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        return self.attribution.causes if self.attribution else ()
 
     @property
     def verdict(self) -> str:
@@ -231,7 +234,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         tuple(distinct(found)),
         rows=(*rows, *([bound.row] if bound else [])),
         loops=bound,
-        attribution=cause,
+        attribution=_numbered(cause, found),
         growth=why.growth,
         soft=why.soft,
         proof=why.proof,
@@ -242,17 +245,18 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         together=both,
         not_compared=withheld,
         undecided=alike and bool(withheld),
-        causes=_numbered(cause.causes, found),
     )
 
 
-def _numbered(causes: Sequence[Cause], found: Sequence[Difference]) -> tuple[Cause, ...]:
+def _numbered(attribution: Attribution, found: Sequence[Difference]) -> Attribution:
     """With numbers of distinct differences."""
     numbers = {each.sentence: i for i, each in enumerate(distinct(found))}
-    return tuple(
-        replace(cause, differences=tuple(dict.fromkeys(numbers[found[i].sentence] for i in cause.differences)))
-        for cause in causes
-    )
+
+    def distinctly(some: Sequence[int]) -> tuple[int, ...]:
+        return tuple(dict.fromkeys(numbers[found[i].sentence] for i in some))
+
+    causes = (replace(cause, differences=distinctly(cause.differences)) for cause in attribution.causes)
+    return replace(attribution, causes=tuple(causes), seen=distinctly(attribution.seen))
 
 
 def _grown(asked: Sequence[Torques], b: Reading) -> Growth | None:

@@ -12,9 +12,9 @@ from screwgauge.diagnosis.differences.content import Beyond
 from screwgauge.diagnosis.differences.geometry import step_of
 from screwgauge.diagnosis.differences.words import WORLD, turn_and_way
 from screwgauge.diagnosis.library_dynamics import Witness
-from screwgauge.diagnosis.mechanics.lines import CLOSE
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, Common
+from screwgauge.diagnosis.pairing.mapping import CLOSE
 from screwgauge.models.kinematics import draw, not_modelled, plant, size
 from screwgauge.models.matter import Matter, combined, displaced, of_body
 from screwgauge.models.readings.reading import Reading

@@ -1,8 +1,8 @@
 """Planar linkages with bars of given lengths at given angles; a four-bar with its exact accelerations.
 
-Bars lie along the x axes of their bodies, so that their lengths are exactly those asked for. The four-bar is closed by a
-ball: one of its three closing rows is redundant, so that Pinocchio divides by zero where mu = 0. Its accelerations are
-those of a chain of rods in a plane, from formulas that no engine has.
+Bars lie along the x axes of their bodies, so that their lengths are exactly those asked for. The four-bar is closed by
+a ball: one of its three closing rows is redundant, so that Pinocchio divides by zero where mu = 0. Its accelerations
+are those of a chain of rods in a plane, from formulas that no engine has.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class PlanarLinkage:
     independent: tuple[str, ...]
 
     def table(self, name: str) -> Tables:
-        """Its description. Masses grow from bar to bar, and centres of mass lie beside the bars."""
+        """Its description. Masses grow from bar to bar, and centres of mass lie off the bars."""
         bodies = {
             bar: {
                 "mass": 1.0 + 0.5 * i,
@@ -160,14 +160,14 @@ FIRST, LAST = 0.8, 1.3  # angles of the crank [rad]
 
 
 def write_four_bar(folder: Path) -> ModelFiles:
-    """Writes its model files; returns those of Pinocchio."""
+    """Writes the model files of the four-bar; returns those of Pinocchio."""
     mechanism = load_mechanism(FILE)
     write_models(mechanism, folder, gravity=GRAVITY)
     return ModelFiles(folder / f"{mechanism.name}.urdf", folder / f"{mechanism.name}.loops.toml")
 
 
 def four_bar_states(n: int) -> tuple[Problem, Values]:
-    """The question for accelerations at closed states under a torque at the crank, and the exact ones. n samples."""
+    """Accelerations at n closed states of the four-bar under a torque at the crank: problem and exact values."""
     angles = _angles(np.linspace(FIRST, LAST, n))
     J = _jacobian(angles)
     rest = np.linalg.solve(J[..., 1:], -SPEED * J[..., 0, None])[..., 0]

@@ -32,7 +32,7 @@ DOUBTS = 3  # about the models or the engines, that a sentence names
 
 
 def missing(error: ImportError, engine: Engine | None = None) -> str:
-    """What to install for a module that is not there, or was not built for what is there."""
+    """What to install for a module that is missing, or that was built for other versions."""
     package = engine.package if engine is not None else (error.name or "it").split(".")[0]
     if isinstance(error, ModuleNotFoundError):
         return f"not installed ({error}); pip install {package}"
@@ -40,13 +40,13 @@ def missing(error: ImportError, engine: Engine | None = None) -> str:
 
 
 def failure(error: BaseException, name: str, folder: Path, engine: Engine | None = None) -> Failure:
-    """What a method raised, in one line and without the folder of generated files, which goes with them."""
+    """An exception as a failure: one line, without the name of the temporary folder of generated files."""
     try:
-        said = str(error) or "nothing more is said"  # as Python does of memory
+        message = str(error) or "nothing more is said"  # as Python does of memory
     except Exception:  # an error of another package, which may be wrong, too
-        said = "what it says cannot be read"
-    said = shortened(" ".join(said[: 2 * LONG].split()).replace(f"{folder}/", ""), LONG)
-    reason = f"{type(error).__name__}: {said}"
+        message = "what it says cannot be read"
+    message = shortened(" ".join(message[: 2 * LONG].split()).replace(f"{folder}/", ""), LONG)
+    reason = f"{type(error).__name__}: {message}"
     if isinstance(error, ImportError):
         reason = missing(error, engine)
     return Failure(name, shortened(reason, LONG), "".join(traceback.format_exception(error))[-TRACE:])
@@ -83,7 +83,7 @@ class Method:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EngineTask:
-    """A problem for an engine, wherever it is asked. Data only; it pickles.
+    """A problem for an engine, solved here or in a process of its own. Data only; it pickles.
 
     Attributes:
         folder: Where the generated models are.
@@ -107,7 +107,7 @@ class EngineTask:
             MemoryError: There is not enough memory.
         """
         try:
-            with redirect_stdout(sys.stderr):  # what an engine prints is no part of what a command says
+            with redirect_stdout(sys.stderr):  # what an engine prints is no output of a command
                 model = self.engine.load(self.files)
                 answer = model.solve(self._ordered(model), progress)
             answer = replace(sound(answer, len(self.problem.task)), engine=self.engine.name)
@@ -118,28 +118,28 @@ class EngineTask:
             return self.failure(error)
 
     def _with_mismatch(self, answer: Solution, scene: Scene) -> Solution:
-        """The answer with what the user's own model file says otherwise than the description."""
+        """The answer with notes on differences between the user's model file and the description."""
         from screwgauge.study.user_files import departures, physical_mismatch
 
-        said = departures(scene, self.engine.name, self.files)
-        physical = physical_mismatch(scene, self.engine.name, self.files) if said else ()
-        notes, warnings = (*answer.notes, *said), (*answer.warnings, *said)
+        mismatch = departures(scene, self.engine.name, self.files)
+        physical = physical_mismatch(scene, self.engine.name, self.files) if mismatch else ()
+        notes, warnings = (*answer.notes, *mismatch), (*answer.warnings, *mismatch)
         return replace(answer, notes=notes, warnings=warnings, otherwise=physical)
 
     def failure(self, error: BaseException) -> Failure:
-        """What was raised, as a failure, with what the user's own model file says otherwise than the description."""
+        """An exception as a failure, with physical differences between the user's model file and the description."""
         if self.scene is not None and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
             raise error
-        found = failure(error, self.engine.name, self.folder, self.engine)
+        raised = failure(error, self.engine.name, self.folder, self.engine)
         if self.scene is None or not isinstance(error, ScrewgaugeError):
-            return found
+            return raised
         from screwgauge.study.user_files import physical_mismatch
 
-        said = first_few(physical_mismatch(self.scene, self.engine.name, self.files), DOUBTS, "; ")
-        return replace(found, reason=f"{found.reason} The models differ: {said}." if said else found.reason)
+        differences = first_few(physical_mismatch(self.scene, self.engine.name, self.files), DOUBTS, "; ")
+        return replace(raised, reason=f"{raised.reason} The models differ: {differences}.") if differences else raised
 
     def _ordered(self, model: EngineModel) -> Problem:
-        """The problem with the independent coordinates in the order in which a model file of one's own lists them."""
+        """The problem with the independent coordinates in the order of the user's model file."""
         labels, own, task = list(self.labels), getattr(model, "independent", ()), self.problem.task
         if list(own) == labels or {*own} != {*labels} or isinstance(task, States):
             return self.problem
@@ -150,15 +150,15 @@ LONG, SHORT, MOST = 2000, 200, 100  # characters of a note, of a name; notes, ti
 
 
 def sound(answer: object, n: int) -> Solution:
-    """An answer for n samples, made of nothing but numbers and texts; long texts are cut, which is said there.
+    """An answer for n samples, made of nothing but numbers and texts; long texts are cut, with a remark.
 
     Raises:
-        TypeError, ValueError: It is no such answer; the message says what of it is wrong.
+        TypeError, ValueError: It is no such answer; the message names what is wrong.
     """
     if not isinstance(answer, Solution):
         raise TypeError(f"its answer is of type {type(answer).__name__}, not a Solution")
-    values = {name: _values(name, found, n) for name, found in _items("values", answer.values)}
-    shapes = {name: found.array.shape for name, found in values.items()}
+    values = {name: _values(name, one, n) for name, one in _items("values", answer.values)}
+    shapes = {name: one.array.shape for name, one in values.items()}
     estimate, conditions = (_over_time(what, getattr(answer, what), n) for what in ("estimate", "conditions"))
     return Solution(
         engine=shortened(answer.engine, SHORT),
@@ -184,7 +184,7 @@ def sound(answer: object, n: int) -> Solution:
 
 
 def shortened(text: object, most: int) -> str:
-    """A text of at most so many characters, and what was cut off.
+    """A text of at most `most` characters, with the number of those cut off.
 
     Raises:
         TypeError: It is no text.
@@ -200,7 +200,7 @@ def _texts(what: str, texts: object) -> tuple[str, ...]:
 
 
 def _some(what: str, items: object) -> list[Any]:
-    """A tuple or list, not more of it than anybody reads."""
+    """The items of a tuple or list of at most `MOST`."""
     if not isinstance(items, (tuple, list)):
         raise TypeError(f"its {what} are of type {type(items).__name__}, not a tuple")
     if len(items) > MOST:
@@ -208,23 +208,23 @@ def _some(what: str, items: object) -> list[Any]:
     return list(items)
 
 
-def _items(what: str, found: object) -> Iterator[tuple[str, Any]]:
-    """What an answer says of each quantity."""
-    if not isinstance(found, Mapping):
-        raise TypeError(f"its {what} are of type {type(found).__name__}, not a mapping")
-    for name, value in found.items():
+def _items(what: str, table: object) -> Iterator[tuple[str, Any]]:
+    """Entries of a mapping from quantities."""
+    if not isinstance(table, Mapping):
+        raise TypeError(f"its {what} are of type {type(table).__name__}, not a mapping")
+    for name, value in table.items():
         if not isinstance(name, str) or len(name) > SHORT:
             raise ValueError(f"its {what} have '{name!s:.100}', which is no quantity")
         yield name, value
 
 
-def _values(name: str, found: object, n: int) -> Values:
-    if not isinstance(found, Values):
-        raise TypeError(f"its {name} is of type {type(found).__name__}, not Values")
-    array = _numbers(name, found.array, (None, None))
+def _values(name: str, values: object, n: int) -> Values:
+    if not isinstance(values, Values):
+        raise TypeError(f"its {name} is of type {type(values).__name__}, not Values")
+    array = _numbers(name, values.array, (None, None))
     if len(array) != n:
         raise ValueError(f"{len(array)} samples of {name} for {n} times")
-    components, units = (_names(name, texts) for texts in (found.components, found.units))
+    components, units = (_names(name, texts) for texts in (values.components, values.units))
     if len({*components}) < len(components):
         raise ValueError(f"two components of its {name} have one name")
     return Values(components, units, array)
@@ -235,7 +235,7 @@ def _names(what: str, texts: Iterable[object]) -> tuple[str, ...]:
 
 
 def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
-    """An array of doubles; of a shape, as far as that says something."""
+    """An array of doubles of a shape, in which None is any length."""
     if type(array) is not np.ndarray:  # of a masked one, say, some numbers do not count
         raise TypeError(f"its {what} is of type {type(array).__name__}, not an array of numbers")
     if array.dtype.kind not in "fiu":
@@ -247,21 +247,21 @@ def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
 
 
 def _sizes(what: str, array: object, n: int) -> Array:
-    """A number for each sample that is not negative, or none."""
-    found = _numbers(what, array, (n,))
-    if (found < 0.0).any():
+    """A number for each sample, not negative, or NaN."""
+    sizes = _numbers(what, array, (n,))
+    if (sizes < 0.0).any():
         raise ValueError(f"its {what} has negative numbers")
-    return found
+    return sizes
 
 
-def _over_time(what: str, found: object, n: int) -> dict[str, Array]:
-    return {name: _sizes(f"{what} of {name}", array, n) for name, array in _items(what, found)}
+def _over_time(what: str, by_name: object, n: int) -> dict[str, Array]:
+    return {name: _sizes(f"{what} of {name}", array, n) for name, array in _items(what, by_name)}
 
 
-def _floats(what: str, found: object) -> dict[str, float]:
-    if not isinstance(found, Mapping):
-        raise TypeError(f"its {what} are of type {type(found).__name__}, not a mapping")
-    return {shortened(name, SHORT): float(value) for name, value in found.items()}
+def _floats(what: str, table: object) -> dict[str, float]:
+    if not isinstance(table, Mapping):
+        raise TypeError(f"its {what} are of type {type(table).__name__}, not a mapping")
+    return {shortened(name, SHORT): float(value) for name, value in table.items()}
 
 
 def _rows(rows: object, n: int) -> Any:
@@ -292,31 +292,31 @@ Expected = Mapping[str, tuple[str, ...]]
 
 
 class LeftOutError(Exception):
-    """An answer without all that was asked for."""
+    """An answer that lacks requested quantities."""
 
 
 def left_out(engine: str, wanted: Collection[str], answer: Solution) -> tuple[str, ...]:
-    """Quantities that an engine was asked for and does not give, other than those that its entry excepts."""
+    """Requested quantities that an answer lacks, except those that the engine's entry excepts."""
     return tuple(q for q in QUANTITIES if q in wanted and q not in answer.values and q not in _lacks(engine))
 
 
 def without(quantities: Iterable[str]) -> str:
-    """What is said of an answer that has no such quantities."""
+    """The sentence on an answer that lacks quantities."""
     return f"gives no {', '.join(quantities)}, though asked for"
 
 
 def excepted(engine: str, wanted: Collection[str]) -> Iterator[str]:
-    """What the entry of an engine says of quantities that were asked for and that it cannot give."""
+    """Notes from an engine's entry on requested quantities that it cannot give."""
     return (f"gives no {name}: {why}" for name, why in _lacks(engine).items() if name in wanted)
 
 
 def _lacks(engine: str) -> Mapping[str, str]:
-    """What an entry excepts; nothing of a method that has no entry, such as the paper's scheme."""
+    """Exceptions of an entry; none of a method without an entry, such as the paper's scheme."""
     return get_engine(engine).lacks if engine in engine_names() else {}
 
 
 def check_whole(engine: str, problem: Problem, answer: Solution) -> Solution:
-    """The answer, if it has all that was asked for.
+    """The answer, if it has all requested quantities.
 
     Raises:
         LeftOutError: It has not.
@@ -348,8 +348,8 @@ def check_units(answer: Solution, units: Mapping[str, Mapping[str, str]], coordi
         coordinates: Of all joints.
     """
     for quantity in {*answer.values} & {*units}:
-        found = answer.values[quantity]
-        for name, unit in zip(found.components, found.units, strict=True):
+        values = answer.values[quantity]
+        for name, unit in zip(values.components, values.units, strict=True):
             if unit != (wanted := units[quantity].get(name, unit)):
                 raise ValueError(f"its {quantity} has {name} in '{unit}', not '{wanted}'")
     if answer.assembly is not None and answer.assembly.shape[1] != coordinates:

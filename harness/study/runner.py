@@ -28,7 +28,7 @@ PARTIAL = ".partial.jsonl"
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What makes a row.
+    """A task, of which a row is the result.
 
     Attributes:
         name: One of its own among all tasks.
@@ -44,10 +44,10 @@ class Task:
 
 
 class Executor(Protocol):
-    """Does tasks."""
+    """Runs tasks."""
 
     def __call__(self, tasks: Mapping[str, Task], keep: Callable[[str, Any], None], report: Report) -> None:
-        """Hands over the row of each task by its name as soon as it is there, or a `Failure`.
+        """Calls `keep` with the name and row of each task as soon as it is done, or with a `Failure`.
 
         Raises:
             ScrewgaugeError: Raised by a task; the others are stopped.
@@ -55,7 +55,7 @@ class Executor(Protocol):
 
 
 def _unseen(share: float, step: str = "") -> None:
-    """Progress within a task that nobody looks at."""
+    """Progress within a task that is not shown."""
 
 
 class InTurn:
@@ -69,7 +69,7 @@ class InTurn:
 
 @dataclass(frozen=True)
 class Processes:
-    """In processes of this machine, so many at a time, which crash or hang at the cost of one row.
+    """In `jobs` processes of this machine at a time, which crash or hang at the cost of one row.
 
     Raises:
         DescriptionError: There are less than one.
@@ -137,7 +137,7 @@ def grow_table(
     lost: Callable[[str, str], Mapping[str, Any]],
     progress: Report = silent,
 ) -> None:
-    """Adds rows to a CSV file, those that it has not. Until all are there, a journal beside it has the new ones.
+    """Adds missing rows to a CSV file. Until all are there, a journal next to it has the new ones.
 
     Args:
         tasks: Each returns a list of rows.
@@ -158,8 +158,8 @@ def grow_table(
         restored=lambda record: record["rows"],
         progress=progress,
     )
-    found = pd.DataFrame([*before, *(row for each in rows for row in each)], columns=[*table.columns])
-    replace_file(table.file, found.to_csv(index=False))
+    frame = pd.DataFrame([*before, *(row for each in rows for row in each)], columns=[*table.columns])
+    replace_file(table.file, frame.to_csv(index=False))
     kept.remove()
 
 
@@ -170,7 +170,7 @@ class TaskRate:
         self.n, self.clock, self.done, self.began = n, clock, 0, clock()
 
     def shown(self, step: str) -> str:
-        """What is under way, with the rate and the time that is left once there are some."""
+        """A step with the rate and the remaining time, once there are some."""
         passed = self.clock() - self.began
         if self.done < 2 or passed <= 0.0:
             return step

@@ -60,14 +60,14 @@ def solve(
 
 @contextmanager
 def generated(scene: Scene) -> Iterator[Path]:
-    """A folder with the generated models of a scene's mechanism, as long as the context lasts."""
+    """A temporary folder with the generated models of a scene's mechanism."""
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:
         write_scene_models(scene, Path(name))
         yield Path(name)
 
 
 def write_scene_models(scene: Scene, folder: Path) -> None:
-    """Writes the models of a scene's mechanism, and its description where its file says another one.
+    """Writes the models of a scene's mechanism, and its description if that differs from its file.
 
     Raises:
         OutputError: The folder cannot be written.
@@ -97,11 +97,11 @@ def model_files(scene: Scene, name: str, folder: Path) -> ModelFiles:
 
 
 class TooLongError(Exception):
-    """A method that was stopped, as it took too long."""
+    """A method took too long and was stopped."""
 
 
 def within(seconds: float) -> Progress:
-    """A progress that raises `TooLongError` when it is called later than so many seconds from now."""
+    """A progress that raises `TooLongError` when it is called after `seconds`."""
     begin = perf_counter()
 
     def progress(share: float) -> None:
@@ -112,7 +112,7 @@ def within(seconds: float) -> Progress:
 
 
 def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress = quiet) -> Solution | Failure:
-    """Loads a model and puts a problem to it, which has to be answered in full; only being stopped is raised."""
+    """Loads a model and solves a problem, in full; whatever is raised becomes a failure, but for `TooLongError`."""
     try:
         answer = sound(method.load(files).solve(problem, progress), len(problem.task))
         return check_whole(method.engine, problem, answer)
@@ -176,7 +176,7 @@ def ask_engines(
 
 
 def load_engines(names: Iterable[str], limits: Limits, progress: Report) -> None:
-    """Loads engines of other packages where they will be asked: their modules may do anything when imported."""
+    """Loads engines of other packages in their own processes: their modules may do anything when imported."""
     from screwgauge.study.isolation import isolated_calls
 
     entries = not_loaded(names)

@@ -10,4 +10,4 @@ from screwgauge.study.gate.items import GateRow, Item, items, row_from
 from screwgauge.study.gate.measure import GateSettings
 from screwgauge.study.gate.run import NAME, check_items
 from screwgauge.study.runner import Processes
-from screwgauge.study.store import rows_in
+from screwgauge.study.store import TableFile

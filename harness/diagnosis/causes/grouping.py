@@ -226,7 +226,7 @@ class Grouping:
         def told(members: list[Group]) -> Group:
             first, *_ = members = self._heaviest(members)
             said = f"{key(first)} in {len(members)} places ({self._names(members)})"
-            return Group(said, f"{said}: {first.sentence}", _numbers(members), f"{said}: {first.short}", first.family)
+            return Group(said, f"{said}: {first.sentence}", _numbers(members), said, first.family)
 
         return _merged(groups, key, told)
 

@@ -67,6 +67,7 @@ def speller(text: str) -> Callable[[str], str]:
         The value of an attribute, of numbers or not -> the same as it is to be written.
     """
     numbers = sorted({float(match[0]) for value in _values(text) for match in _NUMBER.finditer(value)})
+    nothing = min([DUST, *(1e-3 * abs(number) for number in numbers if number)]) if numbers else 0.0
 
     def spell(value: str) -> str:
         try:
@@ -80,8 +81,8 @@ def speller(text: str) -> Callable[[str], str]:
         for x in entries:
             k, off = bisect(numbers, x), DUST * (4.0 * abs(x) + most)
             near = [*sorted(numbers[max(k - 1, 0) : k + 1], key=lambda number, x=x: abs(number - x))]
-            near = [0.0] if abs(x) <= off else [*near, float(f"{x:.{EXACT}g}")]
-            yield number_text(next((number for number in near if abs(number - x) <= off), x))
+            near = [0.0] if abs(x) <= max(off, nothing) else [*near, float(f"{x:.{EXACT}g}")]
+            yield number_text(next((number for number in near if abs(number - x) <= max(off, nothing)), x))
 
     return spell
 

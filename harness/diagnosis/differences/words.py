@@ -206,6 +206,8 @@ def _change(a: float, b: float) -> str:
     if a == 0.0 or b == 0.0:
         return "none in A" if a == 0.0 else "none in B"
     share = (b - a) / a
+    if abs(b + a) <= _SHARE * abs(a):
+        return "of the other sign"
     if not 0.01 <= b / a < 11.0:
         return f"x {b / a:.4g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-")
     return f"{share * 100:+.2f} %" if abs(share) >= 1e-4 else f"{share * 100:+.3g} %"
@@ -242,5 +244,5 @@ def _ratio(a: Array, b: Array) -> str:
         if np.abs(b - factor * a).max() <= _SHARE * other:
             return _change(1.0, factor)
     if not 0.1 <= other / most <= 10.0:
-        return f"the largest {_change(most, other)}"
+        return f"largest entry {_change(most, other)}"
     return f"{100.0 * float(np.abs(a - b).max()) / max(most, other):.3g} % apart"

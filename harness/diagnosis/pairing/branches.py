@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import Change, Difference, outwards, spliced, without
-from screwgauge.diagnosis.mechanics.lines import CLOSE
-from screwgauge.diagnosis.pairing.mapping import AGAINST_NAME, Pairing, joints_before
+from screwgauge.diagnosis.differences.change import Change, Difference
+from screwgauge.diagnosis.pairing.mapping import AGAINST_NAME, CLOSE, Pairing, joints_before
+from screwgauge.diagnosis.transformations import outwards, spliced, without
 from screwgauge.models.kinematics import moved
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
 from screwgauge.reference.errors import first_few

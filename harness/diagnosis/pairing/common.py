@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, applied, outwards
+from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, applied
 from screwgauge.diagnosis.machine.alignment import assignment
-from screwgauge.diagnosis.mechanics.lines import CLOSE, fitting
-from screwgauge.diagnosis.mechanics.reshape import held, ordered, placed
-from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.diagnosis.pairing.mapping import CLOSE, Pairing, fitting
+from screwgauge.diagnosis.transformations import held, ordered, outwards, placed
 from screwgauge.models.formats import adjoint
 from screwgauge.models.kinematics import ReadingTree, downwards, rehomed
 from screwgauge.models.matter import Matter, combined, of_body

@@ -1,7 +1,7 @@
 """States of a gate on disk: the history, a Parquet file for each check, and the baseline, a JSON file.
 
-Files of a history never change, so that nothing is locked; DuckDB reads them. A baseline has the errors of a known state
-with its versions and hashes; later states must not lose digits.
+Files of a history never change, so that nothing is locked; DuckDB reads them. A baseline has the errors of a known
+state with its versions and hashes; later states must not lose digits.
 """
 
 from __future__ import annotations
@@ -30,9 +30,12 @@ from screwgauge.reference.errors import DescriptionError, OutputError, UnknownNa
 from screwgauge.reference.files import parse_json, read_json, replace_file, why
 from screwgauge.scene.motion import read_parquet
 from screwgauge.study.gate.items import EXIT, GateRow
+from screwgauge.study.store import is_record
 
 #: Of the columns.
 SCHEMA = 1
+#: Of tables that are kept.
+TEXTS = Mapping[str, str]
 #: What to do where there is none.
 FIRST = "run screwgauge check --store with this folder first"
 
@@ -61,10 +64,9 @@ def _is_table(value: object) -> bool:
 def _is_table_of_texts(text: str) -> bool:
     """Whether it is JSON of texts by name."""
     try:
-        found = parse_json(text, "table", "", "")
+        return is_record(parse_json(text, "table", "", ""), TEXTS)
     except DescriptionError:
         return False
-    return isinstance(found, dict) and all(map(_is_text, found.values()))
 
 
 #: Columns -> whether a value belongs in them.
@@ -80,7 +82,7 @@ _COLUMNS: Mapping[str, Callable[[object], bool]] = {
 
 
 def check_store(store: Path) -> None:
-    """Finds out before long work whether there can be a history.
+    """Checks before long work that a history can be kept.
 
     Raises:
         OutputError: What it needs is not installed, or the folder is no folder.
@@ -127,8 +129,8 @@ def keep(store: Path, rows: Sequence[GateRow], smoke: bool, date: datetime | Non
     return path
 
 
-def asked(store: Path, query: str, **values: Any) -> pd.DataFrame:
-    """What a query finds in a store; ``ERRORS`` in it stands for the table of all errors.
+def queried(store: Path, query: str, **values: Any) -> pd.DataFrame:
+    """The result of a query of a store; ``ERRORS`` in it stands for the table of all errors.
 
     Raises:
         DescriptionError: There is no history, or a file of it is of something else.
@@ -154,14 +156,14 @@ def _kept(file: Path) -> pd.DataFrame:
     Raises:
         DescriptionError: The file is of something else.
     """
-    found, remedy = read_parquet(file), "remove the file, which does not belong there"
+    frame, remedy = read_parquet(file), "remove the file, which does not belong there"
     for name, holds in _COLUMNS.items():
-        if name not in found:
+        if name not in frame:
             raise DescriptionError(f"is no history of checks (column '{name}' is missing)", str(file), remedy)
-        for value in found[name]:
+        for value in frame[name]:
             if not holds(value):
                 raise DescriptionError(f"is no history of checks ({name} is {value!r:.60})", str(file), remedy)
-    return found[[*_COLUMNS]].astype({"error": float, "tolerance": float, "seconds": float})
+    return frame[[*_COLUMNS]].astype({"error": float, "tolerance": float, "seconds": float})
 
 
 def history(store: Path, scene: str | None = None) -> pd.DataFrame:
@@ -170,10 +172,10 @@ def history(store: Path, scene: str | None = None) -> pd.DataFrame:
     Raises:
         ScrewgaugeError: There is no such history.
     """
-    known = asked(store, "select distinct scene from ERRORS order by scene")["scene"].tolist()
+    known = queried(store, "select distinct scene from ERRORS order by scene")["scene"].tolist()
     if scene is not None and scene not in known:
         raise UnknownNameError("scene", scene, known, str(store))
-    found = asked(
+    frame = queried(
         store,
         """select scene, date, run, any_value(status) as status, any_value(versions) as versions,
             any_value(files) as files, any_value(cpu) as cpu, bool_or(smoke) as smoke, any_value(seconds) as seconds,
@@ -182,13 +184,13 @@ def history(store: Path, scene: str | None = None) -> pd.DataFrame:
         where $scene is null or scene = $scene group by scene, date, run order by scene, date, run""",
         scene=scene,
     )
-    found["digits"] = found["error"].map(digits)
-    return found
+    frame["digits"] = frame["error"].map(digits)
+    return frame
 
 
 def latest(store: Path, smoke: bool) -> Mapping[str, Any]:
     """The entries of a baseline: of each scene the last check that passed, see `write_latest`."""
-    found = asked(
+    frame = queried(
         store,
         """select scene, versions, files, packages, platform, cpu, key, error from ERRORS
         where status in ('agree', 'judged') and smoke = $smoke
@@ -196,7 +198,7 @@ def latest(store: Path, smoke: bool) -> Mapping[str, Any]:
         smoke=smoke,
     )
     scenes: dict[str, Any] = {}
-    rows = [dict[Any, Any](row) for row in found.to_dict("records")]
+    rows = [dict[Any, Any](row) for row in frame.to_dict("records")]
     for row in rows:
         entry = {"versions": json.loads(row["versions"]), "files": json.loads(row["files"]), "errors": {}}
         scenes.setdefault(row["scene"], entry)["errors"][row["key"]] = row["error"]
@@ -215,7 +217,7 @@ GROWN, NOISE = 10.0, 0.01 * SOLVED
 
 @dataclass(frozen=True, slots=True)
 class Against:
-    """What has become of a known state.
+    """Comparison with a known state.
 
     Attributes:
         changed: Which engines, models, versions are others, in sentences.
@@ -231,7 +233,7 @@ class Against:
 
 
 def state(rows: Iterable[GateRow], smoke: bool) -> dict[str, Any]:
-    """What a baseline keeps. Time is not among it."""
+    """The content of a baseline. Run times are not in it."""
     record = environment()
     return {
         "schema": BASELINE_SCHEMA,
@@ -254,10 +256,10 @@ def write_latest(file: Path, store: Path, smoke: bool) -> None:
     Raises:
         ScrewgaugeError: There is none, or the file cannot be written.
     """
-    found = latest(store, smoke)
-    if not found["scenes"]:
+    latest_state = latest(store, smoke)
+    if not latest_state["scenes"]:
         raise DescriptionError(f"has no check that passed {'with' if smoke else 'without'} --smoke", str(store), FIRST)
-    replace_file(file, json_text({"schema": BASELINE_SCHEMA, **found}))
+    replace_file(file, json_text({"schema": BASELINE_SCHEMA, **latest_state}))
 
 
 def write_baseline(file: Path, rows: Sequence[GateRow], smoke: bool) -> None:
@@ -276,7 +278,7 @@ def against(file: Path, rows: Sequence[GateRow], smoke: bool) -> Against:
     """Compares rows with a baseline.
 
     Raises:
-        DescriptionError: There is none, or it is one of another schema, of other scenes, or made otherwise.
+        DescriptionError: There is none, or it is of another schema, of other scenes, or of other options.
     """
     known = read_baseline(file, smoke, [row.scene for row in rows])
     before, now = known["scenes"], state(rows, smoke)
@@ -301,7 +303,7 @@ def against(file: Path, rows: Sequence[GateRow], smoke: bool) -> Against:
 
 
 def check_baseline(file: Path, *, force: bool = False) -> None:
-    """Refuses to make a known state of a file that is none.
+    """Refuses to overwrite a file that is no baseline.
 
     Raises:
         OutputError: It is something else.
@@ -320,7 +322,7 @@ def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, A
     """The entries of a baseline.
 
     Raises:
-        DescriptionError: It is none, or of another schema, or of other scenes, or not as asked for.
+        DescriptionError: It is none, or of another schema, of other scenes, or of other options.
     """
     known = read_json(file, "baseline", UPDATE)
     if known.keys() >= {"schema", "scenes", "environment"} and known["schema"] != BASELINE_SCHEMA:
@@ -340,18 +342,15 @@ def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, A
 def _sound(known: Mapping[str, Any]) -> bool:
     """Whether all entries are what `state` makes them."""
     scenes = known.get("scenes")
-    return _texts(known.get("environment")) and isinstance(scenes, dict) and all(map(_sound_scene, scenes.values()))
+    whole = is_record(known.get("environment"), TEXTS) and isinstance(scenes, dict)
+    return whole and all(map(_sound_scene, scenes.values()))
 
 
 def _sound_scene(entry: object) -> bool:
-    if not isinstance(entry, dict) or not all(_texts(entry.get(key)) for key in ("versions", "files")):
+    if not isinstance(entry, dict) or not all(is_record(entry.get(key), TEXTS) for key in ("versions", "files")):
         return False
     errors = entry.get("errors")
     return isinstance(errors, dict) and all(map(_is_size, errors.values()))
-
-
-def _texts(table: object) -> bool:
-    return isinstance(table, dict) and all(isinstance(value, str) for value in table.values())
 
 
 def _is_size(value: object) -> bool:
@@ -374,11 +373,11 @@ def _grown(scene: str, one: Residual, before: float | None) -> tuple[bool, str] 
     """Whether an error is worse or better than it was, beyond noise, and by how many digits."""
     then = float("nan") if before is None else float(before)
     a, b = digits(then), digits(one.error)
-    said = f"{scene}: {one.key}: {then:.1e} -> {one.error:.1e}"
+    sentence = f"{scene}: {one.key}: {then:.1e} -> {one.error:.1e}"
     if a != a or b != b:
-        return None if a != a and b != b else (b != b, f"{said} ({'no number any more' if b != b else 'a number'})")
+        return None if a != a and b != b else (b != b, f"{sentence} ({'no number any more' if b != b else 'a number'})")
     if one.error > GROWN * max(then, NOISE):
-        return True, f"{said}, {a - b:.1f} digits lost"
+        return True, f"{sentence}, {a - b:.1f} digits lost"
     if then > GROWN * max(one.error, NOISE):
-        return False, f"{said}, {b - a:.1f} digits gained"
+        return False, f"{sentence}, {b - a:.1f} digits gained"
     return None

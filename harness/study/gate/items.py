@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import dataclass, field
+from math import nan
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,6 +18,7 @@ from screwgauge.reference.files import is_file, is_path, why
 from screwgauge.reference.tables import check_keys, positive, read_toml
 from screwgauge.scene.default import SUFFIX
 from screwgauge.scene.read import scene_names
+from screwgauge.study.store import is_record
 
 #: Keys that only scenes have: a file that misses one of them is no other file but a scene that is refused.
 _OF_SCENES = frozenset(("mechanism", "motion", "time", "forward"))
@@ -53,19 +55,19 @@ def items(what: Iterable[str | Path]) -> list[Item]:
     if len(models) > 1 and len(models) % 2:
         what_is = f"{len(models)} model files: the last, {models[-1]}, has no partner"
         raise DescriptionError(what_is, "check", "give pairs A B, or one model alone")
-    found = [Item(_stem(name), (name,)) for name in _scenes(name for name in given if name not in models)]
+    every = [Item(_stem(name), (name,)) for name in _scenes(name for name in given if name not in models)]
     if len(models) == 1:
-        found.append(Item(_stem(models[0]), (models[0],)))
+        every.append(Item(_stem(models[0]), (models[0],)))
     else:
         pairs = zip(models[::2], models[1::2], strict=True)
-        found += [Item(f"{Path(a).name} - {Path(b).name}", (a, b)) for a, b in pairs]
+        every += [Item(f"{Path(a).name} - {Path(b).name}", (a, b)) for a, b in pairs]
     for name in given:
         if name not in scene_names() and not is_file(Path(name)) and not _is_folder(name):
             if not is_path(name) and not is_model(name):
                 raise UnknownNameError("scene", name, [*scene_names(), "or the path of a TOML file, URDF or MJCF"])
             raise DescriptionError("does not exist, or is no regular file", name, "check the path")
-    _check_names(found)
-    return found
+    _check_names(every)
+    return every
 
 
 def _is_folder(name: str) -> bool:
@@ -84,7 +86,7 @@ def _scenes(names: Iterable[str]) -> Iterator[str]:
 
 
 def _files_in(folder: str, *endings: str) -> list[Path]:
-    """What stands in a folder and ends so.
+    """Files of a folder with one of some endings.
 
     Raises:
         DescriptionError: The folder cannot be read.
@@ -104,17 +106,17 @@ def unread(what: Iterable[str | Path], read: Iterable[str]) -> list[str]:
         read: Paths.
     """
     known = {os.path.realpath(name) for name in read}
-    found = [
+    files = [
         str(path)
         for folder in filter(_is_folder, map(str, what))
         for path in _files_in(folder, ".toml", *SUFFIXES)
         if os.path.realpath(path) not in known and not path.name.endswith(LOOPS)
     ]
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(files))
 
 
 def _is_scene(path: Path) -> bool:
-    """Whether it is one, if only by half, or cannot even be read, which is for whoever checks it to say."""
+    """Whether it is a scene, if an incomplete one, or cannot be read: then the check reports why."""
     if path.name.endswith(LOOPS):
         return False
     try:
@@ -127,9 +129,9 @@ def _stem(name: str) -> str:
     return name if name in scene_names() else Path(name).name.removesuffix(SUFFIX).removesuffix(".toml")
 
 
-def _check_names(found: Iterable[Item]) -> None:
+def _check_names(every: Iterable[Item]) -> None:
     before: dict[str, Item] = {}
-    for item in found:
+    for item in every:
         other = before.setdefault(item.name, item)
         if other is not item:
             what = f"two are called '{item.name}': {', '.join(other.files)} and {', '.join(item.files)}"
@@ -166,7 +168,7 @@ class GateRow:
         status: ``agree``; ``judged`` (the equations hold for each engine, and no two were compared); ``unread`` (the
             scene names files that nobody read, and the rest agrees); ``differ``; ``failed`` (an engine, or its
             process); ``refused`` (bad input).
-        sentence: What was found, with the cause where one is known.
+        sentence: The result, with the cause where one is known.
         errors: One for each quantity, pair and unit.
         coverage: What the motion tests, in a sentence.
         versions: Of engines, by name; `files`: file -> SHA-256.
@@ -201,49 +203,13 @@ class GateRow:
         return max(self.errors, key=lambda one: (not one.ok, one.b != JUDGE, one.share), default=None)
 
 
-#: Types of fields -> what JSON makes of them.
-_PLAIN: dict[str, type | tuple[type, ...]] = {
-    "str": str,
-    "bool": bool,
-    "bool | None": bool,
-    "int": int,
-    "float": (int, float),
-    "Status": str,
-    "Sequence[str]": list,
-    "Sequence[Residual]": list,
-    "Mapping[str, str]": dict,
-    "tuple[float, float]": list,
-}
-
-
-def row_from(record: object) -> GateRow:
-    """A row from what `dataclasses.asdict` made of it, which may have been on disk since.
+def row_from(record: Mapping[str, Any]) -> GateRow:
+    """A row from its record by `dataclasses.asdict`, which may have been on disk.
 
     Raises:
         ValueError: It is no row.
     """
-    said = _fields(GateRow, record)
-    errors = [_fields(Residual, one) for one in said.pop("errors", ())]
-    texts = [
-        *said.get("unread", ()),
-        *said.get("read", ()),
-        *(x for key in ("versions", "files") for x in said.get(key, {}).values()),
-    ]
-    numbers = [x for one in errors for x in one.get("values", ())]
-    pairs = all(len(one.get("values", "ab")) == 2 for one in errors)
-    sound = pairs and all(isinstance(x, str) for x in texts) and all(isinstance(x, int | float) for x in numbers)
-    if not sound or said.get("status") not in EXIT:
+    if not is_record(record, GateRow):
         raise ValueError("is no row")
-    made = [Residual(**{**one, "values": tuple(one["values"])} if "values" in one else one) for one in errors]
-    return GateRow(**{**said, "errors": tuple(made)})
-
-
-def _fields(kind: type[GateRow | Residual], record: object) -> dict[str, Any]:
-    """Fields of a class, each of its type; a ValueError if the record has others or lacks some."""
-    every = {field.name: field for field in fields(kind)}
-    needed = {name for name, one in every.items() if one.default is MISSING and one.default_factory is MISSING}
-    if not isinstance(record, dict) or record.keys() - every.keys() or needed - record.keys():
-        raise ValueError(f"is no {kind.__name__}")
-    if not all(isinstance(value, _PLAIN[str(every[name].type)]) for name, value in record.items()):
-        raise ValueError(f"is no {kind.__name__}")
-    return dict(record)
+    errors = [Residual(**{**one, "values": tuple(one.get("values", (nan, nan)))}) for one in record.get("errors", ())]
+    return GateRow(**{**record, "errors": tuple(errors)})

@@ -68,7 +68,7 @@ class Reference:
 
 
 def deviation(values: Values, right: Values) -> Values:
-    """What is wrong at the samples for which the reference has a number.
+    """Errors at the samples for which the reference has a number.
 
     Args:
         right: Of the same samples and components.
@@ -78,7 +78,7 @@ def deviation(values: Values, right: Values) -> Values:
 
 
 def score(quantity: str, off: Values, scales: Mapping[str, float]) -> SizedResidual:
-    """Largest and RMS scaled error over all samples and components: not a number as soon as one is none.
+    """Largest and RMS scaled error over all samples and components; NaN as soon as one is not finite.
 
     Args:
         off: See `deviation`.
@@ -131,8 +131,8 @@ def _solve(scene: Scene, times: Array, quantities: tuple[str, ...], engine: str)
 
 def joined(parts: Iterable[Values]) -> Values:
     """Samples of one quantity, one part after the other."""
-    found = list(parts)
-    return Values(found[0].components, found[0].units, np.concatenate([part.array for part in found]))
+    values = list(parts)
+    return Values(values[0].components, values[0].units, np.concatenate([part.array for part in values]))
 
 
 #: What is measured of given motions, in this order.
@@ -168,7 +168,7 @@ class PreparedScene:
         return [path for path in self.folder.rglob("*") if path.is_file()]
 
     def problem(self, *wanted: str, task: Task | None = None) -> Problem:
-        """The question of the scene, or the same with another task."""
+        """The problem of the scene, or the same with another task."""
         return Problem(self.scene.applied, self.scene.task if task is None else task, frozenset(wanted))
 
     def moving(self, coordinates: tuple[str, ...]) -> States:
@@ -177,13 +177,13 @@ class PreparedScene:
         return States(coordinates, q, v, a=a)
 
     def pushed(self, coordinates: tuple[str, ...]) -> Problem:
-        """The question for accelerations at the true states of a tree, see `pushed`."""
+        """Accelerations wanted at the true states of a tree, see the function `pushed`."""
         q, force = (self.reference.values[name].array for name in ("joint_position", "actuator_force"))
         return pushed(self.scene.mechanism, self.scene.applied, self.moving(coordinates), q, force)
 
 
 def pushed(mechanism: Mechanism, applied: Applied, states: States, q: Array, force: Array) -> Problem:
-    """The question for accelerations of a tree under actuator forces and the loads.
+    """Accelerations of a tree wanted under actuator forces and the loads.
 
     Loads are among the forces along the coordinates, so that engines need not turn them.
 
