@@ -13,8 +13,7 @@ from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.pinocchio.mover import PinocchioMover
 from screwgauge.engines.pinocchio.tree import PinocchioTree
 from screwgauge.engines.tree.applied_forces import TreeForces
-from screwgauge.engines.tree.closed import close_tree
-from screwgauge.engines.tree.closure import Loops, make_loops
+from screwgauge.engines.tree.closed_tree import Loops, close_tree, make_loops
 from screwgauge.engines.tree.model import TreeModel
 from screwgauge.engines.tree.project import project
 from screwgauge.engines.tree.protocol import OpenTree

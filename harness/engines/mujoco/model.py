@@ -18,7 +18,7 @@ from screwgauge.engines.mujoco.settings import EXACT, MujocoSettings, refine
 from screwgauge.engines.mujoco.steps import MujocoStepper, joint_spring, sprung_model
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
 from screwgauge.engines.tree.applied_forces import TreeForces, spring_pull
-from screwgauge.engines.tree.closed import ClosedTree, close_tree
+from screwgauge.engines.tree.closed_tree import ClosedTree, close_tree
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations, TreeDynamics
 from screwgauge.models.mjcf import stood_in

@@ -12,7 +12,7 @@ import pinocchio as pin
 from screwgauge.engines.pinocchio.mover import ITERATIONS, MU, PinocchioMover
 from screwgauge.engines.pinocchio.tree import Constraints, PinocchioTree
 from screwgauge.engines.tree.applied_forces import spring_pull
-from screwgauge.engines.tree.closed import close_tree
+from screwgauge.engines.tree.closed_tree import close_tree
 from screwgauge.engines.tree.fixed_steps import INTEGRATORS
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations, TreeDynamics

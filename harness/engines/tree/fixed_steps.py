@@ -8,7 +8,7 @@ import numpy as np
 
 from screwgauge.engines.parts import Simulated
 from screwgauge.engines.tree.applied_forces import TreeForces
-from screwgauge.engines.tree.closed import ClosedTree
+from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.integrate import start_state
 from screwgauge.engines.tree.project import project
 from screwgauge.engines.tree.protocol import Mover, Stepper

@@ -16,7 +16,7 @@ import numpy as np
 from screwgauge.engines.methods import METHODS, MOST, SIZES, Pace, check_method, keep_passed
 from screwgauge.engines.parts import Simulated
 from screwgauge.engines.tree.applied_forces import TreeForces
-from screwgauge.engines.tree.closed import ClosedTree
+from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.inverse import solve_motion
 from screwgauge.engines.tree.project import project
 from screwgauge.engines.tree.protocol import Mover

@@ -9,8 +9,8 @@ import numpy as np
 
 from screwgauge.engines.parts import joint_units
 from screwgauge.engines.tree.applied_forces import applied_wrenches
-from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
 from screwgauge.engines.tree.closed_forces import min_norm
+from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.inverse import solve_motion
 from screwgauge.engines.tree.protocol import TreeDynamics
 from screwgauge.models.urdf import LoopsFile, read_loops
@@ -178,7 +178,7 @@ def _actuator_forces(
     still, joints = np.zeros((*at.p.shape[:2], 6)), np.zeros((len(q), len(closed.names)))
     applied = Applied(loads=problem.applied.loads)
     loads = applied_wrenches(closed, applied, at, (np.zeros(len(q)), still, joints, joints))
-    need = tau - along_coordinates(at, loads)
+    need = tau - at.forces_along(loads)
     if dynamics.naive:  # what it says of the actuated joints, taken for the actuator forces
         return need[:, closed.driven], empty(len(q))
     A = closed.closing_rows(q, at, closed.loops.charts(at))

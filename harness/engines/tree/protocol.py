@@ -24,7 +24,7 @@ from screwgauge.reference.rotations import Array, cross, skew, times
 from screwgauge.solution import Cost
 
 if TYPE_CHECKING:
-    from screwgauge.engines.tree.closed import ClosedTree
+    from screwgauge.engines.tree.closed_tree import ClosedTree
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,6 +76,16 @@ class BodyPoses:
         A = self._summed(rates, v, self.p - about)
         A[..., 3:] += cross(V[..., :3], V[..., 3:])
         return A
+
+    def forces_along(self, wrenches: Array) -> Array:
+        """Forces along the coordinates of wrenches on the bodies. Shape (n, n_v).
+
+        Args:
+            wrenches: Force and moment about the origin of each body. Shape (n, n_body + 1, 6).
+        """
+        force = wrenches[..., :3]
+        about = np.concatenate([wrenches[..., 3:] + cross(self.p, force), force], axis=2)  # the world's origin
+        return np.asarray(np.einsum("nxi,nix->ni", self.screws, self.moves.T @ about))
 
     def _summed(self, screws: Array, v: Array, arms: Array) -> Array:
         """Over the coordinates that move each body, about its origin: `arms` lead there."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from screwgauge.engines.parts import JointMotion
-from screwgauge.engines.tree.closed import ClosedTree
+from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.cut_joints import SURE, Flags, follow
 from screwgauge.reference import linear
 from screwgauge.reference.rotations import Array
