@@ -196,21 +196,29 @@ def _body(body: Body, i: int, its: list[End], unit: float, colour: str) -> Itera
         yield Shape("ellipsoids", "ellipsoid", i, com, axes * np.maximum(half, 1e-3), 1.0, colour, body.name)
 
 
-def mark(joint: Joint) -> Array:
-    """Where a joint is drawn, in the frame of its parent [m]: what slides, half way along at home. Shape (3,)."""
+def mark(joint: Joint) -> tuple[str, Array]:
+    """Body that carries the mark of a joint, and where it is in the frame of that body [m]. Shape (3,).
+
+    A guide on ground has its block on the body that slides; between two moving bodies it is half way along at home.
+    """
+    if joint.slides == 1 and GROUND in joint.bodies:
+        return next((body, frame.p) for body, frame in joint.sides if body != GROUND)
     slides = [(q, axis) for q, (turns, axis) in zip(joint.home, joint.freedoms, strict=True) if not turns]
-    return joint.parent_frame.p + joint.parent_frame.R @ sum((0.5 * q * axis for q, axis in slides), np.zeros(3))
+    along = sum((0.5 * q * axis for q, axis in slides), np.zeros(3))
+    return joint.parent, joint.parent_frame.p + joint.parent_frame.R @ along
 
 
 def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Iterator[Shape]:
     """Its axes, each in the body that carries it, marked where it is driven or cut."""
-    colour, name, at = DRIVEN if joint.actuated else PLAIN, joint.name, mark(joint) / unit
-    second = child if joint.angles == 2 else parent
-    for (turns, axis), i in zip(joint.freedoms, (parent, second, child), strict=False):
-        frame, p = (joint.parent_frame, at) if i == parent else (joint.child_frame, joint.child_frame.p / unit)
+    colour, name, (body, place) = DRIVEN if joint.actuated else PLAIN, joint.name, mark(joint)
+    first, at = parent if body == joint.parent else child, place / unit
+    second = child if joint.angles == 2 else first
+    for (turns, axis), i in zip(joint.freedoms, (first, second, child), strict=False):
+        frame = joint.parent_frame if i == parent else joint.child_frame
+        p = at if i == first else joint.child_frame.p / unit
         e, kind = frame.R @ axis, "rod" if turns else "box"
         if joint.angles == 3:
-            yield Shape("joints", "ball", parent, p, p, JOINT, colour, name)
+            yield Shape("joints", "ball", first, p, p, JOINT, colour, name)
             break
         half, size = (3.4 if turns and joint.slides == 1 else 1.9) * JOINT * e, (0.6 if turns else 0.9) * JOINT
         yield Shape("joints", kind, i, p - half, p + half, size, colour, name)
@@ -223,7 +231,7 @@ def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Ite
         ends = joint.parent_frame.p / unit, joint.child_frame.p / unit
         yield Shape("joints", "slide", parent, *ends, 0.5 * LINK, colour, name, child)
     if cut:
-        yield Shape("joints", "cage", parent, at, at, 2.4 * JOINT, CUT, name)
+        yield Shape("joints", "cage", first, at, at, 2.4 * JOINT, CUT, name)
     for i, p in ((parent, joint.parent_frame.p), (child, joint.child_frame.p)):
         if i == 0:
             yield Shape("joints", "foot", 0, p / unit, p / unit, 2.0 * JOINT, STANDING, name)
@@ -277,11 +285,12 @@ def joint_marks(mechanism: Mechanism, at: Pose | None = None) -> list[tuple[Join
     """Joints with places and last axes, in the world, at home or at another pose; in lengths of the mechanism."""
     lay = layout(mechanism)
     at, index, unit = at or pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
-    sides = [(joint, index[joint.parent]) for joint in mechanism.joints if joint.constrains]
-    return [
-        (j, (at.p[0, i] + at.R[0, i] @ mark(j)) / unit, at.R[0, i] @ j.parent_frame.R @ j.freedoms[-1][1])
-        for j, i in sides
-    ]
+    found = list[tuple[Joint, Array, Array]]()
+    for joint in (joint for joint in mechanism.joints if joint.constrains):
+        (body, place), base = mark(joint), index[joint.parent]
+        point = at.p[0, index[body]] + at.R[0, index[body]] @ place
+        found.append((joint, point / unit, at.R[0, base] @ joint.parent_frame.R @ joint.freedoms[-1][1]))
+    return found
 
 
 def add_geoms(bodies: Mapping[str, ET.Element], tree: Tree, *, solid: bool) -> None:

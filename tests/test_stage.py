@@ -14,8 +14,8 @@ import pytest
 import screwgauge
 from screwgauge.models.shapes import across, differing, facing, shapes, viewed_from
 from screwgauge.report.stage.drawing import drawing, labels
+from screwgauge.report.stage.motion import FRAMES
 from screwgauge.report.stage.picture import stage, told
-from screwgauge.study.motion import FRAMES
 from support.mechanism import Mechanism, load_mechanism, mechanism_names
 from support.pages import Items, Picture
 from support.solve import layout, length, pose, positions
@@ -69,6 +69,22 @@ def test_every_joint_and_body_has_its_shapes_and_those_that_are_driven_or_cut_ha
     assert cages == {cut.name for cut in layout(mechanism).cuts}
     arrows = {s["n"] for s in data["shapes"] if s["k"] == "arrow" and s["g"] == "joints"}
     assert arrows == {joint.name for joint in mechanism.actuators}
+
+
+def test_the_block_of_a_guide_on_ground_moves_with_what_slides() -> None:
+    scene = screwgauge.load_scene("slider-crank")
+    data, piston = data_of(stage(scene)), scene.mechanism.body_index["piston"]
+    (block,) = [one for one in data["shapes"] if one["n"] == "slide" and one["k"] == "box"]
+    assert block["i"] == piston
+    middle = (np.array(block["a"]) + block["b"]) / 2.0
+    assert middle == pytest.approx(scene.mechanism.joint("slide").child_frame.p)
+    assert np.ptp([placed(data, k, piston, middle)[0] for k in range(FRAMES)]) > 0.1
+
+
+def test_the_marks_of_legs_stay_half_way_along() -> None:
+    data = data_of(stage(load_mechanism("3ups-upu-s")))
+    slides = [one for one in data["shapes"] if one["n"] == "leg1.slide" and one["k"] == "box"]
+    assert {one["i"] for one in slides} == {load_mechanism("3ups-upu-s").body_index["leg1.lower"]}
 
 
 def test_arrows_are_the_forces_to_scale() -> None:
