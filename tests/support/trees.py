@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco import plain
+from screwgauge.engines.mujoco import raw_queries
 from screwgauge.engines.mujoco.dynamics import INTEGRATORS, REFINABLE, MujocoMover, sprung_model
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.pinocchio.model import PinocchioMover

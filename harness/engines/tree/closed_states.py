@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from screwgauge.engines.parts import JointMotion
+from screwgauge.engines.chunks import JointMotion
 from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.cut_joints import SURE, Flags, follow
 from screwgauge.engines.tree.protocol import Mover

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from screwgauge.engines.parts import Simulated
+from screwgauge.engines.chunks import Simulated
 from screwgauge.engines.tree.applied_forces import TreeForces
 from screwgauge.engines.tree.closed_states import Path, project, read_path
 from screwgauge.engines.tree.closed_tree import ClosedTree

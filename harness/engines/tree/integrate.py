@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.engines.chunks import Simulated
 from screwgauge.engines.methods import METHODS, MOST, SIZES, Pace, check_method, keep_passed
-from screwgauge.engines.parts import Simulated
 from screwgauge.engines.tree.applied_forces import TreeForces
 from screwgauge.engines.tree.closed_states import Path, project, read_path
 from screwgauge.engines.tree.closed_tree import ClosedTree

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.engines.parts import joint_units
-from screwgauge.engines.tree.applied_forces import applied_wrenches
+from screwgauge.engines.chunks import joint_units
+from screwgauge.engines.tree.applied_forces import TreeForces, applied_wrenches
 from screwgauge.engines.tree.closed_forces import min_norm
 from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.inverse import solve_motion
@@ -67,12 +67,16 @@ class TreeModel:
             self._check_mass()
         if not isinstance(task, InitialValue):
             return solve_states(closed, dynamics, problem, task)
-        from screwgauge.engines.tree.fixed_steps import step_through
+        from screwgauge.engines.tree.fixed_steps import ProjectedStepper, step_through
         from screwgauge.engines.tree.integrate import simulate
 
         if dynamics.dt is None:
             return simulate(closed, dynamics.mover(), problem, task, progress)
-        return step_through(closed, dynamics.stepper(closed, problem, task), problem, task, dynamics.dt, progress)
+        stepper = dynamics.stepper(closed, problem, task)
+        if stepper is None:
+            forces = TreeForces(closed, problem.applied, task.start)
+            stepper = ProjectedStepper(dynamics.mover(), forces, dynamics.integrator, dynamics.dt)
+        return step_through(closed, stepper, problem, task, dynamics.dt, progress)
 
     @property
     def _where(self) -> str:

@@ -271,13 +271,9 @@ class TreeDynamics(Protocol):
     def mover(self) -> Mover:
         """Its accelerations, made as exact as it can."""
 
-    def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> Stepper:
-        """Its own integrator for a problem, by default `fixed_steps.ProjectedStepper` on its accelerations."""
-        from screwgauge.engines.tree.applied_forces import TreeForces
-        from screwgauge.engines.tree.fixed_steps import ProjectedStepper
-
-        forces = TreeForces(closed, problem.applied, task.start)
-        return ProjectedStepper(self.mover(), forces, self.integrator, self.dt or 0.0)
+    def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> Stepper | None:
+        """Its own integrator for a problem; by default none: `fixed_steps.ProjectedStepper` on its accelerations."""
+        return None
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
         """Accelerations of states as they are, for forces along the coordinates.

@@ -7,8 +7,7 @@ import numpy as np
 
 from screwgauge.engines.mujoco.discrepancies.probe import inverse, inverted, load, state
 from screwgauge.engines.mujoco.equality_constraints import DISABLED, STIFFEST, refine
-from screwgauge.engines.samples import FourBar, body, mjcf
-from screwgauge.engines.shown import Evidence
+from screwgauge.engines.toy_models import Evidence, FourBar, body, mjcf
 from screwgauge.reference.rotations import Array
 
 _EXACT_DIAGONAL = int(getattr(mujoco.mjtEnableBit, "mjENBL_DIAGEXACT", 0))  # since 3.9
