@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping
 
 import numpy as np
@@ -84,6 +85,18 @@ def test_a_link_in_the_middle_is_named_as_itself(i, both):
     assert more.attribution.share == pytest.approx(1.0)
     assert more.proof.agrees
     assert more.proof.on == "file"
+
+
+@pytest.mark.parametrize("i", [1, 3, 5])
+def test_a_missing_link_is_named_where_names_say_nothing(i, write):
+    a, b = write("a.urdf", urdf()), write("b.urdf", re.sub(r"\b([jl])(\d)\b", r"\1_of_\2", urdf([i])))
+    missing, more = diagnose(a, b), diagnose(b, a)
+    for found in (missing, more):
+        (one,) = found.differences
+        assert one.sentence.startswith(f"j{i}: missing in ")
+        assert {*found.pairing.how.values()} == {"geometry"}
+    assert missing.attribution.before.scaled < 1e-12
+    assert more.attribution.left.scaled < 1e-12
 
 
 def test_two_links_in_a_row_are_named_one_by_one(both):

@@ -16,10 +16,10 @@ from screwgauge.diagnosis.causes.fitting import SPEEDS, Growth, growth
 from screwgauge.diagnosis.causes.soft import softness
 from screwgauge.diagnosis.compare import STATES, Row, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
-from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.diagnosis.differences.change import Difference, applied
 from screwgauge.diagnosis.differences.content import beyond
 from screwgauge.diagnosis.differences.digits import marked
-from screwgauge.diagnosis.differences.loops import Loops, at_home, loops
+from screwgauge.diagnosis.differences.loops import COUNTED, Loops, at_home, loops
 from screwgauge.diagnosis.differences.static import differences, distinct
 from screwgauge.diagnosis.differences.static_loops import cut_joints
 from screwgauge.diagnosis.known import compiled
@@ -199,7 +199,9 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     states = draw(common.a, STATES, seed)
     asked = torques(common, pairing, states)
     rows = [] if deadline.over("motion at random states") else table(common, states)
-    bound, of_loops = loops(common, pairing, seed, deadline)
+    counts = [each.change for each in found if each.kind == "convention" and each.what in COUNTED and each.change]
+    counted = brought(ours, applied(b.reading, counts), pairing) if counts else common
+    bound, of_loops = loops(counted, pairing, seed, deadline)
     found += cut_joints((a, b))
     stated = _stated(found, (a, b), bound)
     restated = bound is not None and bound.alike and any(each.what in BINDING for each in found)

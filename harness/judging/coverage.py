@@ -6,7 +6,7 @@ and inertia of each body and the point of each load: the columns of the regresso
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,12 +14,18 @@ import numpy as np
 
 from screwgauge.judging.answer import largest
 from screwgauge.judging.assembly import assembly_of
-from screwgauge.judging.identifiability import BRACKET, Visible, moved, parameters, terms
+from screwgauge.judging.identifiability import (
+    BRACKET,
+    Accelerations,
+    CoveredMotion,
+    compared_forces,
+    covered_motion,
+    parameters,
+    terms,
+)
 from screwgauge.problem import GivenMotion, Problem
 from screwgauge.quantities import FLOOR, OF_BODIES, OF_JOINTS, QUANTITIES, natural_scales
-from screwgauge.reference.closed_motion import ClosedMotion
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array
@@ -140,45 +146,43 @@ def coverage(
     if room < FEWEST:
         return Coverage(missing=f"Coverage is not stated of as many as {len(mechanism.bodies)} bodies.")
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST, room)).astype(np.intp))]
-    lay = layout(mechanism)
     try:
         with np.errstate(all="ignore"):  # what is not a number at some sample is one at others
-            versions = moved(lay, q[rows], motion.part(rows), problem.applied)
-            visible = Visible(versions[""], problem, counted)
-            forces, sizes = _forces(visible, versions)
-            parts = _parameters(visible, versions[""], sizes, tolerance_of) if sizes else ()
-            return Coverage((*_motions(versions, problem), *forces), tuple(parts), "")
+            now = covered_motion(mechanism, problem, motion.part(rows), q[rows])
+            forces, sizes = _forces(now, counted)
+            parts = _parameters(now, counted, sizes, tolerance_of) if sizes else ()
+            return Coverage((*_motions(now), *forces), tuple(parts), "")
     except ScrewgaugeError as error:  # engines met it, too, and say so
         return Coverage(missing=f"Coverage is not known: {error}.")
 
 
-def _motions(versions: Mapping[str, ClosedMotion], problem: Problem) -> Iterator[Row]:
+def _motions(now: CoveredMotion) -> Iterator[Row]:
     """What accelerations lose with the Lie bracket."""
-    scales, whole = natural_scales(versions[""].mechanism), _accelerations(versions[""])
+    scales, units = natural_scales(now.mechanism), now.mechanism.units
+    whole, lost = _by_unit(now.accelerations, units), {term: _by_unit(of, units) for term, of in now.lost.items()}
     for (quantity, unit), array in whole.items():
-        if quantity in problem.wanted:
+        if quantity in now.problem.wanted:
             size = max(largest(array), FLOOR * scales[unit])
             for term in BRACKET:
-                rest = _accelerations(versions[term])[quantity, unit]
-                yield _share(quantity, unit, term, largest(array - rest) / size)
+                yield _share(quantity, unit, term, largest(lost[term][quantity, unit]) / size)
 
 
-def _accelerations(at: ClosedMotion) -> dict[tuple[str, str], Array]:
+def _by_unit(of: Accelerations, units: Sequence[str]) -> dict[tuple[str, str], Array]:
     """(quantity, unit) -> values."""
-    units, qdd = np.array(at.mechanism.units), at.joint_acceleration
+    has = np.array(units)
     return {
-        **{("joint_acceleration", f"{unit}/s^2"): qdd[:, units == unit] for unit in dict.fromkeys(units)},
-        ("body_angular_acceleration", "rad/s^2"): at.A[:, 1:, :3],
-        ("com_acceleration", "m/s^2"): at.com_acceleration,
+        **{("joint_acceleration", f"{unit}/s^2"): of.joints[:, has == unit] for unit in dict.fromkeys(units)},
+        ("body_angular_acceleration", "rad/s^2"): of.angular,
+        ("com_acceleration", "m/s^2"): of.com,
     }
 
 
-def _forces(visible: Visible, versions: Mapping[str, ClosedMotion]) -> tuple[list[Row], dict[tuple[str, str], float]]:
+def _forces(now: CoveredMotion, counted: Mobility) -> tuple[list[Row], dict[tuple[str, str], float]]:
     """Shares of the terms of forces, and the largest magnitude of each quantity and unit."""
-    names, needed = terms(versions)
-    scales, rows, sizes = natural_scales(visible.at.mechanism), list[Row](), dict[tuple[str, str], float]()
+    names, needed = terms(now)
+    scales, rows, sizes = natural_scales(now.mechanism), list[Row](), dict[tuple[str, str], float]()
     whole = [i for i, name in enumerate(names) if name not in BRACKET]  # which is a part of inertia
-    for quantity, unit, array in visible.forces(needed):
+    for quantity, unit, array in compared_forces(now, needed, counted):
         size = max(largest(array[..., whole].sum(axis=2)), FLOOR * scales[unit])
         sizes[quantity, unit] = size
         rows += [_share(quantity, unit, name, largest(array[..., i]) / size) for i, name in enumerate(names)]
@@ -186,12 +190,15 @@ def _forces(visible: Visible, versions: Mapping[str, ClosedMotion]) -> tuple[lis
 
 
 def _parameters(
-    visible: Visible, now: ClosedMotion, sizes: Mapping[tuple[str, str], float], tolerance_of: Callable[[str], float]
+    now: CoveredMotion,
+    counted: Mobility,
+    sizes: Mapping[tuple[str, str], float],
+    tolerance_of: Callable[[str], float],
 ) -> Iterator[Row]:
     """What each parameter does to the compared forces."""
     names, needed = parameters(now)
     effect, errors = np.zeros(len(names)), np.full(len(names), np.inf)
-    for quantity, unit, array in visible.forces(needed):
+    for quantity, unit, array in compared_forces(now, needed, counted):
         columns = np.nanmax(np.abs(array), axis=(0, 1), initial=0.0)
         columns[columns < NOTHING * columns.max()] = 0.0
         scaled = columns / sizes[quantity, unit]
