@@ -67,13 +67,13 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
     for name in ENGINES:
         yield replace(given, methods=(Method(name, label=name if name == SCREW.engine else f"{name} projected"),))
     # an engine that is missing closes nothing, but its rows are to be there
-    own = {name: _at(solutions.get(name, solutions[exact]).values, names) for name in ENGINES}
+    closed = {name: _at(solutions.get(name, solutions[exact]).values, names) for name in ENGINES}
     raw, right = pulled_apart(scene, names, gap), _at(true.values, names)
     reduced, every = ReducedEquations("screw", scene=scene), mechanism.coordinates
     yield _accelerations(given, reduced, _at(solutions["screw"].values, every))
     yield _forces(given, Method("pinocchio", label="pinocchio raw"), raw)
     for label, states, more, cause in (
-        ("projected", own["pinocchio"], {}, ""),
+        ("projected", closed["pinocchio"], {}, ""),
         ("raw", raw, {}, _TAKEN),
         ("raw Baumgarte", raw, {"gains": GAINS}, _SPRINGS),
     ):
@@ -85,7 +85,7 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
         at_rest, error = (next(findings(one)).error for one in (floor, question))
         yield replace(question, cause=_SOFT if at_rest > 0.5 * error else _SPRINGS)
     method = Method("mujoco", {"solimp": HARD, "passes": PASSES}, "mujoco projected")
-    yield _accelerations(given, method, own["mujoco"])
+    yield _accelerations(given, method, closed["mujoco"])
 
 
 def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:

@@ -229,8 +229,8 @@ def _measured(
     """The error of a quantity, the admitted one, and why."""
     quantity, right = blank.quantity, question.right
     error = scaled_error(values, right.values[quantity], right.scales[quantity])
-    scales, own = right.scales[quantity], solution.tolerances.get(quantity, {})
-    bound = max([_estimated(solution, quantity), *(own.get(unit, 0.0) / scales[unit] for unit in scales)])
+    scales, admitted = right.scales[quantity], solution.tolerances.get(quantity, {})
+    bound = max([_estimated(solution, quantity), *(admitted.get(unit, 0.0) / scales[unit] for unit in scales)])
     bound = max(GOOD, question.admitted.get(quantity, bound))
     condition = float(np.max(solution.condition)) if question.condition is None else question.condition
     finding = replace(blank, error=error, tolerance=bound, condition=condition)
