@@ -92,7 +92,7 @@ class Processes:
 def run_tasks(
     tasks: Iterable[Task],
     execute: Executor,
-    kept: Journal,
+    kept: Journal | None = None,
     *,
     lost: Callable[[str, str], Row],
     record: Callable[[Row], Mapping[str, Any]] = dict,  # type: ignore[assignment]
@@ -103,6 +103,7 @@ def run_tasks(
     """The rows of all tasks, in their order; those that a journal has are not made again.
 
     Args:
+        kept: The journal, if rows are kept.
         lost: Makes a row of the name of a task that crashed, met a limit or raised something, and of the reason.
         record: Makes JSON of a row, and `restored` a row of that.
         progress: Takes what is under way with the rate and the time that is left, and the share that is done.
@@ -113,7 +114,8 @@ def run_tasks(
     """
     named = {task.name: task for task in tasks}
     keys = {name: task.key or name for name, task in named.items()}
-    rows = {name: restored(kept.results[key]) for name, key in keys.items() if key in kept.results}
+    before = {} if kept is None else kept.results
+    rows = {name: restored(before[key]) for name, key in keys.items() if key in before}
     todo = {name: task for name, task in named.items() if name not in rows}
     pace = TaskRate(len(todo))
 
@@ -123,8 +125,9 @@ def run_tasks(
             result = lost(name, f"{step}{result.reason}")
         rows[name] = result
         pace.done += 1
-        with suppress(*[OutputError] * lenient):
-            kept.keep(keys[name], record(result))
+        if kept is not None:
+            with suppress(*[OutputError] * lenient):
+                kept.keep(keys[name], record(result))
 
     execute(todo, keep, lambda step, share: progress(pace.shown(step), share))
     return [rows[name] for name in named]

@@ -200,8 +200,9 @@ def is_record(value: object, hint: Any) -> bool:
     if is_dataclass(hint):
         hints = get_type_hints(hint)
         needed = {each.name for each in fields(hint) if each.default is each.default_factory is MISSING}
-        whole = isinstance(value, dict) and needed <= value.keys() <= hints.keys()
-        return whole and all(is_record(each, hints[name]) for name, each in value.items())
+        if not isinstance(value, dict) or not needed <= value.keys() <= hints.keys():
+            return False
+        return all(is_record(each, hints[name]) for name, each in value.items())
     return isinstance(value, int | float if hint is float else hint)
 
 

@@ -96,7 +96,8 @@ def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
 
 def _case(ask: str, full: Any, quick: Any, **rest: Any) -> StressCase:
     """An entry of the file."""
-    return StressCase(**rest, full=_rungs(full), quick=_rungs(quick), ask=partial(_questions, *ask.split(":")))
+    module, name = ask.split(":")
+    return StressCase(**rest, full=_rungs(full), quick=_rungs(quick), ask=partial(_questions, module, name))
 
 
 def _questions(module: str, name: str, severity: float, quick: bool, folder: Path) -> Iterable[Question]:

@@ -109,10 +109,10 @@ def compared(
     if agree and not results.ok:
         sentence = "all is within tolerances that are wider than the usual ones for the reasons given"
     file, line = str(scene.file or ""), 0
-    for name, own in scene.models.items():
-        differences = [] if agree else physical(scene, name, own)
+    for name, model in scene.models.items():
+        differences = [] if agree else physical(scene, name, model)
         if differences or not line:
-            file, line = str(own), _line(own, differences)
+            file, line = str(model), _line(model, differences)
     record = results.provenance
     files = {**record["models"], "description": record["description"], "scene": {"sha256": record.get("scene_sha256")}}
     hashes = {name: str(entry["sha256"] or "") for name, entry in files.items()}
@@ -128,8 +128,8 @@ def files_of(scene: Scene, engines: Iterable[str] | None = None) -> list[Path]:
     Args:
         engines: Those that ran: models and tables of others count only without.
     """
-    own = {**scene.models, **{name: table.file for name, table in scene.tables.items()}}
-    used = [file for name, file in own.items() if engines is None or name in engines]
+    files = {**scene.models, **{name: table.file for name, table in scene.tables.items()}}
+    used = [file for name, file in files.items() if engines is None or name in engines]
     described = description_files(scene.mechanism_file)
     return [file for file in (scene.file, *described, *used) if file is not None]
 
@@ -180,11 +180,11 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
         if tolerance < estimate <= LIMIT:
             tolerance, reason = estimate, f"rounding times the condition {condition:.1g} of {solution.engine}"
     for solution in solutions:
-        own = scene.models.get(solution.engine)
-        differences = physical(scene, solution.engine, own) if own else []
-        if own and differences and all(each.kind == "digits" for each in differences):
-            n = digits_of(read_file(own))
-            tolerance, reason = tolerance + DIGITS * 10.0 ** (1 - n), f"{reason}, {n} digits of {own.name}"
+        model = scene.models.get(solution.engine)
+        differences = physical(scene, solution.engine, model) if model else []
+        if model and differences and all(each.kind == "digits" for each in differences):
+            n = digits_of(read_file(model))
+            tolerance, reason = tolerance + DIGITS * 10.0 ** (1 - n), f"{reason}, {n} digits of {model.name}"
     return tolerance, reason
 
 
