@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.fitting import PASSIVE, SPEEDS, Growth, fitted, growth
+from screwgauge.diagnosis.causes.fitting import SPEEDS, Growth, fitted, growth
 from screwgauge.diagnosis.compare import components
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import weighed
+from screwgauge.diagnosis.properties import PASSIVE
 from screwgauge.engines.plain import Answers, Ask, Closing, JointStates
 from screwgauge.models.kinematics import ReadingTree, draw, not_modelled, plant, size
 from screwgauge.reference.errors import ScrewgaugeError

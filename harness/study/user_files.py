@@ -41,7 +41,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values, common_rows, empty
 
 if TYPE_CHECKING:
-    from screwgauge.diagnosis.differences.change import Difference
+    from screwgauge.diagnosis.differences.difference import Difference
 
 
 #: Share of the largest number that may be left over where one table is a multiple of another.

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.models.formats import number_text
 
 #: Digits of numbers that are not printed shorter than they are.

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import Change, applied
 from screwgauge.diagnosis.files.layout import Link, UnpatchableError
 from screwgauge.diagnosis.files.opened import Opened, move, opened
 from screwgauge.diagnosis.files.write_urdf import SAME
 from screwgauge.diagnosis.files.xml_text import Element
+from screwgauge.diagnosis.properties import INERTIAL, PROPERTIES, Change, applied
 from screwgauge.models.matter import Matter, displaced, of_body, plainest, relative, same, shared, spread
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, Reading
 from screwgauge.reference.mechanism import GROUND
@@ -85,9 +85,9 @@ def _check(file: Opened, change: Change) -> None:
     Raises:
         UnpatchableError: It cannot.
     """
-    if change.what not in file.writer.SAYS:
+    if not getattr(PROPERTIES[change.what], "urdf" if file.urdf else "mjcf"):
         raise UnpatchableError(f"a {'URDF' if file.urdf else 'MJCF'} cannot say {change.what}")
-    if change.what in ("mass", "com", "inertia"):
+    if change.what in INERTIAL:
         file.writer.check_matter(file.xml)
         links = file.of(change.item)
         if len(links) > 1 and all(file.links[i].matter is None for i in links):

@@ -1,13 +1,46 @@
-"""What two readings say otherwise, as differences: a value with its change, what is of another kind, what one lacks."""
+"""A difference of two readings: a value with the change that puts it right, what is of another kind, what one lacks."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import Literal
 
-from screwgauge.diagnosis.differences.change import PROPERTIES, Change, Difference
-from screwgauge.diagnosis.differences.words import compared, unit_of
+from screwgauge.diagnosis.differences.words import compared
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common, owned
+from screwgauge.diagnosis.properties import PROPERTIES, Change, unit_of
 from screwgauge.reference.rotations import Array
+
+Kind = Literal["model", "digits", "convention"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Difference:
+    """What two readings say otherwise.
+
+    Attributes:
+        item_a, item_b: Names in A and in B; one is empty where the item is missing, both for the model.
+        what: One of `PROPERTIES`, or what else differs.
+        a, b: Values, in common terms (B's in the frame and counting of A); None where there is none.
+        unit: Of both.
+        size: Relative difference; infinite where one is missing.
+        sentence: Both values and their difference in words.
+        change: What makes B as A, in B's own names and counting; None where no change of B does.
+        kind: ``model``, ``digits`` (rounding of a printed number) or ``convention``, which changes nothing physical.
+        whole: Values of the body of which this is a share that was cut off; None of all others.
+    """
+
+    item_a: str
+    item_b: str
+    what: str
+    a: Array | None
+    b: Array | None
+    unit: str
+    size: float
+    sentence: str
+    change: Change | None = None
+    kind: Kind = "model"
+    whole: tuple[Array | None, Array | None] | None = None
 
 
 def difference(
