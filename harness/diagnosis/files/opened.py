@@ -10,8 +10,7 @@ from types import ModuleType
 import numpy as np
 
 from screwgauge.diagnosis.files import write_mjcf, write_urdf
-from screwgauge.diagnosis.files.layout import Link, UnpatchableError
-from screwgauge.diagnosis.files.xml_text import XmlText
+from screwgauge.diagnosis.files.layout import Link, UnpatchableError, XmlText
 from screwgauge.diagnosis.transformations import axis
 from screwgauge.models.matter import Matter, combined, displaced, of_body, relative
 from screwgauge.models.readings.assemble import matrix

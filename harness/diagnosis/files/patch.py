@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.files.layout import Link, UnpatchableError
+from screwgauge.diagnosis.files.layout import Element, Link, UnpatchableError
 from screwgauge.diagnosis.files.opened import Opened, move, opened
 from screwgauge.diagnosis.files.write_urdf import SAME
-from screwgauge.diagnosis.files.xml_text import Element
 from screwgauge.diagnosis.properties import INERTIAL, PROPERTIES, Change, applied
 from screwgauge.models.matter import Matter, displaced, of_body, plainest, relative, same, shared, spread
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, Reading
