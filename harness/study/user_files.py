@@ -278,7 +278,7 @@ def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
         name: The engine, which reads a URDF or MJCF of the user's own; of others nothing is changes.
     """
     # a scene without files of the user's own has no use for the diagnosis
-    from screwgauge.diagnosis.differences.digits import ALL, digits_of, marked
+    from screwgauge.diagnosis.differences.difference import ALL, digits_of, marked
     from screwgauge.diagnosis.differences.static import differences, sorted_by_size
     from screwgauge.diagnosis.pairing.branches import missing
     from screwgauge.diagnosis.pairing.common import brought

@@ -68,7 +68,7 @@ def _said(loops: Loops, chosen: Home, why: tuple[str, ...]) -> tuple[str, ...]:
 
 
 #: A coordinate that is preferred is taken as long as so much of it is its own.
-OWN = 0.05
+PREFERRED = 0.05
 
 
 #: Singular values of the loop equations below this are likely to be zeros that printed digits hide.
@@ -154,7 +154,7 @@ def pick(K: Array, tiers: Sequence[Sequence[int]]) -> list[int]:
     """
     rest, chosen = K.copy(), list[int]()
     for i, tier in enumerate(tiers):
-        least = OWN if i < len(tiers) - 1 else 0.0
+        least = PREFERRED if i < len(tiers) - 1 else 0.0
         candidates = list(tier) if i < len(tiers) - 1 else list(range(len(K)))
         while len(chosen) < K.shape[1] and candidates:
             sizes = np.linalg.norm(rest[candidates], axis=1)

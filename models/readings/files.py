@@ -1,4 +1,4 @@
-"""Model files as XML that nobody here wrote: parsed, put together, refused where they are wrong, with a name for all."""
+"""Model files as XML that nobody here wrote: parsed, put together, refused where wrong, with a name for all."""
 
 from __future__ import annotations
 

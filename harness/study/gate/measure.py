@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.diagnosis.diagnose import diagnose
-from screwgauge.diagnosis.differences.difference import Difference
-from screwgauge.diagnosis.differences.digits import ALL, digits_of
+from screwgauge.diagnosis.differences.difference import ALL, Difference, digits_of
 from screwgauge.diagnosis.notes import INEXACT
 from screwgauge.diagnosis.verdict import SAME
 from screwgauge.engines.registry import ENGINES
