@@ -134,7 +134,7 @@ FORMS: dict[str, Callable[[Any], str]] = {
     "words": words,
     "tolerance": partial(number, figures=2),
     **dict.fromkeys(("expected", "number"), number),
-    "fitted": partial(number, figures=4),
+    **dict.fromkeys(("fitted", "force", "time"), partial(number, figures=4)),
     "unit": unit_text,
     "residual": words,
     "ok": tick,

@@ -7,6 +7,7 @@ from screwgauge.report.blocks import (
     Banner,
     Block,
     Folded,
+    Front,
     Heading,
     Items,
     Marked,

@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 
+from screwgauge.report.formatting import unit_text, words
 from screwgauge.scene.entries import Figure
 from screwgauge.solution import Solution, Values
 
@@ -108,9 +109,10 @@ def default_figures(solutions: Mapping[str, Solution]) -> tuple[Figure, ...]:
     """One figure per quantity and unit; a panel per part of the mechanism where the names tell."""
     figures = []
     for quantity, values in _first_values(solutions).items():
-        for unit in dict.fromkeys(values.units):
-            title, panels = quantity.replace("_", " ").capitalize(), _panels(select(values, unit, ("*",)))
-            figures.append(Figure(title, quantity, unit, panels))
+        units = dict.fromkeys(values.units)
+        for unit in units:
+            title = words(quantity).capitalize() + f" [{unit_text(unit)}]" * (len(units) > 1)
+            figures.append(Figure(title, quantity, unit, _panels(select(values, unit, ("*",)))))
     return tuple(figures)
 
 
