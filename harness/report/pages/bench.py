@@ -97,6 +97,17 @@ def _reached(bench: Bench) -> list[Row]:
     ]
 
 
+def _failed(bench: Bench) -> list[Row]:
+    """What failed: a row for each contestant and reason, with all settings and quantities."""
+    failed = [row for row in rows(bench_table(bench.rows)) if row["status"] == FAILED]
+    lines = list[Row]()
+    for group in grouped(failed, "contestant", "reason").values():
+        settings, quantities = (list(dict.fromkeys(row[key] for row in group)) for key in ("setting", "quantity"))
+        more = f" and {count(len(settings) - 1, 'more setting')}" if len(settings) > 1 else ""
+        lines.append({**group[0], "setting": settings[0] + more, "quantity": ", ".join(quantities)})
+    return lines
+
+
 def _cut_short(bench: Bench) -> list[Row]:
     """What was cut short, one row for each family; what leaving out buys is one of them."""
     left_out = [{**row, "family": "leaving out", "contestant": row["engine"]} for row in rows(bench.leaving_out)]
@@ -197,7 +208,7 @@ PAGE = Report(
         "no truth": lambda bench: bench.reference != "truth",
         "reached": _reached,
         "reach": _reach,
-        "failed": _rows(FAILED),
+        "failed": _failed,
         "cut short": _cut_short,
         "cut rows": _rows(CUT),
         "slopes": lambda bench: rows(slope_table(bench.fits)),

@@ -19,7 +19,7 @@ PASSED = [status for status, ends in EXIT.items() if not ends]
 
 def _scenes(checks: pd.DataFrame) -> Iterator[Block]:
     """A table for each scene."""
-    columns = "date | = status | worst | scaled = error | digits | time = seconds:time_s | new"
+    columns = "date | check = status | worst | scaled = error | digits | time = seconds:time_s | new"
     for (name,), of in grouped(rows(checks), "scene").items():
         yield from (Heading(str(name), 3), table(_lines(of), columns))
 
