@@ -48,8 +48,8 @@ def run(
     from screwgauge.study.run import run as compared
 
     with np.errstate(all="ignore"):  # what is not a number is a row with its reason
-        found = compared(scene, engines, quantities, progress=progress, warn=warn, limits=limits)
-    return Results(**{item.name: getattr(found, item.name) for item in fields(found)})
+        comparison = compared(scene, engines, quantities, progress=progress, warn=warn, limits=limits)
+    return Results(**{item.name: getattr(comparison, item.name) for item in fields(comparison)})
 
 
 def check(
@@ -78,7 +78,7 @@ def check(
         ScrewgaugeError: Bad input. What is wrong with one scene is no error but a row.
     """
     from screwgauge.report.gate import check_with
-    from screwgauge.study.executors import InTurn, Processes
+    from screwgauge.study.runner import InTurn, Processes
 
     execute = InTurn() if limits is None else Processes(jobs, limits)
     return check_with(
@@ -126,8 +126,8 @@ def diagnose(
     from screwgauge.report.diagnosed import DiagnosisReport
 
     load = load or in_process
-    found = compared(a, b, map=map, seed=seed, matrix=matrix, loops=loops, limit=limit, load=load)
-    return DiagnosisReport(**{item.name: getattr(found, item.name) for item in fields(found)})
+    diagnosis = compared(a, b, map=map, seed=seed, matrix=matrix, loops=loops, limit=limit, load=load)
+    return DiagnosisReport(**{item.name: getattr(diagnosis, item.name) for item in fields(diagnosis)})
 
 
 def compile(

@@ -67,10 +67,10 @@ def _command(arguments: Sequence[str] | None) -> int:
             return 2
         options = _parser().parse_args(given)
     finally:
-        say("", end="")  # what cannot be said is not begun
+        say("", end="")  # a command that cannot print is not begun
     fix_threads()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of numpy: what is not a number is told by the report
+        warnings.simplefilter("ignore", RuntimeWarning)  # of numpy: the report shows what is not a number
         try:
             return int(options.command(options))
         except SystemExit as error:  # a library's, which would pass for ours
@@ -115,8 +115,8 @@ def _parser() -> argparse.ArgumentParser:
         name = run.__name__.removesuffix("_")
         known[name] = help
         description = f"{help[0].upper()}{help[1:]}.\n\nexample: screwgauge {name} {EXAMPLES[name]}"
-        said: dict[str, Any] = {"description": description, "epilog": epilog}
-        added = subparsers.add_parser(name, formatter_class=parser.formatter_class, **said)
+        texts: dict[str, Any] = {"description": description, "epilog": epilog}
+        added = subparsers.add_parser(name, formatter_class=parser.formatter_class, **texts)
         added.add_argument("--debug", action="store_true", help="show the traceback of an error")
         if run not in (commands.list_, commands.casebook):
             added.add_argument("--force", action="store_true", help="overwrite inputs, and files of somebody's own")

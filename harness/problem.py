@@ -1,4 +1,4 @@
-"""What an engine is asked: what acts on a mechanism, the task, the rule, and what is wanted. Data only."""
+"""Problems for engines: what acts on a mechanism, the task, the rule, and the wanted quantities. Data only."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ Rows = NDArray[np.intp]
 Progress = Callable[[float], None]
 """Takes the share of the work that is done, 0 to 1."""
 
+Report = Callable[[str, float], None]
+"""Takes the name of a step and the share of it that is done, 0 to 1."""
+
 
 def spread(n: int, most: int) -> Rows:
     """Rows of `n` samples: at most `most`, evenly spread, both ends among them."""
@@ -26,7 +29,11 @@ def spread(n: int, most: int) -> Rows:
 
 
 def quiet(share: float) -> None:
-    """Progress that nobody looks at."""
+    """A progress that is not shown."""
+
+
+def silent(step: str, share: float) -> None:
+    """A report that is not shown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,9 +153,9 @@ class States(_ReadOnly):
     Attributes:
         coordinates: Joint coordinates of the tree, as the arrays have them.
         q, v: Coordinates [rad or m] and rates. Shape (n, n_v).
-        a: Accelerations, for inverse dynamics of the tree; None if these are asked. Shape (n, n_v).
+        a: Accelerations, for inverse dynamics of the tree; None if these are wanted. Shape (n, n_v).
         tau: All that acts along the coordinates besides gravity [N or N m], for accelerations; None if forces are
-            asked. Shape (n, n_v).
+            wanted. Shape (n, n_v).
     """
 
     coordinates: tuple[str, ...]
@@ -185,7 +192,7 @@ class ModelFiles:
 
     Attributes:
         model: Mechanism TOML, URDF or MJCF.
-        loops: The loops file beside a URDF or MJCF: what these cannot say.
+        loops: The loops file of a URDF or MJCF: what these formats cannot express.
     """
 
     model: Path

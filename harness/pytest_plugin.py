@@ -14,9 +14,9 @@ _SCENES = pytest.StashKey[list[Path]]()
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """``--screwgauge DIR``, any number of times."""
-    said = "collect the scenes (TOML) of a folder as tests, each of which `screwgauge.check` has to pass"
+    text = "collect the scenes (TOML) of a folder as tests, each of which `screwgauge.check` has to pass"
     parser.getgroup("screwgauge").addoption(
-        "--screwgauge", dest="screwgauge_folders", action="append", default=[], metavar="DIR", help=said
+        "--screwgauge", dest="screwgauge_folders", action="append", default=[], metavar="DIR", help=text
     )
 
 
@@ -77,7 +77,7 @@ class SceneItem(pytest.Item):
 
 @pytest.fixture
 def screwgauge(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """The package. In a test that asks for it, files are looked for beside the test's own."""
+    """The package. In a test with this fixture, relative paths start from the folder of the test's file."""
     import screwgauge
 
     monkeypatch.chdir(request.path.parent)

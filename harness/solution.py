@@ -1,4 +1,4 @@
-"""What a model answers: values with conditions, estimates of their errors, work and cost."""
+"""Solutions: values with conditions, estimates of their errors, work and cost."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from screwgauge.problem import Rows
 from screwgauge.reference.rotations import Array
 
-#: Name of a known solution that stands beside the engines of a simulated scene.
+#: Name of the known solution with which the engines of a simulated scene are compared.
 REFERENCE = "reference"
 
 
@@ -44,7 +44,7 @@ class Values:
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """One measured stage. `covers` says what the clock covers."""
+    """One measured stage; `covers`: what the clock covers."""
 
     engine: str
     setting: str

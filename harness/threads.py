@@ -21,5 +21,5 @@ def fix_threads() -> bool:
 
 
 def one_thread() -> bool:
-    """Whether every variable says one thread."""
+    """Whether every variable is set to one thread."""
     return ONE.items() <= os.environ.items()

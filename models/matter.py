@@ -3,37 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, replace
 from functools import reduce
 
 import numpy as np
 
 from screwgauge.models.readings.assemble import matrix, steiner
 from screwgauge.models.readings.reading import BodyReading
+from screwgauge.models.readings.reading import Matter as Matter
 from screwgauge.reference.rotations import Array
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Matter:
-    """Something rigid, in some frame.
-
-    Attributes:
-        mass: [kg].
-        com: Centre of mass [m]. Shape (3,).
-        inertia: About it [kg m^2]. Shape (3, 3).
-    """
-
-    mass: float
-    com: Array
-    inertia: Array
-
-    @property
-    def possible(self) -> bool:
-        """Whether there can be such a thing: mass is positive, no moment of inertia negative."""
-        return self.mass > 0.0 and float(np.linalg.eigvalsh(self.inertia).min()) >= -1e-9 * float(
-            np.abs(self.inertia).max()
-        )
-
 
 NOTHING = Matter(0.0, np.zeros(3), np.zeros((3, 3)))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -142,11 +142,14 @@ class Motor:
         """Whether time changes nothing."""
         return not self.polynomial[1:].any() and not len(self.harmonics)
 
-    def force(self, t: float) -> float:
-        """[N or N m] at a time [s]."""
-        omega, c, s = self.harmonics.T
-        waves = c * np.cos(omega * t) + s * np.sin(omega * t)
-        return float(np.polynomial.polynomial.polyval(t, self.polynomial) + waves.sum())
+    def force(self, t: Any, cos: Callable[[Any], Any] = np.cos, sin: Callable[[Any], Any] = np.sin) -> Any:
+        """[N or N m] at times [s], of numbers of any kind."""
+        total: Any = 0.0
+        for coefficient in self.polynomial[::-1].tolist():
+            total = total * t + coefficient
+        for omega, c, s in self.harmonics.tolist():
+            total = total + c * cos(omega * t) + s * sin(omega * t)
+        return total
 
 
 def hold(forces: Mapping[str, float]) -> tuple[Motor, ...]:

@@ -30,7 +30,7 @@ from screwgauge.study import isolation
 from screwgauge.study.bench import timing
 from support.bench import LEAVING_OUT, Bench, Plan, bench, contestants
 from support.command import main
-from support.engines import ENGINES, Problem, in_turn
+from support.engines import ENGINES, Problem, unwatched
 from support.geometry import Array
 from support.mechanism import Mechanism, load_mechanism
 from support.repository import repository
@@ -109,12 +109,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory):
 def here():
     """The command line, too, runs engines in this process, where tests put others in their place."""
     with pytest.MonkeyPatch.context() as patch:
-        # a check says what it is at, too
-        patch.setattr(
-            isolation,
-            "isolated",
-            lambda works, limits, report, **more: in_turn(works, lambda name, share, *at: report(name, share)),
-        )
+        patch.setattr(isolation, "isolated", unwatched)
         yield
 
 

@@ -33,7 +33,7 @@ from fuzz_files import KINDS, Case, drawn, whole
 from screwgauge.report import write as writing
 from screwgauge.study import isolation
 from support.command import main as command
-from support.engines import in_turn
+from support.engines import unwatched
 
 LIMIT, MEMORY = 60.0, 4.0  # s, GB
 IMPORTED = ("mujoco", "pinocchio", "yourdfpy", "yaml", "duckdb", "pyarrow.parquet", "scipy.optimize", "scipy.integrate")
@@ -53,11 +53,6 @@ UNFORESEEN = re.compile(
 
 #: What a library says of a file that it refuses is its own.
 LIBRARY = re.compile(r"(yourdfpy|pinocchio|mujoco) refuses it \(.*?\);", re.DOTALL)
-
-
-def unwatched(works: Any, limits: Any, report: Any, **more: Any) -> Any:
-    """In the place of `isolation.isolated`: works in this process, as nobody else is to be protected."""
-    return in_turn(works, lambda name, share, *at: report(name, share))
 
 
 def prepare() -> None:

@@ -14,9 +14,9 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError
-from screwgauge.study.bench import registry
+from screwgauge.study.bench import contestants as registry
 from screwgauge.study.bench import run as run_module
-from screwgauge.study.four_bar import FILE, LENGTHS, MASSES, MOMENTS, four_bar_states, write_four_bar
+from screwgauge.study.linkages import FILE, LENGTHS, MASSES, MOMENTS, four_bar_states, write_four_bar
 from support.acting import JointSpring
 from support.bench import TABLE, Contestant, Plan, bench
 from support.engines import ENGINES, Engine, Method, ModelFiles, Values

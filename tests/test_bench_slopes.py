@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.bench import CUT, RULES, BenchRow, Contestant, Rule, fit_slopes, motion, table
+from support.bench import CUT, RULES, BenchRow, Contestant, Rule, fit_slopes, motion, slopes_table
 from support.engines import Method
 
 
@@ -52,7 +52,7 @@ def test_lines_without_rows_have_no_slope():
 
 
 def test_every_family_on_the_paper_scene_has_its_slope(bench_of_all):
-    slopes = table(bench_of_all.fits)
+    slopes = slopes_table(bench_of_all.fits)
     families = {row.contestant.family for row in bench_of_all.rows}
     assert set(slopes["family"]) == {rule.line for rule in RULES if rule.line.split(" ")[0] in families}
     assert len(slopes) == 8

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import screwgauge
@@ -67,6 +68,23 @@ def test_the_cause_with_the_largest_share_leads_and_shares_add_up(found):
     first, second = (cause.share for cause in diagnosis.causes)
     assert first > 0.99 > second > 0.0
     assert first + second == pytest.approx(1.0)
+
+
+def test_a_small_cause_beside_an_absurd_one_is_weighed_against_the_rest(found):
+    """Of all of the difference its share would be 1e-9, and chance."""
+    diagnosis = found(damping=1.01, last=1e9)
+    assert diagnosis.headline.startswith("l3: mass 8e+08 kg in B, 0.8000 kg in A (x 1e9)")
+    first, second = diagnosis.causes
+    assert first.share == pytest.approx(1.0)
+    assert np.isnan(first.of_rest)
+    assert second.of_rest == pytest.approx(1.0)
+    assert "100.0 % of the rest  damping of all 4 joints" in repr(diagnosis)
+
+
+def test_a_tensor_that_is_larger_by_one_factor_says_which(write):
+    text, moment = arm(), 'diaginertia="0.02 0.02 0.02"'
+    found = screwgauge.diagnose(write("a.xml", text), write("b.xml", text.replace(moment, 'diaginertia="2e7 2e7 2e7"')))
+    assert " in A (x 1e9): inertia is in g mm^2." in found.headline
 
 
 def test_a_slide_in_place_of_a_hinge_is_one_fact(write):

@@ -13,7 +13,7 @@ import pytest
 
 import screwgauge
 from screwgauge.models.content import FORMATS, extras
-from screwgauge.study.model_mismatch import departures
+from screwgauge.study.user_files import departures
 from support.acting import Motor
 from support.engines import ENGINES, ModelFiles, get_engine, registry
 from support.errors import ModelFileError

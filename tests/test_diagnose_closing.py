@@ -124,3 +124,20 @@ def test_a_loop_that_leaves_the_same_velocities_at_other_poses_is_another_loop(w
     assert not found.same
     assert "leave the same motions" not in found.verdict
     assert "Poses that close A leave B open: 'd' by 0.1 m." in found.verdict
+
+
+BAR = (
+    '<mujoco><compiler angle="radian"/><worldbody><body name="crank"><joint name="a" axis="0 1 0"{}/>@'
+    '<body name="rod" pos="0 0 0.2"><joint name="b" axis="0 1 0"{}/>@</body></body>'
+    '<body name="rocker" pos="0.35 0 0"><joint name="c" axis="0 1 0"{}/>@</body></worldbody>'
+    '<equality><connect name="loop" body1="rod" body2="rocker" anchor="0.3 0 0.1"/></equality></mujoco>'
+).replace("@", '<inertial pos="0.1 0 0.02" mass="1" diaginertia="0.01 0.02 0.02"/>')
+
+
+@pytest.mark.parametrize("zeros", [("0.3", "0", "0"), ("0.3", "-0.2", "1")])
+def test_loops_are_the_same_where_coordinates_count_from_elsewhere(zeros, write):
+    a, b = write("a.xml", BAR.format("", "", "")), write("b.xml", BAR.format(*(f' ref="{zero}"' for zero in zeros)))
+    found = screwgauge.diagnose(a, b)
+    assert {each.kind for each in found.differences} == {"convention"}
+    assert found.loops.alike
+    assert "open" not in found.verdict

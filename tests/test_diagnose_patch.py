@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import difflib
+import re
 
 import numpy as np
 import pytest
 
+import screwgauge
 from support.causes import Largest, Torques, XmlText, backfill, patched, write_fix
 from support.diagnosis import Change, applied
 from support.errors import DescriptionError, OutputError
@@ -106,6 +108,21 @@ def test_nothing_else_in_the_text_changes(model):
     lines = [line for line in difflib.ndiff(text.splitlines(), patch.text.splitlines()) if line[0] in "+-"]
     assert len(lines) == 2
     assert 'damping="0.5"' in lines[1]
+
+
+def test_numbers_are_those_of_the_file_that_is_followed(write):
+    """What passes through frames has rounding in its last digits; A's own 17 digits are kept."""
+    text = (
+        '<mujoco><worldbody><body name="a" pos="0 0 {up}"><joint name="j" axis="0 1 0"/>{inertial}'
+        '<body name="b" pos="{out} 0 0.1"><joint name="k"/>{inertial}</body></body></worldbody></mujoco>'
+    ).replace("{inertial}", '<inertial pos=".1 0 .02" mass="{mass}" diaginertia=".01 .02 .02"/>')
+    exact = "0.30000000000000004"
+    a = write("a.xml", text.format(up="0.3", out="0.3", mass=exact))
+    b = write("b.xml", text.format(up="0.1", out="0.1", mass="0.9"))
+    fixed = screwgauge.diagnose(a, b).fix.text
+    assert fixed.count(f'mass="{exact}"') == 2
+    long = {number for number in re.findall(r"[\d.]+", fixed) if len(number) > 5}
+    assert long == {exact}
 
 
 def test_a_link_that_is_fixed_to_another_one_is_changed_itself(tmp_path):

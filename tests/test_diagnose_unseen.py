@@ -113,7 +113,7 @@ def test_beside_what_torques_show(diagnosed):
     found = diagnosed(
         ('polycoef="0 1 0 0 0"', 'polycoef="0 2 0 0 0"'), ("<worldbody>", '<option gravity="0 0 -9.8"/><worldbody>')
     )
-    assert "1 other difference no torque of the open tree shows." in found.verdict
+    assert "1 further difference does not affect torques of the open tree." in found.verdict
     assert "The motions that loops leave differ by 0." in found.verdict
 
 

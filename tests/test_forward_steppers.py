@@ -21,11 +21,11 @@ from support.trees import (
     REFINABLE,
     MujocoMover,
     MujocoTree,
+    TreeForces,
     close_tree,
     has_integrator,
     opening,
     sprung_model,
-    tree_forces,
 )
 
 pytestmark = pytest.mark.slow
@@ -152,7 +152,7 @@ def test_springs_of_mujoco_are_ours():
     sprung = sprung_model(files.model, applied, tree)
     model, left = sprung.model, sprung.left
     assert (left.springs, left.motors, left.loads) == ((), (), ())
-    forces, mover = tree_forces(close_tree(tree, file), applied, np.zeros(4)), MujocoMover(tree)
+    forces, mover = TreeForces(close_tree(tree, file), applied, np.zeros(4)), MujocoMover(tree)
     data, tau = mujoco.MjData(model), np.zeros(4)
     for seed in range(5):
         q, v = np.random.default_rng(seed).uniform(-1.0, 1.0, (2, 4))

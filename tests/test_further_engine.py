@@ -7,9 +7,10 @@ import pytest
 
 import screwgauge
 from support import toy_engine as toy
-from support.engines import ENGINES, ModelFiles, check_engines, engines, further_engines, get_engine
+from support.engines import ENGINES, ModelFiles, check_engines, engines, further_engines, get_engine, model_files
 from support.errors import DescriptionError, UnknownNameError
 from support.scene import InitialValue
+from support.trees import smallest_model
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -97,3 +98,14 @@ def test_one_that_cannot_be_loaded_harms_nobody_else():
 def test_a_name_of_this_package_is_not_taken_over():
     with further_engines({"screw": "support.toy_engine:TOY"}):
         assert get_engine("screw") is ENGINES["screw"]
+
+
+def test_five_methods_make_an_open_tree():
+    scene = screwgauge.load_scene("3ups-upu-s-fast").at([0.0, 0.4])
+    problem, files = scene.problem(scene.quantities), model_files("3ups-upu-s", "mujoco")
+    small, whole = (model.solve(problem) for model in (smallest_model(files), get_engine("mujoco").load(files)))
+    assert set(small.values) == set(whole.values)
+    for name, values in whole.values.items():
+        if name != "tree_force_soft":  # nothing is soft by default
+            size = np.abs(values.array).max()
+            assert small.values[name].array == pytest.approx(values.array, rel=0, abs=1e-12 * size), name

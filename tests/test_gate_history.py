@@ -63,7 +63,7 @@ def test_a_kill_and_a_full_disk_leave_the_store_as_it_was(store, monkeypatch):
     before = {path.name: path.read_bytes() for path in store.glob("*.parquet")}
     code = (
         "import os, pathlib, signal, sys\nos.replace = lambda *a: os.kill(os.getpid(), signal.SIGKILL)\n"
-        "from screwgauge.study.gate.row import GateRow\nfrom screwgauge.study.gate.store import keep\n"
+        "from screwgauge.study.gate.items import GateRow\nfrom screwgauge.study.gate.history import keep\n"
         "keep(pathlib.Path(sys.argv[1]), [GateRow('a', 'agree', '')], False)"
     )
     assert subprocess.run([sys.executable, "-c", code, store], check=False).returncode == -signal.SIGKILL
@@ -81,8 +81,8 @@ def test_a_kill_and_a_full_disk_leave_the_store_as_it_was(store, monkeypatch):
 @pytest.mark.slow
 def test_two_at_once_are_both_kept(store):
     code = (
-        "import pathlib, sys\nfrom screwgauge.study.gate.row import GateRow\n"
-        "from screwgauge.study.gate.store import keep\n"
+        "import pathlib, sys\nfrom screwgauge.study.gate.items import GateRow\n"
+        "from screwgauge.study.gate.history import keep\n"
         "for i in range(5): keep(pathlib.Path(sys.argv[1]), [GateRow('c', 'agree', '')], False)"
     )
     both = [subprocess.Popen([sys.executable, "-c", code, store]) for _ in range(2)]
@@ -107,7 +107,7 @@ def test_bad_input_is_one_sentence(name, tmp_path, refused):
 
 
 def test_what_is_not_installed_is_said_before_any_work(tmp_path, refused, monkeypatch):
-    monkeypatch.setattr("screwgauge.study.gate.store.find_spec", lambda name: None if name == "duckdb" else object())
+    monkeypatch.setattr("screwgauge.study.gate.history.find_spec", lambda name: None if name == "duckdb" else object())
     assert "needs duckdb" in refused("check", "a01-pendulum", "--smoke", "--store", tmp_path / "store")
 
 

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 import screwgauge
 from screwgauge import Scene
 from screwgauge.judging.integration import MOST, WITHIN, Left, estimated
-from screwgauge.study.simulated import loosened, observed
+from screwgauge.study.run import loosened, observed
 from support.engines import REFERENCE, Solution, Values, ask, model_files
 from support.geometry import within_half_turn
 from support.judging import compared

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import screwgauge
-from screwgauge.study.provenance import SCHEMA, provenance
+from screwgauge.study.comparison import SCHEMA, provenance
 from screwgauge.study.run import run
 from support.command import main
 from support.models import write_models

@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import screwgauge
@@ -147,12 +148,29 @@ def test_what_is_no_scene_is_refused(call, what):
         (lambda s: s.under(gravity=[0, 0]), "gravity: .* is not a list of 3 numbers"),
         (lambda s: s.under(gravity=[0, 0, float("nan")]), "gravity: "),
         (lambda s: s.under(gravitty=[0, 0, -9.81]), "unknown field 'gravitty'.*did you mean 'gravity'"),
+        (lambda s: s.under(loads={"on": "rod"}), "under: 'loads' is not a list"),
+        (lambda s: s.under(loads=["rod"]), "under, loads: 'rod' is not a table"),
+        (lambda s: s.under(loads=[{"on": "rodd", "by": "environment", "force": [0, 0, 1]}]), "did you mean 'rod'"),
+        (lambda s: s.under(springs=[{"coordinate": "a"}]), "under, springs: the spring exerts nothing"),
         (lambda _: screwgauge.diagnose("slider-crank", "slider-crank", map=3), "map: 3 is no file"),
     ],
 )
 def test_arguments_of_another_type_are_refused(wrong, said):
     with pytest.raises(screwgauge.ScrewgaugeError, match=said):
         wrong(screwgauge.load_scene("slider-crank"))
+
+
+@pytest.mark.parametrize("force", [[-50, 0, 0], (-50.0, 0.0, 0.0), np.array([-50.0, 0.0, 0.0])])
+def test_a_scene_is_put_under_loads_as_a_file_writes_them(force):
+    scene = screwgauge.load_scene("slider-crank").at([0.0, 0.1])  # with just this load
+    load = {"on": "piston", "by": "environment", "force": force}
+
+    def torque(changed: screwgauge.Scene) -> np.ndarray:
+        results = screwgauge.run(changed, engines=["screw"], quantities=["actuator_force"])
+        return results.values("actuator_force", engine="screw")
+
+    assert np.array_equal(torque(scene.under(loads=[load])), torque(scene))
+    assert np.abs(torque(scene.under(loads=())) - torque(scene)).max() > 0.1  # [N m], of 0.17
 
 
 def test_a_scene_in_the_place_of_its_name_is_refused():

@@ -16,7 +16,7 @@ SEALED = 25
 
 @pytest.fixture
 def small_parts(monkeypatch):
-    monkeypatch.setattr("screwgauge.study.journal.SEAL", 10)
+    monkeypatch.setattr("screwgauge.study.store.SEAL", 10)
 
 
 def test_rows_are_those_of_the_tasks_in_their_order():

@@ -10,7 +10,7 @@ from support.command import main
 from support.engines import IN_DOUBLES
 from support.errors import DescriptionError
 from support.judging import judge
-from support.solve import ScrewModel, Settings, layout, moved
+from support.solve import WholeSystem, layout, moved
 from support.tolerances import DENSE
 
 ACTING = """
@@ -103,7 +103,7 @@ def test_forward_dynamics_gives_the_accelerations_back(scene, results):
 
 
 def test_the_balance_of_all_bodies_knows_springs_and_motors(scene, results):
-    model = ScrewModel(layout(scene.mechanism), settings=Settings(whole_system=True))
+    model = WholeSystem("screw", mechanism=scene.mechanism)
     f = model.solve(scene.problem(["actuator_force"])).values["actuator_force"].array
     assert np.abs(f - results.values("actuator_force", "screw")).max() < DENSE
 

@@ -14,8 +14,8 @@ import pytest
 import screwgauge
 from screwgauge.models.shapes import across, differing, facing, shapes, viewed_from
 from screwgauge.report.stage.drawing import drawing, labels
+from screwgauge.report.stage.motion import FRAMES
 from screwgauge.report.stage.picture import stage, told
-from screwgauge.study.motion import FRAMES
 from support.mechanism import Mechanism, load_mechanism, mechanism_names
 from support.pages import Items, Picture
 from support.solve import layout, length, pose, positions

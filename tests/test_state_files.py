@@ -17,7 +17,7 @@ from screwgauge import ScrewgaugeError
 from support.bench import Journal
 from support.command import LIMITS, digest, main, read_json
 from support.errors import DescriptionError, OutputError, printable
-from support.gate import GateRow, Residual, against, history, keep, row_from, rows_in, write_baseline
+from support.gate import GateRow, Residual, TableFile, against, history, keep, row_from, write_baseline
 from support.scene import read_columns
 
 ERROR = Residual("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True, "leg1", 0.5)
@@ -58,7 +58,7 @@ def test_state_that_is_no_regular_file_in_bounds_is_refused_at_once(kind, known,
         lambda: against(known, [ROW], smoke=False),
         lambda: history(store),
         lambda: Journal(files[2], "stamp"),
-        lambda: rows_in(files[3], ["a"], "rows"),
+        lambda: TableFile(files[3], ["a"], "rows", str).rows(),
     ):
         with pytest.raises(DescriptionError, match=said):
             read()
@@ -181,7 +181,7 @@ def test_results_that_do_not_fit_are_not_taken_over(tmp_path):
 def test_an_odd_table_of_rows_is_refused(text, tmp_path):
     (tmp_path / "rows.csv").write_text(text)
     with pytest.raises(OutputError, match="is no table of rows"):
-        rows_in(tmp_path / "rows.csv", ["a", "b"], "rows")
+        TableFile(tmp_path / "rows.csv", ["a", "b"], "rows", str).rows()
 
 
 @pytest.mark.parametrize(

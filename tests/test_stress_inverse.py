@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from screwgauge import load_scene
-from screwgauge.study.cases import asking
+from screwgauge.study.cases import question as questions
 from support.command import printed_by
 from support.engines import solve
 from support.mechanism import load_mechanism, mechanism_path
@@ -51,7 +51,7 @@ def test_a_case_has_six_rungs_on_a_ladder_within_its_range(name: str) -> None:
 @pytest.mark.slow
 def test_cases_are_listed_without_loading_an_engine() -> None:
     code = (
-        "import sys; from screwgauge.study.cases.registry import CASES; "
+        "import sys; from screwgauge.study.stress import CASES; "
         "print(sorted({'pinocchio', 'mujoco', 'flint', 'scipy', 'vl_convert'} & set(sys.modules)))"
     )
     assert printed_by(code).strip() == "[]"
@@ -169,7 +169,7 @@ def test_truth_encloses_what_is_close_to_a_lock(name: str, lock: float) -> None:
 
 
 def test_without_a_truth_the_judge_measures(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(asking, "solve", lambda *scene: ({}, {}))
+    monkeypatch.setattr(questions, "solve", lambda *scene: ({}, {}))
     scene = still(load_scene("3ups-upu-s"), POSES)
     found = {one.engine: one for one in findings(compare(scene, tmp_path, setting="still"))}
     assert set(found) == {"screw still", "pinocchio still", "mujoco still"}

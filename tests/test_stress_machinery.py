@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from screwgauge import ScrewgaugeError
-from screwgauge.study.cases import registry
+from screwgauge.study import stress as study
 from support.acting import Applied
 from support.command import main
 from support.engines import Cost, Method, ModelFiles, Problem, Progress, Solution, Values, quiet
@@ -78,7 +78,7 @@ BROKEN = StressCase("broken", "Broken", "severity [1]", "", "force", 0.0, 1.0, (
 
 @pytest.fixture(autouse=True)
 def _toys(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(registry, "CASES", {"toy": TOY, "broken": BROKEN})
+    monkeypatch.setattr(study, "CASES", {"toy": TOY, "broken": BROKEN})
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,8 @@ from screwgauge.report.console import complain, say
 
 if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
-    from screwgauge.study.executors import Executor
     from screwgauge.study.isolation import Limits
+    from screwgauge.study.runner import Executor
 
 OUT = Path("screwgauge-out")
 
@@ -142,7 +142,7 @@ def bench(options: argparse.Namespace) -> int:
     from screwgauge.scene.read import load_scene
     from screwgauge.study.bench import forward_run
     from screwgauge.study.bench import run as given_run
-    from screwgauge.study.bench.stamp import NAME
+    from screwgauge.study.bench.run import NAME
 
     imported(options.scene)
     scene = load_scene(options.scene)
@@ -253,8 +253,8 @@ def check(options: argparse.Namespace) -> int:
     """Checks scenes and pairs of models; what CI services read of it is left where they look for it."""
     from screwgauge.report.gate import check_with
     from screwgauge.report.pages import check as page
+    from screwgauge.study.gate.history import check_store, keep
     from screwgauge.study.gate.run import NAME
-    from screwgauge.study.gate.store import check_store, keep
 
     if options.update and options.baseline is None:
         raise DescriptionError("--update does not know what", "check", "name a file by --baseline")
@@ -285,8 +285,7 @@ def check(options: argparse.Namespace) -> int:
 def history(options: argparse.Namespace) -> int:
     """Shows the errors and run times that checks have left in a store, or makes a baseline of them."""
     from screwgauge.report.pages.history import PAGE as page
-    from screwgauge.study.gate.baseline import check_baseline, write_latest
-    from screwgauge.study.gate.store import check_store, history
+    from screwgauge.study.gate.history import check_baseline, check_store, history, write_latest
 
     store = options.store or OUT / "history"
     check_store(store)

@@ -111,7 +111,7 @@ def _page(what: Scene | Mechanism, other: Mechanism | None, unsigned: Collection
 def _solved(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
     """A few samples of a scene and their solution; none where the solver fails, with a warning."""
     from screwgauge.problem import spread
-    from screwgauge.study.motion import FRAMES
+    from screwgauge.report.stage.motion import FRAMES
     from screwgauge.study.run import run
 
     scene = scene.at(scene.t[spread(len(scene.t), FRAMES)])
@@ -155,9 +155,9 @@ def _video(file: Path, what: Scene | Mechanism, other: Mechanism | None) -> int:
     from PIL import Image
 
     from screwgauge.report.stage.drawing import frames
-    from screwgauge.study.motion import followed
+    from screwgauge.report.stage.motion import drawn_motion
 
-    motion = followed(*_solved(what), frames=60)
+    motion = drawn_motion(*_solved(what), frames=60)
     first, *rest = (Image.open(BytesIO(_png(svg))).convert("RGB") for svg in frames(motion))
     each = 1000.0 * min(max(motion.t[-1] - motion.t[0], 3.0), 12.0) / (1 + len(rest))
     written = BytesIO()

@@ -16,10 +16,10 @@ from screwgauge.diagnosis.causes.fitting import SPEEDS, Growth, growth
 from screwgauge.diagnosis.causes.soft import softness
 from screwgauge.diagnosis.compare import STATES, Row, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
-from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.diagnosis.differences.change import Difference, applied
 from screwgauge.diagnosis.differences.content import beyond
 from screwgauge.diagnosis.differences.digits import marked
-from screwgauge.diagnosis.differences.loops import Loops, at_home, loops
+from screwgauge.diagnosis.differences.loops import COUNTED, Loops, at_home, loops
 from screwgauge.diagnosis.differences.static import differences, distinct
 from screwgauge.diagnosis.differences.static_loops import cut_joints
 from screwgauge.diagnosis.known import compiled
@@ -93,8 +93,11 @@ class Diagnosis:
     not_compared: tuple[str, ...] = ()
     undecided: bool = False
     order: Order | None = None
-    causes: tuple[Cause, ...] = ()
     date: str = ""
+
+    @property
+    def causes(self) -> tuple[Cause, ...]:
+        return self.attribution.causes if self.attribution else ()
 
     @property
     def verdict(self) -> str:
@@ -196,7 +199,9 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     states = draw(common.a, STATES, seed)
     asked = torques(common, pairing, states)
     rows = [] if deadline.over("motion at random states") else table(common, states)
-    bound, of_loops = loops(common, pairing, seed, deadline)
+    counts = [each.change for each in found if each.kind == "convention" and each.what in COUNTED and each.change]
+    counted = brought(ours, applied(b.reading, counts), pairing) if counts else common
+    bound, of_loops = loops(counted, pairing, seed, deadline)
     found += cut_joints((a, b))
     stated = _stated(found, (a, b), bound)
     restated = bound is not None and bound.alike and any(each.what in BINDING for each in found)
@@ -229,7 +234,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         tuple(distinct(found)),
         rows=(*rows, *([bound.row] if bound else [])),
         loops=bound,
-        attribution=cause,
+        attribution=_numbered(cause, found),
         growth=why.growth,
         soft=why.soft,
         proof=why.proof,
@@ -240,17 +245,18 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         together=both,
         not_compared=withheld,
         undecided=alike and bool(withheld),
-        causes=_numbered(cause.causes, found),
     )
 
 
-def _numbered(causes: Sequence[Cause], found: Sequence[Difference]) -> tuple[Cause, ...]:
+def _numbered(attribution: Attribution, found: Sequence[Difference]) -> Attribution:
     """With numbers of distinct differences."""
     numbers = {each.sentence: i for i, each in enumerate(distinct(found))}
-    return tuple(
-        replace(cause, differences=tuple(dict.fromkeys(numbers[found[i].sentence] for i in cause.differences)))
-        for cause in causes
-    )
+
+    def distinctly(some: Sequence[int]) -> tuple[int, ...]:
+        return tuple(dict.fromkeys(numbers[found[i].sentence] for i in some))
+
+    causes = (replace(cause, differences=distinctly(cause.differences)) for cause in attribution.causes)
+    return replace(attribution, causes=tuple(causes), seen=distinctly(attribution.seen))
 
 
 def _grown(asked: Sequence[Torques], b: Reading) -> Growth | None:

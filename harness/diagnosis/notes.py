@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import reduce
 
 import numpy as np
 
@@ -11,9 +12,9 @@ from screwgauge.diagnosis.differences.content import Beyond
 from screwgauge.diagnosis.differences.geometry import step_of
 from screwgauge.diagnosis.differences.words import WORLD, turn_and_way
 from screwgauge.diagnosis.library_dynamics import Witness
-from screwgauge.diagnosis.mechanics.lines import CLOSE
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, Common
+from screwgauge.diagnosis.pairing.mapping import CLOSE
 from screwgauge.models.kinematics import draw, not_modelled, plant, size
 from screwgauge.models.matter import Matter, combined, displaced, of_body
 from screwgauge.models.readings.reading import Reading
@@ -37,32 +38,55 @@ def notes(
     Args:
         of_loops: What is to be said of loops; `compared`: they are, at closed states.
     """
-    said, (a, b) = [of_loops] * bool(of_loops), models
+    (a, b), said = models, dict[str, list[str]]()
+    looped = bool(common.a.closures or common.b.closures)
     for side, model, reading in (("A", a, common.a), ("B", b, common.b)):
-        if model.open_by:
-            where = "; loops are compared where they are closed" if compared else ""
-            said.append(f"{side} is open at home as written: {model.open_by}{where}")
-        if model.reading.gravity is None:
-            said.append(f"{side} says no gravity; {-STANDARD[2]:g} m/s^2 downwards is taken")
-        said += [f"{side}: {what} is not in the dynamics" for what in not_modelled(reading)]
-        if model.loops is not None and model.file is not None:
-            where = "" if model.loops.parent == model.file.parent else f" in {model.loops.parent}"
-            said.append(f"what closes loops of {side} is said by {model.loops.name}{where or ' beside it'}")
-        if not model.says_closures and (common.a.closures or common.b.closures):
-            said.append(
-                f"{side} is a URDF, which cannot say what closes loops, and no file beside it does (--loops names one)"
-            )
-        mjcf = model.library == "mujoco" and model.reading.gravity is not None
-        if not model.reading.actuators and (mjcf or a.reading.actuators or b.reading.actuators):
-            said.append(
-                f"{side} names no actuators: torques are compared of all joints of the open tree, driven or not"
-            )
-        if model.cut is not None and (moved := model.cut.moved):
-            said.append(f"{side} cuts its loops elsewhere, at {first_few(moved, NAMED)}: they are compared cut alike")
-        if model.floating:
-            said.append(f"the base of {side} is read as floating, as that of the other one does")
-    said += [*_elsewhere(common), *_welded(common)]
-    return (*said, *_calls({"A": a.reading, "B": b.reading}, seen, seed))
+        for sentence in _of_side(model, reading, models, looped=looped, compared=compared):
+            said.setdefault(sentence, []).append(side)
+    texts = [_with_sides(sentence, sides) for sentence, sides in said.items()]
+    return (
+        *([of_loops] if of_loops else []),
+        *texts,
+        *_elsewhere(common),
+        *_welded(common),
+        *_calls({"A": a.reading, "B": b.reading}, seen, seed),
+    )
+
+
+def _with_sides(sentence: str, sides: Sequence[str]) -> str:
+    """A sentence of `_of_side` on one side, or on both if it is the same of them."""
+    one = len(sides) == 1
+    words = {"{side}": " and ".join(sides), "{s}": "s" if one else "", "{is}": "is" if one else "are"}
+    return reduce(lambda text, word: text.replace(*word), words.items(), sentence)
+
+
+def _of_side(
+    model: Model, reading: Reading, models: tuple[Model, Model], *, looped: bool, compared: bool
+) -> Iterator[str]:
+    """Sentences on one model, with ``{side}``, and ``{s}`` and ``{is}`` where the verb follows the number of sides.
+
+    Args:
+        reading: In common terms.
+        looped: One of the models has closures; `compared`: what these leave is compared.
+    """
+    if model.open_by:
+        where = "; loops are compared where they are closed" if compared else ""
+        yield f"{{side}} {{is}} open at home as written: {model.open_by}{where}"
+    if model.reading.gravity is None:
+        yield f"{{side}} say{{s}} no gravity; {-STANDARD[2]:g} m/s^2 downwards is taken"
+    yield from (f"{{side}}: {what} is not in the dynamics" for what in not_modelled(reading))
+    if model.loops is not None and model.file is not None:
+        where = "" if model.loops.parent == model.file.parent else f" in {model.loops.parent}"
+        yield f"what closes loops of {{side}} is said by {model.loops.name}{where or ' beside it'}"
+    if not model.says_closures and looped:
+        yield "{side} is a URDF, which cannot say what closes loops, and no file beside it does (--loops names one)"
+    mjcf = model.library == "mujoco" and model.reading.gravity is not None
+    if not model.reading.actuators and (mjcf or any(each.reading.actuators for each in models)):
+        yield "{side} name{s} no actuators: torques are compared of all joints of the open tree, driven or not"
+    if model.cut is not None and (moved := model.cut.moved):
+        yield f"{{side}} cuts its loops elsewhere, at {first_few(moved, NAMED)}: they are compared cut alike"
+    if model.floating:
+        yield "the base of {side} is read as floating, as that of the other one does"
 
 
 def outside(content: Beyond) -> Iterator[str]:

@@ -75,7 +75,7 @@ def _attribution(why: Attribution) -> dict[str, Any]:
 
 def _cause(cause: Cause) -> dict[str, Any]:
     """`differences` are numbers of those in the list of all."""
-    names = ("name", "sentence", "short", "kind", "share", "differences", "slips")
+    names = ("name", "sentence", "short", "kind", "share", "of_rest", "differences", "slips")
     return {name: getattr(cause, name) for name in names}
 
 

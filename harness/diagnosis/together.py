@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from screwgauge.diagnosis.compare import Row, components, row_of
 from screwgauge.diagnosis.library_dynamics import ASKED, answers
-from screwgauge.diagnosis.mechanics.reshape import ordered
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map, weighed
+from screwgauge.diagnosis.transformations import ordered
 from screwgauge.models.formats import adjoint, quaternion
 from screwgauge.models.kinematics import ReadingTree, draw, home, near_home, plant, size
 from screwgauge.models.readings.assemble import matrix

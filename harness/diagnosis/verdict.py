@@ -32,7 +32,7 @@ APART = {"medium", *kinds()}
 #: Content that acts by friction, stops or contacts, which all torques leave out.
 RESISTING = {"fixed tendons", "range of rotation", "softness of stops", "softness of friction", "contact pairs"}
 #: Of parts that one model alone has, without which torques are compared.
-MISSING = {"branch", "kind", "body"}
+MISSING = {"branch", "link", "kind", "body"}
 #: Quantity whose velocity products a library has wrong -> case of the casebook.
 CASES = {"Jdot v": "mj-jdotv-before-3.7", "acceleration": "spatial-or-classical"}
 #: Words of a headline at most.
@@ -194,7 +194,7 @@ def _alike(
         agree += f", those of the libraries as loaded to {both.row.scaled:.1g}"
     if beyond.withheld:
         return [f"Not all compared: {_listed(beyond.withheld)}.", f"All else is the same: {agree}.", *outside]
-    return [f"{'The same' if alone else 'The models are the same'}: {agree}.", *outside]
+    return [f"{'' if alone else 'The models are the same: '}{agree}.", *outside]
 
 
 def _as_loaded(both: Together) -> str:
@@ -211,7 +211,7 @@ def _explains(found: Sequence[Difference], of: Explanation, both: Together | Non
     why, proof = of.attribution, of.proof
     if why.before.scaled <= SAME:
         unseen = sum(len(cause.differences) for cause in why.causes[1:] if cause.kind == "unseen")
-        further = [f"{_others(unseen)} no torque shows."] if unseen else []
+        further = [f"{_others(unseen)} not affect torques."] if unseen else []
         return [f"{_capital(_unseen(found, why.before.scaled, both))}.", *further]
     if not why.seen:
         said = "there was no time to explain" if late else "nothing that the two say explains"
@@ -223,7 +223,7 @@ def _explains(found: Sequence[Difference], of: Explanation, both: Together | Non
     apart = sum(each.what in APART for each in beside)
     others, more = len(beside) - apart, list[str]()
     if others:
-        more.append(f"{_others(others)} no torque{_of_tree(found, why.seen)} shows.")
+        more.append(f"{_others(others)} not affect torques{_of_tree(found, why.seen)}.")
     if apart:
         which = f"other difference{'s are' if apart > 1 else ' is'}"
         more.append(f"{apart} {which} in forces that these torques leave out.")
@@ -231,7 +231,7 @@ def _explains(found: Sequence[Difference], of: Explanation, both: Together | Non
 
 
 def _others(count: int) -> str:
-    return f"{count} other difference{'s' * (count > 1)}"
+    return f"{count} further difference{'s do' if count > 1 else ' does'}"
 
 
 def _capital(text: str) -> str:
@@ -255,7 +255,7 @@ def _unseen(found: Sequence[Difference], off: float, both: Together | None) -> s
         both: Those of the libraries, where they agree, too.
     """
     closed = [each.what in CLOSING for each in found]
-    if any(each.what in ("branch", "kind") for each in found):
+    if any(each.what in ("branch", "link", "kind") for each in found):
         return f"torques of all else agree ({off:.1g})"
     if any(each.what in RESISTING for each in found):
         return f"torques, which leave out friction of tendons, stops and contacts, agree ({off:.1g})"

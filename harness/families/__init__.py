@@ -1,5 +1,5 @@
 """Families of random mechanisms in motion: what tests, campaigns and users try engines on.
 
-A family places its joints in the world (`placed`); `sketch` turns that into a description with random frames, bodies
-and names; `draw` adds a motion that stays regular and writes both as TOML files.
+A family places its joints in the world (`placements`); `sketch` turns that into a description with random frames,
+bodies and names; `draw` adds a motion that stays regular and writes both as TOML files.
 """

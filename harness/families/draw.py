@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 import tomli_w
 
-from screwgauge.families.placed import FAMILIES
+from screwgauge.families.placements import FAMILIES
 from screwgauge.families.sketch import Sketch, Tables, described, shuffled, unused
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.quantities import GIVEN, QUANTITIES

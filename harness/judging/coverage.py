@@ -6,7 +6,7 @@ and inertia of each body and the point of each load: the columns of the regresso
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,17 +14,23 @@ import numpy as np
 
 from screwgauge.judging.answer import largest
 from screwgauge.judging.assembly import assembly_of
-from screwgauge.judging.identifiability import BRACKET, Visible, moved, parameters, terms
+from screwgauge.judging.identifiability import (
+    BRACKET,
+    Accelerations,
+    compared_forces,
+    covered_motion,
+    parameters,
+    terms,
+)
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import FLOOR, OF_BODIES, OF_JOINTS, QUANTITIES, natural_scales
-from screwgauge.reference.closed_motion import ClosedMotion
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.reciprocal import normal_of_plane
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution
+from screwgauge.witness.kinematics import unit_twists
 
 Row = dict[str, Any]
 """A row of what a scene can see."""
@@ -159,7 +165,7 @@ def coverage(
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST, room)).astype(np.intp))]
     try:
         with np.errstate(all="ignore"):  # what is not a number at some sample is one at others
-            return _Seen(mechanism, problem, counted, q[rows], motion.part(rows)).coverage(tolerance_of)
+            return _Parts(mechanism, problem, counted, q[rows], motion.part(rows)).coverage(tolerance_of)
     except ScrewgaugeError as error:  # engines met it, too, and say so
         return Coverage(missing=f"Coverage is not known: {error}.")
 
@@ -168,37 +174,40 @@ _Forces = tuple[tuple[str, ...], list[tuple[str, str, Array]]]
 """Names of terms or parameters, and what each does to every compared force: quantity, unit, shape (n, m, p)."""
 
 
-class _Seen:
+class _Parts:
     """What forces and accelerations consist of: in a motion, and after it at some of its poses in any other motion."""
 
     def __init__(
         self, mechanism: Mechanism, problem: Problem, counted: Mobility, q: Array, motion: GivenMotion
     ) -> None:
-        lay, self.wanted, self.n = layout(mechanism), problem.wanted, len(q)
+        self.wanted, self.n, self.scales = problem.wanted, len(q), natural_scales(mechanism)
         any_rows = _any_poses(q[:, mechanism.independent_columns])
         shaken = _shaken(mechanism, motion.part(any_rows))
         both = GivenMotion(
             *(np.concatenate([getattr(m, x) for m in (motion, shaken)]) for x in ("t", "y", "yd", "ydd"))
         )
-        self.versions = moved(lay, np.concatenate([q, q[any_rows]]), both, problem.applied)
-        self.now, self.scales = self.versions[""], natural_scales(mechanism)
-        visible = Visible(self.now, problem, counted)
-        names, needed = terms(self.versions)
-        self.terms: _Forces = names, [*visible.forces(needed)]
-        names, needed = parameters(self.now) if self.terms[1] else ((), None)
-        self.parameters: _Forces = names, [*visible.forces(needed)] if needed else []
+        now = covered_motion(mechanism, problem, both, np.concatenate([q, q[any_rows]]))
+        self.whole = _by_unit(now.accelerations, mechanism.units)
+        self.lost = {term: _by_unit(lost, mechanism.units) for term, lost in now.lost.items()}
+        names, needed = terms(now)
+        self.terms: _Forces = names, [*compared_forces(now, needed, counted)]
+        self.parameters: _Forces = (), []
+        if self.terms[1]:
+            names, needed = parameters(now)
+            self.parameters = names, [*compared_forces(now, needed, counted)]
+        self.planar = normal_of_plane(unit_twists(now.motion)[0]) is not None
 
     def coverage(self, tolerance_of: Callable[[str], float]) -> Coverage:
         """Of the motion; what stays hidden in any other, too, is named."""
         motion, other = slice(self.n), slice(self.n, None)
         shares, sizes = self._shares(motion)
         parts = tuple(self._effects(motion, sizes, tolerance_of))
-        planar, hidden = normal_of_plane(self.now.pose.S[0]) is not None, frozenset[str]()
-        if len(self.now.q) > self.n:
+        hidden = frozenset[str]()
+        if any(len(array) > self.n for array in self.whole.values()):
             shares_then, sizes_then = self._shares(other)
             then = Coverage(shares_then, tuple(self._effects(other, sizes_then, lambda quantity: TINY)), "")
             hidden = frozenset([*then.untested, *then.absent])
-        return Coverage(shares, parts, "", hidden, planar)
+        return Coverage(shares, parts, "", hidden, self.planar)
 
     def _shares(self, rows: slice) -> tuple[tuple[Row, ...], dict[tuple[str, str], float]]:
         """Shares of all terms at some rows, and the largest magnitude of each force and unit."""
@@ -213,13 +222,11 @@ class _Seen:
 
     def _accelerations(self, rows: slice) -> Iterator[Row]:
         """What accelerations lose with the Lie bracket."""
-        versions = {term: _accelerations(version) for term, version in self.versions.items()}
-        for (quantity, unit), array in versions[""].items():
+        for (quantity, unit), array in self.whole.items():
             if quantity in self.wanted:
                 size = max(largest(array[rows]), FLOOR * self.scales[unit])
                 for term in BRACKET:
-                    lost = (array - versions[term][quantity, unit])[rows]
-                    yield _share(quantity, unit, term, largest(lost) / size)
+                    yield _share(quantity, unit, term, largest(self.lost[term][quantity, unit][rows]) / size)
 
     def _effects(
         self, rows: slice, sizes: Mapping[tuple[str, str], float], tolerance_of: Callable[[str], float]
@@ -252,13 +259,13 @@ def _shaken(mechanism: Mechanism, motion: GivenMotion) -> GivenMotion:
     return GivenMotion(motion.t, motion.y, yd, ydd)
 
 
-def _accelerations(at: ClosedMotion) -> dict[tuple[str, str], Array]:
+def _by_unit(of: Accelerations, units: Sequence[str]) -> dict[tuple[str, str], Array]:
     """(quantity, unit) -> values."""
-    units, qdd = np.array(at.mechanism.units), at.joint_acceleration
+    has = np.array(units)
     return {
-        **{("joint_acceleration", f"{unit}/s^2"): qdd[:, units == unit] for unit in dict.fromkeys(units)},
-        ("body_angular_acceleration", "rad/s^2"): at.A[:, 1:, :3],
-        ("com_acceleration", "m/s^2"): at.com_acceleration,
+        **{("joint_acceleration", f"{unit}/s^2"): of.joints[:, has == unit] for unit in dict.fromkeys(units)},
+        ("body_angular_acceleration", "rad/s^2"): of.angular,
+        ("com_acceleration", "m/s^2"): of.com,
     }
 
 

@@ -1,93 +1,215 @@
 """What the compared forces can identify: what every body needs, term by term and parameter by parameter, and the forces
-that follow from it by one linear map, on the description.
+that follow from it by one linear map, on the witness's mechanics.
 
-Terms are those of the solver's equations, with parts of its Lie bracket left out.
+Wrenches on bodies are force over moment about the centre of mass, in p cases of n samples: shape (p, n, n_body, 6).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
-from screwgauge.models.layout import open_tree
+from screwgauge.models.layout import open_tree as minimal_tree
 from screwgauge.problem import GivenMotion, Problem
-from screwgauge.quantities import FORCE, QUANTITIES
+from screwgauge.quantities import FORCE, QUANTITIES, natural_scales
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.closed_motion import ClosedMotion, motion_at
-from screwgauge.reference.equations.forward import NewtonEuler, balances, exerted_wrenches
-from screwgauge.reference.equations.kinematics import Bracket, forces_along
-from screwgauge.reference.equations.screws import Array, cross, prismatic, revolute, times, transpose
-from screwgauge.reference.graph import Layout
+from screwgauge.reference.graph import layout, spanning_tree
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
+from screwgauge.reference.rotations import Array, across_direction, cross, times
+from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
+from screwgauge.witness.dynamics import along, momentum, newton_euler
+from screwgauge.witness.joints import MechanismTree, mechanism_tree, open_tree
+from screwgauge.witness.kinematics import TreeMotion, move, unit_twists, velocity_products
+from screwgauge.witness.tree import TreeStates
+from screwgauge.witness.wrenches import UnitWrench, balancing, exerted_on_bodies, unit_wrenches, wrench_columns
 
 _SOLVED = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs == "f")
+#: Terms of the Lie bracket: all of it, and each of its products.
+BRACKET = ("bracket", "w1 x w2", "w1 x v2", "w2 x v1")
 _Table = dict[str, tuple[tuple[str, ...], Array]]
 """Quantity -> units and values of its components, shape (n, m, p)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Needed:
-    """Wrenches that joints and actuators must exert on each body, in p cases.
+class Accelerations:
+    """Of joints and bodies.
 
     Attributes:
-        own: What the bodies themselves need. Shape (p, n, b, 6).
-        applied: What loads, springs and motors make of it, which the forces of an open tree leave out. The same shape.
+        joints: Shape (n, n_q).
+        angular, com: Of the bodies, and of their centres of mass. Shape (n, n_body, 3).
+    """
+
+    joints: Array
+    angular: Array
+    com: Array
+
+
+@dataclass(frozen=True, eq=False)
+class CoveredMotion:
+    """A given motion at n closed poses."""
+
+    mechanism: Mechanism
+    problem: Problem
+    t: Array
+    tree: MechanismTree
+    states: TreeStates
+    motion: TreeMotion
+    admissible: AdmissibleMotion
+
+    @property
+    def accelerations(self) -> Accelerations:
+        """All of them."""
+        return Accelerations(self.states.qdd, self.motion.com.b, self.motion.com.a)
+
+    @property
+    def axial(self) -> tuple[str, Array] | None:
+        """Joint and direction of eq. (56), if that is the rule of redundant actuators."""
+        return self.mechanism.axial if self.problem.rule == "spherical_axial" else None
+
+    @cached_property
+    def lost(self) -> dict[str, Accelerations]:
+        """What accelerations lose where a term of the Lie bracket is left out, in every loop and of every body."""
+        products = velocity_products(self.motion, self.states.qd)
+        return {term: self._lost(sum(products.values()) if term == "bracket" else products[term]) for term in BRACKET}
+
+    def _lost(self, products: Array) -> Accelerations:
+        """By some of the products of `velocity_products`. Shape (n, n_freedom, 6)."""
+        tree, motion, m = self.tree, self.motion, len(self.tree.closures)
+        first, second = tree.carries[tree.ends.link[:m]], tree.carries[tree.ends.link[m:]]
+        open_by = (second - first) @ products
+        open_by[..., 3:] += cross(open_by[..., :3], motion.closures.p[:, m:])
+        none = np.zeros((len(self.t), len(tree.couplings)))
+        gaps = np.concatenate([open_by.reshape(len(self.t), -1), none], axis=1)
+        joints = self.admissible.joints(np.zeros((len(self.t), len(self.admissible.columns))), gaps)
+        bodies = tree.moves @ (products + unit_twists(motion) * joints[..., None])
+        angular = bodies[..., :3]
+        return Accelerations(joints, angular, bodies[..., 3:] + cross(angular, motion.com.p))
+
+
+def covered_motion(mechanism: Mechanism, problem: Problem, motion: GivenMotion, q: Array) -> CoveredMotion:
+    """The mechanism in motion.
+
+    Args:
+        motion: At these poses.
+        q: Joint coordinates of closed poses. Shape (n, n_q).
+    """
+    tree = mechanism_tree(mechanism, spanning_tree(mechanism), natural_scales(mechanism)["m"])
+    none = np.zeros_like(q)
+    admissible = admissible_motion(
+        move(tree, TreeStates(q, none, none)), q, mechanism.units, mechanism.independent_columns
+    )
+    states = TreeStates(q, admissible.joints(motion.yd), none)
+    gaps = residual(tree, states, move(tree, states), 2)
+    states = TreeStates(q, states.qd, admissible.joints(motion.ydd, gaps))
+    return CoveredMotion(mechanism, problem, motion.t, tree, states, move(tree, states), admissible)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Needed:
+    """Wrenches that joints and actuators must exert on each body.
+
+    Attributes:
+        own: What the bodies themselves need.
+        applied: What loads, springs and motors make of it, which the forces of an open tree leave out.
     """
 
     own: Array
     applied: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Visible:
-    """The compared forces at n closed poses.
+def compared_forces(at: CoveredMotion, needed: Needed, counted: Mobility) -> Iterator[tuple[str, str, Array]]:
+    """(quantity, unit, its components) of every compared force. Shape (n, m, p).
 
-    Attributes:
+    Args:
         counted: Which reactions are determined; the others are not compared.
     """
+    wanted, table = at.problem.wanted, _Table()
+    if trees := [name for name in ("tree_force", "tree_force_soft") if name in wanted]:
+        table[trees[0]] = _tree_forces(at, needed.own)  # the second says no more
+    if wanted & _SOLVED:
+        table |= _solved(at, needed.own + needed.applied, counted)
+    for name, (units, array) in table.items():
+        for unit in dict.fromkeys(units if name in wanted else ()):
+            yield name, unit, array[:, [i for i, has in enumerate(units) if has == unit]]
 
-    at: ClosedMotion
-    problem: Problem
-    counted: Mobility
 
-    def forces(self, needed: Needed) -> Iterator[tuple[str, str, Array]]:
-        """(quantity, unit, its components) of every compared force. Shape (n, m, p)."""
-        wanted, found = self.problem.wanted, _Table()
-        if trees := [name for name in ("tree_force", "tree_force_soft") if name in wanted]:
-            path, columns = open_tree(self.at.loops.lay)
-            forces = self.at.open_tree_force(path, needed.own)[..., columns]
-            found[trees[0]] = self._units(columns), np.moveaxis(forces, 0, 2)  # the second says no more
-        if wanted & _SOLVED:
-            found |= self._solved(needed.own + needed.applied)
-        for name, (units, array) in found.items():
-            for unit in dict.fromkeys(units if name in wanted else ()):
-                yield name, unit, array[:, [i for i, has in enumerate(units) if has == unit]]
+def _tree_forces(at: CoveredMotion, own: Array) -> tuple[tuple[str, ...], Array]:
+    """Along the coordinates of the tree of the minimal model files."""
+    mechanism, (_, columns) = at.mechanism, minimal_tree(layout(at.mechanism))
+    joints = {joint.name for joint in mechanism.joints if {*mechanism.columns(joint.coordinates)} & {*columns}}
+    tree, bodies, shares = open_tree(mechanism, spanning_tree(mechanism), joints)
+    still = np.zeros_like(at.states.q)
+    forces = along(move(tree, TreeStates(at.states.q, still, still)), own[:, :, bodies] * shares[:, None])
+    return _units(mechanism, columns), np.moveaxis(forces[..., columns], 0, 2)
 
-    def _solved(self, whole: Array) -> _Table:
-        """Generalised and actuator forces, and the reactions that are determined."""
-        at, mechanism, wanted = self.at, self.at.mechanism, self.problem.wanted
-        along = forces_along(at.pose, whole)[..., at.loops.columns]
-        Q = np.moveaxis(at.virtual_power(along), 0, 2)
-        found = {"generalized_force": (self._units(mechanism.independent_columns), Q)}
-        if not wanted & {"actuator_force", "reaction"}:
-            return found
-        at.axial = self.problem.rule == "spherical_axial"
-        f = linear.solve(transpose(at.B), Q)
-        if at.axial or "reaction" in wanted:
-            system = NewtonEuler(at)
-            unknown, m = system.solve(np.moveaxis(balances(at.com, whole), 0, 2)), len(system.names)
-            determined = dict(zip(self.counted.names, self.counted.determined, strict=True))
-            known = [i for i, name in enumerate(system.names) if determined[name]]
-            found["reaction"] = tuple(system.units[i] for i in known), unknown[:, known]
-            f = unknown[:, m:] if at.axial else f
-        return {**found, "actuator_force": (mechanism.actuator_units, f)}
 
-    def _units(self, columns: list[int]) -> tuple[str, ...]:
-        return tuple(FORCE[self.at.mechanism.units[i]] for i in columns)
+def _solved(at: CoveredMotion, whole: Array, counted: Mobility) -> _Table:
+    """Generalised and actuator forces, and the reactions that are determined."""
+    mechanism, wanted, partial = at.mechanism, at.problem.wanted, at.admissible.partial
+    Q = np.einsum("pnbx,nbxk->nkp", whole, at.admissible.bodies, optimize=True)
+    table = {"generalized_force": (_units(mechanism, mechanism.independent_columns), Q)}
+    if not wanted & {"actuator_force", "reaction"}:
+        return table
+    f = linear.solve(partial[:, mechanism.actuated_columns].swapaxes(1, 2), Q)
+    if "reaction" in wanted or at.axial:
+        units, amounts = _balanced(at, whole)
+        m = len(units) - len(mechanism.actuators)
+        determined = dict(zip(counted.names, counted.determined, strict=True))
+        known = [i for i, unit in enumerate(units[:m]) if determined[unit.name]]
+        table["reaction"], f = (tuple(units[i].unit for i in known), amounts[:, known]), amounts[:, m:]
+    return {**table, "actuator_force": (mechanism.actuator_units, f)}
+
+
+def _balanced(at: CoveredMotion, whole: Array) -> tuple[list[UnitWrench], Array]:
+    """Reactions, then actuator forces, from the balance of every body and the rule of redundant actuators."""
+    tree, com, q = at.tree, at.motion.com, at.states.q
+    units = [unit for name in ("reaction", "actuator_force") for unit in unit_wrenches(tree, at.motion, q, name)]
+    if at.axial:  # eq. (56)
+        name, direction = at.axial
+        body = at.mechanism.body_index[at.mechanism.joint(name).child] - 1
+        columns = [[unit.name for unit in units].index(f"{name}.f{axis}") for axis in "xyz"]
+        nothing = across_direction(com.R[:, body], direction)
+    else:  # no preload
+        columns = [*range(len(units) - len(at.mechanism.actuators), len(units))]
+        U = np.linalg.svd(at.admissible.partial[:, at.mechanism.actuated_columns], full_matrices=True)[0]
+        nothing = U[..., len(at.mechanism.independent) :].swapaxes(1, 2)
+    rules = np.zeros((len(q), nothing.shape[1], len(units)))
+    rules[:, :, columns] = nothing
+    columns_of = wrench_columns(units, tree, com)
+    return units, balancing(units, columns_of, np.moveaxis(whole, 0, 3), tree.length, rules)
+
+
+def _units(mechanism: Mechanism, columns: Collection[int]) -> tuple[str, ...]:
+    return tuple(FORCE[mechanism.units[i]] for i in columns)
+
+
+def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Needed]:
+    """Names of the kinds of terms, and what bodies need by each. The parts of the bracket are parts of `inertial`."""
+    applied, matter, com = now.problem.applied, now.tree.matter, now.motion.com
+    split = newton_euler(matter, com.R, com.w, com.b, com.a, applied.g)
+    nothing = np.zeros((*com.p.shape[:2], 6))
+
+    def inertial(angular: Array, linear: Array) -> Array:
+        return np.concatenate([matter.mass[:, None] * linear, momentum(matter, com.R, angular)], axis=2)
+
+    def exerted(applied: Applied) -> Array:
+        return -exerted_on_bodies(now.tree, now.motion, now.states, now.t, applied)
+
+    own = {"gravity": nothing.copy(), "inertial": split.inertial, "gyroscopic": nothing.copy()}
+    own["gravity"][..., :3], own["gyroscopic"][..., 3:] = split.gravity, split.gyroscopic
+    own |= {term: inertial(lost.angular, lost.com) for term, lost in now.lost.items()}
+    outside = dict[str, Array]()
+    if applied.loads:
+        outside["loads"] = exerted(Applied(loads=applied.loads))
+    if applied.springs or applied.motors:
+        outside["springs and motors"] = exerted(Applied(springs=applied.springs, motors=applied.motors))
+    names = tuple(dict.fromkeys([*own, *outside]))
+    return names, Needed(*(np.stack([part.get(name, nothing) for name in names]) for part in (own, outside)))
 
 
 _AXES = "xyz"
@@ -97,92 +219,26 @@ _Column = tuple[str, int, _Wrench, _Wrench]
 """Name, body, and what it needs by the parameter: force and moment about its centre of mass, own and applied."""
 
 
-def _products(first: Array, second: Array) -> dict[str, Array]:
-    """The terms of the Lie bracket of two twists, eq. (36)."""
-    w1, v1, w2, v2 = first[..., :3], first[..., 3:], second[..., :3], second[..., 3:]
-    return {
-        "w1 x w2": revolute(cross(w1, w2), np.zeros(3)),
-        "w1 x v2": prismatic(cross(w1, v2)),
-        "w2 x v1": prismatic(-cross(w2, v1)),
-    }
-
-
-#: The bracket, and each of its products.
-BRACKET = ("bracket", "w1 x w2", "w1 x v2", "w2 x v1")
-
-
-def _without(term: str) -> Bracket:
-    """The Lie bracket, one of its products or all of them left out."""
-
-    def bracket(first: Array, second: Array) -> Array:
-        parts = _products(first, second)
-        return sum((part for name, part in parts.items() if term not in (name, "bracket")), np.zeros_like(first))
-
-    return bracket
-
-
-def moved(lay: Layout, q: Array, motion: GivenMotion, applied: Applied) -> dict[str, ClosedMotion]:
-    """The mechanism in motion, and the same with each part of the Lie bracket left out; the first has no name.
-
-    Args:
-        q: Joint coordinates of closed poses. Shape (n, n_q).
-    """
-    found = {name: motion_at(lay, q, motion.yd, motion.ydd, applied, motion.t) for name in ("", *BRACKET)}
-    for term in BRACKET:
-        found[term].bracket = _without(term)
-    found[""].check_springs()
-    return found
-
-
-def terms(versions: Mapping[str, ClosedMotion]) -> tuple[tuple[str, ...], Needed]:
-    """Names of the kinds of terms, and what bodies need by each. The parts of the bracket are parts of `inertial`."""
-    now = versions[""]
-    applied, nothing, none = now.applied, np.zeros_like(now.V), np.zeros(3)
-
-    def exerted(**what: Any) -> Array:
-        return exerted_wrenches(motion_at(now.loops.lay, now.q, now.yd, None, Applied(**what), now.t))
-
-    own, outside = {"gravity": now.inertia(nothing, nothing)}, dict[str, Array]()
-    if applied.loads:
-        outside["loads"] = -exerted(loads=applied.loads)
-    if applied.springs or applied.motors:
-        outside["springs and motors"] = -exerted(springs=applied.springs, motors=applied.motors)
-    whole, turning = now.inertia(now.V, now.A, none), _gyroscopic(now)
-    own |= {"inertial": whole - turning, "gyroscopic": turning}
-    own |= {term: whole - now.inertia(now.V, versions[term].A, none) for term in BRACKET}
-    names = tuple(dict.fromkeys([*own, *outside]))
-    return names, Needed(*(np.stack([part.get(name, nothing) for name in names]) for part in (own, outside)))
-
-
-def _gyroscopic(at: ClosedMotion) -> Array:
-    """Moments ``w x J w`` of the bodies. Shape (n, b, 6)."""
-    R, found = at.pose.R[:, 1:], np.zeros_like(at.V)
-    w = times(transpose(R), at.V[:, 1:, :3])
-    found[:, 1:, 3:] = times(R, cross(w, times(np.array([body.inertia for body in at.mechanism.bodies]), w)))
-    return found
-
-
-def parameters(now: ClosedMotion) -> tuple[tuple[str, ...], Needed]:
+def parameters(now: CoveredMotion) -> tuple[tuple[str, ...], Needed]:
     """Names of the inertial parameters and load points, and the derivatives of what bodies need by each.
 
     By mass, centre of mass and inertia about it, all else that the description says being kept, each as large as the
     body's own: its mass (that of the mechanism where it has none), the length of the mechanism, its largest moment of
     inertia. A body without mass has neither centre nor inertia.
     """
-    found = [*_of_bodies(now), *_of_loads(now)]
-    parts = np.zeros((2, len(found), *now.V.shape))
-    for column, (_, body, *wrenches) in enumerate(found):
+    columns = [*_of_bodies(now), *_of_loads(now)]
+    parts = np.zeros((2, len(columns), *now.motion.com.p.shape[:2], 6))
+    for column, (_, body, *wrenches) in enumerate(columns):
         for part, (force, moment) in zip(parts, wrenches, strict=True):
             part[column, :, body, :3], part[column, :, body, 3:] = force, moment
-            part[column, :, body, 3:] += cross(now.com[:, body - 1], part[column, :, body, :3])
-    return tuple(name for name, *_ in found), Needed(*parts)
+    return tuple(name for name, *_ in columns), Needed(*parts)
 
 
-def _of_bodies(now: ClosedMotion) -> Iterator[_Column]:
-    applied, L, mechanism = now.applied, now.loops.length, now.mechanism
-    for i, body in enumerate(mechanism.bodies, 1):
-        R, w, b = now.pose.R[:, i], now.V[:, i, :3], now.A[:, i, :3]
-        weight = (body.mass or mechanism.mass) * (now.com_acceleration[:, i - 1] - applied.g)
+def _of_bodies(now: CoveredMotion) -> Iterator[_Column]:
+    applied, L, mechanism, com = now.problem.applied, now.tree.length, now.mechanism, now.motion.com
+    for i, body in enumerate(mechanism.bodies):
+        R, w, b = com.R[:, i], com.w[:, i], com.b[:, i]
+        weight = (body.mass or mechanism.mass) * (com.a[:, i] - applied.g)
         yield f"mass of {body.name}", i, (weight, 0.0), _NONE
         if not body.mass:
             continue
@@ -196,16 +252,16 @@ def _of_bodies(now: ClosedMotion) -> Iterator[_Column]:
             j, k = (_AXES.index(axis) for axis in pair)
             unit = np.zeros((3, 3))
             unit[j, k] = unit[k, j] = size
-            J = R @ unit @ transpose(R)
+            J = R @ unit @ R.swapaxes(-1, -2)
             Jb, Jw = times(J, b), times(J, w)
             yield f"inertia {pair} of {body.name}", i, (0.0, Jb + cross(w, Jw)), _NONE
 
 
-def _of_loads(now: ClosedMotion) -> Iterator[_Column]:
-    loads = now.applied.loads
+def _of_loads(now: CoveredMotion) -> Iterator[_Column]:
+    loads = now.problem.applied.loads
     for number, load in enumerate(loads, 1):
-        i, which = now.mechanism.body_index[load.body], f" {number}" if len(loads) > 1 else ""
+        i, which = now.mechanism.body_index[load.body] - 1, f" {number}" if len(loads) > 1 else ""
         if np.any(load.force):
-            for axis, r in zip(_AXES, np.moveaxis(now.loops.length * now.pose.R[:, i], 2, 0), strict=True):
+            for axis, r in zip(_AXES, np.moveaxis(now.tree.length * now.motion.com.R[:, i], 2, 0), strict=True):
                 moment = -cross(r, np.broadcast_to(load.force, r.shape))
                 yield f"point {axis} of load{which} on {load.body}", i, _NONE, (0.0, moment)

@@ -13,7 +13,6 @@ from screwgauge.judging.answer import Answer, largest
 from screwgauge.judging.integration import MOST, SAFETY
 from screwgauge.judging.residual import Residuals
 from screwgauge.quantities import BODY_MOTION, FLOOR, FORCE, OF_BODIES
-from screwgauge.reference import linear
 from screwgauge.reference.graph import Layout, spanning_tree
 from screwgauge.reference.rotations import Array, cross, lanes
 from screwgauge.solution import Values
@@ -23,7 +22,14 @@ from screwgauge.witness.dynamics import newton_euler as body_equations
 from screwgauge.witness.joints import open_tree
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates
-from screwgauge.witness.wrenches import UnitWrench, exerted_wrenches, spring_energy, unit_wrenches
+from screwgauge.witness.wrenches import (
+    UnitWrench,
+    balancing,
+    exerted_wrenches,
+    spring_energy,
+    unit_wrenches,
+    wrench_columns,
+)
 
 
 def body_motion(answer: Answer, what: str) -> Array:
@@ -211,15 +217,8 @@ def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
     for _, unit in unit_wrenches_of(answer, other):
         for body, wrench in unit.on_bodies(tree, com):
             right[:, body] -= amount(answer, other, unit) * wrench
-    columns = np.zeros((*required.shape, len(unknown)))
-    for k, unit in enumerate(unknown):
-        for body, wrench in unit.on_bodies(tree, com):
-            columns[:, body, :, k] += wrench
-    n, length = len(required), answer.scales["m"]  # by which equations and unknowns are forces
-    rows = np.tile([1.0, 1.0, 1.0, length, length, length], required.shape[1])
-    size = np.array([length if unit.unit == "N m" else 1.0 for unit in unknown])
-    system = columns.reshape(n, len(rows), len(unknown)) / rows[:, None] * size
-    found = linear.solve(system, (right.reshape(n, -1) / rows)[..., None])[..., 0] * size
+    columns, no_rule = wrench_columns(unknown, tree, com), np.zeros((len(right), 0, len(unknown)))
+    found = balancing(unknown, columns, right[..., None], answer.scales["m"], no_rule)[..., 0]
     solved = Values(tuple(unit.name for unit in unknown), tuple(unit.unit for unit in unknown), found)
     return replace(answer, values={**answer.values, quantity: solved})
 

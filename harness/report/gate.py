@@ -22,12 +22,11 @@ from screwgauge.report.markdown import markdown
 from screwgauge.report.terminal import terminal
 from screwgauge.report.verdict import verdict
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.executors import Executor
-from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
-from screwgauge.study.gate.items import items, read_tolerances, unread
+from screwgauge.study.gate.history import Against, against, read_baseline, write_baseline
+from screwgauge.study.gate.items import EXIT, GateRow, items, read_tolerances, unread
 from screwgauge.study.gate.measure import GateSettings
-from screwgauge.study.gate.row import EXIT, GateRow
 from screwgauge.study.gate.run import check_items
+from screwgauge.study.runner import Executor
 
 SCHEMA = 1  #: Of the JSON.
 WORDS = {"agree": "✓ ok", "judged": "✓ judged", "unread": "✗ not read", "differ": "✗ differ"}

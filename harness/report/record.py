@@ -13,7 +13,7 @@ from screwgauge.report.formatting import Row, rows
 from screwgauge.report.verdict import first_difference
 from screwgauge.solution import REFERENCE, Solution, Timing
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.reference import TRUTH
+from screwgauge.study.reference_values import TRUTH
 
 JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance", "ok")
 KINDS = {"N": "force", "N m": "moment"}

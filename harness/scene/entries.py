@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.files import check_count, named_file
 from screwgauge.reference.mechanism import GROUND, Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_keys, check_name, positive, read_text, read_vector, required
+from screwgauge.reference.tables import check_keys, check_name, positive, read_items, read_text, read_vector, required
 from screwgauge.scene.motion import read_terms
 
 
@@ -164,3 +166,33 @@ def read_motor(mechanism: Mechanism, table: Any, where: str) -> Motor:
     if not terms:
         raise DescriptionError("the motor exerts nothing", where, "give offset, polynomial or harmonics")
     return Motor(coordinate, *read_terms(terms, where))
+
+
+_ACTING: dict[str, tuple[Callable[..., Any], Any]] = {
+    "loads": (read_load, Load),
+    "springs": (read_spring, Spring),
+    "motors": (read_motor, Motor),
+}
+
+
+def _acting(mechanism: Mechanism, read: Callable[..., Any], kind: Any, entry: Any, where: str) -> Any:
+    return entry if isinstance(entry, kind) else read(mechanism, entry, where)
+
+
+def read_applied(mechanism: Mechanism, data: dict[str, Any], where: str) -> dict[str, Any]:
+    """Those fields of `Applied` that are given, from entries of a scene file; objects made of such are kept."""
+    given: dict[str, Any] = {}
+    if "gravity" in data:
+        given["gravity"] = vector(data["gravity"], f"{where}, gravity")
+    for key in data.keys() & _ACTING.keys():
+        given[key] = read_items(data, key, where, partial(_acting, mechanism, *_ACTING[key]))
+    return given
+
+
+def as_written(value: Any) -> Any:
+    """Tuples, arrays and their numbers as a file has them: lists and plain numbers."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {key: as_written(item) for key, item in value.items()}
+    return [as_written(item) for item in value] if isinstance(value, list | tuple) else value

@@ -14,7 +14,7 @@ from screwgauge.problem import InitialValue, Integration
 from screwgauge.quantities import GIVEN, QUANTITIES, SIMULATED, check_quantities
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
-from screwgauge.reference.expressions import number, vector
+from screwgauge.reference.expressions import number
 from screwgauge.reference.files import is_path, named_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
@@ -29,7 +29,7 @@ from screwgauge.reference.tables import (
     required,
 )
 from screwgauge.scene.default import scene_file
-from screwgauge.scene.entries import read_figure, read_grid, read_load, read_models, read_motor, read_spring
+from screwgauge.scene.entries import read_applied, read_figure, read_grid, read_models
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.observables import read_known, read_observable, read_published, read_tables
 from screwgauge.scene.scene import DEFAULT_ENGINES, RULES, Scene, check_order
@@ -90,12 +90,7 @@ _built_in = cache(_read)  # what comes with the package does not change
 
 
 def _applied(data: dict[str, Any], mechanism: Mechanism, where: str) -> Applied:
-    return Applied(
-        gravity=vector(data.get("gravity", _GRAVITY), f"{where}, gravity"),
-        loads=read_items(data, "loads", where, partial(read_load, mechanism)),
-        springs=read_items(data, "springs", where, partial(read_spring, mechanism)),
-        motors=read_items(data, "motors", where, partial(read_motor, mechanism)),
-    )
+    return Applied(**read_applied(mechanism, {"gravity": _GRAVITY, **data}, where))
 
 
 def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[str, Any]:

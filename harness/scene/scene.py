@@ -19,7 +19,7 @@ from screwgauge.reference.expressions import vector
 from screwgauge.reference.mechanism import Mechanism, same_content
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_name
-from screwgauge.scene.entries import Figure, read_load, read_times
+from screwgauge.scene.entries import Figure, as_written, read_applied, read_load, read_times
 from screwgauge.scene.motion import Drive, read_drive
 from screwgauge.scene.observables import Known, Observable, Published, Recorded, merged
 
@@ -174,16 +174,19 @@ class Scene:
         return self.drive(t)
 
     def under(self, **changes: Any) -> Scene:
-        """The same scene under other gravity, loads, springs or motors (fields of `Applied`).
+        """The same scene under other gravity, loads, springs or motors.
+
+        Args:
+            changes: `gravity`, `loads`, `springs`, `motors` as a scene file has them: `loads=[{"on": "coupler",
+                "by": "environment", "force": [0, 0, -20]}]`. Vectors may be arrays.
 
         Raises:
-            ScrewgaugeError: There is no such field, or gravity is no three numbers.
+            ScrewgaugeError: There is no such field, or an entry is refused, as in a file.
         """
         for name in changes:
             check_name("field", name, [each.name for each in fields(Applied)], "what acts on the scene")
-        if (gravity := changes.get("gravity")) is not None:
-            changes["gravity"] = vector(np.asarray(gravity).tolist(), "gravity")
-        return replace(self, applied=replace(self.applied, **changes))
+        given = read_applied(self.mechanism, as_written(changes), "under")
+        return replace(self, applied=replace(self.applied, **given))
 
     def problem(self, wanted: Sequence[str] | frozenset[str], engine: str = "") -> Problem:
         """The question that the scene puts to every engine.

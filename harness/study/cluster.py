@@ -26,12 +26,12 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from screwgauge.environment import environment
-from screwgauge.problem import Progress
+from screwgauge.problem import Progress, Report
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, first_few
 from screwgauge.reference.files import read_bytes, read_json
 from screwgauge.solution import Failure
 from screwgauge.study import isolation
-from screwgauge.study.executors import Executor, InTurn, Processes, Report, Task
+from screwgauge.study.runner import Executor, InTurn, Processes, Task
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -104,7 +104,7 @@ class Cluster:
 
     @contextmanager
     def _client(self, timeout: float) -> Iterator[Client]:
-        """Whoever talks to the scheduler, which has to answer within so many seconds."""
+        """A client of the scheduler, which has to answer within `timeout` [s]."""
         from distributed import Client
 
         with warnings.catch_warnings():
@@ -112,9 +112,9 @@ class Cluster:
             try:
                 client = Client(self.address, timeout=timeout, set_as_default=False)
             except (OSError, ValueError) as error:
-                said = " ".join(str(error).split()) or type(error).__name__
+                message = " ".join(str(error).split()) or type(error).__name__
                 remedy = "start it and run the same command again: it goes on from the rows that are there"
-                raise OutputError(f"no scheduler answers ({said})", self.where, remedy) from None
+                raise OutputError(f"no scheduler answers ({message})", self.where, remedy) from None
         try:
             yield client
         finally:
@@ -124,7 +124,7 @@ class Cluster:
 def executor(
     jobs: int | None, cluster: str | None, limits: isolation.Limits | None = None, *, insecure: bool = False
 ) -> Executor:
-    """The executor that options ask for: on a cluster, in processes, or in this one.
+    """The executor of the options: on a cluster, in other processes, or in this one.
 
     Args:
         jobs: Processes at a time.
@@ -162,7 +162,7 @@ def check_address(address: str, *, insecure: bool = False) -> None:
 
 
 class _Session:
-    """Tasks on a scheduler as long as it is there."""
+    """Tasks on one connection to a scheduler."""
 
     def __init__(self, client: Client, limits: isolation.Limits, left: dict[str, Task], n: int) -> None:
         self.client, self.limits, self.left, self.n = client, limits, left, n
@@ -173,7 +173,7 @@ class _Session:
         self.seconds, self.done, self.threads, self.looked = 0.0, 0, 1, 0
 
     def run(self, keep: Callable[[str, Any], None], report: Report) -> None:
-        """Does what is left, and takes it off as soon as it is done."""
+        """Runs the tasks in `left`; each is removed from it when it is done. Raises `LostError`, as all below do."""
         from distributed import as_completed
 
         report("workers", 1.0 - len(self.left) / self.n)
@@ -190,9 +190,9 @@ class _Session:
             raise LostError
 
     def _fill(self, completed: Any) -> None:
-        """Hands out batches; what was there when a worker died waits until all others are done, and then goes alone.
+        """Submits batches. Tasks of a worker that died wait until all others are done, and then go one by one.
 
-        A scheduler blames all tasks that a dead worker held, so that nothing else may be on it.
+        The scheduler blames every task that a dead worker held: a suspect must not share its worker.
         """
         self.looked += 1
         if self.looked % max(1, self.threads // 10) == 0:  # workers come and go; asking takes a millisecond
@@ -218,16 +218,16 @@ class _Session:
             task, files = self.left[name], dict[str, str]()
             for path in task.files():
                 data = read_bytes(path, "MB of CSV")
-                said = files[os.path.abspath(path)] = hashlib.sha256(data).hexdigest()
-                if said not in self.blobs:  # a task, so that a worker that has it may die
-                    self.blobs[said] = self.client.submit(bytes, data, key=f"screwgauge-file-{said}")
-                blobs[said] = self.blobs[said]
+                digest = files[os.path.abspath(path)] = hashlib.sha256(data).hexdigest()
+                if digest not in self.blobs:  # a task, so that a worker that has it may die
+                    self.blobs[digest] = self.client.submit(bytes, data, key=f"screwgauge-file-{digest}")
+                blobs[digest] = self.blobs[digest]
             works.append((name, task.work, files))
-        asked = partial(on_worker, works, self.limits, self.expected, os.getcwd(), tuple(blobs))
-        return self.client.submit(asked, *blobs.values(), pure=False)
+        job = partial(on_worker, works, self.limits, self.expected, os.getcwd(), tuple(blobs))
+        return self.client.submit(job, *blobs.values(), pure=False)
 
     def _results(self, future: Future, names: list[str]) -> dict[str, Any]:
-        """What has become of a batch."""
+        """Results of a batch by name; empty if its worker died and its tasks go alone."""
         from distributed import CancelledError, KilledWorker
         from distributed.comm import CommClosedError
 
@@ -244,8 +244,8 @@ class _Session:
         except ScrewgaugeError:
             raise
         except Exception as error:
-            said = " ".join(f"{type(error).__name__}: {error}".split())
-            raise DescriptionError(f"a worker cannot do it ({said:.300})", "--cluster", "see its log") from error
+            message = " ".join(f"{type(error).__name__}: {error}".split())
+            raise DescriptionError(f"a worker cannot do it ({message:.300})", "--cluster", "see its log") from error
         self.seconds += seconds
         self.done += len(names)
         return dict(results)
@@ -253,34 +253,34 @@ class _Session:
     def _refuse(self) -> None:
         """Refuses workers with other versions."""
         try:
-            found = self._asked(partial(self.client.run, differences, self.expected))
+            answers = self._asked(partial(self.client.run, differences, self.expected))
         except ImportError as error:
             raise DescriptionError(f"a worker has no screwgauge ({error})", "--cluster", "install it there") from None
-        if odd := [f"{worker}: {first_few(said, 3)}" for worker, said in found.items() if said]:
+        if odd := [f"{worker}: {first_few(odds, 3)}" for worker, odds in answers.items() if odds]:
             _refuse_versions(first_few(odd, 2, "; "))
 
     @staticmethod
     def _asked(call: Callable[[], Any]) -> Any:
-        """What the scheduler answers."""
+        """The scheduler's answer."""
         try:
             return call()
         except (OSError, RuntimeError) as error:  # of Dask's comm, and of a client that is closed
             raise LostError from error
 
 
-def _refuse_versions(said: str) -> None:
-    raise DescriptionError(f"other versions than here on {said}", "--cluster", "install the same on all machines")
+def _refuse_versions(where: str) -> None:
+    raise DescriptionError(f"other versions than here on {where}", "--cluster", "install the same on all machines")
 
 
 def versions() -> dict[str, str]:
     """Versions of all that numbers depend on, and a digest of this package's code."""
-    found = dict(environment()["packages"]) | {"python": python_version(), "screwgauge's code": _code()}
+    packages = dict(environment()["packages"]) | {"python": python_version(), "screwgauge's code": _code()}
     for name in PACKAGES:
         try:
-            found[name] = version(name)
+            packages[name] = version(name)
         except PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+            packages[name] = "not installed"
+    return packages
 
 
 @cache
@@ -295,7 +295,7 @@ def _code() -> str:
 
 
 def differences(expected: Mapping[str, str]) -> list[str]:
-    """Versions here that are others than expected, in words."""
+    """Versions here that differ from the expected ones, in words."""
     return _differences(tuple(expected.items()))
 
 
@@ -313,7 +313,7 @@ def on_worker(
     hashes: Sequence[str],
     *blobs: bytes,
 ) -> tuple[float, dict[str, Any]]:
-    """What a worker does: tasks one after the other, in a process of this thread.
+    """Runs a batch on a worker: tasks one after the other, in a process that belongs to this thread.
 
     Args:
         works: Name, work and files of each.
@@ -327,8 +327,8 @@ def on_worker(
     Raises:
         DescriptionError: Versions differ: the worker has come after they were compared.
     """
-    if said := differences(expected):
-        _refuse_versions(f"a worker: {first_few(said, 3)}")
+    if odd := differences(expected):
+        _refuse_versions(f"a worker: {first_few(odd, 3)}")
     begin, contents = perf_counter(), dict(zip(hashes, blobs, strict=True))
     tasks: dict[str, Callable[[Progress], Any]] = {}
     for name, work, files in works:
@@ -339,9 +339,9 @@ def on_worker(
 
 
 def _tree(files: Files, contents: Mapping[str, bytes], home: str) -> str:
-    """A folder with files at the same paths as where they come from; made once in a worker."""
-    said = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()
-    root = Path(_scratch().name) / said
+    """A folder with files at the paths of the machine that they come from; made once in a worker."""
+    digest = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()
+    root = Path(_scratch().name) / digest
     if not root.exists():
         stage = Path(tempfile.mkdtemp(dir=_scratch().name))
         for name, content in files.items():
@@ -360,7 +360,7 @@ def _scratch() -> tempfile.TemporaryDirectory[str]:
 
 
 def _in_tree(work: Callable[[Progress], Any], root: str, home: str, progress: Progress) -> Any:
-    """Does a work where its files have been laid out, and says of these what it would say at home."""
+    """Does a task on the copied files, with the paths of the machine that they come from in its result."""
     before = os.getcwd()
     os.chdir(root + home)
     try:
@@ -371,12 +371,12 @@ def _in_tree(work: Callable[[Progress], Any], root: str, home: str, progress: Pr
 
 
 def _absolute(root: str, text: str) -> str:
-    """The place of a file or folder that is named from the root."""
+    """A path below `root` where there is such a file or folder, else the text itself."""
     return root + text if text.startswith("/") and os.path.exists(root + text) else text
 
 
 def _translated(value: Any, of: Callable[[str], str]) -> Any:
-    """A value, or a call that is bound to some, with other texts and paths; itself where there is none of these."""
+    """A value or bound call with `of` applied to every text and path in it; the same object where nothing changes."""
     if isinstance(value, str | Path):
         text = of(str(value))
         return value if text == str(value) else type(value)(text)

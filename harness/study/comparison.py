@@ -1,10 +1,12 @@
-"""What a comparison found."""
+"""The result of a run: solutions, comparisons and judgements, and which files they are of. How it is made: `run`."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from functools import cached_property
+from pathlib import Path
 from typing import Any, TypeVar
 
 import pandas as pd
@@ -12,9 +14,12 @@ import pandas as pd
 from screwgauge.judging.conditioning import Guarded, guarded
 from screwgauge.judging.coverage import Coverage
 from screwgauge.judging.refusals import Refusal
+from screwgauge.models import catalog
 from screwgauge.quantities import QUANTITIES
-from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.files import digest
 from screwgauge.reference.rotations import Array
+from screwgauge.scene import read as scenes
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution, Values
 
@@ -26,7 +31,7 @@ class Comparison:
     """Solutions of one scene, compared pair by pair and judged one by one.
 
     Attributes:
-        solutions: Engine -> what it computed, in the order asked for.
+        solutions: Engine -> what it computed, in the order of the names given.
         failures: Engine -> why it did not.
         errors: One row per component pair: quantity, component, unit, a, b, max_abs, rms, max_scaled, scale,
             worst_t, rule, unique, tolerance, ok. Of a component without a unique value tolerance and ok are empty.
@@ -41,9 +46,9 @@ class Comparison:
         doubts: Those of them on numbers that no machine has: engines may agree on what nobody meant.
         unread: Those of them on files that the scene names and nobody read.
         refusals: Samples at which an engine gives no number, with the reason.
-        cover: Looks at what the scene could have seen of mistakes: not everybody asks.
+        cover: Computes `coverage`, which is not always wanted.
         known: Sentences about discrepancies of the engines that have a name and touch what is out of tolerance.
-        provenance: Files that were judged, date and schema, see `screwgauge.study.provenance`.
+        provenance: Files that were judged, date and schema, see `screwgauge.study.comparison`.
     """
 
     scene: Scene
@@ -67,7 +72,7 @@ class Comparison:
     def ok(self) -> bool:
         """Every engine ran and gave every number; all is within its tolerance, and something was compared.
 
-        Of one engine, which has none beside it, it is enough that something was judged.
+        With a single engine it is enough that something was judged.
         """
         looked_at = len(self.pairs) or (len(self.solutions) == 1 and len(self.judge))
         if self.failures or self.refusals or not looked_at:
@@ -75,7 +80,7 @@ class Comparison:
         return bool(self.pairs["ok"].all()) and bool(self.judge["ok"].all())
 
     def __bool__(self) -> bool:
-        """So that an assertion of it alone says what it seems to."""
+        """``assert results`` passes only if they are ok."""
         return self.ok
 
     @property
@@ -94,8 +99,8 @@ class Comparison:
     def not_unique(self) -> dict[str, tuple[str, ...]]:
         """Quantity -> those of its components that have no unique value, for quantities that have such components."""
         ruled = [name for name in QUANTITIES if QUANTITIES[name].ruled]
-        found = {name: solution.values[name] for name in ruled for solution in self._having(name)[:1]}
-        shown = {name: tuple(x for x in values.components if x in self.undetermined) for name, values in found.items()}
+        firsts = {name: solution.values[name] for name in ruled for solution in self._having(name)[:1]}
+        shown = {name: tuple(x for x in values.components if x in self.undetermined) for name, values in firsts.items()}
         return {name: components for name, components in shown.items() if components}
 
     def _having(self, quantity: str) -> list[Solution]:
@@ -103,7 +108,7 @@ class Comparison:
 
     @cached_property
     def coverage(self) -> Coverage:
-        """What the scene could have seen of mistakes."""
+        """Which mistakes the scene could have revealed."""
         return self.cover()
 
     @property
@@ -141,7 +146,7 @@ class Comparison:
         return self.quantity(quantity, engine).components
 
     def _pick(self, kind: str, quantity: str, by_engine: Mapping[str, Mapping[str, T]], engine: str | None) -> T:
-        """What the engine named, or the first one that has the quantity, has of it."""
+        """The entry of a quantity of the named engine, or of the first one that has it."""
         if engine and engine not in by_engine:
             raise UnknownNameError("engine", engine, by_engine)
         tables = [by_engine[engine]] if engine else list(by_engine.values())
@@ -150,3 +155,47 @@ class Comparison:
                 return table[quantity]
         known = dict.fromkeys(name for table in tables for name in table)
         raise UnknownNameError(kind, quantity, known or ["none, as the engine truth was not run"])
+
+
+SCHEMA = 1  #: Of ``summary.json``: raised when a key goes or changes its meaning.
+_BUILT_IN = (scenes.FOLDER, catalog.FOLDER)
+
+
+def provenance(
+    scene: Scene | None, models: Mapping[str, Path], *, description: Path | None = None, date: datetime | None = None
+) -> dict[str, Any]:
+    """Names and contents of what was judged.
+
+    Args:
+        scene: None where there is no single one.
+        models: Engine -> model file as it read it; generated ones must still be there.
+        description: What describes the mechanism where that is not the scene's file; generated, too.
+        date: When it was judged; now by default.
+
+    Returns:
+        ``models`` (engine -> ``file`` and ``sha256``), ``scene_file`` and ``scene_sha256``, ``description`` (``file``,
+        ``sha256``), ``date`` (ISO 8601, UTC) and ``schema``. Files are named as they were given.
+    """
+    record: dict[str, Any] = {"date": (date or datetime.now(UTC)).astimezone(UTC).isoformat(timespec="seconds")}
+    if scene is not None:
+        given = {*scene.models.values(), scene.mechanism_file, *(table.file for table in scene.tables.values())}
+        record["models"] = {name: _file(path, generated=path not in given) for name, path in models.items()}
+        described = description or scene.mechanism_file
+        record["description"] = _file(described, generated=described not in given)
+        if scene.file is not None:
+            record["scene_file"], record["scene_sha256"] = _file(scene.file).values()
+    return {**record, "schema": SCHEMA}
+
+
+def built_in(path: Path) -> bool:
+    """Whether a file comes with this package."""
+    return any(path.is_relative_to(folder) for folder in _BUILT_IN)
+
+
+def _file(path: Path, *, generated: bool = False) -> dict[str, str | None]:
+    """Name and SHA-256, which is None if the file no longer exists."""
+    name = f"generated {path.name}" if generated else f"built-in {path.name}" if built_in(path) else str(path)
+    try:
+        return {"file": name, "sha256": digest(path)}
+    except DescriptionError:
+        return {"file": name, "sha256": None}

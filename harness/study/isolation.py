@@ -1,4 +1,4 @@
-"""Isolation: work in processes of its own. What crashes or hangs costs its own result only."""
+"""Isolation: jobs in processes of their own. One that crashes or hangs costs its own result only."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ GRACE = 5.0
 LONGEST = 1e9  # s that a timer takes
 AGAIN = 3  # times that a work runs again whose process was killed from outside
 KILLED = re.compile("SIG(KILL|TERM|HUP)")  # an engine that crashes gets another one, and would get it again
-SAID = 200  # characters of what a work says that it is at
+STEP = 200  # characters of the name of a step
 #: Of its processes: one thread each, and nothing is drawn there: MuJoCo's import looks for libraries of windows else.
 ENVIRONMENT = {**ONE, "MUJOCO_GL": "disable"}
 #: Of each name, kept for the next work: starting a process and importing an engine takes a second.
@@ -100,7 +100,7 @@ def isolated(
     """
     if not isinstance(limits, Limits):
         raise DescriptionError(f"{limits!r:.100} is no Limits", "limits", "give screwgauge.Limits(seconds=...)")
-    # where they say how far they are: what a file says outlives who wrote it, and nobody waits for it
+    # progress goes through files: they outlive their writer, and nobody waits for them
     with TemporaryDirectory(prefix="screwgauge-") as folder:
         jobs = _Jobs(works, limits, lanes, keep, Path(folder))
         try:
@@ -117,7 +117,7 @@ def isolated(
 
 
 class _Jobs(Generic[T]):
-    """Works that wait, run and are done.
+    """Jobs that wait, run and are done.
 
     Attributes:
         running: Name of each work, its process and when it began.
@@ -190,24 +190,24 @@ def isolated_calls(
     limits: Limits,
     report: Callable[[str, float], None] = lambda names, share: None,
 ) -> dict[str, T | Failure]:
-    """Does works that do not say how far they are, as `isolated` does."""
+    """`isolated` for jobs that report no progress."""
     return isolated({name: partial(_unwatched, work) for name, work in works.items()}, limits, report)
 
 
 def _unwatched(work: Callable[[], T], progress: Progress) -> T:
-    """Does a work that does not say how far it is."""
+    """Runs a job that reports no progress."""
     return work()
 
 
 def _begin(line: Connection) -> None:
-    """What a process does first: it ends with its parent, and what is printed there stands in nobody's output."""
+    """Initializer of a process: it ends with its parent, and its standard output goes to standard error."""
     hold(line)
     with suppress(OSError):  # there is no standard error
         os.dup2(2, 1)
 
 
 def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits, own: float, file: Path) -> T | Failure:
-    """Does a work within its limits. Its process is not interrupted from the keyboard: its parent is.
+    """Runs a job within its limits. Its process ignores the keyboard's interrupt, which is for its parent.
 
     Args:
         own: Time after which the process ends itself [s].
@@ -230,7 +230,7 @@ def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits,
 
 
 def _submit(name: str, work: Callable[[], T]) -> Future[T]:
-    """Begins a work in the process of a name, a new one if there is none or it crashed."""
+    """Submits a job to the process of a name, a new one if there is none or it crashed."""
     if current_process().daemon:  # as a worker of Dask is: it may have no children, which end by the lifeline here
         current_process().daemon = False
         Finalize(None, _stop_all, exitpriority=100)  # before its children are waited for
@@ -263,7 +263,7 @@ def _stopped(name: str, limits: Limits, how_far: str = "") -> Failure:
 
 
 def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failure:
-    """What a work returned, or how its process ended."""
+    """The result of a job, or a failure that tells how its process ended."""
     error = future.exception()
     if error is None:
         return future.result()
@@ -276,13 +276,13 @@ def _result(name: str, future: Future[T | Failure], limits: Limits) -> T | Failu
     return Failure(name, f"{type(error).__name__}: {' '.join(str(error).split())}", str(error.__cause__ or ""))
 
 
-def _ending(said: str) -> str:
-    """How a process ended, from what loky says of it."""
-    if found := re.search(r"SIG[A-Z]+", said):
-        return f"its process got {found[0]}"
-    if found := re.search(r"EXIT\((\d+)\)", said):
-        return f"its process exited with status {found[1]}"
-    return " ".join(said.split())
+def _ending(message: str) -> str:
+    """How a process ended, from loky's message."""
+    if match := re.search(r"SIG[A-Z]+", message):
+        return f"its process got {match[0]}"
+    if match := re.search(r"EXIT\((\d+)\)", message):
+        return f"its process exited with status {match[1]}"
+    return " ".join(message.split())
 
 
 def _file(folder: Path, name: str) -> Path:
@@ -290,13 +290,13 @@ def _file(folder: Path, name: str) -> Path:
 
 
 def _say(file: Path, share: float, step: str = "") -> None:
-    """Says how far a work is; where there is no room for that, it goes on."""
+    """Writes how far a job is; a full disk does not stop it."""
     with suppress(OSError):
-        file.write_text(f"{share:.4f} {step[:SAID]}", encoding="utf-8")
+        file.write_text(f"{share:.4f} {step[:STEP]}", encoding="utf-8")
 
 
 def _share(file: Path) -> tuple[float, str]:
-    """Share that was said last, and of what; 0 before anything was, while it is being said, or if it is no share."""
+    """Share and step that were written last; 0 before that, while they are being written, or if it is no share."""
     try:
         share, _, step = file.read_text(encoding="utf-8").partition(" ")
         return (float(share) if 0.0 <= float(share) <= 1.0 else 0.0), step

@@ -23,7 +23,7 @@ _ends: tuple[Connection, Connection] | None = None  # for reading and for writin
 
 
 def lifeline() -> Connection:
-    """What a process that this one starts has to `hold`; it pickles on the way to a process that is being started."""
+    """The reading end, which processes started by this one have to `hold`; it pickles to a process being started."""
     global _ends
     with _LOCK:
         _ends = _ends or Pipe(duplex=False)
@@ -31,7 +31,7 @@ def lifeline() -> Connection:
 
 
 def _let_go() -> None:
-    """A fork would keep the writing end open."""
+    """Closes the writing end in a fork, which would keep it open."""
     global _ends, _LOCK
     _LOCK = Lock()
     if _ends is not None:
@@ -43,9 +43,9 @@ os.register_at_fork(after_in_child=_let_go)
 
 
 def tied() -> Callable[[], None]:
-    """What a program of others does first that the calling thread starts and waits for: it ends with that thread.
+    """A ``preexec_fn`` of `subprocess.run`: the program ends with the calling thread, which waits for it.
 
-    On Linux; elsewhere nothing. Give it to `subprocess.run` as ``preexec_fn``.
+    On Linux; elsewhere it does nothing.
     """
     if not sys.platform.startswith("linux"):
         return lambda: None
@@ -60,7 +60,7 @@ def tied() -> Callable[[], None]:
 
 
 def hold(line: Connection) -> None:
-    """Ends this process when the one that made the line has ended."""
+    """Ends this process when the one that made the lifeline has ended."""
     with suppress(OSError, AttributeError):  # F_SETSIG and /proc are Linux's; elsewhere the thread has to do
         # opened anew: who is told is a property of an open file, which processes share
         own = os.open(f"/proc/self/fd/{line.fileno()}", os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -71,7 +71,7 @@ def hold(line: Connection) -> None:
 
 
 def _wait(line: Connection) -> None:
-    """Nothing is ever written: what can be read is the end."""
+    """Waits for the end of the pipe: nothing is ever written."""
     with suppress(OSError):
         line.poll(None)
     os.kill(os.getpid(), signal.SIGKILL)

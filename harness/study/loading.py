@@ -29,14 +29,14 @@ def read_isolated(path: Path, library: str, floating: bool = False) -> Reading:
         LoaderError: The library crashed or met a limit.
     """
     process = f"{library}-reading"
-    found = isolated_calls({process: partial(read, path, library, floating=floating)}, LOADING)[process]
-    if isinstance(found, Failure):
-        raise LoaderError(f"{library} does not survive it ({found.reason})", str(path), "let another library read it")
-    return found
+    reading = isolated_calls({process: partial(read, path, library, floating=floating)}, LOADING)[process]
+    if isinstance(reading, Failure):
+        raise LoaderError(f"{library} does not survive it ({reading.reason})", str(path), "let another library read it")
+    return reading
 
 
 def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
-    """Both sides of a diagnosis, with mass and inertia from meshes if that is asked for; see `diagnosis.model.weighed`.
+    """Both sides of a diagnosis, on request with mass and inertia from meshes; see `diagnosis.model.weighed`.
 
     Raises:
         ScrewgaugeError: Meshes cannot be read, or lie outside the folder of the file.
@@ -44,24 +44,24 @@ def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
     """
     if not meshes:
         return a, b
-    found = list[Weighed]()
+    models = list[Weighed]()
     for each in (a, b):
         one = isolated_calls({"meshes": partial(weighed, each, scratch_folder())}, LOADING)["meshes"]
         if isinstance(one, Failure):
             what = f"mujoco does not survive its meshes ({one.reason})"
             raise LoaderError(what, each, "give its bodies an <inertial>")
-        found.append(one)
-    return found[0], found[1]
+        models.append(one)
+    return models[0], models[1]
 
 
 def import_isolated(path: Path, options: Options | None = None) -> Imported:
-    """What `import_model` gives.
+    """`import_model` in a process of its own.
 
     Raises:
         ScrewgaugeError: It is no model, or one that a description cannot hold; or whoever reads it fails.
     """
-    found = isolated_calls({"import": partial(import_model, path, options or Options())}, IMPORTING)["import"]
-    if isinstance(found, Failure):
+    imported = isolated_calls({"import": partial(import_model, path, options or Options())}, IMPORTING)["import"]
+    if isinstance(imported, Failure):
         remedy = "let another library read it (--reader), or give a smaller model"
-        raise ModelFileError(f"cannot be read: {found.reason}", str(path), remedy)
-    return found
+        raise ModelFileError(f"cannot be read: {imported.reason}", str(path), remedy)
+    return imported

@@ -26,14 +26,13 @@ import pandas as pd
 import screwgauge
 from screwgauge.casebook.book import CASES, reproduce
 from screwgauge.judging.residual import JUDGE, columns_of
-from screwgauge.problem import Progress
+from screwgauge.problem import Progress, Report, silent
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.study.executors import Executor, InTurn, Report, Task
-from screwgauge.study.gate.row import EXIT
+from screwgauge.study.gate.items import EXIT
 from screwgauge.study.lifeline import tied
-from screwgauge.study.runner import grow_table, silent
-from screwgauge.study.table import TableFile
+from screwgauge.study.runner import Executor, InTurn, Task, grow_table
+from screwgauge.study.store import TableFile
 
 #: What pin before 4 was built with and asks for in any version: newer ones have no libtinyxml2.so.10 or
 #: liburdfdom_sensor.so.4.0 (pin 3.4.0 and 3.9.0 were tried), and it cannot be imported.
@@ -52,7 +51,7 @@ class VersionRow:
         passing, scenes: Scenes that pass, of so many.
         digits: Fewest digits of two engines that agree, `worst`: scene and quantity that have them.
         differing: Quantities out of tolerance, with the number of scenes.
-        reason: What is said of the first scene that does not pass, or why there is none.
+        reason: The sentence on the first scene that does not pass, or why there is none.
         shown, not_shown, failed: Cases of the casebook by what became of them.
     """
 
@@ -95,7 +94,7 @@ def matrix(
 
     Args:
         pairs: Versions of pin and of mujoco.
-        file: CSV file that rows are added to; those that it has already are kept. A journal beside it has the others.
+        file: CSV file that rows are added to; those that it has already are kept. See `grow_table`.
         make: Makes an environment, by uv or pip.
         scenes: As `screwgauge check` takes them; all built-in ones by default.
         cases: Names of discrepancies that are looked at.
@@ -122,7 +121,7 @@ def _name(pin: str, mujoco: str) -> str:
 
 
 def check_versions(names: Sequence[str], package: str) -> Sequence[str]:
-    """Refuses what is no version: it is handed to an installer."""
+    """Refuses a text that is no version, as an installer gets it."""
     for name in names:
         if not re.fullmatch(r"\d+(\.\w+)*", name):
             raise DescriptionError(f"'{name}' is no version", f"--{package}", "write 4.1.0, or 3.9.0,4.1.0")
@@ -146,23 +145,23 @@ def _checked_in(
         return VersionRow(pin, mujoco, "not installed", reason=str(error))
     lay_out(folder / "package")
     try:
-        found = _checked(python, folder, scenes)
+        outcome = _checked(python, folder, scenes)
     except CannotError as error:
-        found = {"status": "failed", "reason": str(error)}
+        outcome = {"status": "failed", "reason": str(error)}
     by: dict[str, list[str]] = {}
     for case, status in _shown(python, folder, [*cases]):
         by.setdefault(status, []).append(case)
     shown, not_shown = (" ".join(by.get(status, ())) for status in ("shown", "not shown"))
     failed = " ".join([*by.get("failed", ()), *by.get(CRASHED, ())])
-    return VersionRow(pin, mujoco, **found, shown=shown, not_shown=not_shown, failed=failed)
+    return VersionRow(pin, mujoco, **outcome, shown=shown, not_shown=not_shown, failed=failed)
 
 
 def requirements(**pinned: str) -> list[str]:
-    """What this package needs, some of it in one version only, with what that was built with."""
+    """Requirements of this package with some versions pinned, and what pinned wheels were built with."""
     needed = [text for text in requires("screwgauge") or () if "extra ==" not in text]
     names = [match[0] for text in needed if (match := re.match(r"[\w.-]+", text))]
-    found = [f"{name}=={pinned[name]}" if name in pinned else text for name, text in zip(names, needed, strict=True)]
-    return [*found, *(BUILT_WITH if int(pinned["pin"].split(".")[0]) < 4 else ())]
+    texts = [f"{name}=={pinned[name]}" if name in pinned else text for name, text in zip(names, needed, strict=True)]
+    return [*texts, *(BUILT_WITH if int(pinned["pin"].split(".")[0]) < 4 else ())]
 
 
 def fresh(folder: Path, wanted: Sequence[str]) -> Path:
@@ -182,19 +181,19 @@ def fresh(folder: Path, wanted: Sequence[str]) -> Path:
 
 
 def lay_out(folder: Path) -> None:
-    """This package, as it runs here and whatever it was installed from, for another Python."""
+    """Copies this package, as it runs here, for another Python."""
     for name in ("screwgauge", "screwgauge.reference", "screwgauge.models"):
         source = Path(str(import_module(name).__file__)).parent
         ignored = shutil.ignore_patterns("__pycache__")
         shutil.copytree(source, folder.joinpath(*name.split(".")), ignore=ignored, dirs_exist_ok=True)
-    said = folder / f"screwgauge-{screwgauge.__version__}.dist-info"
-    said.mkdir()
+    metadata = folder / f"screwgauge-{screwgauge.__version__}.dist-info"
+    metadata.mkdir()
     text = f"Metadata-Version: 2.1\nName: screwgauge\nVersion: {screwgauge.__version__}\n"
-    (said / "METADATA").write_text(text, encoding="utf-8")
+    (metadata / "METADATA").write_text(text, encoding="utf-8")
 
 
 def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[int] = (0,)) -> str:
-    """What a command prints.
+    """Standard output of a command.
 
     Args:
         folder: Where this package is laid out, if it is a command of it.
@@ -218,7 +217,7 @@ def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[in
 
 
 def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any]:
-    """What `screwgauge check --smoke` finds, in the terms of a row."""
+    """The result of `screwgauge check --smoke` as fields of a row."""
     command = [str(python), "-m", "screwgauge.cli", "check", *scenes, "--smoke", "--json", "--out", str(folder / "out")]
     text = _run(command, folder, (0, 1, 3))
     try:
@@ -235,7 +234,7 @@ def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any
     fewest, worst = min(pairs, default=(float("nan"), ""))
     out = Counter(name for row in bad for name in dict.fromkeys(_beyond(row["errors"])))
     failed = any(row["status"] in ("failed", "refused") for row in bad)
-    said: Mapping[str, Any] = bad[0] if bad else {"scene": "", "sentence": ""}
+    first: Mapping[str, Any] = bad[0] if bad else {"scene": "", "sentence": ""}
     return {
         "status": "failed" if failed else "differ" if bad or not rows else "agree",
         "passing": len(rows) - len(bad),
@@ -243,7 +242,7 @@ def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any
         "digits": round(fewest, 1),
         "worst": worst,
         "differing": ", ".join(f"{name} {n}" for name, n in out.most_common()),
-        "reason": f"{said['scene']}: {said['sentence']}" if bad else "",
+        "reason": f"{first['scene']}: {first['sentence']}" if bad else "",
     }
 
 
@@ -253,7 +252,7 @@ def _beyond(errors: Iterable[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _shown(python: Path, folder: Path, cases: list[str]) -> Iterator[tuple[str, str]]:
-    """What becomes of each case. One that takes its process with it is said to have, and the others go on."""
+    """The status of each case. One that takes its process along is `CRASHED`, and the others go on."""
     while cases:
         try:
             text = _run([str(python), "-m", "screwgauge.study.matrix", *cases], folder, ())

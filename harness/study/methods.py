@@ -1,20 +1,27 @@
-"""Methods and problems that are put to them, wherever they run, and why one fails. Imported by processes of engines."""
+"""Methods, the problems put to them, and checks of what they answer. Imported by the processes of engines.
+
+Engines of other packages return what they like. What gets past `sound` is plain data that can be compared, judged and
+shown without another look, so that a bad answer costs its own row only; the checks at the end are for completeness.
+"""
 
 from __future__ import annotations
 
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import redirect_stdout
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from screwgauge.engines.registry import Engine, EngineModel, get_engine
+import numpy as np
+
+from screwgauge.engines.registry import Engine, EngineModel, engine_names, get_engine
 from screwgauge.problem import ModelFiles, Problem, Progress, States
+from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, ModelFileError, ScrewgaugeError, UnknownNameError, first_few
-from screwgauge.solution import Failure, Solution
-from screwgauge.study.sound import LONG, shortened, sound
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Cost, Failure, Solution, Timing, Values, empty
 
 if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
@@ -25,7 +32,7 @@ DOUBTS = 3  # about the models or the engines, that a sentence names
 
 
 def missing(error: ImportError, engine: Engine | None = None) -> str:
-    """What to install for a module that is not there, or was not built for what is there."""
+    """What to install for a module that is missing, or that was built for other versions."""
     package = engine.package if engine is not None else (error.name or "it").split(".")[0]
     if isinstance(error, ModuleNotFoundError):
         return f"not installed ({error}); pip install {package}"
@@ -33,13 +40,13 @@ def missing(error: ImportError, engine: Engine | None = None) -> str:
 
 
 def failure(error: BaseException, name: str, folder: Path, engine: Engine | None = None) -> Failure:
-    """What a method raised, in one line and without the folder of generated files, which goes with them."""
+    """An exception as a failure: one line, without the name of the temporary folder of generated files."""
     try:
-        said = str(error) or "nothing more is said"  # as Python does of memory
+        message = str(error) or "nothing more is said"  # as Python does of memory
     except Exception:  # an error of another package, which may be wrong, too
-        said = "what it says cannot be read"
-    said = shortened(" ".join(said[: 2 * LONG].split()).replace(f"{folder}/", ""), LONG)
-    reason = f"{type(error).__name__}: {said}"
+        message = "what it says cannot be read"
+    message = shortened(" ".join(message[: 2 * LONG].split()).replace(f"{folder}/", ""), LONG)
+    reason = f"{type(error).__name__}: {message}"
     if isinstance(error, ImportError):
         reason = missing(error, engine)
     return Failure(name, shortened(reason, LONG), "".join(traceback.format_exception(error))[-TRACE:])
@@ -76,7 +83,7 @@ class Method:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EngineTask:
-    """A problem for an engine, wherever it is asked. Data only; it pickles.
+    """A problem for an engine, solved here or in a process of its own. Data only; it pickles.
 
     Attributes:
         folder: Where the generated models are.
@@ -100,7 +107,7 @@ class EngineTask:
             MemoryError: There is not enough memory.
         """
         try:
-            with redirect_stdout(sys.stderr):  # what an engine prints is no part of what a command says
+            with redirect_stdout(sys.stderr):  # what an engine prints is no output of a command
                 model = self.engine.load(self.files)
                 answer = model.solve(self._ordered(model), progress)
             answer = replace(sound(answer, len(self.problem.task)), engine=self.engine.name)
@@ -111,29 +118,239 @@ class EngineTask:
             return self.failure(error)
 
     def _with_mismatch(self, answer: Solution, scene: Scene) -> Solution:
-        """The answer with what the user's own model file says otherwise than the description."""
-        from screwgauge.study.model_mismatch import departures, physical_mismatch
+        """The answer with notes on differences between the user's model file and the description."""
+        from screwgauge.study.user_files import departures, physical_mismatch
 
-        said = departures(scene, self.engine.name, self.files)
-        physical = physical_mismatch(scene, self.engine.name, self.files) if said else ()
-        notes, warnings = (*answer.notes, *said), (*answer.warnings, *said)
+        mismatch = departures(scene, self.engine.name, self.files)
+        physical = physical_mismatch(scene, self.engine.name, self.files) if mismatch else ()
+        notes, warnings = (*answer.notes, *mismatch), (*answer.warnings, *mismatch)
         return replace(answer, notes=notes, warnings=warnings, otherwise=physical)
 
     def failure(self, error: BaseException) -> Failure:
-        """What was raised, as a failure, with what the user's own model file says otherwise than the description."""
+        """An exception as a failure, with physical differences between the user's model file and the description."""
         if self.scene is not None and isinstance(error, DescriptionError | ModelFileError | UnknownNameError):
             raise error
-        found = failure(error, self.engine.name, self.folder, self.engine)
+        raised = failure(error, self.engine.name, self.folder, self.engine)
         if self.scene is None or not isinstance(error, ScrewgaugeError):
-            return found
-        from screwgauge.study.model_mismatch import physical_mismatch
+            return raised
+        from screwgauge.study.user_files import physical_mismatch
 
-        said = first_few(physical_mismatch(self.scene, self.engine.name, self.files), DOUBTS, "; ")
-        return replace(found, reason=f"{found.reason} The models differ: {said}." if said else found.reason)
+        differences = first_few(physical_mismatch(self.scene, self.engine.name, self.files), DOUBTS, "; ")
+        return replace(raised, reason=f"{raised.reason} The models differ: {differences}.") if differences else raised
 
     def _ordered(self, model: EngineModel) -> Problem:
-        """The problem with the independent coordinates in the order in which a model file of one's own lists them."""
+        """The problem with the independent coordinates in the order of the user's model file."""
         labels, own, task = list(self.labels), getattr(model, "independent", ()), self.problem.task
         if list(own) == labels or {*own} != {*labels} or isinstance(task, States):
             return self.problem
         return replace(self.problem, task=task.ordered([labels.index(label) for label in own]))
+
+
+LONG, SHORT, MOST = 2000, 200, 100  # characters of a note, of a name; notes, timings
+
+
+def sound(answer: object, n: int) -> Solution:
+    """An answer for n samples, made of nothing but numbers and texts; long texts are cut, with a remark.
+
+    Raises:
+        TypeError, ValueError: It is no such answer; the message names what is wrong.
+    """
+    if not isinstance(answer, Solution):
+        raise TypeError(f"its answer is of type {type(answer).__name__}, not a Solution")
+    values = {name: _values(name, one, n) for name, one in _items("values", answer.values)}
+    shapes = {name: one.array.shape for name, one in values.items()}
+    estimate, conditions = (_over_time(what, getattr(answer, what), n) for what in ("estimate", "conditions"))
+    return Solution(
+        engine=shortened(answer.engine, SHORT),
+        version=shortened(answer.version, SHORT),
+        values=values,
+        condition=_sizes("condition", answer.condition, n),
+        timings=tuple(map(_timing, _some("timings", answer.timings))),
+        notes=_texts("notes", answer.notes),
+        tolerances={name: _floats("tolerances", by_unit) for name, by_unit in _items("tolerances", answer.tolerances)},
+        stated=_floats("stated", answer.stated),
+        radius={x: _numbers(f"radius of {x}", r, shapes.get(x, ())) for x, r in _items("radius", answer.radius)},
+        estimate=estimate,
+        conditions={name: empty(n) for name in estimate} | conditions,  # not known of those without
+        assembly=None if answer.assembly is None else _numbers("assembly", answer.assembly, (n, None)),
+        rows=None if answer.rows is None else _rows(answer.rows, n),
+        setting=shortened(answer.setting, LONG),
+        work=None if answer.work is None else _numbers("work", answer.work, (n,)),
+        stopped=shortened(answer.stopped, LONG),
+        cost=None if answer.cost is None else _cost(answer.cost),
+        warnings=_texts("warnings", answer.warnings),
+        otherwise=_texts("otherwise", answer.otherwise),
+    )
+
+
+def shortened(text: object, most: int) -> str:
+    """A text of at most `most` characters, with the number of those cut off.
+
+    Raises:
+        TypeError: It is no text.
+    """
+    if not isinstance(text, str):
+        raise TypeError(f"a text is of type {type(text).__name__}")
+    return str(text) if len(text) <= most else f"{text[:most]}... ({len(text) - most} more characters)"
+
+
+def _texts(what: str, texts: object) -> tuple[str, ...]:
+    some = _some(what, texts)
+    return tuple(shortened(text, LONG) for text in some)
+
+
+def _some(what: str, items: object) -> list[Any]:
+    """The items of a tuple or list of at most `MOST`."""
+    if not isinstance(items, (tuple, list)):
+        raise TypeError(f"its {what} are of type {type(items).__name__}, not a tuple")
+    if len(items) > MOST:
+        raise ValueError(f"{len(items)} {what}, more than {MOST}")
+    return list(items)
+
+
+def _items(what: str, table: object) -> Iterator[tuple[str, Any]]:
+    """Entries of a mapping from quantities."""
+    if not isinstance(table, Mapping):
+        raise TypeError(f"its {what} are of type {type(table).__name__}, not a mapping")
+    for name, value in table.items():
+        if not isinstance(name, str) or len(name) > SHORT:
+            raise ValueError(f"its {what} have '{name!s:.100}', which is no quantity")
+        yield name, value
+
+
+def _values(name: str, values: object, n: int) -> Values:
+    if not isinstance(values, Values):
+        raise TypeError(f"its {name} is of type {type(values).__name__}, not Values")
+    array = _numbers(name, values.array, (None, None))
+    if len(array) != n:
+        raise ValueError(f"{len(array)} samples of {name} for {n} times")
+    components, units = (_names(name, texts) for texts in (values.components, values.units))
+    if len({*components}) < len(components):
+        raise ValueError(f"two components of its {name} have one name")
+    return Values(components, units, array)
+
+
+def _names(what: str, texts: Iterable[object]) -> tuple[str, ...]:
+    return tuple(shortened(text, SHORT) for text in texts)
+
+
+def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
+    """An array of doubles of a shape, in which None is any length."""
+    if type(array) is not np.ndarray:  # of a masked one, say, some numbers do not count
+        raise TypeError(f"its {what} is of type {type(array).__name__}, not an array of numbers")
+    if array.dtype.kind not in "fiu":
+        raise TypeError(f"its {what} is an array of {array.dtype.name}, not of real numbers")
+    if array.ndim != len(shape) or any(m not in (None, k) for m, k in zip(shape, array.shape, strict=True)):
+        wanted = ", ".join("any" if m is None else str(m) for m in shape)
+        raise ValueError(f"its {what} has shape {array.shape}, not ({wanted})")
+    return array if array.dtype == np.float64 else array.astype(float)
+
+
+def _sizes(what: str, array: object, n: int) -> Array:
+    """A number for each sample, not negative, or NaN."""
+    sizes = _numbers(what, array, (n,))
+    if (sizes < 0.0).any():
+        raise ValueError(f"its {what} has negative numbers")
+    return sizes
+
+
+def _over_time(what: str, by_name: object, n: int) -> dict[str, Array]:
+    return {name: _sizes(f"{what} of {name}", array, n) for name, array in _items(what, by_name)}
+
+
+def _floats(what: str, table: object) -> dict[str, float]:
+    if not isinstance(table, Mapping):
+        raise TypeError(f"its {what} are of type {type(table).__name__}, not a mapping")
+    return {shortened(name, SHORT): float(value) for name, value in table.items()}
+
+
+def _rows(rows: object, n: int) -> Any:
+    """Indices of samples, ascending."""
+    if type(rows) is not np.ndarray or rows.dtype.kind not in "iu" or rows.ndim != 1:
+        raise TypeError("its rows are not an array of indices")
+    if len(rows) and not (rows[0] >= 0 and rows[-1] < n and (np.diff(rows.astype(np.int64)) > 0).all()):
+        raise ValueError(f"its rows are not ascending indices of {n} samples")
+    return rows.astype(np.intp)
+
+
+def _timing(timing: object) -> Timing:
+    if not isinstance(timing, Timing):
+        raise TypeError(f"a timing is of type {type(timing).__name__}")
+    engine, setting, stage, n, least, median, covers = astuple(timing)
+    engine, setting, stage, covers = (shortened(text, LONG) for text in (engine, setting, stage, covers))
+    return Timing(engine, setting, stage, int(n), float(least), float(median), covers)
+
+
+def _cost(cost: object) -> Cost:
+    if not isinstance(cost, Cost):
+        raise TypeError(f"its cost is of type {type(cost).__name__}")
+    return Cost(float(cost.wall_s), float(cost.cpu_s), int(cost.steps), int(cost.evaluations))
+
+
+Expected = Mapping[str, tuple[str, ...]]
+"""Quantity -> component names that an answer must have."""
+
+
+class LeftOutError(Exception):
+    """An answer that lacks requested quantities."""
+
+
+def left_out(engine: str, wanted: Collection[str], answer: Solution) -> tuple[str, ...]:
+    """Requested quantities that an answer lacks, except those that the engine's entry excepts."""
+    return tuple(q for q in QUANTITIES if q in wanted and q not in answer.values and q not in _lacks(engine))
+
+
+def without(quantities: Iterable[str]) -> str:
+    """The sentence on an answer that lacks quantities."""
+    return f"gives no {', '.join(quantities)}, though asked for"
+
+
+def excepted(engine: str, wanted: Collection[str]) -> Iterator[str]:
+    """Notes from an engine's entry on requested quantities that it cannot give."""
+    return (f"gives no {name}: {why}" for name, why in _lacks(engine).items() if name in wanted)
+
+
+def _lacks(engine: str) -> Mapping[str, str]:
+    """Exceptions of an entry; none of a method without an entry, such as the paper's scheme."""
+    return get_engine(engine).lacks if engine in engine_names() else {}
+
+
+def check_whole(engine: str, problem: Problem, answer: Solution) -> Solution:
+    """The answer, if it has all requested quantities.
+
+    Raises:
+        LeftOutError: It has not.
+    """
+    if lost := left_out(engine, problem.wanted, answer):
+        raise LeftOutError(without(lost))
+    return answer
+
+
+def check_components(answer: Solution, n: int, expected: Expected) -> None:
+    """Refuses an answer with other samples or components than the description has."""
+    for quantity, values in answer.values.items():
+        if len(values.array) != n:
+            raise ValueError(f"{len(values.array)} samples of {quantity} for {n} times")
+        odd = [name for name in {*values.components} ^ {*expected.get(quantity, values.components)} if name]
+        if odd:
+            raise ModelFileError(
+                f"its {quantity} and that of the description differ in '{min(odd)}'",
+                f"model of {answer.engine}",
+                "describe the same joints, bodies and actuators in the model, its loops file and the description",
+            )
+
+
+def check_units(answer: Solution, units: Mapping[str, Mapping[str, str]], coordinates: int) -> None:
+    """Refuses an answer in other units than those of the description, or with an assembly of another mechanism.
+
+    Args:
+        units: Quantity -> component -> unit.
+        coordinates: Of all joints.
+    """
+    for quantity in {*answer.values} & {*units}:
+        values = answer.values[quantity]
+        for name, unit in zip(values.components, values.units, strict=True):
+            if unit != (wanted := units[quantity].get(name, unit)):
+                raise ValueError(f"its {quantity} has {name} in '{unit}', not '{wanted}'")
+    if answer.assembly is not None and answer.assembly.shape[1] != coordinates:
+        raise ValueError(f"its assembly has {answer.assembly.shape[1]} coordinates, not {coordinates}")

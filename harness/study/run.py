@@ -1,4 +1,7 @@
-"""Runs a scene: every engine on its own model file, then comparison and judgement."""
+"""Runs a scene: every engine on its own model file, then comparison and judgement.
+
+Of a simulation observables, conditions and the known solution are compared, too.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +21,13 @@ from screwgauge.environment import environment
 from screwgauge.judging.assembly import assembly_of
 from screwgauge.judging.charts import in_one_chart
 from screwgauge.judging.compare import compare, nothing
+from screwgauge.judging.conditioning import passed
 from screwgauge.judging.coverage import coverage
-from screwgauge.judging.integration import with_estimate
+from screwgauge.judging.integration import LOOSER, with_estimate
 from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import Refusal, refusals
 from screwgauge.judging.residual import JUDGE_COLUMNS, PAIR_COLUMNS, SizedResidual, frame
+from screwgauge.problem import Report, silent
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError
@@ -30,31 +35,22 @@ from screwgauge.reference.files import is_file
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mobility import Mobility, mobility
 from screwgauge.scene.motion import Sampled
-from screwgauge.scene.preflight import check_actuation, check_scene, doubts, far_from_home
+from screwgauge.scene.observables import Known, known_values, observe
+from screwgauge.scene.preflight import beyond_limits, check_actuation, check_scene, doubts, far_from_home
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
-from screwgauge.solution import REFERENCE, Solution
-from screwgauge.study.comparison import Comparison
-from screwgauge.study.completeness import left_out, without
-from screwgauge.study.executors import Report
-from screwgauge.study.provenance import provenance
-from screwgauge.study.runner import (
-    ask_engines,
-    description_file,
-    generated,
-    load_engines,
-    model_files,
-    silent,
-)
-from screwgauge.study.simulated import MOTION, asked_of_engines, doubtful, ends, loosened, observed
-from screwgauge.study.user_data import check_tables, judge_table, recorded, with_factors
+from screwgauge.solution import REFERENCE, Failure, Solution
+from screwgauge.study.comparison import Comparison, provenance
+from screwgauge.study.methods import left_out, without
+from screwgauge.study.solving import ask_engines, description_file, generated, load_engines, model_files
+from screwgauge.study.user_files import check_tables, judge_table, recorded, with_factors
 
 if TYPE_CHECKING:
     from screwgauge.study.isolation import Limits
 
 
 _Checked = tuple[Mobility, Names, Layout | None, tuple[str, ...], tuple[str, ...]]
-"""What the description alone says of a scene; a layout if it is simulated; quantities to compare; warnings."""
+"""Mobility, components and units of a scene; its layout if it is simulated; quantities to compare; warnings."""
 
 
 def run(
@@ -99,17 +95,17 @@ def run(
     own = {name: recorded(scene, name, components, wanted) for name in names if name in scene.tables}
     names = tuple(name for name in names if name not in own)
     with generated(scene) as folder:
-        asked = asked_of_engines(wanted) if scene.simulated else wanted
-        expected = {name: found for name, (found, _) in components.items()}
-        units = {} if scene.simulated else {q: dict(zip(*found, strict=True)) for q, found in components.items()}
-        answers, failures = ask_engines(scene, names, asked, folder, progress, expected, limits, units)
+        requested = asked_of_engines(wanted) if scene.simulated else wanted
+        expected = {name: named for name, (named, _) in components.items()}
+        units = {} if scene.simulated else {q: dict(zip(*named, strict=True)) for q, named in components.items()}
+        answers, failures = ask_engines(scene, names, requested, folder, progress, expected, limits, units)
         files = {name: model_files(scene, name, folder).model for name in names}
         files |= {name: file for name in own if (file := scene.tables[name].file)}
         judged_files = provenance(scene, files, description=description_file(scene, folder), date=date)
     progress("comparison", 0.0)
     mechanism, problem = scene.mechanism, scene.problem(wanted)
     refused = [one for answer in answers.values() for one in refusals(mechanism, problem, answer)]
-    missing = list(_missing(asked, answers, len(scene.t)))
+    missing = list(_missing(requested, answers, len(scene.t)))
     answers = {name: _noted(scene, answer, [*refused, *missing]) for name, answer in answers.items()}
     judging = partial(judge, mechanism, problem, refused=refused, tolerance_of=scene.tolerance)
     judged = {name: judging(answer) for name, answer in answers.items()}
@@ -127,8 +123,8 @@ def run(
     errors, pairs = comparing(solutions, *held)
     unsure = doubtful(pairs, judged.values()) & {*answers} if lay is not None else set()
     if lay is not None and unsure:
-        with generated(scene) as folder:  # what integration leaves matters now: further runs, less exact
-            ask = partial(ask_engines, names=sorted(unsure), wanted=asked, folder=folder, progress=progress)
+        with generated(scene) as folder:  # the error of integration matters now: further runs with looser tolerances
+            ask = partial(ask_engines, names=sorted(unsure), wanted=requested, folder=folder, progress=progress)
             looser = [ask(each, expected=expected, limits=limits)[0] for each in loosened(scene)]
         for name in unsure:
             judged[name] = judging(answers[name], again=[runs[name] for runs in looser if name in runs])
@@ -164,13 +160,13 @@ def _known(pairs: pd.DataFrame, solutions: Mapping[str, Solution]) -> Iterator[s
     """Discrepancies of the casebook that the installed engines show and that touch what is out of tolerance."""
     bad = pairs[~pairs["ok"].astype(bool)]
     wrong, packages = {*bad["quantity"]}, {ENGINES[name].package for name in {*solutions} & {*ENGINES}}
-    for found in suspects(wrong, {*pairs["quantity"]} - wrong, packages) if wrong else ():
-        symptom = found.sentence.rstrip(".")
-        yield f"Known of {found.installed}: {symptom[0].lower()}{symptom[1:]} (casebook: {found.case.id})."
+    for case in suspects(wrong, {*pairs["quantity"]} - wrong, packages) if wrong else ():
+        symptom = case.sentence.rstrip(".")
+        yield f"Known of {case.installed}: {symptom[0].lower()}{symptom[1:]} (casebook: {case.case.id})."
 
 
 def _noted(scene: Scene, answer: Solution, refused: Sequence[Refusal]) -> Solution:
-    """An answer with what it lacks among its notes."""
+    """An answer with notes on what it lacks."""
     notes = [one.sentence for one in refused if one.engine == answer.engine]
     if not scene.simulated and assembly_of(scene.mechanism, answer) is None:
         notes.append("its assembly is not known, as it gives no joint positions: nothing of it can be judged")
@@ -193,7 +189,7 @@ def facts(counted: Mobility) -> dict[str, object]:
 
 
 def _unread(scene: Scene, names: Collection[str]) -> Iterator[str]:
-    """Sentences on files that a scene names and that these engines leave alone."""
+    """Sentences on files that a scene names and that none of these engines reads."""
     for name in (name for name in scene.models if name not in names):
         yield f"{scene.models[name]} (models.{name}) is not read, as {name} does not run"
     for name in (name for name in scene.tables if name not in names):
@@ -235,7 +231,7 @@ def _check_given(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     counted, mechanism = check_scene(scene), scene.mechanism
     wanted, left = check_actuation(scene, counted, wanted)
     # those of a tree are the engine's own
-    given = {name: found for name, found in described(mechanism).items() if not name.startswith("tree_force")}
+    given = {name: named for name, named in described(mechanism).items() if not name.startswith("tree_force")}
     sampled = scene.drive.doubts([*mechanism.independent]) if isinstance(scene.drive, Sampled) else ()
     return counted, given, None, wanted, (*left, *far_from_home(scene), *sampled)
 
@@ -247,10 +243,10 @@ def _check_simulated(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     return counted, given, lay, wanted, warnings
 
 
-def _missing(asked: Sequence[str], answers: Mapping[str, Solution], n: int) -> Iterator[Refusal]:
-    """What engines were asked for and do not give at any of the n samples."""
+def _missing(requested: Sequence[str], answers: Mapping[str, Solution], n: int) -> Iterator[Refusal]:
+    """Requested quantities that engines give at none of the n samples."""
     for name, answer in answers.items():
-        if lost := left_out(name, asked, answer):
+        if lost := left_out(name, requested, answer):
             yield Refusal(name, lost, np.arange(n), without(lost), without(lost))
 
 
@@ -263,3 +259,91 @@ def _lost(
         for other in others or [""]:
             a, b = (other, name) if other not in ("", REFERENCE) else (name, other)
             yield nothing(quantity, a, b, reason, scene.tolerance(quantity))
+
+
+MOTION = SIMULATED[:3]
+#: Loosest tolerance of a further run: beyond it errors go with no tolerance.
+COARSEST = 0.1
+
+
+def asked_of_engines(wanted: Sequence[str]) -> tuple[str, ...]:
+    """Quantities requested of engines in a simulation: observables and conditions of poses follow from positions."""
+    return tuple(name for name in MOTION if name in wanted or name == "joint_position")
+
+
+def observed(scene: Scene, lay: Layout, answers: Mapping[str, Solution], wanted: Sequence[str]) -> dict[str, Solution]:
+    """Simulated motions with what is compared of them, and the reference of the scene, if it has one."""
+    solutions = {
+        name: _observed(scene, lay, answer, wanted)
+        for name, answer in answers.items()
+        if "joint_position" in answer.values
+    }
+    if scene.known is not None and "observable" in wanted:
+        solutions[REFERENCE] = _reference(scene, scene.known)
+    return solutions
+
+
+def loosened(scene: Scene) -> list[Scene]:
+    """The scene with the looser tolerances of the runs that estimate the error of integration."""
+    steps = scene.start.integration
+    looser = [replace(steps, rtol=min(x * steps.rtol, COARSEST), atol=x * steps.atol) for x in LOOSER]
+    return [replace(scene, task=replace(scene.start, integration=each)) for each in looser]
+
+
+def doubtful(pairs: pd.DataFrame, judged: Iterable[pd.DataFrame]) -> set[str]:
+    """Engines with a number out of tolerance: the error of their integration has to be known."""
+    bad = pairs[~pairs["ok"].astype(bool) & np.isfinite(pairs["max_scaled"].astype(float))]
+    energy = [one[(one["residual"] == "energy_balance") & ~one["ok"].astype(bool)] for one in judged if len(one)]
+    return {*bad["a"], *bad["b"], *(name for one in energy for name in one["engine"])}
+
+
+def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]) -> Solution:
+    """A simulated motion with its observables, and the conditions and error estimates of its poses."""
+    n, m = len(scene.t), answer.n_solved
+    values = {name: answer.values[name] for name in MOTION if name in wanted and name in answer.values}
+    q = answer.values["joint_position"].array[:m]
+    if "observable" in wanted:
+        has = observe(lay, scene.observables, q)
+        array = np.pad(has.array, ((0, n - m), (0, 0)), constant_values=np.nan)
+        values = {"observable": replace(has, array=array), **values}
+    met, estimate, note = passed(lay, q, scene.t[:m], scene.start.integration.near)
+    estimate = np.pad(estimate, (0, n - m), constant_values=np.inf)  # there is no number
+    met = np.pad(met, (0, n - m), mode="edge")
+    cost, beyond = answer.cost, beyond_limits(scene.mechanism, q)
+    doubts = [f"{beyond[1]} at t = {scene.t[beyond[0]]:g} s; limits are no stops here"] if beyond else []
+    notes = (
+        f"stopped: {answer.stopped}" if answer.stopped else "",
+        f"{answer.setting}: {cost.steps} steps, {cost.evaluations} evaluations of the accelerations" if cost else "",
+        *answer.notes,
+        note,
+        *doubts,
+    )
+    return replace(
+        answer,
+        values=values,
+        estimate=dict.fromkeys(values, estimate),
+        conditions=dict.fromkeys(values, met),
+        notes=tuple(filter(None, notes)),
+        warnings=(*answer.warnings, *doubts),
+    )
+
+
+def _reference(scene: Scene, known: Known) -> Solution:
+    """The reference of the scene, at those of its times that the scene has."""
+    values, rows = known_values(known, scene.observables, scene.t, scene.name)
+    n = len(scene.t)
+    solved = None if len(rows) == n else rows
+    return Solution(REFERENCE, "", {"observable": values}, np.full(n, np.nan), notes=(known.source,), rows=solved)
+
+
+def ends(
+    scene: Scene, wanted: Sequence[str], answers: Mapping[str, Solution], failures: Mapping[str, Failure]
+) -> Iterator[tuple[str, str, str]]:
+    """Quantity, engine and reason where one failed, or stopped before the end of a simulation."""
+    quantity = "observable" if "observable" in wanted else wanted[0]
+    for failure in failures.values():
+        yield quantity, failure.engine, failure.reason
+    for name, answer in answers.items():
+        if answer.n_solved < len(scene.t):
+            t = scene.t[answer.n_solved - 1]
+            yield quantity, name, f"{name} has nothing after t = {t:g} s: {answer.stopped}"

@@ -1,4 +1,4 @@
-"""A scene with more samples than memory holds: solved part after part, each handed over and then forgotten."""
+"""A scene with more samples than memory holds, solved part after part; each is handed over and then forgotten."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.preflight import SampleWalk, check_home, delivered
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.solution import Solution
-from screwgauge.study.runner import solve
+from screwgauge.study.solving import solve
 
 PART = 4096  # samples: walking along them takes some 50 MB, and preparing a part a twentieth of its time
 

@@ -1,11 +1,16 @@
-"""Runs stress cases, rung by rung; whatever goes wrong on a rung is a row."""
+"""Stress: the cases of ``cases/cases.toml``, ladders of one severity each, and their rungs, run as tasks.
+
+What is put to engines on a rung is in ``cases``; no case is imported before it is asked.
+"""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+import tomllib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -14,22 +19,115 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.environment import environment, json_text
-from screwgauge.judging.residual import columns_of, frame
-from screwgauge.problem import Progress
-from screwgauge.reference.errors import DescriptionError
-from screwgauge.study.cases.case import SILENT, Finding, StressCase
-from screwgauge.study.cases.question import findings
-from screwgauge.study.cases.registry import choose
-from screwgauge.study.executors import Executor, InTurn, Report, Task
-from screwgauge.study.journal import Journal
+from screwgauge.judging.residual import frame
+from screwgauge.problem import Progress, Report, silent
+from screwgauge.reference.errors import DescriptionError, check_choice
+from screwgauge.study.cases.question import SILENT, Finding, Question, findings
+from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import missing
-from screwgauge.study.provenance import provenance
-from screwgauge.study.runner import run_tasks, silent
+from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
+from screwgauge.study.store import Journal, is_record
+
+Ask = Callable[[float, bool, Path], Iterable[Question]]
+"""(severity, quick, folder for model files) -> the questions of a rung. A function of a module, so that it pickles."""
+
+
+@dataclass(frozen=True, slots=True)
+class StressCase:
+    """A ladder. Data only; it pickles.
+
+    Attributes:
+        name: As on the command line.
+        title: What is made extreme, for the heading of its plot.
+        axis: What the severity is, with its unit.
+        about: What is measured and what is to be seen, for the report.
+        drawn: Quantity of the small plot.
+        low, high: Range of the severity.
+        full, quick: Severities of its rungs.
+        ask: Makes the questions of a rung.
+        falling: Whether small severities are the severe ones.
+        whole: Whether severities are counts.
+    """
+
+    name: str
+    title: str
+    axis: str
+    about: str
+    drawn: str
+    low: float
+    high: float
+    full: Sequence[float]
+    quick: Sequence[float]
+    ask: Ask
+    falling: bool = False
+    whole: bool = False
+
+    @property
+    def span(self) -> str:
+        """Its severity and the range of that, in words."""
+        return f"{self.axis}, {self.low:g} to {self.high:g}"
+
+    def rungs(self, *, quick: bool = False, severities: Sequence[float] | None = None) -> list[float]:
+        """The given severities, or those of a full or quick run, once each.
+
+        Raises:
+            DescriptionError: A severity is outside the case's range, or there is none.
+        """
+        where = f"case {self.name}"
+        if severities is not None and not len(severities):
+            raise DescriptionError("there is no severity", where, f"give some within {self.span}")
+        for value in severities or ():
+            if self.whole and value != int(value):
+                raise DescriptionError(f"severity {value:g} is no count", where, "give whole numbers")
+            if not self.low <= value <= self.high:
+                raise DescriptionError(
+                    f"severity {value:g} is outside {self.low:g} to {self.high:g} ({self.axis})",
+                    where,
+                    "give one within",
+                )
+        return list(dict.fromkeys(severities or (self.quick if quick else self.full)))
+
+
+def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
+    """Powers of ten with exponents from `first` to `last`, both included."""
+    sign = 1 if last >= first else -1
+    return tuple(float(f"1e{k}") for k in range(first, last + sign, sign * step))
+
+
+def _case(ask: str, full: Any, quick: Any, **rest: Any) -> StressCase:
+    """An entry of the file."""
+    return StressCase(**rest, full=_rungs(full), quick=_rungs(quick), ask=partial(_questions, *ask.split(":")))
+
+
+def _questions(module: str, name: str, severity: float, quick: bool, folder: Path) -> Iterable[Question]:
+    """The questions of a rung, by the function that an entry of the file names."""
+    ask: Ask = getattr(import_module(f"screwgauge.study.cases.{module}"), name)
+    return ask(severity, quick, folder)
+
+
+def _rungs(given: Sequence[float] | dict[str, Any]) -> tuple[float, ...]:
+    return (*given.get("at", ()), *decades(*given["decades"])) if isinstance(given, dict) else tuple(given)
+
+
+_FILE = Path(__file__).with_name("cases") / "cases.toml"
+#: Name -> case, in the order in which they are run.
+CASES = {entry["name"]: _case(**entry) for entry in tomllib.loads(_FILE.read_text(encoding="utf-8"))["cases"]}
+
+
+def choose(names: Iterable[str] | None) -> list[StressCase]:
+    """The named cases in the order of the table, all by default.
+
+    Raises:
+        DescriptionError: A name is not known.
+    """
+    wanted = list(CASES) if names is None else check_choice("case", names, CASES)
+    return [case for name, case in CASES.items() if name in wanted]
+
 
 #: Column of ``stress.csv`` -> attribute of a `Finding`.
 COLUMNS = {
     **{name: name for name in ("case", "severity", "engine", "quantity", "digits", "condition", "time_s", "verdict")},
-    "reason": "told",
+    "reason": "explanation",
 }
 #: File of rungs that interrupted stress goes on from.
 NAME = "stress.partial.jsonl"
@@ -39,7 +137,7 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stress:
-    """What the ladders found.
+    """Findings of all ladders.
 
     Attributes:
         cases: In the order run.
@@ -61,13 +159,21 @@ class Stress:
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """Why rungs have no rows of their own."""
+        """Reasons of rungs that broke."""
         return tuple(dict.fromkeys(row.reason for row in self.rows if row.engine == ALL))
 
     @property
     def table(self) -> pd.DataFrame:
         """The rows of ``stress.csv``."""
         return frame(self.rows, COLUMNS)
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """Findings of a rung, and how long it took [s]."""
+
+    rows: Sequence[Finding]
+    seconds: float = 0.0
 
 
 def stress(
@@ -94,44 +200,31 @@ def stress(
     if severities is not None and len(chosen) != 1:
         raise DescriptionError("severities are given", "--severity", "name the one case that they are of")
     ladders = [(case, severity) for case in chosen for severity in case.rungs(quick=quick, severities=severities)]
-    kept = Journal(journal, json_text([environment(), quick]), _is_rung)
-    rungs: list[dict[str, Any]] = run_tasks(
-        [Task(f"{case.name} {severity:g}", partial(_rung, case, severity, quick)) for case, severity in ladders],
+    kept = Journal(journal, json_text([environment(), quick]), lambda record: is_record(record, Rung))
+    rungs: list[Rung] = run_tasks(
+        [Task(f"{case.name} {severity:g}", partial(_climbed, case, severity, quick)) for case, severity in ladders],
         execute or InTurn(),
         kept,
-        lost=_broken,
+        lost=lambda name, reason: Rung([Finding("", a=ALL, reason=reason)]),
+        record=asdict,
+        restored=lambda record: Rung([Finding(**row) for row in record["rows"]], record["seconds"]),
         progress=progress,
     )
     rows, seconds = list[Finding](), dict.fromkeys((case.name for case in chosen), 0.0)
     for (case, severity), rung in zip(ladders, rungs, strict=True):
-        rows += [Finding(**{**row, "case": case.name, "severity": severity}) for row in rung["rows"]]
-        seconds[case.name] += rung["seconds"]
+        rows += [replace(row, case=case.name, severity=severity) for row in rung.rows]
+        seconds[case.name] += rung.seconds
     kept.remove()
     return Stress(tuple(chosen), tuple(rows), seconds, quick, environment(), provenance(None, {}))
 
 
-def _rung(case: StressCase, severity: float, quick: bool, progress: Progress) -> dict[str, Any]:
-    """What is found on a rung, as plain data, and how long it took."""
+def _climbed(case: StressCase, severity: float, quick: bool, progress: Progress) -> Rung:
     begin = perf_counter()
-    rows = [asdict(finding) for finding in climb(case, severity, quick=quick)]
-    return {"rows": rows, "seconds": perf_counter() - begin}
-
-
-def _broken(name: str, reason: str) -> dict[str, Any]:
-    """A rung that its process did not survive, as plain data."""
-    return {"rows": [asdict(Finding("", a=ALL, reason=reason))], "seconds": 0.0}
-
-
-def _is_rung(record: Mapping[str, Any]) -> bool:
-    """Whether a record is what `_rung` makes."""
-    known = columns_of(Finding)
-    rows, seconds = record.get("rows"), record.get("seconds")
-    sound = isinstance(rows, list) and all(isinstance(row, dict) and row.keys() == known.keys() for row in rows)
-    return sound and isinstance(seconds, float)
+    return Rung(climb(case, severity, quick=quick), perf_counter() - begin)
 
 
 def climb(case: StressCase, severity: float, *, quick: bool = False) -> list[Finding]:
-    """What is found on one rung; a rung that breaks is one finding of `ALL`."""
+    """Findings of one rung; a rung that breaks is one finding of `ALL`."""
     try:
         # extremes are the point; what comes of them is judged
         with np.errstate(all="ignore"), tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:

@@ -96,27 +96,34 @@ def coupling_rows(tree: SpanningTree, q: Array) -> Array:
     return rows
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class ConstraintEquations:
-    """All closures and couplings of a tree at states; rows first of the closures.
+    """All closures and couplings of a tree in motion without accelerations; rows first of the closures."""
 
-    Attributes:
-        gap: What is open [m or rad]. Shape (n, m).
-        rows: Its rate at unit velocities. Shape (n, m, n_freedom).
-        bias: Second derivative of the gaps at zero accelerations, Jdot v; of a welded turn where it is closed. (n, m).
-    """
+    tree: SpanningTree
+    states: TreeStates
+    motion: TreeMotion
 
-    gap: Array
-    rows: Array
-    bias: Array
+    @cached_property
+    def gap(self) -> Array:
+        """What is open [m or rad]. Shape (n, m)."""
+        return residual(self.tree, self.states, self.motion)
+
+    @cached_property
+    def rows(self) -> Array:
+        """Rate of the gaps at unit velocities. Shape (n, m, n_freedom)."""
+        return constraint_rows(self.tree, self.motion, self.states.q)
+
+    @cached_property
+    def bias(self) -> Array:
+        """Second derivative of the gaps, Jdot v; of a welded turn where it is closed. Shape (n, m)."""
+        return residual(self.tree, self.states, self.motion, 2)
 
 
 def equations(tree: SpanningTree, states: TreeStates) -> ConstraintEquations:
     """Of all closures and couplings."""
     states = replace(states, qdd=np.zeros_like(states.qdd))
-    motion = move(tree, states)
-    gap, bias = (residual(tree, states, motion, order) for order in (0, 2))
-    return ConstraintEquations(gap, constraint_rows(tree, motion, states.q), bias)
+    return ConstraintEquations(tree, states, move(tree, states))
 
 
 def residual(tree: SpanningTree, states: TreeStates, motion: TreeMotion, order: int = 0) -> Array:

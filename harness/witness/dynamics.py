@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.reference.rotations import Array, cross, lanes, quaternion_rotation, skew, times
-from screwgauge.witness.kinematics import TreeMotion, move
+from screwgauge.witness.kinematics import TreeMotion, move, unit_twists
 from screwgauge.witness.tree import FREEDOMS, MassProperties, SpanningTree, TreeStates
 
 
@@ -58,20 +58,20 @@ def kinetic_energy(motion: TreeMotion) -> Array:
 
 
 def along(motion: TreeMotion, wrenches: Array) -> Array:
-    """Power of wrenches at the centres of mass of the bodies, see `NewtonEuler`, at unit velocities.
+    """Power of wrenches at the centres of mass of the bodies, see `NewtonEulerTerms`, at unit velocities.
 
     Args:
-        wrenches: Shape (n, n_body, 6).
+        wrenches: Shape (..., n, n_body, 6).
 
     Returns:
-        Shape (n, n_freedom).
+        Shape (..., n, n_freedom).
     """
     tree, force = motion.tree, wrenches[..., :3]
     number, _, turns = tree.velocity
     # all that a velocity moves, moments about the world's origin, then about the joint
-    whole = tree.moves.T @ np.concatenate([force, wrenches[..., 3:] + cross(motion.com.p, force)], axis=2)
+    whole = tree.moves.T @ np.concatenate([force, wrenches[..., 3:] + cross(motion.com.p, force)], axis=-1)
     moment = whole[..., 3:] - cross(motion.links.p[:, number], whole[..., :3])
-    return np.asarray(np.sum(motion.axes * np.where(turns[:, None], moment, whole[..., :3]), axis=2))
+    return np.asarray(np.sum(motion.axes * np.where(turns[:, None], moment, whole[..., :3]), axis=-1))
 
 
 def mass_matrix(motion: TreeMotion) -> Array:
@@ -81,10 +81,7 @@ def mass_matrix(motion: TreeMotion) -> Array:
         Shape (n, n_freedom, n_freedom).
     """
     tree = motion.tree
-    number, _, turns = tree.velocity
-    turns, e = turns[:, None], motion.axes
-    linear = np.where(turns, cross(motion.links.p[:, number], e), e)
-    rates = np.concatenate([np.where(turns, e, 0.0), linear], axis=2)
+    number, rates = tree.velocity[0], unit_twists(motion)
     carried = np.einsum("bi,nbjk->nijk", tree.moves, _inertia_at_origin(motion), optimize=True)
     momenta = (carried @ rates[..., None])[..., 0]
     product = rates @ np.swapaxes(momenta, 1, 2)  # of velocity i on the momentum of what j carries

@@ -144,6 +144,36 @@ def _move(tree: SpanningTree, states: TreeStates) -> TreeMotion:
     return TreeMotion(tree, Moving(R, p, w, v, b, _outward(tree, a)), e)
 
 
+def unit_twists(motion: TreeMotion) -> Array:
+    """Angular velocity over that of the point in the world's origin, of what each unit velocity moves. (n, f, 6)."""
+    number, _, turns = motion.tree.velocity
+    lever = cross(motion.links.p[:, number], motion.axes)
+    spins = turns[:, None]
+    return np.concatenate([np.where(spins, motion.axes, 0.0), np.where(spins, lever, motion.axes)], axis=2)
+
+
+def velocity_products(motion: TreeMotion, qd: Array) -> dict[str, Array]:
+    """What products of velocities add to the accelerations of all that each velocity moves, by term of eq. (36).
+
+    First is the twist before its joint, second what it adds to it, both of the point in the world's origin.
+
+    Args:
+        qd: Velocities of a tree of hinges and slides. Shape (n, n_freedom).
+
+    Returns:
+        Term -> angular acceleration over that of the point in the world's origin. Shape (n, n_freedom, 6).
+    """
+    links, before = motion.links, motion.tree.starts.link[motion.tree.velocity[0] - 1]
+    w1, v1 = links.w[:, before], (links.v - cross(links.w, links.p))[:, before]
+    w2, v2 = np.split(unit_twists(motion) * qd[..., None], 2, axis=2)
+    none = np.zeros_like(w2)
+    return {
+        "w1 x w2": np.concatenate([cross(w1, w2), none], axis=2),
+        "w1 x v2": np.concatenate([none, cross(w1, v2)], axis=2),
+        "w2 x v1": np.concatenate([none, -cross(w2, v1)], axis=2),
+    }
+
+
 def _last(x: Array) -> Array:
     """Samples as the last axis, along which they lie side by side."""
     return x.transpose(*range(1, x.ndim), 0)

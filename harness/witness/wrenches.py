@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
 
+from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied, JointSpring, PointSpring
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, lanes, rotation, times
@@ -54,6 +55,38 @@ class UnitWrench:
                     wrench, arm = lanes(len(act.point), 6), act.point - com.p[:, body]
                     wrench[:, :3], wrench[:, 3:] = sign * act.force, sign * (act.moment + cross(arm, act.force))
                     yield body, wrench
+
+
+def wrench_columns(units: Sequence[UnitWrench], tree: MechanismTree, com: Moving) -> Array:
+    """What unit wrenches exert on each body. Shape (n, n_body, 6, m)."""
+    n, b = com.p.shape[:2]
+    columns = np.zeros((n, b, 6, len(units)))
+    for k, unit in enumerate(units):
+        for body, wrench in unit.on_bodies(tree, com):
+            columns[:, body, :, k] += wrench
+    return columns
+
+
+def balancing(units: Sequence[UnitWrench], columns: Array, need: Array, length: float, rules: Array) -> Array:
+    """Amounts of unit wrenches that give bodies what they need; least squares, smallest norm.
+
+    Equations and unknowns are forces: moments are divided by a length.
+
+    Args:
+        columns: From `wrench_columns`. Shape (n, n_body, 6, m).
+        need: In p cases. Shape (n, n_body, 6, p).
+        length: [m].
+        rules: Further sums of the amounts that vanish. Shape (n, l, m).
+
+    Returns:
+        [N or N m]. Shape (n, m, p).
+    """
+    n, b, _, p = need.shape
+    rows = np.tile([1.0, 1.0, 1.0, length, length, length], b)[:, None]
+    size = np.array([length if unit.unit == "N m" else 1.0 for unit in units])
+    system = np.concatenate([columns.reshape(n, 6 * b, -1) / rows, rules], axis=1) * size
+    right = np.concatenate([need.reshape(n, 6 * b, p) / rows, np.zeros((n, rules.shape[1], p))], axis=1)
+    return np.asarray(linear.solve(system, right) * size[:, None])
 
 
 def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: str) -> Iterator[UnitWrench]:
@@ -177,6 +210,15 @@ def exerted_wrenches(
     for spring in applied.springs:
         if isinstance(spring, PointSpring):
             yield from _pull(spring, tree, motion, t)
+
+
+def exerted_on_bodies(tree: MechanismTree, motion: TreeMotion, states: TreeStates, t: Array, applied: Applied) -> Array:
+    """The sum of `exerted_wrenches`, moments about the centres of mass. Shape (n, n_body, 6)."""
+    total = np.zeros((len(t), len(tree.matter.mass), 6))
+    for body, force, moment, arm in exerted_wrenches(tree, motion, states, t, applied):
+        total[:, body, :3] += force
+        total[:, body, 3:] += moment + cross(arm, np.broadcast_to(force, arm.shape))
+    return total
 
 
 def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Applied) -> Iterator[tuple[str, Array]]:

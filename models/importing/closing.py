@@ -18,6 +18,7 @@ CLOSED = 1e-11
 STEPS = 100
 STUCK = 8  # steps without a gain of a hundredth: it ends there
 LARGEST = 0.4  # step [rad or lengths]
+LATEST = 8  # poses whose equations are kept: those of a step are asked for again by what judges it
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +99,18 @@ class Loops:
 
     def system(self, q: Array) -> tuple[Array, Array]:
         """All residuals and their derivative by the velocities, without dimension. Shapes (m,), (m, n_freedom)."""
+        key = q.tobytes()
+        if key not in self._latest:
+            if len(self._latest) == LATEST:
+                del self._latest[next(iter(self._latest))]
+            self._latest[key] = self._system(q)
+        return self._latest[key]
+
+    @cached_property
+    def _latest(self) -> dict[bytes, tuple[Array, Array]]:
+        return {}
+
+    def _system(self, q: Array) -> tuple[Array, Array]:
         rest, unit = np.zeros((1, len(self.size))), np.concatenate([np.zeros(0), *self.units.values()])
         at = equations(self.tree, TreeStates(q[None], rest, rest))
         return at.gap[0] / unit, at.rows[0] / unit[:, None] * self.size

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.models.readings.reading import BodyReading
+from screwgauge.models.readings.reading import BodyReading, Matter
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, rotation
@@ -95,8 +95,14 @@ def _merged(named: Link, links: Sequence[Link], near: str, joints: tuple[str, ..
         placed = ((link.mass, link.com, link.inertia, frames.get(link.name, np.eye(4))) for link in solid)
         mass, com, inertia = joined(placed)
         gravcomp = sum(link.mass * link.gravcomp for link in solid) / (mass or 1.0)
-    parts = tuple(link.name for link in solid if link is not named)
+    parts = {link.name: _part(link, frames[link.name]) for link in solid if link is not named}
     return BodyReading(near, joints, float(mass), com, inertia, named.pose, float(gravcomp), frames, parts=parts)
+
+
+def _part(link: Link, T: Array) -> Matter:
+    """The matter of a link in another frame, in which its own is T. Shape (4, 4)."""
+    R = T[:3, :3]
+    return Matter(float(link.mass), R @ link.com + T[:3, 3], R @ link.inertia @ R.T)
 
 
 def joined(parts: Iterable[tuple[float, Array, Array, Array]]) -> tuple[float, Array, Array]:

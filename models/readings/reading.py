@@ -22,6 +22,28 @@ from screwgauge.witness.tree import FREEDOMS as FREEDOMS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Matter:
+    """Something rigid, in some frame.
+
+    Attributes:
+        mass: [kg].
+        com: Centre of mass [m]. Shape (3,).
+        inertia: About it [kg m^2]. Shape (3, 3).
+    """
+
+    mass: float
+    com: Array
+    inertia: Array
+
+    @property
+    def possible(self) -> bool:
+        """Whether there can be such a thing: mass is positive, no moment of inertia negative."""
+        return self.mass > 0.0 and float(np.linalg.eigvalsh(self.inertia).min()) >= -1e-9 * float(
+            np.abs(self.inertia).max()
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class BodyReading:
     """A body that moves, with all that is fixed to it.
 
@@ -34,7 +56,7 @@ class BodyReading:
         gravcomp: Share of its weight that something compensates.
         fixed: Name of each link that is one with it -> frame of that link in the body's frame, shape (4, 4).
         first: Link that the last of the joints carries; empty where that is the one that the body is called after.
-        parts: Further links with mass or inertia that are one with it.
+        parts: Name of each further link with mass or inertia that is one with it -> its matter, in the body's frame.
         copy_of: Body of a description of which this is a share, cut off to open a loop; empty of all others.
     """
 
@@ -47,7 +69,7 @@ class BodyReading:
     gravcomp: float = 0.0
     fixed: Mapping[str, Array] = field(default_factory=dict)
     first: str = ""
-    parts: tuple[str, ...] = ()
+    parts: Mapping[str, Matter] = field(default_factory=dict)
     copy_of: str = ""
 
 

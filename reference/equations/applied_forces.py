@@ -99,13 +99,8 @@ def tension(at: Dynamics, spring: Spring) -> Any:
 
 
 def motor_force(at: Dynamics, motor: Motor) -> Any:
-    """Force of a motor at its time: a polynomial and harmonics."""
-    total: Any = 0.0
-    for coefficient in motor.polynomial[::-1].tolist():
-        total = total * at.t + coefficient
-    for omega, c, s in motor.harmonics.tolist():
-        total = total + c * at.ops.cos(omega * at.t) + s * at.ops.sin(omega * at.t)
-    return total
+    """Force of a motor at its time."""
+    return motor.force(at.t, at.ops.cos, at.ops.sin)
 
 
 def check_applied(mechanism: Mechanism, applied: Applied) -> None:

@@ -24,7 +24,6 @@ from screwgauge.reference.equations.joint_types import (
     dual_wrenches,
 )
 from screwgauge.reference.equations.kinematics import (
-    Bracket,
     Coordinates,
     TreePose,
     bias_screws,
@@ -87,11 +86,10 @@ class CutJoint:
         """Its rates, from the twists of the bodies. Shape (..., b, 6) -> (..., f)."""
         return np.asarray(power(self.D, (V[..., self.child, :] - V[..., self.parent, :])[..., None, :]))
 
-    def _relative(self, V: Array, A: Array, bracket: Bracket | None = None) -> Array:
+    def _relative(self, V: Array, A: Array) -> Array:
         """Acceleration screw of child less parent without brackets of the joint's screws, eq. (44). Shape (..., 6)."""
         before, after = V[..., self.parent, :], V[..., self.child, :]
-        between = bracket(before, after - before) if bracket else lie_bracket(before, after)  # that of equals is zero
-        return np.asarray(A[..., self.child, :] - A[..., self.parent, :] - between)
+        return np.asarray(A[..., self.child, :] - A[..., self.parent, :] - lie_bracket(before, after))
 
     def bias(self, V: Array, A: Array) -> Array:
         """Acceleration along each constraint wrench that is not due to second derivatives. Shape (..., m).
@@ -104,16 +102,15 @@ class CutJoint:
             bias[..., -1] = bias[..., -1] - self.at.type.own(self.at, self.rates(V))
         return bias
 
-    def accelerations(self, V: Array, A: Array, bracket: Bracket | None = None) -> Array:
+    def accelerations(self, V: Array, A: Array) -> Array:
         """Second derivatives of its coordinates. Shape (..., f).
 
         Args:
             V, A: Of all bodies. Shape (..., b, 6).
-            bracket: In place of the Lie bracket, to see what a part of it does.
         """
         w = self.rates(V)
         first, *rest = [scale(w[..., i], self.S[..., i, :]) for i in range(w.shape[-1])]
-        relative = self._relative(V, A, bracket) - joint_bias(first, rest, bracket)
+        relative = self._relative(V, A) - joint_bias(first, rest)
         return np.asarray(power(self.D, relative[..., None, :]))
 
 
@@ -272,10 +269,7 @@ class Motion(Closed):
         yd: Rates of the independent coordinates. Shape (..., k).
         near: Column of a cut joint's angle -> what it is to be near to, among all that mean the same; else it is within
             half a turn.
-        bracket: In place of the Lie bracket, to see what a part of it does.
     """
-
-    bracket: Bracket | None = None
 
     def __init__(
         self, loops: Loops, at: Coordinates, yd: Array, ydd: Array | None, folds: Sequence[Any], ops: Ops
@@ -320,7 +314,7 @@ class Motion(Closed):
     @cached_property
     def bias(self) -> Array:
         """Their acceleration screws without joint accelerations. Shape (..., b, 6)."""
-        return bias_screws(self.pose, self.w, self.V, self.bracket)
+        return bias_screws(self.pose, self.w, self.V)
 
     @cached_property
     def beta(self) -> Array:
@@ -368,7 +362,7 @@ class Motion(Closed):
 
     def accelerations_of_joints(self, beta: Array, A: Array) -> Array:
         """The same from those of the tree and the acceleration screws of the bodies. (..., n_q), (..., b, 6)."""
-        return self._with_cuts(beta, lambda cut: cut.accelerations(self.V, A, self.bracket))
+        return self._with_cuts(beta, lambda cut: cut.accelerations(self.V, A))
 
     @cached_property
     def screws(self) -> Array:

@@ -273,15 +273,13 @@ class Dynamics(Motion):
         ends = self.loops.ends
         return {joint.name: slice(ends[j], ends[j + 1]) for j, joint in enumerate(self.loops.cuts)}
 
-    def open_tree_force(self, shares: Array, need: Array | None = None) -> Array:
+    def open_tree_force(self, shares: Array) -> Array:
         """Forces along all coordinates that inertia and gravity ask of an open tree. Shape (..., n_q).
 
         Args:
             shares: How much of each body is carried by each coordinate, with its sign. Shape (b - 1, n_q).
-            need: Other wrenches that the bodies need. Shape (..., b, 6).
         """
-        need = self.required if need is None else need
-        return np.asarray(power(transpose(shares) @ need[..., 1:, :], self.screws))
+        return np.asarray(power(transpose(shares) @ self.required[..., 1:, :], self.screws))
 
 
 QUANTITIES: Mapping[str, Any] = {

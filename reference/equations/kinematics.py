@@ -6,7 +6,7 @@ closure residuals. Closed loops are in `closure`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -21,10 +21,6 @@ from screwgauge.reference.equations.screws import lie_bracket, power, rotation, 
 from screwgauge.reference.graph import Edge, Layout
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, vee, widest
-
-Bracket = Callable[[Array, Array], Array]
-"""Takes two twists, shape (..., 6), and returns a third."""
-
 
 Freedoms = Sequence[tuple[bool, Array]]
 """For each freedom of a joint: whether it turns, and its axis in the joint's frame."""
@@ -184,13 +180,10 @@ def twists(at: TreePose, w: Array) -> Array:
     return V
 
 
-def bias_screws(at: TreePose, w: Array, V: Array, bracket: Bracket | None = None) -> Array:
+def bias_screws(at: TreePose, w: Array, V: Array) -> Array:
     """Acceleration screws of the bodies without joint accelerations, ``w^T S_L w`` of eqs. (42)-(44), (48).
 
     The sum over i < j of [S_i w_i, S_j w_j] is the sum over j of [V before j, S_j w_j].
-
-    Args:
-        bracket: In place of the Lie bracket, to see what a part of it does.
 
     Returns:
         Shape (..., b, 6).
@@ -198,12 +191,12 @@ def bias_screws(at: TreePose, w: Array, V: Array, bracket: Bracket | None = None
     A = zeros(w, V.shape[-2], 6)
     for edge, near, far, columns, sign, _ in walk(at.lay):
         terms = [scale(sign * w[..., c], at.S[..., c, :]) for c in columns]
-        bias = joint_bias(V[..., near, :], terms[::-1] if edge.reverse else terms, bracket)
+        bias = joint_bias(V[..., near, :], terms[::-1] if edge.reverse else terms)
         A[..., far, :] = A[..., near, :] + bias
     return A
 
 
-def joint_bias(V: Array, terms: Sequence[Array], bracket: Bracket | None = None) -> Any:
+def joint_bias(V: Array, terms: Sequence[Array]) -> Any:
     """The part of one joint in that sum, by eq. (37) for each freedom.
 
     Args:
@@ -212,7 +205,7 @@ def joint_bias(V: Array, terms: Sequence[Array], bracket: Bracket | None = None)
     """
     bias: Any = 0.0
     for term in terms:
-        bias = bias + (bracket or lie_bracket)(V, term)
+        bias = bias + lie_bracket(V, term)
         V = V + term
     return bias
 

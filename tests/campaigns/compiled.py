@@ -31,9 +31,8 @@ from screwgauge.reference.mobility import mobility
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.study.executors import InTurn, Task
-from screwgauge.study.runner import grow_table
-from screwgauge.study.table import TableFile
+from screwgauge.study.runner import InTurn, Task, grow_table
+from screwgauge.study.store import TableFile
 
 COLUMNS = (
     *("case", "seed", "backend", "samples", "by_program", "worst", "quantity", "certified", "true_worst"),

@@ -18,7 +18,7 @@ import pytest
 from screwgauge.commands.execution import carry_out
 from screwgauge.study import isolation
 from screwgauge.study.cluster import executor
-from screwgauge.study.executors import Executor
+from screwgauge.study.runner import Executor
 
 #: Before tests put another in its place, see the fixture `here`.
 IN_PROCESSES = isolation.isolated

@@ -17,9 +17,8 @@ import pandas as pd
 import tomli_w
 
 import screwgauge
-from screwgauge.study.executors import InTurn, Task
-from screwgauge.study.runner import grow_table
-from screwgauge.study.table import TableFile
+from screwgauge.study.runner import InTurn, Task, grow_table
+from screwgauge.study.store import TableFile
 
 FACTORS = (3.0, 2.0, 1.5)
 FIRST = 2000  # seed

@@ -10,10 +10,8 @@ from typing import Any
 import pandas as pd
 
 from screwgauge.families.draw import families
-from screwgauge.study.executors import Executor, InTurn, Processes, Task
-from screwgauge.study.journal import Journal
-from screwgauge.study.runner import grow_table, run_tasks
-from screwgauge.study.table import TableFile
+from screwgauge.study.runner import Executor, InTurn, Processes, Task, grow_table, run_tasks
+from screwgauge.study.store import Journal, TableFile
 
 TEXTS = Path(__file__).with_name("texts")
 

@@ -25,9 +25,8 @@ from screwgauge.models.mjcf import write_mjcf
 from screwgauge.models.urdf import write_urdf
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import rotation_vector
-from screwgauge.study.executors import InTurn, Task
-from screwgauge.study.runner import grow_table
-from screwgauge.study.table import TableFile
+from screwgauge.study.runner import InTurn, Task, grow_table
+from screwgauge.study.store import TableFile
 from support.robots import arm, mjcf, tree, urdf
 
 #: Changes, and pairs that are alike for each.

@@ -18,7 +18,7 @@ from screwgauge.report.formatting import Row, number, unit_text
 from screwgauge.report.layout import Report
 from screwgauge.report.pages.scene import judged, short
 from screwgauge.scene.read import load_scene
-from screwgauge.study.provenance import provenance
+from screwgauge.study.comparison import provenance
 
 NOISE = 10.0**-MAX_DIGITS  # nothing here is known better than to the last bit of one
 SOURCE = "Zhao, Wei, Sun: Dynamics of a 3-UPS-UPU-S Parallel Mechanism, Appl. Sci. 2023, 13, 3912"

@@ -14,7 +14,7 @@ from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 from screwgauge.engines.registry import Engine
 from screwgauge.engines.tree.closed import close_tree
 from screwgauge.engines.tree.model import TreeModel, loops_file
-from screwgauge.engines.tree.protocol import BodyPoses
+from screwgauge.engines.tree.protocol import BodyPoses, OpenTree
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.errors import ModelFileError
@@ -29,7 +29,7 @@ def load(files):
     return TreeModel(close_tree(DrakeTree(files.model, file), file))
 
 
-class DrakeTree:
+class DrakeTree(OpenTree):
     """See `screwgauge.engines.tree.protocol.OpenTree`. Drake has [angular; linear], too, and bodies at their joints."""
 
     engine, version = "drake", version("drake")
@@ -86,16 +86,6 @@ class DrakeTree:
                 A[i, k] = moved[int(link.index())].get_coeffs()
         return A
 
-    def com_accelerations(self, q, v, a):
-        out = np.empty((len(q), len(self.links), 3))
-        for i in self.at(q, v):
-            moved = self.plant.CalcSpatialAccelerationsFromVdot(self.context, a[i])
-            for k, link in enumerate(self.links):
-                X, V = link.EvalPoseInWorld(self.context), link.EvalSpatialVelocityInWorld(self.context)
-                arm = X.rotation() @ self.com[k]
-                out[i, k] = moved[int(link.index())].Shift(arm, V.rotational()).translational()
-        return out
-
     def tree_force(self, q, v, a):
         tau = np.empty_like(q)
         for i in self.at(q, v):
@@ -104,8 +94,5 @@ class DrakeTree:
             tau[i] = self.plant.CalcInverseDynamics(self.context, a[i], weights)
         return tau
 
-    def soft_force(self, q, v, a, residuals):
-        return self.tree_force(q, v, a), 0.0  # its equations know no softness
-
-    def transmitted(self, q, v, a, wrench):
+    def transmitted(self, at, q, v, a, wrench):
         raise ModelFileError("does not say what its joints transmit", "model of drake", "do not ask it for reactions")

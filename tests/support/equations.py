@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from screwgauge.reference.equations import closure, dynamics, joint_types, kinematics
@@ -27,3 +29,10 @@ def exchange(monkeypatch: pytest.MonkeyPatch, name: str, wrong: Callable[..., ob
     for module in (joint_types, kinematics, closure, dynamics):
         if hasattr(module, name):
             monkeypatch.setattr(module, name, wrong)
+
+
+def without_brackets(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leaves out all Lie brackets, those of the screws of one joint among them."""
+    exchange(monkeypatch, "lie_bracket", lambda X, Y: np.zeros_like(Y))
+    for kind, entry in joint_types.TYPES.items():
+        monkeypatch.setitem(joint_types.TYPES, kind, replace(entry, own=None))

@@ -14,7 +14,7 @@ from screwgauge.judging.conditioning import LIMIT, flagged
 from screwgauge.judging.coverage import NOTHING, coverage
 from screwgauge.judging.judge import judge
 from screwgauge.solution import Solution
-from screwgauge.study.reference import Reference, deviation, reference_values, score
+from screwgauge.study.reference_values import Reference, deviation, reference_values, score
 from screwgauge.witness.wrenches import held as exerted
 from support.freedoms import mobility_at_home
 

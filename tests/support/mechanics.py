@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from screwgauge.diagnosis.mechanics.reshape import held, placed
 from screwgauge.diagnosis.pairing.branches import missing
 from screwgauge.diagnosis.pairing.common import STANDARD, brought, weighed
 from screwgauge.diagnosis.pairing.mapping import paired
+from screwgauge.diagnosis.transformations import held, placed
 from screwgauge.models.kinematics import not_modelled
 from screwgauge.models.matter import Matter
 from screwgauge.witness.constraints import admissible_projector, closed

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from screwgauge.study.cases.asking import (
+from screwgauge.study.cases.question import (
     ENGINES,
     POSES,
     SCENE,
     SCREW,
+    Question,
     compare,
     exactly,
+    findings,
     loaded,
     push,
     still,
     tree_coordinates,
 )
-from screwgauge.study.cases.poses import BASE_LOCK, SINGULAR_B, WRIST_LOCKS
-from screwgauge.study.cases.question import Question, findings
+from screwgauge.study.cases.singular import BASE_LOCK, SINGULAR_B, WRIST_LOCKS

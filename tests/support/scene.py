@@ -13,7 +13,7 @@ from screwgauge.scene.observables import observe
 from screwgauge.scene.preflight import check_actuation, check_home, check_scene, doubts, far_from_home
 from screwgauge.scene.read import FOLDER, scene_names
 from screwgauge.scene.simulation import check_start, eigenvalues
-from screwgauge.study.prepared_scene import QUANTITIES, pose_scene
+from screwgauge.study.reference_values import QUANTITIES, pose_scene
 
 
 def sampled(name: str | Path, rows: slice | list[int]) -> Scene:

@@ -14,7 +14,6 @@ from screwgauge.engines.screw.inverse import Work, solve_motion
 from screwgauge.engines.screw.model import LONG, ScrewModel, Settings
 from screwgauge.engines.screw.programs import check_traceable
 from screwgauge.engines.screw.traced import TracedWork
-from screwgauge.engines.screw.whole_system import wide_force_matrix
 from screwgauge.problem import InitialValue, Integration
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed import assembly_mode, continuation
@@ -30,6 +29,7 @@ from screwgauge.reference.equations.kinematics import Pose, joint_bias, length, 
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.mechanism import Mechanism, in_precision
 from screwgauge.reference.rotations import Array
+from screwgauge.study.cases.singular import WholeSystem, wide_force_matrix
 
 
 def at_home(mechanism: Mechanism) -> tuple[Layout, Pose]:

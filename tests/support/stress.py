@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from screwgauge.study.cases.case import DEGRADED, GOOD, OK, REFUSED, SILENT, Finding, StressCase
 from screwgauge.study.cases.loops import ITERATIONS
 from screwgauge.study.cases.open_states import FORWARD, HARD
-from screwgauge.study.cases.registry import CASES, decades
-from screwgauge.study.stress import COLUMNS, Stress, climb, stress
+from screwgauge.study.cases.question import DEGRADED, GOOD, OK, REFUSED, SILENT, Finding
+from screwgauge.study.stress import CASES, COLUMNS, Stress, StressCase, climb, decades, stress

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.study.cluster import executor
-from screwgauge.study.executors import InTurn, Processes, Task
-from screwgauge.study.journal import Journal
-from screwgauge.study.runner import TaskRate, run_tasks
+from screwgauge.study.runner import InTurn, Processes, Task, TaskRate, run_tasks
+from screwgauge.study.store import Journal
 
 
 def square(i: int, progress: Any) -> dict[str, Any]:

@@ -12,11 +12,12 @@ from screwgauge.engines.mujoco.steps import sprung_model
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.pinocchio.mover import PinocchioMover
 from screwgauge.engines.pinocchio.tree import PinocchioTree
+from screwgauge.engines.tree.applied_forces import TreeForces
 from screwgauge.engines.tree.closed import close_tree
 from screwgauge.engines.tree.closure import Loops, make_loops
-from screwgauge.engines.tree.forces import tree_forces
 from screwgauge.engines.tree.model import TreeModel
 from screwgauge.engines.tree.project import project
+from screwgauge.engines.tree.protocol import OpenTree
 from screwgauge.models.urdf import read_loops
 from screwgauge.problem import ModelFiles
 from screwgauge.reference.rotations import Array
@@ -44,3 +45,19 @@ def opening(files: ModelFiles, q: Array, names: tuple[str, ...]) -> Array:
 def has_integrator(name: str) -> bool:
     """Whether this version of MuJoCo has an integrator."""
     return hasattr(mujoco.mjtIntegrator, INTEGRATORS[name])
+
+
+class SmallestTree(OpenTree):
+    """A tree with no more than a further engine has to implement, by MuJoCo."""
+
+    def __init__(self, tree: OpenTree) -> None:
+        for name in OpenTree.__annotations__:
+            setattr(self, name, getattr(tree, name))
+        for name in ("under", "poses", "bias", "tree_force", "transmitted"):
+            setattr(self, name, getattr(tree, name))
+
+
+def smallest_model(files: ModelFiles) -> TreeModel:
+    """MuJoCo's model by such a tree, for given motions."""
+    file = read_loops(files.loops)
+    return TreeModel(close_tree(SmallestTree(MujocoTree(files.model, file)), file))

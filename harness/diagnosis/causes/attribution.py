@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,10 +23,12 @@ ROUNDING = 1e-12
 UNSEEN = 1e-11
 #: Causes with less than this share of the torque difference are one row with those of their kind.
 SMALL = 1e-2
+#: Where no more than this share is left when the first cause is put right, the others are weighed against that.
+REST = 1e-3
 #: What no torque shows and still is no detail: of closures and couplings, of what is there at all, of the medium.
 WEIGHTY = {
     *("closure", "first_frame", "second_frame", "coupling", "polynomial", "leading joint", "softness"),
-    *("branch", "kind", "body", "medium", "gravity"),
+    *("branch", "link", "kind", "body", "medium", "gravity"),
 }
 
 
@@ -87,6 +90,8 @@ class Cause:
         share: Of the torque difference, the projection of what it makes on all of that, one scale a unit; the shares of
             all causes add up to 1 where they do not depend on each other, and what makes up for others has a negative
             one. NaN where no change of B is known, or torques agree.
+        of_rest: Its share of what is left when the first cause is put right, where that is nearly nothing of all (a
+            millimetre beside a factor of 1e9); NaN elsewhere.
         kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, what no torque shows.
         slips: What B's values would be made from A's by, of convention or unit; any of them.
         values: In both models.
@@ -100,6 +105,12 @@ class Cause:
     short: str = ""
     slips: tuple[str, ...] = ()
     values: tuple[Value, ...] = ()
+    of_rest: float = math.nan
+
+    @property
+    def weight(self) -> float:
+        """By which causes are ranked."""
+        return self.share if math.isnan(self.of_rest) else self.of_rest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -211,6 +222,17 @@ class _Effects:
             return math.nan
         return float(np.vdot(self._off, self._weighed(effect))) / self._total
 
+    def share_of_rest(self, numbers: tuple[int, ...], first: tuple[int, ...]) -> float:
+        """Of the torque difference that is left without the first differences; NaN where that is not nearly nothing."""
+        gone, both = self.of(first), None
+        if gone is None or not 0.0 < self._total < math.inf:
+            return math.nan
+        left = self._weighed(self.start - self.torques.a - gone)
+        total = float(np.vdot(left, left))
+        if 0.0 < total <= REST**2 * self._total:
+            both = self.of(tuple(sorted({*numbers, *first})))
+        return math.nan if both is None else float(np.vdot(left, self._weighed(both - gone))) / total
+
     def seen(self, effect: Array | None) -> bool:
         """Whether a torque shows it."""
         return effect is not None and bool(np.any(np.abs(effect) > UNSEEN * self.torques.scale))
@@ -226,7 +248,6 @@ def _rows(
 ) -> list[Cause]:
     """Groups as causes, small ones and what no torque shows together with those of their kind."""
     seen, others, digits, unseen = list[Cause](), list[Group](), list[Cause](), list[Group]()
-    small: dict[str, list[Cause]] = {}
     groups = {group.differences: group for group, _ in rows}
     for group, effect in rows:
         share = math.nan if agree else effects.share(effect)
@@ -237,23 +258,37 @@ def _rows(
             unseen.append(group)
         elif math.isnan(share) or hidden:
             others.append(group)
-        elif abs(share) < SMALL:
-            small.setdefault(group.family, []).append(_cause(group, share))
         else:
             seen.append(_cause(group, share))
-    for some in small.values():
-        some.sort(key=lambda cause: -abs(cause.share))
-        if len(some) >= SEVERAL:
-            share = sum(cause.share for cause in some)
-            some = [_cause(together([groups[cause.differences] for cause in some]), share)]
-        seen += some
-    most = max((cause.share for cause in seen), default=0.0)  # that leads, be what makes up for others larger
-    seen.sort(key=lambda cause: (cause.share < most, -abs(cause.share)))
+    seen = _ranked(seen, groups, effects)
     others.sort(key=lambda group: -max(found[i].size for i in group.differences))
     rest = [_cause(group) for group in _few(others)]
     alone = not (seen or rest)
     folded = _folded(unseen, found, alone=alone)
     return [*seen, *rest, *(folded if alone else ()), *digits, *(() if alone else folded)]
+
+
+def _ranked(causes: Sequence[Cause], groups: Mapping[tuple[int, ...], Group], effects: _Effects) -> list[Cause]:
+    """Causes that torques show: the one that leads, be what makes up for others larger, then by weight.
+
+    Small ones of one family are one row.
+    """
+    if not causes:
+        return []
+    first = max(causes, key=lambda cause: cause.share)
+    out, small = [first], defaultdict[str, list[Cause]](list)
+    for cause in causes:
+        if cause is not first:
+            cause = replace(cause, of_rest=effects.share_of_rest(cause.differences, first.differences))
+            (small[groups[cause.differences].family] if abs(cause.weight) < SMALL else out).append(cause)
+    for some in small.values():
+        some.sort(key=lambda cause: -abs(cause.weight))
+        if len(some) >= SEVERAL:
+            one = together([groups[cause.differences] for cause in some])
+            of_rest = sum(cause.of_rest for cause in some)
+            some = [replace(_cause(one, sum(cause.share for cause in some)), of_rest=of_rest)]
+        out += some
+    return sorted(out, key=lambda cause: (cause is not first, -abs(cause.weight)))
 
 
 def _few(groups: Sequence[Group]) -> list[Group]:
@@ -291,7 +326,7 @@ def _told(cause: Cause, edits: Sequence[Edit]) -> Cause:
     common = [slip for slip in first.slips if all(slip in edit.slips for edit in own)]
     slips = tuple(common) if len(own) > 1 else first.slips
     values = tuple(value for edit in own for value in edit.values)
-    return Cause(cause.name, cause.sentence, cause.differences, cause.share, cause.kind, cause.short, slips, values)
+    return replace(cause, slips=slips, values=values)
 
 
 def largest(torques: Torques, left: Array) -> Largest:

@@ -16,6 +16,7 @@ import numpy as np
 
 from screwgauge.diagnosis.causes.attribution import ROUNDING, Largest, Torques, largest
 from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, applied
+from screwgauge.diagnosis.differences.digits import speller
 from screwgauge.diagnosis.files.patch import patched
 from screwgauge.diagnosis.known import unheard
 from screwgauge.models.content import FORMATS
@@ -67,6 +68,7 @@ def backfill(
     file: Path | None,
     read: Callable[[Path], Reading],
     written: Reading | None = None,
+    pattern: str = "",
 ) -> Backfill:
     """Makes changes in a copy of B's file, or, where that cannot be, in its reading.
 
@@ -74,6 +76,7 @@ def backfill(
         file: B's, if it has one.
         read: B's library; loops are cut as in `b` again.
         written: What the file says, where loops of `b` are cut elsewhere; `b` by default.
+        pattern: Text of A's file, which has the numbers that are written.
     """
     on_reading = largest(torques, torques.left(applied(b, changes)))
     if file is None:
@@ -81,8 +84,9 @@ def backfill(
     why, best, said = list[str](), Backfill("reading", (), on_reading, ""), written or b
     elsewhere = tuple((change, RECUT) for change in changes if said is not b and not _stands(change, b, said))
     here = [change for change in changes if all(change is not other for other, _ in elsewhere)]
+    spell = speller(pattern)
     for plain in (False, True):
-        patch = patched(read_file(file), said, here, plain=plain)
+        patch = patched(read_file(file), said, here, plain=plain, spell=spell)
         patch = replace(patch, left=(*elsewhere, *patch.left))
         why = list(dict.fromkeys(reason for _, reason in patch.left))
         done = [change for change in changes if all(change is not other for other, _ in patch.left)]

@@ -83,7 +83,7 @@ def _proved(
 ) -> Backfill:
     """Proof by backfill, in the reading where both are of one file: no change of it makes two loaders agree."""
     if paths[0] is None or paths[0] != paths[1]:
-        return backfill(torques, b, changes, paths[1], read, written)
+        return backfill(torques, b, changes, paths[1], read, written, read_file(paths[0]) if paths[0] else "")
     proof = backfill(torques, b, changes, None, read)
     return replace(proof, why_not=("A and B are one file, which two libraries read differently",))
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from screwgauge.diagnosis.causes.attribution import ROUNDING, size
 from screwgauge.diagnosis.causes.slips import word
-from screwgauge.diagnosis.differences.change import Change, applied, axis
+from screwgauge.diagnosis.differences.change import Change, applied
+from screwgauge.diagnosis.transformations import axis
 from screwgauge.models.formats import TENSOR
 from screwgauge.models.kinematics import downwards, plant
 from screwgauge.models.readings.assemble import matrix

@@ -32,6 +32,7 @@ PLURALS = {
     "stiffness": "stiffnesses",
     "gear": "gears",
     "branch": "subtrees",
+    "link": "links",
     "kind": "kinds of joints",
 }
 #: Where a joint is and how it counts.
@@ -47,8 +48,7 @@ _OF_SEVERAL = (
     (r"with all that (?:it carries|they carry) \((.*?)\)", r"with all that they carry (\1 each)"),
     (
         r": does not move in (.), where what it carries is part of what is before it",
-        r": do not move in \1, where what "
-        "they carry is part of what is before them",
+        r": do not move in \1, where what they carry is part of what is before them",
     ),
 )
 _NAMED = 3
@@ -226,7 +226,7 @@ class Grouping:
         def told(members: list[Group]) -> Group:
             first, *_ = members = self._heaviest(members)
             said = f"{key(first)} in {len(members)} places ({self._names(members)})"
-            return Group(said, f"{said}: {first.sentence}", _numbers(members), f"{said}: {first.short}", first.family)
+            return Group(said, f"{said}: {first.sentence}", _numbers(members), said, first.family)
 
         return _merged(groups, key, told)
 

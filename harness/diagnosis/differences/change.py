@@ -6,12 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-import numpy as np
-
-from screwgauge.models.kinematics import moved
-from screwgauge.models.readings.reading import JointReading, Reading
+from screwgauge.diagnosis.transformations import axis, carried, counted_back, spliced, turned, without
+from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import UnknownNameError
-from screwgauge.reference.rotations import Array, cross
+from screwgauge.reference.rotations import Array
 
 Owner = Literal["body", "joint", "closure", "coupling", "actuator", "model"]
 Kind = Literal["model", "digits", "convention"]
@@ -36,8 +34,8 @@ class Property:
 #: ``pose`` of a body is that of its own frame alone, its matter with it; ``placement`` of a joint is the displacement
 #: of the joint and of all outwards of it; ``axis`` and ``centre`` move the screw alone; ``zero`` is the coordinate at
 #: home; ``sign`` -1 counts the coordinate the other way, limits and rest with it; ``branch`` 0 takes a joint away and
-#: all outwards of it. ``inertia`` is about the centre of mass in the axes of the body. ``softness`` is also that of a
-#: coupling.
+#: all outwards of it, ``link`` 0 a joint and the body that it moves: what hangs on that hangs on what is before it.
+#: ``inertia`` is about the centre of mass in the axes of the body. ``softness`` is also that of a coupling.
 PROPERTIES: dict[str, Property] = {
     "mass": Property("body", (), "kg"),
     "com": Property("body", (3,), "m"),
@@ -56,6 +54,7 @@ PROPERTIES: dict[str, Property] = {
     "stiffness": Property("joint", (), "N m/rad|N/m"),
     "rest": Property("joint", (), "rad|m"),
     "branch": Property("joint", (), "1"),
+    "link": Property("joint", (), "1"),
     "first_frame": Property("closure", (4, 4), "m"),
     "second_frame": Property("closure", (4, 4), "m"),
     "softness": Property("closure", (-1,), "1"),
@@ -133,32 +132,6 @@ def applied(reading: Reading, changes: Iterable[Change]) -> Reading:
     return reading
 
 
-def outwards(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
-    """Bodies that a joint carries, and the joints that it carries, itself first."""
-    bodies: list[str] = []
-    joints: list[str] = []
-    for name, body in reading.bodies.items():
-        if body.near in bodies:
-            joints += body.joints
-        elif joint in body.joints:
-            joints += body.joints[body.joints.index(joint) :]
-        else:
-            continue
-        bodies.append(name)
-    return bodies, joints
-
-
-def axis(joint: JointReading) -> Array:
-    """Direction of a hinge or slide. Shape (3,)."""
-    return joint.screw[3:] if joint.kind == "slide" else joint.screw[:3]
-
-
-def turned(joint: JointReading, direction: Array, centre: Array) -> JointReading:
-    """A hinge or slide on another axis. Shape (3,) both."""
-    parts = {"slide": (np.zeros(3), direction), "hinge": (direction, cross(centre, direction))}
-    return replace(joint, screw=np.concatenate(parts.get(joint.kind, (joint.screw,))), centre=centre)
-
-
 def _changed(reading: Reading, change: Change) -> Reading:
     what, owner = change.what, PROPERTIES[change.what].owner
     value: Any = float(change.value) if PROPERTIES[what].shape == () else change.value
@@ -172,11 +145,11 @@ def _changed(reading: Reading, change: Change) -> Reading:
         raise UnknownNameError(owner, change.item, items)
     item = items[change.item]
     if what == "placement":
-        return _displaced(reading, change.item, value)
-    if what == "branch":
-        return reading if value else without(reading, change.item)
+        return carried(reading, change.item, value)
+    if what in ("branch", "link"):
+        return reading if value else (without if what == "branch" else spliced)(reading, change.item)
     if what == "sign":
-        return reading if value > 0 else _reversed(reading, change.item)
+        return reading if value > 0 else counted_back(reading, change.item)
     new: Any
     if what in ("axis", "centre"):
         new = turned(item, *((value, item.centre) if what == "axis" else (axis(item), value)))
@@ -186,44 +159,3 @@ def _changed(reading: Reading, change: Change) -> Reading:
         new = replace(item, **{"home" if what == "zero" else what: value})
     entries: dict[str, Any] = {room: {**items, change.item: new}}
     return replace(reading, **entries)
-
-
-def _displaced(reading: Reading, joint: str, T: Array) -> Reading:
-    bodies, joints = outwards(reading, joint)
-    return replace(
-        reading,
-        bodies={**reading.bodies, **{n: replace(reading.bodies[n], pose=T @ reading.bodies[n].pose) for n in bodies}},
-        joints={**reading.joints, **{n: moved(reading.joints[n], T) for n in joints}},
-    )
-
-
-def _reversed(reading: Reading, name: str) -> Reading:
-    """A joint that counts the other way, and so do the couplings with it."""
-    joint = reading.joints[name]
-    low, high = joint.limits
-    new = replace(joint, screw=-joint.screw, home=-joint.home, limits=(-high, -low), rest=-joint.rest)
-    couplings = {}
-    for key, coupling in reading.couplings.items():
-        polynomial = -coupling.polynomial if coupling.joint == name else coupling.polynomial
-        if coupling.of == name:
-            polynomial = polynomial * (-1.0) ** np.arange(len(polynomial))
-        couplings[key] = replace(coupling, polynomial=polynomial)
-    return replace(reading, joints={**reading.joints, name: new}, couplings=couplings)
-
-
-def without(reading: Reading, joint: str) -> Reading:
-    """A reading without a joint and what it carries. Joints before it, of the same body, go with it."""
-    bodies, joints = outwards(reading, joint)
-    lost = {*joints, *(name for body in bodies for name in reading.bodies[body].joints)}
-
-    def stays(body: str) -> bool:
-        return body not in bodies
-
-    return replace(
-        reading,
-        bodies={name: body for name, body in reading.bodies.items() if stays(name)},
-        joints={name: joint for name, joint in reading.joints.items() if name not in lost},
-        closures={n: c for n, c in reading.closures.items() if stays(c.first) and stays(c.second)},
-        couplings={n: c for n, c in reading.couplings.items() if not {c.joint, c.of} & lost},
-        actuators={n: driven for n, driven in reading.actuators.items() if driven[0] not in lost},
-    )

@@ -1,16 +1,18 @@
-"""With how many digits the numbers of a file are printed, and which differences are no more than that."""
+"""Digits of the numbers in a file: which differences are rounding of them, and how a computed number is printed."""
 
 from __future__ import annotations
 
 import math
 import re
+from bisect import bisect
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.models.formats import number_text
 
 #: Digits of numbers that are not printed shorter than they are.
 ALL = 15
@@ -19,6 +21,8 @@ ALL = 15
 CUT, FEWEST = 0.3, 5
 #: Numbers of fewer digits are meant so, those of more are exact; and rounding is seen in several places.
 MEANT, EXACT, SEEN = 5, 12, 4
+#: Rounding of a computed number, relative to the largest entry beside it.
+DUST = 1e-15
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][-+]?\d+)?(?![\w.])")
 
 
@@ -43,11 +47,44 @@ def longest(text: str) -> int:
 def _counts(text: str) -> Counter[int]:
     """How many numbers have how many digits; those of comments do not count."""
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
-    return Counter(
-        _significant(match.group(0))
-        for value in re.findall(r"=\s*[\"']([^\"']*)[\"']", text)
-        for match in _NUMBER.finditer(value)
-    )
+    return Counter(_significant(match.group(0)) for value in _values(text) for match in _NUMBER.finditer(value))
+
+
+def _values(text: str) -> list[str]:
+    """Values of all attributes."""
+    return re.findall(r"=\s*[\"']([^\"']*)[\"']", text)
+
+
+def speller(text: str) -> Callable[[str], str]:
+    """Prints computed numbers as the numbers of a file, else as the decimals of `EXACT` digits, that they nearly are.
+
+    Products of frames leave rounding in the last digits, and beside larger entries of a vector in place of a zero.
+
+    Args:
+        text: Of the file.
+
+    Returns:
+        The value of an attribute, of numbers or not -> the same as it is to be written.
+    """
+    numbers = sorted({float(match[0]) for value in _values(text) for match in _NUMBER.finditer(value)})
+    nothing = min([DUST, *(1e-3 * abs(number) for number in numbers if number)]) if numbers else 0.0
+
+    def spell(value: str) -> str:
+        try:
+            entries = [float(word) for word in value.split()]
+        except ValueError:
+            return value
+        return " ".join(_spelled(entries))
+
+    def _spelled(entries: list[float]) -> Iterator[str]:
+        most = max(map(abs, entries), default=0.0)
+        for x in entries:
+            k, off = bisect(numbers, x), DUST * (4.0 * abs(x) + most)
+            near = [*sorted(numbers[max(k - 1, 0) : k + 1], key=lambda number, x=x: abs(number - x))]
+            near = [0.0] if abs(x) <= max(off, nothing) else [*near, float(f"{x:.{EXACT}g}")]
+            yield number_text(next((number for number in near if abs(number - x) <= max(off, nothing)), x))
+
+    return spell
 
 
 def _significant(number: str) -> int:

@@ -25,6 +25,8 @@ DRAWN = 12
 ALIKE = 1e-9
 #: Gaps at home up to this are closed, as those of a description are [rad or lengths of the model].
 HOME = 1e-9
+#: Conventions of coordinates that are put right before loops are compared: the same pose is meant.
+COUNTED = ("zero", "sign", "polynomial")
 _NOT_COMPARED = "what closures and couplings leave is not compared"
 
 

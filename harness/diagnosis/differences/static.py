@@ -9,14 +9,15 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.differences.change import PROPERTIES, Difference, Kind, axis
+from screwgauge.diagnosis.differences.change import PROPERTIES, Difference, Kind
 from screwgauge.diagnosis.differences.geometry import Deviation, deviations, step_of
 from screwgauge.diagnosis.differences.stated import another, differ, difference
 from screwgauge.diagnosis.differences.static_bodies import bodies
 from screwgauge.diagnosis.differences.static_loops import actuators, closures, couplings
 from screwgauge.diagnosis.differences.words import axes_of, compared, each_in_its_own, place, unit_of
-from screwgauge.diagnosis.mechanics.lines import CLOSE
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common
+from screwgauge.diagnosis.pairing.mapping import CLOSE
+from screwgauge.diagnosis.transformations import axis
 from screwgauge.models.kinematics import downwards, size
 from screwgauge.models.mjcf import FAR
 from screwgauge.models.readings.reading import JointReading

@@ -13,11 +13,13 @@ from screwgauge.diagnosis.differences.stated import differ, difference, only
 from screwgauge.diagnosis.differences.words import NAMES, axes_of, compared, each_in_its_own, in_axes
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common
 from screwgauge.models.kinematics import size
-from screwgauge.models.matter import Matter, combined, displaced, of_body, relative
+from screwgauge.models.matter import Matter, combined, displaced, of_body, relative, steps_of
 from screwgauge.models.readings.reading import BodyReading, Reading
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.rotations import Array
 
+#: A missing part makes all of a difference but for such a share: files print some digits.
+PART = 1e-3
 _NAMED = 3
 
 
@@ -36,7 +38,11 @@ def _body(common: Common, name: str, a: BodyReading, b: BodyReading) -> Iterator
     links = _links(a, b)
 
     def found(what: str, one: Array, other: Array, size_: float, sentence: str) -> Difference:
-        return difference(common, name, what, one, other, (size_, f"{sentence}{links}"))
+        if what == "mass" and (lost := _missing_part(common, a, b)):
+            said = f"{name}: {lost}: {sentence.removeprefix(f'{name}: ')}"
+        else:
+            said = f"{sentence}{links}"
+        return difference(common, name, what, one, other, (size_, said))
 
     if differ(a.mass, b.mass):
         one, other = np.asarray(a.mass), np.asarray(b.mass)
@@ -96,6 +102,24 @@ def seen_from(a: BodyReading, b: BodyReading) -> tuple[tuple[Array, Array], tupl
     return (R @ a.com + T[:3, 3], R @ a.inertia @ R.T), (turned or bool(off.max() > ROUNDING), turned)
 
 
+def _missing_part(common: Common, a: BodyReading, b: BodyReading) -> str:
+    """That a link fixed to a body of one model is missing in the other one, if that makes all of the difference."""
+    (com, inertia), _ = seen_from(a, b)
+    T = relative(b.pose, a.pose)
+    sides = (
+        ("A", Matter(a.mass, com, inertia), {n: displaced(part, T) for n, part in a.parts.items()}, common.b),
+        ("B", of_body(b), b.parts, common.a),
+    )
+    for (side, whole, parts, there), (other, rest, *_) in (sides, sides[::-1]):
+        for part, matter in parts.items():
+            step = max(steps_of(whole, rest).values())
+            if there.has_link(part) or matter.mass == 0.0:
+                continue
+            if max(steps_of(combined(whole, matter, -1.0), rest).values()) < PART * step:
+                return f"{part} ({matter.mass:.6g} kg), fixed to it in {side}, is missing in {other}"
+    return ""
+
+
 def _links(a: BodyReading, b: BodyReading) -> str:
     """Which further links a body is made of, of which the numbers are not those of one link."""
     if not (a.parts or b.parts):
@@ -117,8 +141,9 @@ def _as_a_whole(common: Common, name: str, found: Iterator[Difference]) -> Itera
     wholes = {side: _whole(reading, original, shares) for side, reading in (("A", common.a), ("B", common.b))}
     for side, body in wholes.items():
         if not pair["AB".index(side)].copy_of and not any(_reading(common, side).bodies[n].copy_of for n in shares):
-            extra = tuple(n for n in shares if n != original)
-            wholes[side] = replace(body, parts=(*body.parts, *extra))
+            cut = {n: _reading(common, side).bodies[n] for n in shares if n != original}
+            extra = {n: displaced(of_body(share), relative(body.pose, share.pose)) for n, share in cut.items()}
+            wholes[side] = replace(body, parts={**body.parts, **extra})
     said = {each.what: each for each in _body(common, original, wholes["A"], wholes["B"])}
     for each in found:
         if each.what in said:

@@ -8,14 +8,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from screwgauge.diagnosis.differences.change import Change, Difference, axis, outwards
+from screwgauge.diagnosis.differences.change import Change, Difference
 from screwgauge.diagnosis.differences.geometry import matter_apart, step_of
 from screwgauge.diagnosis.differences.stated import another, differ, difference, only
 from screwgauge.diagnosis.differences.words import axes_of, compared, turn_and_way, unit_of, vector
 from screwgauge.diagnosis.files.write_mjcf import SOFTNESS
-from screwgauge.diagnosis.mechanics.lines import CLOSE, apart
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common
+from screwgauge.diagnosis.pairing.mapping import CLOSE, apart
+from screwgauge.diagnosis.transformations import axis, outwards
 from screwgauge.models.kinematics import moved, plant, residual_at_home, size
 from screwgauge.models.readings.assemble import exponential
 from screwgauge.models.readings.reading import ClosureReading, Reading

@@ -114,7 +114,7 @@ def place(item: str, what: str, step: Array, joint: JointReading, axes: Sequence
     told = turn_and_way(step, axes, length)
     if what == "placement":
         return f"{item}: sits elsewhere in B, with all that it carries, {told}"
-    return f"{item}: its axis alone is elsewhere in B, {told.replace('turned', 'tilted')}"
+    return f"{item}: its axis in B is {told.replace('turned', 'tilted')}, what it carries is not"
 
 
 def _own_step(step: Array, joint: JointReading, axes: Sequence[Axes]) -> str:
@@ -202,12 +202,14 @@ def _finite(value: Array) -> float:
 
 
 def _change(a: float, b: float) -> str:
-    """From A to B in percent, or, of large ones, as a factor."""
+    """From A to B in percent, or, of large changes, as a factor."""
     if a == 0.0 or b == 0.0:
         return "none in A" if a == 0.0 else "none in B"
     share = (b - a) / a
-    if abs(share) >= 10.0:
-        return f"x {b / a:.4g}"
+    if abs(b + a) <= _SHARE * abs(a):
+        return "of the other sign"
+    if not 0.01 <= b / a < 11.0:
+        return f"x {b / a:.4g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-")
     return f"{share * 100:+.2f} %" if abs(share) >= 1e-4 else f"{share * 100:+.3g} %"
 
 
@@ -222,11 +224,25 @@ def _tensors(a: Array, b: Array) -> str:
     with np.errstate(invalid="ignore"):
         first, second = (np.asarray(np.linalg.eigvalsh(each), dtype=float) for each in (a, b))
     scale = max(_finite(a), _finite(b)) or 1.0
-    percent = f"{100.0 * float(np.abs(a - b).max()) / scale:.3g} %"
     same = float(np.abs(first - second).max()) < 1e-3 * float(np.abs(a - b).max())
     if same:
+        percent = f"{100.0 * float(np.abs(a - b).max()) / scale:.3g} %"
         return f"has other axes in B, and the same principal moments {vector(first, first)} kg m^2 ({percent} apart)"
     return (
         f"with principal moments {vector(second, first)} kg m^2 in B, {vector(first, second)} kg m^2 in A "
-        f"({percent} apart)"
+        f"({_ratio(a, b)})"
     )
+
+
+def _ratio(a: Array, b: Array) -> str:
+    """From a tensor to another one: one factor, or how much the largest moments differ."""
+    most, other = (_finite(each) for each in (a, b))
+    if not most or not other:
+        return _change(most, other)
+    with np.errstate(invalid="ignore", over="ignore"):
+        factor = float(np.vdot(a / most, b)) / float(np.vdot(a / most, a))
+        if np.abs(b - factor * a).max() <= _SHARE * other:
+            return _change(1.0, factor)
+    if not 0.1 <= other / most <= 10.0:
+        return f"largest entry {_change(most, other)}"
+    return f"{100.0 * float(np.abs(a - b).max()) / max(most, other):.3g} % apart"

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from functools import reduce
 from types import ModuleType
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import axis
 from screwgauge.diagnosis.files import write_mjcf, write_urdf
 from screwgauge.diagnosis.files.layout import Link, UnpatchableError
 from screwgauge.diagnosis.files.xml_text import XmlText
+from screwgauge.diagnosis.transformations import axis
 from screwgauge.models.matter import Matter, combined, displaced, of_body, relative
 from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import JointReading, Reading
@@ -97,26 +97,42 @@ def frames_of(file: Opened, target: Reading) -> list[Array]:
     return frames
 
 
-def move(file: Opened, target: Reading) -> list[Array]:
+def move(file: Opened, target: Reading, gone: Collection[int] = ()) -> list[Array]:
     """Writes placements and axes of another reading of the same machine.
+
+    Args:
+        gone: Links that are to be taken out: what hangs on them is hung, where it is, on what is before them.
 
     Returns:
         Frame of each link in the world. Shape (4, 4) each.
     """
     frames = frames_of(file, target)
-    for link, F in zip(file.links, frames, strict=True):
+    for i, (link, F) in enumerate(zip(file.links, frames, strict=True)):
+        if i in gone:
+            continue
         if link.near >= 0:
             old = relative(file.links[link.near].frame, link.frame)
-            new = relative(frames[link.near], F)
+            rehung = _rehung(file, link, gone)
+            new = relative(frames[rehung.near], F)
             if file.urdf:
                 new = new @ _turned_back(file, target, link, F)
-            if not _same(old, new):
-                file.writer.place(file.xml, link, new)
+            if rehung is not link:
+                file.writer.hang(file.xml, rehung, file.links[rehung.near])
+            if rehung is not link or not _same(old, new):
+                file.writer.place(file.xml, rehung, new)
         for name, element in link.joints.items():
             before, after = _local(link.frame, file.reading.joints[name]), _local(F, target.joints[name])
             if not _same(before[0], after[0]) or (not file.urdf and not _same(before[1], after[1])):
                 file.writer.direct(file.xml, element, *after)
     return frames
+
+
+def _rehung(file: Opened, link: Link, gone: Collection[int]) -> Link:
+    """A link on the one before it that stays; itself where that is the one before it."""
+    while link.near in gone:
+        before = file.links[link.near]
+        link = replace(link, near=before.near, base=before.base @ link.base)
+    return link
 
 
 def _same(old: Array, new: Array) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,9 @@ from screwgauge.models.matter import Matter, displaced, of_body, plainest, relat
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
+
+#: Changes that take parts out.
+LESS = ("branch", "link")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,13 +34,21 @@ class Patch:
     left: tuple[tuple[Change, str], ...] = ()
 
 
-def patched(text: str, reading: Reading, changes: Sequence[Change], *, plain: bool = False) -> Patch:
+def patched(
+    text: str,
+    reading: Reading,
+    changes: Sequence[Change],
+    *,
+    plain: bool = False,
+    spell: Callable[[str], str] = str,
+) -> Patch:
     """A model file with changes made.
 
     Args:
         text: Of the file.
         reading: What was read from it; the changes are those of it.
         plain: Whole inertials in the axes of their links instead of the least change.
+        spell: The value of an attribute -> as it is to be written.
 
     Raises:
         DescriptionError: The file is no XML.
@@ -46,6 +57,7 @@ def patched(text: str, reading: Reading, changes: Sequence[Change], *, plain: bo
         file = opened(text, reading)
     except UnpatchableError as error:
         return Patch(text, tuple((change, str(error)) for change in changes))
+    file.xml.spell = spell
     left = list[tuple[Change, str]]()
     done = list[Change]()
     for change in changes:
@@ -54,13 +66,16 @@ def patched(text: str, reading: Reading, changes: Sequence[Change], *, plain: bo
             done.append(change)
         except UnpatchableError as error:
             left.append((change, str(error)))
+    gone = {i for change in done if change.what == "link" for i in _moved(file, change.item)}
     try:
-        _write(file, applied(reading, [change for change in done if change.what != "branch"]), plain)
+        _write(file, applied(reading, [change for change in done if change.what not in LESS]), plain, gone)
     except UnpatchableError as error:
         return Patch(text, (*left, *((change, str(error)) for change in done)))
     for change in done:
         if change.what == "branch":
             file.writer.drop(file.xml, _carried(file, change.item))
+    if gone:
+        file.writer.splice(file.xml, [file.links[i] for i in gone])
     return Patch(file.xml.text(), tuple(left))
 
 
@@ -79,8 +94,9 @@ def _check(file: Opened, change: Change) -> None:
             raise UnpatchableError(f"the mass of '{change.item}' is that of the geoms of several bodies")
 
 
-def _write(file: Opened, target: Reading, plain: bool) -> None:
-    frames, reading = move(file, target), file.reading
+def _write(file: Opened, target: Reading, plain: bool, gone: Collection[int]) -> None:
+    """Args: gone: Links that are to be taken out."""
+    frames, reading = move(file, target, gone), file.reading
     elements = {name: element for link in file.links for name, element in link.joints.items()}
     for name, body in target.bodies.items():
         _fill(file, frames, name, body, plain)
@@ -152,6 +168,13 @@ def _changed(parts: dict[int, Matter], old: Matter, new: Matter) -> dict[int, Ma
         return {**parts, chosen: matter}
     found = spread(parts, old, new)
     return found if all(part.possible for part in found.values()) else shared(parts, new)
+
+
+def _moved(file: Opened, joint: str) -> list[int]:
+    """The links of the body that a joint moves, and those without mass between its joints."""
+    name = file.reading.moved_by(joint)
+    joints = {*file.reading.bodies[name].joints}
+    return [i for i, link in enumerate(file.links) if file.owner[i] == name or joints & {*link.joints}]
 
 
 def _carried(file: Opened, joint: str) -> list[Link]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -223,13 +223,50 @@ def _entry(xml: XmlText, section: str, name: str) -> Element:
     raise UnpatchableError(f"no {section} of the name '{name}' stands in the file itself")
 
 
+def hang(xml: XmlText, link: Link, near: Link) -> None:
+    """Keeps the class of defaults of a body whose carrier goes: it hangs where it stands in the text."""
+    element, above = link.element, link.element.parent
+    while above is not None and above is not near.element and not element.get("childclass"):
+        if above.get("childclass"):
+            xml.set(element, childclass=above.get("childclass"))
+            return
+        above = above.parent
+
+
 def drop(xml: XmlText, gone: Collection[Link]) -> None:
-    """Takes bodies out, with all that refers to them, and all that refers to that."""
+    """Takes bodies out with all that is in them."""
     names = set()
     for link in gone:
         xml.replace(link.element)
-        named = link.element.iter("body", "joint", "freejoint", "geom", "site", "camera")
-        names |= {element.get("name") for element in named} - {""}
+        names |= _named(link.element.iter())
+    _forget(xml, names)
+
+
+def splice(xml: XmlText, gone: Collection[Link]) -> None:
+    """Takes bodies out, but not the bodies in them."""
+    names = set()
+    for link in gone:
+        xml.unwrap(link.element)
+        names |= _named([link.element])
+        waiting = [*link.element.children]
+        while waiting:
+            element = waiting.pop()
+            if element.tag == "frame":
+                waiting += element.children
+            elif element.tag != "body":
+                xml.replace(element)
+                names |= _named([element])
+    _forget(xml, names)
+
+
+def _named(elements: Iterable[Element]) -> set[str]:
+    """Names that others may refer to."""
+    kinds = ("body", "joint", "freejoint", "geom", "site", "camera")
+    return {element.get("name") for element in elements if element.tag in kinds} - {""}
+
+
+def _forget(xml: XmlText, names: set[str]) -> None:
+    """Takes out all that refers to some names, and all that refers to that."""
     parts = [(room, part) for room in xml.root.children if room.tag in _REFERRING for part in room.children]
     while lost := [part for room, part in parts if room.tag == "keyframe" or names & _referred(part)]:
         parts = [(room, part) for room, part in parts if part not in lost]

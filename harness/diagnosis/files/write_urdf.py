@@ -19,7 +19,7 @@ from screwgauge.reference.rotations import Array
 SAME = 1e-14
 #: What a joint's reading has -> element and attribute.
 JOINT = {"damping": ("dynamics", "damping"), "friction": ("dynamics", "friction"), "limits": ("limit", "")}
-FRAMES = frozenset({"pose", "placement", "axis", "centre", "zero", "sign", "branch"})
+FRAMES = frozenset({"pose", "placement", "axis", "centre", "zero", "sign", "branch", "link"})
 SAYS = frozenset({"mass", "com", "inertia", "polynomial", *FRAMES, *JOINT})
 
 links = urdf_links
@@ -98,9 +98,19 @@ def check_matter(xml: XmlText) -> None:
     """A URDF always says mass properties itself."""
 
 
+def hang(xml: XmlText, link: Link, near: Link) -> None:
+    """Hangs a link on another one."""
+    if link.mount is not None:
+        xml.set_in(link.mount, "parent", link=near.name)
+
+
 def drop(xml: XmlText, gone: Collection[Link]) -> None:
     """Takes links out, with their joints."""
     for link in gone:
         xml.replace(link.element)
         if link.mount is not None:
             xml.replace(link.mount)
+
+
+#: What hung on links that go hangs on others by now.
+splice = drop

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
@@ -53,9 +53,11 @@ class XmlText:
 
     Attributes:
         root: Its outermost element.
+        spell: The value of an attribute -> as it is to be written.
     """
 
     root: Element
+    spell: Callable[[str], str]
 
     def __init__(self, text: str, where: str) -> None:
         """Reads a text.
@@ -63,10 +65,11 @@ class XmlText:
         Raises:
             DescriptionError: It is no well-formed XML, or it declares entities.
         """
-        self._text = text
+        self._text, self.spell = text, str
         self._attributes: dict[Element, dict[str, str | None]] = {}
         self._inserted: dict[Element, list[str]] = {}
         self._replaced: dict[Element, str] = {}
+        self._unwrapped: list[Element] = []
         self._parse(text, where)
 
     def _parse(self, text: str, where: str) -> None:
@@ -110,7 +113,8 @@ class XmlText:
 
     def set(self, element: Element, **values: str | None) -> None:
         """Gives attributes other values; None takes one out."""
-        self._attributes.setdefault(element, {}).update(values)
+        new = {name: value if value is None else self.spell(value) for name, value in values.items()}
+        self._attributes.setdefault(element, {}).update(new)
 
     def add(self, element: Element, tag: str, **values: str) -> None:
         """Adds an element without content as the first child."""
@@ -126,15 +130,23 @@ class XmlText:
 
     def put(self, element: Element, text: str) -> None:
         """Adds an element, written out, as the first child."""
-        self._inserted.setdefault(element, []).append(text)
+        spelled = re.sub(r'"([^"]*)"', lambda value: f'"{self.spell(value[1])}"', text)
+        self._inserted.setdefault(element, []).append(spelled)
 
     def replace(self, element: Element, text: str = "") -> None:
         """Puts a text in the place of an element with all that is in it."""
         self._replaced[element] = text
 
+    def unwrap(self, element: Element) -> None:
+        """Takes out the tags of an element and leaves what is between them."""
+        self._unwrapped.append(element)
+
     def text(self) -> str:
         """The text with all changes made."""
         edits = [(element.start, element.end, new) for element, new in self._replaced.items()]
+        for element in self._unwrapped:
+            last = element.stop if self._alone(element) else self._text.rindex("</", element.stop, element.end)
+            edits += [(element.start, element.stop, ""), (last, element.end, "")]
         for element in {**self._attributes, **self._inserted}:
             edits.append((element.start, element.stop, self._start_tag(element)))
         out, at = list[str](), 0

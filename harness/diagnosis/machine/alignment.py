@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain, product
 
 import numpy as np
 
@@ -69,8 +70,8 @@ class Alignment:
 
     def _lies(self, a: Machine, b: Machine, body: str) -> bool:
         """Whether most features of a body lie on those of its partner: one alone, that of its joint, can always do."""
-        if body == GROUND:
-            return True
+        if body == GROUND or body not in self.bodies:
+            return body == GROUND
         off = misfits(a, b, (body, self.bodies[body]), self.placed[body])
         return bool((off < NEAR).sum() >= MANY * len(off))
 
@@ -214,6 +215,11 @@ def _roles(reading: Reading, link: Link) -> tuple[bool, bool]:
     return any(leads for leads, _ in pairs), any(follows for _, follows in pairs)
 
 
+def _behind(machine: Machine, link: Link) -> list[Link]:
+    """What hangs on the far body of a link."""
+    return [far for far in machine.at(link.far) if far.names != link.reversed().names]
+
+
 def aligned(a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str]) -> Alignment:
     """Finds partners.
 
@@ -239,7 +245,7 @@ class _Walk:
         queue = [GROUND]
         while queue:
             near = queue.pop(0)
-            for one, other in self._assigned(near):
+            for one, other in chain(self._skipping(near), self._assigned(near)):
                 self._taken(one, other)
                 if one.far not in self.bodies:
                     self.bodies[one.far] = other.far
@@ -253,6 +259,30 @@ class _Walk:
         self.open_b = [
             link for link in self.open_b if link.names != other.names and link.names != other.reversed().names
         ]
+
+    def _skipping(self, near: str) -> list[tuple[Link, Link]]:
+        """Links of a body and those behind another link of its partner that are in one place: that link is missing."""
+        if len(self.a.links) == len(self.b.links):
+            return []
+        there = self.bodies[near]
+        ours = [link.of(near) for link in self.open_a if link.joins(near)]
+        theirs = [link.of(there) for link in self.open_b if link.joins(there)]
+        direct = [pair for pair in product(ours, theirs) if self._lie(*pair, near)]
+        ours = [link for link in ours if all(link is not one for one, _ in direct)]
+        theirs = [link for link in theirs if all(link is not other for _, other in direct)]
+        pairs = [product(_behind(self.a, link), theirs) for link in ours]
+        pairs += [product(ours, _behind(self.b, link)) for link in theirs]
+        found = max(([pair for pair in some if self._lie(*pair, near)] for some in pairs), key=len, default=[])
+        self.placed |= {one.near: self.placed[near] for one, _ in found}
+        return found
+
+    def _lie(self, one: Link, other: Link, near: str) -> bool:
+        """Whether two links, and most of what is behind them, are in one place where a body lies on its partner."""
+        T = self.placed[near]
+        if one.kind != other.kind or distance(self.a, (one, other), T) > EXACT:
+            return False
+        off = misfits(self.a, self.b, (one.far, other.far), T)
+        return bool((off < NEAR).sum() >= MANY * len(off))
 
     def _assigned(self, near: str) -> Iterator[tuple[Link, Link]]:
         """Pairs of links of a body, the surest first."""

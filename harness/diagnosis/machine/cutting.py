@@ -14,7 +14,7 @@ import numpy as np
 
 from screwgauge.diagnosis.differences.change import Change, applied
 from screwgauge.diagnosis.machine.alignment import Alignment
-from screwgauge.diagnosis.mechanics.reshape import joined
+from screwgauge.diagnosis.transformations import joined
 from screwgauge.models.kinematics import rehomed
 from screwgauge.models.machine import Element, Link, Machine, machine_of
 from screwgauge.models.readings.assemble import matrix, screw

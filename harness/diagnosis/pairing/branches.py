@@ -1,58 +1,85 @@
-"""Joints that one model has and the other has not: held there, or gone with all that they carry."""
+"""Joints that one model has and the other has not: held there, gone by themselves, or gone with all that they carry."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import Change, Difference, outwards, without
-from screwgauge.diagnosis.mechanics.lines import CLOSE
-from screwgauge.diagnosis.mechanics.reshape import held
-from screwgauge.diagnosis.pairing.mapping import AGAINST_NAME, Pairing, joints_before
+from screwgauge.diagnosis.differences.change import Change, Difference
+from screwgauge.diagnosis.pairing.mapping import AGAINST_NAME, CLOSE, Pairing, joints_before
+from screwgauge.diagnosis.transformations import outwards, spliced, without
 from screwgauge.models.kinematics import moved
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
+from screwgauge.reference.errors import first_few
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross
 
+_NAMED = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Side:
+    """One of two models.
+
+    Attributes:
+        name: ``A`` or ``B``.
+        alone: Its joints without a partner.
+        joints, bodies: Of it -> of the other one.
+        placement: Of the other one's world in its own. Shape (4, 4).
+    """
+
+    name: str
+    reading: Reading
+    alone: tuple[str, ...]
+    joints: Mapping[str, str]
+    bodies: Mapping[str, str]
+    placement: Array
+
+    def difference(self, joint: str, other: str, what: str, sentence: str) -> Difference:
+        """Of a joint of this model; `other`: of the other one, if any."""
+        items = (joint, other) if self.name == "A" else (other, joint)
+        return Difference(*items, what, None, None, "", math.inf, sentence)
+
+
+def _sides(a: Reading, b: Reading, pairing: Pairing) -> tuple[Side, Side]:
+    back = ({other: name for name, other in each.items()} for each in (pairing.joints, pairing.bodies))
+    T = pairing.placement
+    return (
+        Side("A", a, pairing.only_a, pairing.joints, pairing.bodies, T),
+        Side("B", b, pairing.only_b, *back, np.asarray(np.linalg.inv(T))),
+    )
+
 
 def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
-    """One for each joint without a partner that does not hang on another such joint, or without a name of its own."""
+    """Names that are another joint's, joints of other kinds, and links that one model has and the other has not."""
     for name, other in pairing.joints.items():
         if pairing.how[name] == AGAINST_NAME:
             sentence = f"{name}: is called {other} in B, where {name} is another joint"
             yield Difference(name, other, "name", None, None, "", math.inf, sentence, kind="convention")
-    bodies, T, back = dict(pairing.bodies), pairing.placement, np.asarray(np.linalg.inv(pairing.placement))
-    there = {other: name for name, other in bodies.items()}
-    split = (_split(a, b, pairing.only_b, bodies, T), _split(b, a, pairing.only_a, there, back))
-    for side, lost, reading, found in (("A", "B", a, split[0]), ("B", "A", b, split[1])):
-        for joint, names in found.items():
-            kind, others = reading.joints[joint].kind, ", ".join(names)
+    one, two = _sides(a, b, pairing)
+    known: dict[str, set[str]] = {"A": set(), "B": set()}
+    for side, other in ((one, two), (two, one)):
+        for joint, names in _split(side, other).items():
+            known[side.name].add(joint)
+            known[other.name] |= {*names}
             sentence = (
-                f"{joint}: a {kind} joint in {side}, in {lost} the joints {others}, which move what they carry in the "
-                f"same ways; all are held where torques are compared: make them one kind of joint to compare them"
+                f"{joint}: a {side.reading.joints[joint].kind} joint in {side.name}, in {other.name} the joints "
+                f"{', '.join(names)}, which move what they carry in the same ways; all are held where torques are "
+                "compared: make them one kind of joint to compare them"
             )
-            items = (joint, names[0]) if side == "A" else (names[0], joint)
-            yield Difference(*items, "kind", None, None, "", math.inf, sentence)
-    said = [{*split[i], *(name for names in split[1 - i].values() for name in names)} for i in (0, 1)]
+            yield side.difference(joint, names[0], "kind", sentence)
     for name in _retyped(a, b, pairing):
-        said[0].add(name)
-        said[1].add(name)
+        known = {side: {*names, name} for side, names in known.items()}
         kinds = a.joints[name].kind, b.joints[name].kind
         sentence = (
             f"{name}: a {kinds[0]} in A, a {kinds[1]} in B; it and all that it carries are compared where it is held"
         )
-        yield Difference(name, name, "kind", None, None, "", math.inf, sentence)
-    for side, here, beside, lost in (
-        ("A", (a, pairing.only_a, said[0]), (b, bodies), "B"),
-        ("B", (b, pairing.only_b, said[1]), (a, there), "A"),
-    ):
-        reading, alone, known = here
-        before = joints_before(reading)
-        for joint in alone:
-            if before[joint] not in alone and joint not in known:
-                yield _branch(reading, joint, alone, beside, (side, lost))
+        yield one.difference(name, name, "kind", sentence)
+    for side, other in ((one, two), (two, one)):
+        yield from _absent(side, other, known[side.name])
 
 
 def _retyped(a: Reading, b: Reading, pairing: Pairing) -> Iterator[str]:
@@ -68,34 +95,25 @@ def _retyped(a: Reading, b: Reading, pairing: Pairing) -> Iterator[str]:
 
 
 def bare(a: Reading, b: Reading, found: Iterable[Difference]) -> tuple[Reading, Reading]:
-    """Both without the joints that, with all they carry, are `missing` in the other one: no part of what is before them
-    has their mass there."""
+    """Both without the links that are `missing` in the other one: no part of what is before them has their mass."""
     for each in found:
-        if each.what == "branch" and each.a is not None:
-            a = without(a, each.item_a) if each.item_a else a
-            b = without(b, each.item_b) if each.item_b else b
+        if each.a is not None and (take := {"branch": without, "link": spliced}.get(each.what)):
+            a = take(a, each.item_a) if each.item_a else a
+            b = take(b, each.item_b) if each.item_b else b
     return a, b
 
 
-def _split(
-    one: Reading, other: Reading, alone: Collection[str], bodies: Mapping[str, str], T: Array
-) -> dict[str, tuple[str, ...]]:
-    """Ball or free joints that are several joints without a partner in another model, between the same bodies.
-
-    Args:
-        alone: Joints of the other model without a partner.
-        bodies: Of the one and of the other.
-        T: Placement of the other's world in the one's. Shape (4, 4).
-    """
-    found = {}
-    for name, body in one.bodies.items():
-        joint = one.joints[body.joints[0]]
-        names, at, near = tuple[str, ...](), bodies.get(name, GROUND), bodies.get(body.near, GROUND)
-        while at != near and at in other.bodies:
-            names, at = (*other.bodies[at].joints, *names), other.bodies[at].near
-        if at != near or not names or not {*names} <= {*alone} or len(body.joints) > 1:
+def _split(side: Side, other: Side) -> dict[str, tuple[str, ...]]:
+    """Ball or free joints that are several joints without a partner in the other model, between the same bodies."""
+    found, T, there = {}, side.placement, other.reading
+    for name, body in side.reading.bodies.items():
+        joint = side.reading.joints[body.joints[0]]
+        names, at, near = tuple[str, ...](), side.bodies.get(name, GROUND), side.bodies.get(body.near, GROUND)
+        while at != near and at in there.bodies:
+            names, at = (*there.bodies[at].joints, *names), there.bodies[at].near
+        if at != near or not names or not {*names} <= {*other.alone} or len(body.joints) > 1:
             continue
-        ways = np.vstack([_ways(moved(other.joints[each], T)) for each in names])
+        ways = np.vstack([_ways(moved(there.joints[each], T)) for each in names])
         ranks = {np.linalg.matrix_rank(S, tol=CLOSE) for S in (ways, np.vstack([ways, _ways(joint)]))}
         if len(ways) > 1 and ranks == {len(ways)} == {FREEDOMS[joint.kind]}:
             found[body.joints[0]] = names
@@ -110,41 +128,99 @@ def _ways(joint: JointReading) -> Array:
     return turns if joint.kind == "ball" else np.concatenate([np.eye(6)[3:], turns])
 
 
-def _branch(
-    reading: Reading, joint: str, alone: tuple[str, ...], there: tuple[Reading, dict[str, str]], sides: tuple[str, str]
-) -> Difference:
-    side, lost = sides
-    carried, joints = outwards(reading, joint)
-    mass = sum(reading.bodies[name].mass for name in carried)
-    stuck = not {*joints} <= {*alone} or _weighs(reading, joint, alone, there)
-    item_a, item_b = (joint, "") if side == "A" else ("", joint)
-    if stuck:
-        sentence = f"{joint}: does not move in {lost}, where what it carries is part of what is before it"
-        return Difference(item_a, item_b, "branch", None, None, "", math.inf, sentence)
-    what = f"{len(carried)} bod{'y' if len(carried) == 1 else 'ies'}, {mass:.6g} kg"
+def _absent(side: Side, other: Side, known: Collection[str]) -> Iterator[Difference]:
+    """What hangs on the joints of one model that have no partner, from the ground outwards.
+
+    Args:
+        known: Joints of which all is said.
+    """
+    reading, alone, before, done = side.reading, {*side.alone}, joints_before(side.reading), {*known}
+    for root in side.alone:
+        if before[root] in alone or root in known:
+            continue
+        gap = _gap(side, root)
+        if _held(side, other, root, gap):
+            what = "what it carries is part of what is before it"
+            yield side.difference(root, "", "branch", f"{root}: does not move in {other.name}, where {what}")
+            continue
+        for name in gap:
+            joint = root if root in reading.bodies[name].joints else reading.bodies[name].joints[0]
+            if joint in done:
+                continue
+            joints = outwards(reading, joint)[1]
+            whole = {*joints} <= alone
+            done |= {*joints} if whole else {joint}
+            yield _branch(side, other, joint) if whole else _link(side, other, joint)
+
+
+def _gap(side: Side, root: str) -> list[str]:
+    """Bodies that joints without a partner alone lead to, from one of these on."""
+    gap: list[str] = []
+    for name in outwards(side.reading, root)[0]:
+        body = side.reading.bodies[name]
+        if root in body.joints or (body.near in gap and body.joints[0] in side.alone):
+            gap.append(name)
+    return gap
+
+
+def _held(side: Side, other: Side, root: str, gap: Collection[str]) -> bool:
+    """Whether the other model has what some joints move, fixed to what is before it, or moves it by other joints."""
+    bodies = {name: side.reading.bodies[name] for name in gap}
+    mass = sum(body.mass for body in bodies.values())
+    if not {*outwards(side.reading, root)[1]} <= {*side.alone}:
+        joints = {joint for body in bodies.values() for joint in body.joints}
+        if not mass or not joints <= {*side.alone} or {side.bodies.get(name) for name in gap} & {*other.reading.bodies}:
+            return True
+    links = {link for name, body in bodies.items() for link in (name, *body.fixed)}
+    near = side.reading.bodies[side.reading.moved_by(root)].near
+    if near not in side.reading.bodies:
+        return bool(links & {*other.reading.fixed})
+    partner, bare = other.reading.bodies.get(side.bodies.get(near, "")), side.reading.bodies[near].mass
+    if partner is None:
+        return False
+    return bool(links & {*partner.fixed}) or abs(partner.mass - (bare + mass)) < abs(partner.mass - bare)
+
+
+def _branch(side: Side, other: Side, joint: str) -> Difference:
+    """A joint that is missing with all that it carries."""
+    carried, joints = outwards(side.reading, joint)
+    what = f"{len(carried)} bod{'y' if len(carried) == 1 else 'ies'}, {_mass(side, carried)}"
     more = f" and {len(joints) - 1} joint{'s' if len(joints) > 2 else ''} behind it" if len(joints) > 1 else ""
-    twin = there[0].joints.get(joint)
+    twin, kind = other.reading.joints.get(joint), side.reading.joints[joint].kind
     carries = f"all that {'they carry' if more else 'it carries'} ({what})"
-    sentence = f"{joint}{more}: missing in {lost}, with {carries}"
-    if twin is not None and twin.kind != (kind := reading.joints[joint].kind):
-        sentence = f"{joint}: a {kind} in {side}, a {twin.kind} in {lost}; it{more} and {carries} have no partner there"
-    there_is, change = (np.array(1.0), np.array(0.0)), None
-    if side == "A":
-        sentence += ", without which torques are compared"
-    else:
-        there_is, change = there_is[::-1], Change(joint, "branch", np.array(0.0))
-    return Difference(item_a, item_b, "branch", *there_is, "", math.inf, sentence, change)
+    sentence = f"{joint}{more}: missing in {other.name}, with {carries}"
+    if twin is not None and twin.kind != kind:
+        sentence = f"{joint}: a {kind} in {side.name}, a {twin.kind} in {other.name}; it{more} and {carries} have no "
+        sentence += "partner there"
+    without_it = ", without which torques are compared" if side.name == "A" else ""
+    return _gone(side, joint, "branch", f"{sentence}{without_it}")
 
 
-def _weighs(reading: Reading, joint: str, alone: tuple[str, ...], there: tuple[Reading, dict[str, str]]) -> bool:
-    """Whether the other model has the mass of what a joint carries, fixed to what is before it."""
-    other, partners = there
-    near = reading.bodies[reading.moved_by(joint)].near
-    carried = {link for name in outwards(reading, joint)[0] for link in (name, *reading.bodies[name].fixed)}
-    if near not in reading.bodies:
-        return bool(carried & {*other.fixed})
-    partner = other.bodies.get(partners.get(near, ""))
-    if partner is not None and carried & {*partner.fixed}:
-        return True
-    bare, whole = (each.bodies[near].mass for each in (without(reading, joint), held(reading, alone)))
-    return partner is not None and abs(partner.mass - whole) < abs(partner.mass - bare)
+def _link(side: Side, other: Side, joint: str) -> Difference:
+    """A joint that is missing with the body that it moves, but not what hangs on that."""
+    name = side.reading.moved_by(joint)
+    near = side.reading.bodies[name].near
+    while near in side.reading.bodies and near not in side.bodies:
+        near = side.reading.bodies[near].near
+    gap = _gap(side, joint)
+    behind = [
+        side.joints[body.joints[0]]
+        for each, body in side.reading.bodies.items()
+        if body.near in gap and each not in gap
+    ]
+    where = f"{first_few(behind, _NAMED)} hang{'s' * (len(behind) == 1)} on {side.bodies.get(near, 'the ground')} there"
+    without_it = ", without which torques are compared" if side.name == "A" else ""
+    sentence = f"{joint}: missing in {other.name}, with {name} that it moves ({_mass(side, [name])})"
+    return _gone(side, joint, "link", f"{sentence}{without_it}; {where}")
+
+
+def _mass(side: Side, bodies: Iterable[str]) -> str:
+    return f"{sum(side.reading.bodies[name].mass for name in bodies):.6g} kg"
+
+
+def _gone(side: Side, joint: str, what: str, sentence: str) -> Difference:
+    """Something that A alone has, without which torques are compared, or B alone, which a change takes away."""
+    if side.name == "A":
+        return Difference(joint, "", what, np.array(1.0), np.array(0.0), "", math.inf, sentence)
+    change = Change(joint, what, np.array(0.0))
+    return Difference("", joint, what, np.array(0.0), np.array(1.0), "", math.inf, sentence, change)

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, applied, outwards
-from screwgauge.diagnosis.mechanics.lines import CLOSE, fitting
-from screwgauge.diagnosis.mechanics.reshape import held, ordered, placed
-from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, applied
+from screwgauge.diagnosis.machine.alignment import assignment
+from screwgauge.diagnosis.pairing.mapping import CLOSE, Pairing, fitting
+from screwgauge.diagnosis.transformations import held, ordered, outwards, placed
 from screwgauge.models.formats import adjoint
 from screwgauge.models.kinematics import ReadingTree, downwards, rehomed
 from screwgauge.models.matter import Matter, combined, of_body
 from screwgauge.models.readings.collapse import collapsed
 from screwgauge.models.readings.naming import NUMBERED
-from screwgauge.models.readings.reading import Reading
+from screwgauge.models.readings.reading import ClosureReading, Reading
 from screwgauge.models.readings.renamed import renamed
 from screwgauge.reference.rotations import Array, quaternion_rotation
 from screwgauge.witness.tree import TreeStates
@@ -102,6 +102,9 @@ def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
         before = {n: X @ Y if n in joints and n != root else Y for n, Y in before.items()}
         behind = {n: X @ Y if n in bodies else Y for n, Y in behind.items()}
     b = placed(b, T)
+    if nearer := _nearest(a, b, {name for other, name in names["closures"].items() if name != other}):
+        b = renamed(b, {"closures": nearer})
+        names["closures"] = {other: nearer.get(name, name) for other, name in names["closures"].items()}
     return Common(
         a,
         b,
@@ -113,6 +116,28 @@ def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
         {name: pairing.standing[other] for other, name in names["bodies"].items() if other in pairing.standing},
         {names["bodies"].get(other, other): matter for other, matter in extra.items()},
     )
+
+
+def _nearest(a: Reading, b: Reading, names: Collection[str]) -> dict[str, str]:
+    """Closures of one pair of bodies by the names of those of A that they are nearest to, where others have these.
+
+    Args:
+        names: Of closures that may change theirs.
+    """
+    ends, found = _ends(a, {}), dict[str, str]()
+    for pair in {frozenset(ends[name]) for name in names if name in a.closures and name in b.closures}:
+        some = [name for name in names if name in b.closures and ends.get(name) == pair]
+        points = [[_points(reading, reading.closures[name]) for name in some] for reading in (a, b)]
+        cost = np.array([[np.linalg.norm(theirs - ours) for ours in points[0]] for theirs in points[1]])
+        found |= {some[i]: some[j] for i, j in assignment(cost) if i != j}
+    return found
+
+
+def _points(reading: Reading, closure: ClosureReading) -> Array:
+    """Origins of both frames of a closure in the world, in the order of the names of its bodies. Shape (2, 3)."""
+    frames = {closure.first: closure.first_frame, closure.second: closure.second_frame}
+    poses = {name: reading.bodies[name].pose if name in reading.bodies else np.eye(4) for name in frames}
+    return np.array([(poses[name] @ frames[name])[:3, 3] for name in sorted(frames)])
 
 
 def _turned(a: Reading, b: Reading, T: Array) -> bool:
@@ -173,7 +198,7 @@ def _same(a: Mapping[str, object], b: Mapping[str, object], *, commanded: bool =
     return found
 
 
-def _ends(reading: Reading, bodies: Mapping[str, str]) -> dict[str, object]:
+def _ends(reading: Reading, bodies: Mapping[str, str]) -> dict[str, set[str]]:
     """Closure -> the bodies that it joins, by other names."""
     closures = reading.closures.items()
     return {name: {bodies.get(c.first, c.first), bodies.get(c.second, c.second)} for name, c in closures}

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from screwgauge.diagnosis.machine.alignment import Match, matched
-from screwgauge.diagnosis.mechanics.lines import CLOSE, apart, fitting
+from screwgauge.diagnosis.transformations import axis
 from screwgauge.models.kinematics import moved, rehomed, size
-from screwgauge.models.readings.reading import BodyReading, Reading
+from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import read_toml
 
+#: Placements are compared by the joints that they lay onto each other so closely, relative to the size of the machine.
+CLOSE = 1e-6
+#: Frames of bodies that are tried as placements.
+FRAMES = 8
 #: Below this share of joints with a partner, two models are of different machines.
 ALIKE = 0.5
 #: So many identical names are no chance: their joints are compared, however much else the two models have.
@@ -278,3 +282,56 @@ def _bodies(a: Reading, b: Reading, joints: Mapping[str, str], given: Mapping[st
         if name not in bodies and name in b.bodies and name not in bodies.values() and name != GROUND:
             bodies[name] = name
     return {name: bodies[name] for name in a.bodies if name in bodies}
+
+
+def apart(a: JointReading, b: JointReading, length: float) -> float:
+    """How far two joints are from turning or sliding alike, whichever way they count: angle plus way over a length."""
+    if a.kind != b.kind:
+        return float("inf")
+    if a.kind == "free":
+        return 0.0  # wherever its coordinates say
+    if a.kind == "ball":
+        return float(np.linalg.norm(a.centre - b.centre)) / length
+    sign = 1.0 if axis(a) @ axis(b) >= 0.0 else -1.0
+    off = float(np.linalg.norm(axis(a) - sign * axis(b)))
+    if a.kind == "hinge":
+        off += float(np.linalg.norm(np.cross(b.centre - a.centre, axis(a)))) / length
+    return off
+
+
+def fitting(
+    a: Reading,
+    b: Reading,
+    pairs: Sequence[tuple[str, str]],
+    bodies: Iterable[tuple[str, str]],
+    also: Iterable[Array] = (),
+) -> Array:
+    """The placement of B's world in A's that lays most joints onto their partners; none where those at the ground fit.
+
+    A base that stands elsewhere cannot be told from a first joint that counts from elsewhere, which is likelier.
+
+    Args:
+        pairs: Joints of A with those of B.
+        bodies: Bodies of A with those of B.
+        also: Further placements that are tried. Shape (4, 4) each.
+
+    Returns:
+        Shape (4, 4).
+    """
+    length, best, most = size(a), np.eye(4), -1.0
+    pairs = [(i, j) for i, j in pairs if a.joints[i].kind != "free"]
+    ground = {a.bodies[name].joints[0] for name in a.roots}
+    stands = [a.fixed[name] @ np.linalg.inv(b.fixed[name]) for name in a.fixed if name in b.fixed]
+    rooted = [apart(a.joints[i], b.joints[j], length) for i, j in pairs if i in ground]
+    if (rooted and max(rooted) < CLOSE) or any(np.abs(T - best).max() < CLOSE for T in stands):
+        return best
+    frames = [a.bodies[name].pose @ np.linalg.inv(b.bodies[other].pose) for name, other in [*bodies][:FRAMES]]
+    tried = [best, *frames, *also, *stands]
+    if len({"free" in (joint.kind for joint in each.joints.values()) for each in (a, b)}) == 2:
+        tried = [*tried[1:], best]  # a base that one model alone says is free stands where its coordinates say
+    for T in tried:
+        off = [apart(a.joints[i], moved(b.joints[j], T), length) for i, j in pairs]
+        score = sum(each < CLOSE for each in off) - np.mean(np.minimum(off, 1.0)) if off else 0.0
+        if score > most + 1e-3:
+            best, most = T, float(score)
+    return best

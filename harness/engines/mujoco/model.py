@@ -17,10 +17,10 @@ from screwgauge.engines.mujoco.mover import MujocoMover
 from screwgauge.engines.mujoco.settings import EXACT, MujocoSettings, refine
 from screwgauge.engines.mujoco.steps import MujocoStepper, joint_spring, sprung_model
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
+from screwgauge.engines.tree.applied_forces import TreeForces, spring_pull
 from screwgauge.engines.tree.closed import ClosedTree, close_tree
-from screwgauge.engines.tree.forces import spring_pull, tree_forces
 from screwgauge.engines.tree.model import TreeModel, loops_file
-from screwgauge.engines.tree.protocol import Accelerations
+from screwgauge.engines.tree.protocol import Accelerations, TreeDynamics
 from screwgauge.models.mjcf import stood_in
 from screwgauge.models.readings.compiler import warned
 from screwgauge.problem import InitialValue, ModelFiles, Problem, Progress, quiet
@@ -58,12 +58,12 @@ class MujocoModel(TreeModel):
         return replace(solution, notes=noted, warnings=said)
 
 
-class MujocoDynamics:
+class MujocoDynamics(TreeDynamics):
     """What moves an MJCF. See `screwgauge.engines.tree.protocol.TreeDynamics`."""
 
     def __init__(self, mjcf: Path, tree: MujocoTree, settings: MujocoSettings) -> None:
         self.mjcf, self.tree, self.settings = mjcf, tree, settings
-        self.dt, self.naive = settings.dt, settings.naive
+        self.integrator, self.dt, self.naive = settings.integrator, settings.dt, settings.naive
         self.setting = settings.states
         settings.soften(tree.model)  # the tree's own calls switch its constraints on and off
         self.model = _welded(mjcf, tree) if settings.weld else copy.deepcopy(tree.model)
@@ -77,9 +77,9 @@ class MujocoDynamics:
 
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> MujocoStepper:
         applied = problem.applied
-        tree_forces(closed, applied, task.start)  # says which names are wrong before MuJoCo does
+        TreeForces(closed, applied, task.start)  # says which names are wrong before MuJoCo does
         sprung = sprung_model(self.mjcf, applied, self.tree)
-        held = tree_forces(closed, sprung.left, task.start)
+        held = TreeForces(closed, sprung.left, task.start)
         return MujocoStepper(sprung, self.tree, applied, held, self.settings)
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:

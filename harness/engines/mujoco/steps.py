@@ -16,7 +16,7 @@ import numpy as np
 from screwgauge.engines.mujoco.mover import MujocoMover
 from screwgauge.engines.mujoco.settings import MujocoSettings, refine
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
-from screwgauge.engines.tree.forces import TreeForces
+from screwgauge.engines.tree.applied_forces import TreeForces
 from screwgauge.reference.applied import Applied, JointSpring, PointSpring
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -93,7 +93,7 @@ class MujocoStepper:
         self.base, self.tau = np.zeros(self.model.nv), np.zeros(self.model.nv)
         self.mover, self.work, self.closing = MujocoMover(tree), settings.work, _closing(self.model)
         self.notes: tuple[str, ...] = (
-            ("some forces vary with time or pose and are held over each step",) if held.elements else ()
+            ("some forces vary with time or pose and are held over each step",) if held.acts else ()
         )
         self.advance = mujoco.mj_Euler if settings.integrator == "Euler" else mujoco.mj_implicit
         for motor in applied.motors:
@@ -110,7 +110,7 @@ class MujocoStepper:
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
         model, data = self.model, self.data
         model.opt.timestep = h
-        if not self.held.elements and not self.passes:
+        if not self.held.acts and not self.passes:
             data.qfrc_applied[:] = self.base
             mujoco.mj_step(model, data, n)
             n = 0
@@ -128,7 +128,7 @@ class MujocoStepper:
         """Forces along the coordinates for the step to come."""
         data = self.data
         data.qfrc_applied[:] = self.base
-        if self.held.elements:
+        if self.held.acts:
             q, v = data.qpos.copy(), data.qvel.copy()
             self.mover.place(q, v)
             self.held.act(t, q, v, self.mover.body, self.tau)

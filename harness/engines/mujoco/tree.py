@@ -15,7 +15,7 @@ import numpy as np
 from screwgauge.engines.mujoco.block import DataBlock
 from screwgauge.engines.mujoco.curvature import curvature
 from screwgauge.engines.mujoco.settings import EQUALITY
-from screwgauge.engines.tree.protocol import BodyPoses, shifted
+from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
 from screwgauge.models.layout import Closure
 from screwgauge.models.mjcf import LEAST, POWERS, without_stand_ins
 from screwgauge.models.readings.mujoco import joint_equality, turn
@@ -39,7 +39,7 @@ def prepare(model: mujoco.MjModel) -> None:
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in 4.0.0 (issue 3767)
 
 
-class MujocoTree:
+class MujocoTree(OpenTree):
     """A loaded MJCF. See `screwgauge.engines.tree.protocol.OpenTree` for shapes."""
 
     def __init__(self, mjcf: Path, file: LoopsFile) -> None:

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.pinocchio.mover import INTEGRATORS, ITERATIONS, MU, PinocchioMover, PinocchioStepper
+from screwgauge.engines.pinocchio.mover import ITERATIONS, MU, PinocchioMover
 from screwgauge.engines.pinocchio.tree import Constraints, PinocchioTree
-from screwgauge.engines.tree.closed import ClosedTree, close_tree
-from screwgauge.engines.tree.forces import spring_pull, tree_forces
+from screwgauge.engines.tree.applied_forces import spring_pull
+from screwgauge.engines.tree.closed import close_tree
+from screwgauge.engines.tree.fixed_steps import INTEGRATORS
 from screwgauge.engines.tree.model import TreeModel, loops_file
-from screwgauge.engines.tree.protocol import Accelerations
-from screwgauge.problem import InitialValue, ModelFiles, Problem
+from screwgauge.engines.tree.protocol import Accelerations, TreeDynamics
+from screwgauge.problem import ModelFiles
 from screwgauge.reference import linear
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.errors import DescriptionError, check_choice
@@ -67,25 +68,18 @@ def load(files: ModelFiles, **settings: Any) -> TreeModel:
     return TreeModel(close_tree(tree, file), PinocchioDynamics(tree, PinocchioSettings(**settings)))
 
 
-class PinocchioDynamics:
+class PinocchioDynamics(TreeDynamics):
     """What moves a URDF. See `screwgauge.engines.tree.protocol.TreeDynamics`."""
 
-    naive = False
-
     def __init__(self, tree: PinocchioTree, settings: PinocchioSettings) -> None:
-        self.tree, self.settings, self.dt = tree, settings, settings.dt
+        self.tree, self.settings = tree, settings
+        self.integrator, self.dt = settings.integrator, settings.dt
         self.constraints = Constraints(tree, frames=settings.frames, gains=settings.gains)
         proximal = settings.proximal()
         self.setting = f"constraintDynamics, mu {proximal.mu:g}, {proximal.max_iter} iterations"
 
     def mover(self) -> PinocchioMover:
         return PinocchioMover(self.tree)
-
-    def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> PinocchioStepper:
-        integrator = self.settings.integrator
-        name = "semi-implicit Euler" if integrator == "Euler" else integrator
-        forces = tree_forces(closed, problem.applied, task.start)
-        return PinocchioStepper(self.mover(), forces, integrator, f"{name} with projection, dt {self.dt:g} s")
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
         tau = sum((spring_pull(spring, self.tree, q, v) for spring in springs), tau)

@@ -13,7 +13,6 @@ from screwgauge.engines.parts import JointMotion, Simulated, check_fits, joint_u
 from screwgauge.engines.screw.inverse import solve_motion
 from screwgauge.engines.screw.traced import solve_traced
 from screwgauge.engines.screw.variants import Variant, load_variant
-from screwgauge.engines.screw.whole_system import solve_whole_system
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference import linear
@@ -36,22 +35,16 @@ LONG = 2000
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """How given motions, and accelerations of states, are solved.
+    """How given motions and simulations are solved.
 
     Attributes:
         backend: What solves given motions: ``array``, or a traced program run by ``numpy`` or ``llvm``; and
             simulations, in which ``numpy`` is Python. By default ``numpy`` for given motions of `LONG` and more, for
             shorter ones ``array``, and ``llvm`` for simulations.
-        whole_system: Actuator forces are read from the balance of all bodies at once; nothing else is answered.
-        refined: That system is refined once, its residual in wider numbers.
-        projected: Accelerations of states come from the equations of the independent coordinates, not of all bodies.
         variant: Name and settings of one of `screwgauge.engines.screw.variants`, which solves given motions instead.
     """
 
     backend: str | None = None
-    whole_system: bool = False
-    refined: bool = False
-    projected: bool = False
     variant: Mapping[str, Any] | None = None
 
 
@@ -80,8 +73,6 @@ class ScrewModel:
         """
         check_fits(problem, self.lay.mechanism, self.where)
         if isinstance(problem.task, GivenMotion):
-            if self.settings.whole_system:
-                return solve_whole_system(self.lay, problem, problem.task, refined=self.settings.refined)
             return self._move(problem, problem.task, progress)
         if isinstance(problem.task, InitialValue):
             return self._simulate(problem, problem.task, progress)
@@ -152,11 +143,8 @@ class ScrewModel:
         clock, applied = Stopwatch(), replace(problem.applied, motors=())
         yd = task.v[:, mechanism.independent_columns]
         at = motion_at(self.lay, task.q, yd, applied=applied, joints=task.tau)
-        if self.settings.projected:
-            qdd, setting = at.joint_acceleration, "projected"
-        else:
-            qdd, setting = NewtonEuler(at).response()[0], "whole Newton-Euler system"
+        qdd = NewtonEuler(at).response()[0]
         cost = clock.cost()
         units = tuple(f"{unit}/s^2" for unit in joint_units(mechanism.joints).values())
         values = {"joint_acceleration": Values(mechanism.coordinates, units, qdd)}
-        return Solution("screw", __version__, values, at.condition, setting=setting, cost=cost)
+        return Solution("screw", __version__, values, at.condition, setting="whole Newton-Euler system", cost=cost)

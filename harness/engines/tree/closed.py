@@ -12,7 +12,8 @@ from screwgauge.engines.tree.closure import Loops, check_names, make_loops
 from screwgauge.engines.tree.cut_joints import Chart
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree
 from screwgauge.models.urdf import LoopsFile
-from screwgauge.reference.applied import Applied
+from screwgauge.reference.applied import Load
+from screwgauge.reference.equations.joint_types import JointPose, placed
 from screwgauge.reference.mechanism import KINDS, Joint, actuator_names
 from screwgauge.reference.rotations import Array, cross, widest
 
@@ -198,15 +199,18 @@ class ClosedTree:
             rows.append(row[:, None])
         return np.concatenate(rows, axis=1)
 
-    def load_wrenches(self, at: BodyPoses, applied: Applied) -> Array:
-        """Loads as force and moment about the origin of each body. Shape (n, n_body + 1, 6)."""
-        out = np.zeros((*at.p.shape[:2], 6))
-        for load in applied.loads:
-            i = self.loops.index[load.body]
-            arm = at.R[:, i] @ (self.tree.com[i - 1] if load.point is None else load.point)
-            out[:, i, :3] += load.force
-            out[:, i, 3:] += load.torque + cross(arm, load.force)
-        return out
+    def load_point(self, load: Load) -> Array:
+        """Where a load acts, in its body [m]. Shape (3,)."""
+        if load.point is not None:
+            return load.point
+        i = self.loops.index[load.body]
+        return np.asarray(self.tree.com[i - 1]) if i else np.zeros(3)
+
+    def joint_pose(self, joint: Joint, at: BodyPoses) -> JointPose:
+        """The frames of a joint on its two bodies."""
+        parent, child = self.loops.sides(joint)
+        before = placed(at.R[:, parent], at.p[:, parent], joint.parent_frame)
+        return JointPose(joint, *before, *placed(at.R[:, child], at.p[:, child], joint.child_frame))
 
 
 def close_tree(tree: OpenTree, file: LoopsFile) -> ClosedTree:

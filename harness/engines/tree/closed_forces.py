@@ -12,11 +12,9 @@ import numpy as np
 from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
 from screwgauge.engines.tree.closure import Loops
 from screwgauge.engines.tree.protocol import BodyPoses
-from screwgauge.engines.tree.wrenches import BodyStates, applied_wrenches
 from screwgauge.problem import Problem
 from screwgauge.reference import linear
-from screwgauge.reference.applied import Applied
-from screwgauge.reference.equations.joint_types import JointPose, placed, reaction_names
+from screwgauge.reference.equations.joint_types import JointPose, reaction_names
 from screwgauge.reference.equations.screws import times
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Joint, by_role
@@ -47,7 +45,7 @@ def closed_forces(
     at: BodyPoses,
     system: tuple[Array, Array],
     motion: tuple[Array, Array, Array, Array],
-    state: BodyStates | None,
+    acting: Array,
 ) -> ClosedForces:
     """Generalised and actuator forces by projection, reactions from the multipliers of the closing rows.
 
@@ -55,11 +53,10 @@ def closed_forces(
         system: Inverse of the closing system without dimension, shape (n, n_v, m + k), and velocities of the tree per
             velocity of y, shape (n, n_v, k).
         motion: Coordinates, velocities, accelerations and forces of the open tree. Shape (n, n_v) each.
-        state: The same motion as springs and motors see it, if there are any.
+        acting: Wrench on each body of loads, springs and motors, about its origin. Shape (n, n_body + 1, 6).
     """
     (inverse, K), tau, wanted, sizes = system, motion[3], problem.wanted, closed.sizes
-    wrench = _applied(closed, problem.applied, at, state)
-    need = tau - along_coordinates(at, wrench)
+    need = tau - along_coordinates(at, acting)
     Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
     largest = (np.maximum(np.abs(need), np.abs(tau)) * sizes.q).max(axis=1) / sizes.length
     values = {"generalized_force": Q}
@@ -69,7 +66,7 @@ def closed_forces(
     f, condition = min_norm(K[:, driven], Q)
     conditions = {"actuator_force": condition}
     if problem.rule == "spherical_axial":
-        alone = closed.tree.transmitted(at, *motion[:3], wrench)
+        alone = closed.tree.transmitted(at, *motion[:3], acting)
         f, condition = axial_forces(closed, at, closed.jacobian(motion[0], at), need, alone)
         conditions = dict.fromkeys(("actuator_force", "reaction"), condition)
     values["actuator_force"] = f
@@ -80,7 +77,7 @@ def closed_forces(
     # what actuators leave over moves no y: the rows of y take nothing of it
     m = inverse.shape[2] - K.shape[2]
     multipliers = ((rest * sizes.q)[:, None] @ inverse[..., :m])[:, 0] / sizes.rows[:m]
-    transmitted = closed.tree.transmitted(at, *motion[:3], wrench + closed.loops.wrenches(at, multipliers))
+    transmitted = closed.tree.transmitted(at, *motion[:3], acting + closed.loops.wrenches(at, multipliers))
     values["reaction"] = joint_reactions(closed, at, transmitted, multipliers)
     return ClosedForces(values, conditions, largest, reaction_names(closed.file.joints, closed.file.couplings))
 
@@ -129,18 +126,8 @@ def _force(joint: Joint, closed: ClosedTree, alone: Array) -> tuple[Array, Array
 
 def _outer(joint: Joint, closed: ClosedTree) -> int:
     """The body of a joint of the tree that is farther from ground."""
-    parent, child = joint_sides(joint, closed.loops)
+    parent, child = closed.loops.sides(joint)
     return child if child and closed.inwards(child)[1] == parent else parent
-
-
-def _applied(closed: ClosedTree, applied: Applied, at: BodyPoses, state: BodyStates | None) -> Array:
-    """Loads, springs and motors: force and moment about the origin of each body. Shape (n, n_body + 1, 6)."""
-    wrench = closed.load_wrenches(at, applied)
-    if state is not None:
-        sides = {joint.name: joint_sides(joint, closed.loops) for joint in closed.file.joints}
-        index = closed.loops.index
-        wrench += applied_wrenches(closed.file.joints, applied, state, index, lambda joint: sides[joint.name])
-    return wrench
 
 
 def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multipliers: Array) -> Array:
@@ -156,15 +143,13 @@ def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multi
     """
     loops, found = closed.loops, list[Array]()
     for joint in by_role(closed.file.joints):
-        parent, child = joint_sides(joint, loops)
+        _, child = loops.sides(joint)
         if joint in loops.cut:
             wrench, body = _closing(joint, loops, at, multipliers), child
         else:
             body = _outer(joint, closed)
             wrench = transmitted[:, body] * (1.0 if body == child else -1.0)
-        before = placed(at.R[:, parent], at.p[:, parent], joint.parent_frame)
-        beyond = placed(at.R[:, child], at.p[:, child], joint.child_frame)
-        found.append(components(JointPose(joint, *before, *beyond), wrench, at.p[:, body]))
+        found.append(components(closed.joint_pose(joint, at), wrench, at.p[:, body]))
     return np.concatenate([*found, multipliers[:, 3 * len(loops.anchors) :]], axis=1)
 
 
@@ -187,12 +172,6 @@ def min_norm(B: Array, Q: Array) -> tuple[Array, Array]:
     """
     back, condition = linear.inverted(B)
     return (Q[:, None] @ back)[:, 0], condition
-
-
-def joint_sides(joint: Joint, loops: Loops) -> tuple[int, int]:
-    """Parent and child of a joint in the tree, where a copy stands for the body if the joint has its own."""
-    parent, child = (loops.index.get(f"{x}@{joint.name}", loops.index[x]) for x in (joint.parent, joint.child))
-    return parent, child
 
 
 def _closing(joint: Joint, loops: Loops, at: BodyPoses, multipliers: Array) -> Array:

@@ -106,6 +106,11 @@ class Loops:
             if only is None or joint.name in only
         }
 
+    def sides(self, joint: Joint) -> tuple[int, int]:
+        """Parent and child of a joint in the tree, where a copy stands for the body if the joint has its own."""
+        parent, child = (self.index.get(f"{x}@{joint.name}", self.index[x]) for x in (joint.parent, joint.child))
+        return parent, child
+
     def begin(self, joint: Joint, y: Array) -> Array:
         """Where the angles of a cut joint begin: at home, its independent ones at their values. Shape (k,) -> (m,)."""
         angles = joint.home.copy()

@@ -1,4 +1,4 @@
-"""An engine's own integrator at a fixed step: what its users would run, beside what its accelerations allow."""
+"""Integration at a fixed step: an engine's own integrator, or simple methods on its accelerations."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from itertools import pairwise
 import numpy as np
 
 from screwgauge.engines.parts import Simulated
+from screwgauge.engines.tree.applied_forces import TreeForces
 from screwgauge.engines.tree.closed import ClosedTree
-from screwgauge.engines.tree.forces import TreeForces, tree_forces
 from screwgauge.engines.tree.integrate import start_state
-from screwgauge.engines.tree.protocol import Stepper
+from screwgauge.engines.tree.project import project
+from screwgauge.engines.tree.protocol import Mover, Stepper
 from screwgauge.engines.tree.reading import Path, read_path
 from screwgauge.problem import InitialValue, Problem, Progress
 from screwgauge.reference.errors import SingularPoseError
@@ -35,7 +36,7 @@ def step_through(
         States as the stepper leaves them: open loops stay open. Work by the trapezoidal rule over the steps, not known
         where the steps are better than that rule, or where it is not wanted.
     """
-    times, forces = task.grid, tree_forces(closed, problem.applied, task.start)
+    times, forces = task.grid, TreeForces(closed, problem.applied, task.start)
     # every step is looked at where something does work that is not stored
     known = stepper.work and (forces.stores_only or stepper.order < KNOWN)
     often = 0.0 if known and not forces.stores_only else OFTEN
@@ -93,3 +94,59 @@ def _work(stepper: Stepper, forces: TreeForces, path: Path) -> Array:
         power[i] = forces.act(t, q, v, mover.body, tau)
     added = 0.5 * np.diff(path.t) * (power[1:] + power[:-1])
     return np.concatenate([[0.0], np.cumsum(added)])[path.wanted]
+
+
+#: Methods at a fixed step.
+INTEGRATORS = ("Euler", "RK4")
+
+
+class ProjectedStepper:
+    """Semi-implicit Euler or RK4 on an engine's accelerations, projected onto the closed loops after each step.
+
+    See `screwgauge.engines.tree.protocol.Stepper`.
+    """
+
+    work = True
+    closing: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __init__(self, mover: Mover, forces: TreeForces, integrator: str, dt: float) -> None:
+        """`integrator`: one of `INTEGRATORS`."""
+        name = "semi-implicit Euler" if integrator == "Euler" else integrator
+        self.mover, self.forces, self.setting = mover, forces, f"{name} with projection, dt {dt:g} s"
+        self.order = 1 if integrator == "Euler" else 4
+        self.once = self._euler if integrator == "Euler" else self._rk4
+        self.q = self.v = self.tau = np.zeros(len(mover.tree.coordinates))
+
+    def begin(self, t: float, q: Array, v: Array) -> None:
+        self.q, self.v, self.tau = q, v, np.zeros_like(q)
+
+    def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
+        for i in range(n):
+            found = project(self.mover, *self.once(t + i * h, h))
+            self.q, self.v = found.q, found.v
+        return self.q.copy(), self.v.copy()
+
+    def accelerations(self, t: float) -> tuple[Array, Array]:
+        return self._slope(t, self.q, self.v), np.zeros(0)
+
+    def _slope(self, t: float, q: Array, v: Array) -> Array:
+        """Accelerations on the closed loops: beside them redundant rows contradict each other."""
+        found = project(self.mover, q, v)
+        self.forces.act(t, found.q, found.v, self.mover.body, self.tau)
+        return self.mover.accelerate(self.tau)
+
+    def _euler(self, t: float, h: float) -> tuple[Array, Array]:
+        v = self.v + h * self._slope(t, self.q, self.v)
+        return self.q + h * v, v
+
+    def _rk4(self, t: float, h: float) -> tuple[Array, Array]:
+        q, v, half = self.q, self.v, 0.5 * h
+        a1 = self._slope(t, q, v)
+        v2 = v + half * a1
+        a2 = self._slope(t + half, q + half * v, v2)
+        v3 = v + half * a2
+        a3 = self._slope(t + half, q + half * v2, v3)
+        v4 = v + h * a3
+        a4 = self._slope(t + h, q + h * v3, v4)
+        return q + h / 6.0 * (v + 2.0 * (v2 + v3) + v4), v + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)

@@ -15,8 +15,8 @@ import numpy as np
 
 from screwgauge.engines.methods import METHODS, MOST, SIZES, Pace, check_method, keep_passed
 from screwgauge.engines.parts import Simulated
+from screwgauge.engines.tree.applied_forces import TreeForces
 from screwgauge.engines.tree.closed import ClosedTree
-from screwgauge.engines.tree.forces import TreeForces, tree_forces
 from screwgauge.engines.tree.inverse import solve_motion
 from screwgauge.engines.tree.project import project
 from screwgauge.engines.tree.protocol import Mover
@@ -117,7 +117,7 @@ def simulate(closed: ClosedTree, mover: Mover, problem: Problem, task: InitialVa
     method = task.integration
     check_method(method.name)
     q, v = start_state(closed, task)
-    run = _TreeRun(mover, tree_forces(closed, problem.applied, task.start))
+    run = _TreeRun(mover, TreeForces(closed, problem.applied, task.start))
     state = np.concatenate([q, v, [0.0]])
     run.keep(float(task.grid[0]), state)
     steps = _Steps(run, task, progress)

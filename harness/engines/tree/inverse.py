@@ -12,11 +12,11 @@ import numpy as np
 
 from screwgauge.engines.estimate import Part, Trust, examined
 from screwgauge.engines.parts import Names, assemble, component_names, stages
+from screwgauge.engines.tree.applied_forces import applied_wrenches
 from screwgauge.engines.tree.closed import Charts, ClosedTree
 from screwgauge.engines.tree.closed_forces import closed_forces
 from screwgauge.engines.tree.cut_joints import unwrapped
 from screwgauge.engines.tree.protocol import BodyPoses
-from screwgauge.engines.tree.wrenches import BodyStates
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
 from screwgauge.reference.closed.continuation import Continuation
@@ -153,7 +153,7 @@ class _Pass:
         self.work, self.closed, self.poses = work, work.closed, poses
         self.wanted, self.sizes, self.clock = work.problem.wanted, work.closed.sizes, work.clock
         self.values = {"joint_position": self.closed.joints(poses.q, poses.cut)}
-        self.acting = bool(work.problem.applied.springs or work.problem.applied.motors)
+        self.sprung = bool(work.problem.applied.springs or work.problem.applied.motors)
         self.conditions: dict[str, Array] = {}
         self.speed: Array | float = 0.0
         self.rush: Array | float = 0.0
@@ -187,7 +187,7 @@ class _Pass:
         self.K = self.inverse[..., -yd.shape[1] :] * self.sizes.q[:, None] / self.sizes.y
         self.v = (self.K @ yd[..., None])[..., 0]
         self.V = poses.at.velocities(self.v)
-        if self.acting or self.wanted & {"joint_velocity", *_MOVED}:
+        if self.sprung or self.wanted & {"joint_velocity", *_MOVED}:
             self.cut_v = self.closed.cut_velocities(poses.charts, self.V)
             self.values["joint_velocity"] = self.closed.joints(self.v, unlocked(poses.charts, self.cut_v))
         else:
@@ -259,13 +259,12 @@ class _Pass:
         return largest
 
     def _forces(self) -> None:
-        at, t, state = self.poses.at, self.poses.motion.t, None
-        if self.acting:
-            state = BodyStates(
-                t, at.R, at.p, self.V, self.values["joint_position"], self.closed.joints(self.v, self.cut_v)
-            )
+        at, problem = self.poses.at, self.work.problem
+        q = self.values["joint_position"]
+        v = self.closed.joints(self.v, self.cut_v) if self.sprung else np.zeros_like(q)
+        acting = applied_wrenches(self.closed, problem.applied, at, (self.poses.motion.t, self.V, q, v))
         motion = (self.poses.q, self.v, self.a, self.tau)
-        forces = closed_forces(self.closed, self.work.problem, at, (self.inverse, self.K), motion, state)
+        forces = closed_forces(self.closed, problem, at, (self.inverse, self.K), motion, acting)
         self.values |= forces.values
         self.conditions |= forces.conditions
         self.work.reaction_names = forces.reactions or self.work.reaction_names

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.engines.parts import joint_units
+from screwgauge.engines.tree.applied_forces import applied_wrenches
 from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
 from screwgauge.engines.tree.closed_forces import min_norm
 from screwgauge.engines.tree.inverse import solve_motion
@@ -174,7 +175,10 @@ def _actuator_forces(
         Shape (n, n_actuator), and the condition number of the closing rows, (n,).
     """
     at = closed.tree.poses(q)
-    need = tau - along_coordinates(at, closed.load_wrenches(at, problem.applied))
+    still, joints = np.zeros((*at.p.shape[:2], 6)), np.zeros((len(q), len(closed.names)))
+    applied = Applied(loads=problem.applied.loads)
+    loads = applied_wrenches(closed, applied, at, (np.zeros(len(q)), still, joints, joints))
+    need = tau - along_coordinates(at, loads)
     if dynamics.naive:  # what it says of the actuated joints, taken for the actuator forces
         return need[:, closed.driven], empty(len(q))
     A = closed.closing_rows(q, at, closed.loops.charts(at))

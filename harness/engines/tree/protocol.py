@@ -1,4 +1,7 @@
-"""What a tree engine (Pinocchio, MuJoCo) has to say about its open tree, and how it moves.
+"""What an engine with an open tree (Pinocchio, MuJoCo, a further one) has to implement.
+
+For given motions the five methods of `OpenTree` without a default; for simulations and states also the four of `Mover`
+and the two of `TreeDynamics` without one; a `Stepper` only if the engine has its own.
 
 Arrays are in the engine's own coordinate order, in world axes; ground is body 0. For n states, q, v, a and tau have
 shape (n, n_v), and for the one state of a mover or stepper (n_v,).
@@ -89,17 +92,24 @@ def shifted(V: Array, A: Array, arms: Array) -> Array:
 
 
 class OpenTree(Protocol):
-    """An engine's open tree."""
+    """An engine's open tree.
+
+    Attributes:
+        coordinates: Of its joints, in the engine's order.
+        bodies, parents: Without ground, and the body that carries each in the tree.
+        closures, couplings: As its model file has them.
+        masses, com: Of each body [kg], and its centre of mass in the body's frame [m]. Shapes (n_body,), (n_body, 3).
+    """
 
     engine: str
     version: str
     coordinates: tuple[str, ...]
-    bodies: tuple[str, ...]  # without ground
+    bodies: tuple[str, ...]
     closures: tuple[Closure, ...]
     couplings: tuple[Coupling, ...]
-    parents: tuple[str, ...]  # tree parent of each body
-    masses: Array  # of each body [kg], shape (n_body,)
-    com: Array  # centre of mass in each body's frame [m], shape (n_body, 3)
+    parents: tuple[str, ...]
+    masses: Array
+    com: Array
 
     def under(self, gravity: Array | None) -> None:
         """Sets gravity [m/s^2], shape (3,); None is that of the model file."""
@@ -116,14 +126,17 @@ class OpenTree(Protocol):
         """
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:
-        """The engine's own acceleration of each centre of mass, without gravity. Shape (n, n_body, 3)."""
+        """Acceleration of each centre of mass, without gravity, by default from `bias`. Shape (n, n_body, 3)."""
+        at = self.poses(q)
+        V = at.velocities(v)
+        A = self.bias(at, q, v, V) + at.velocities(a)
+        return shifted(V[:, 1:], A[:, 1:], times(at.R[:, 1:], self.com))
 
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         """Inverse dynamics of the open tree under gravity alone. Shape (n, n_v)."""
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
-        """The same with soft constraints on, and the absolute tolerance that follows; of an engine without them the
-        same as `tree_force`.
+        """The same with soft constraints on, and the absolute tolerance that follows; by default there are none.
 
         Args:
             residuals: Largest closure residual of position, velocity and acceleration. Shape (3,).
@@ -236,19 +249,25 @@ class TreeDynamics(Protocol):
 
     Attributes:
         setting: In words.
-        dt: Step of the engine's own integrator [s]; None for scipy's methods on its accelerations.
+        integrator, dt: Method at a fixed step and that step [s]; None for scipy's methods on its accelerations.
         naive: What the engine says of the actuated joints is taken for the actuator forces.
     """
 
     setting: str
+    integrator: str
     dt: float | None
-    naive: bool
+    naive: bool = False
 
     def mover(self) -> Mover:
         """Its accelerations, made as exact as it can."""
 
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> Stepper:
-        """Its own integrator for a problem."""
+        """Its own integrator for a problem, by default `fixed_steps.ProjectedStepper` on its accelerations."""
+        from screwgauge.engines.tree.applied_forces import TreeForces
+        from screwgauge.engines.tree.fixed_steps import ProjectedStepper
+
+        forces = TreeForces(closed, problem.applied, task.start)
+        return ProjectedStepper(self.mover(), forces, self.integrator, self.dt or 0.0)
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
         """Accelerations of states as they are, for forces along the coordinates.

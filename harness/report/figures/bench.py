@@ -11,13 +11,12 @@ import numpy as np
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import INK, STAR, Look, Spec, by_camp, camp
-from screwgauge.study.bench.rows import LEVELS, OK
-from screwgauge.study.prepared_scene import QUANTITIES
+from screwgauge.study.bench.tables import LEVELS, OK
+from screwgauge.study.reference_values import QUANTITIES
 
 if TYPE_CHECKING:
-    from screwgauge.study.bench.rows import BenchRow
     from screwgauge.study.bench.run import Bench
-    from screwgauge.study.bench.slopes import SlopeFit
+    from screwgauge.study.bench.tables import BenchRow, SlopeFit
 
 NAMES = ("joint positions", "joint velocities", "joint accelerations", "actuator forces")
 WORDS = dict(zip(QUANTITIES, NAMES, strict=True))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from screwgauge.report.blocks import Picture
@@ -10,11 +11,20 @@ from screwgauge.report.figures.chart import Spec, numbered
 from screwgauge.report.stage.machines import machines
 
 if TYPE_CHECKING:
+    from screwgauge.diagnosis.causes.attribution import Cause
     from screwgauge.diagnosis.diagnose import Diagnosis
 
 MOST = 20  # joints and changes of a picture
 LEAST, FEWEST = 1e-3, 4  # share below which a change has no bar, unless there are so few
 FLOOR = 1e-17  # what is zero is drawn so small
+
+
+def share_text(cause: Cause) -> str:
+    """Share of the torque difference, or of the rest of it."""
+    if math.isnan(cause.weight):
+        return ""
+    percent = f"{100.0 * cause.weight:.{'2g' if abs(cause.weight) < 0.1 else '1f'}} %"
+    return percent if math.isnan(cause.of_rest) else f"{percent} of the rest"
 
 
 def make_plots(found: Diagnosis) -> list[Picture]:
@@ -32,10 +42,10 @@ def make_plots(found: Diagnosis) -> list[Picture]:
     joints = chart.filled("joints", points=points, **looks, **chart.logarithm("x", [p["x"] for p in points]))
     ranked = [cause for cause in found.causes if abs(cause.share) >= 0.0][:MOST]
     ranked = ranked[: max(FEWEST, sum(abs(cause.share) >= LEAST for cause in ranked))]
-    shares = [(cause.name, 100.0 * cause.share) for cause in ranked]
-    bars = chart.filled("shares", bars=[{"change": name, "x": x, "text": f"{x:.3g} %"} for name, x in shares])
+    bars = [{"change": cause.name, "x": 100.0 * cause.share, "text": share_text(cause)} for cause in ranked]
+    shares = chart.filled("shares", bars=bars)
     return [
         *pictures,
         chart.picture("torques-by-joint", "Torque difference by joint", lambda moving: joints),
-        chart.picture("torques-by-cause", "What explains the torque difference", lambda moving: bars),
+        chart.picture("torques-by-cause", "What explains the torque difference", lambda moving: shares),
     ]

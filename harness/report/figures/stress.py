@@ -11,7 +11,8 @@ from screwgauge.quantities import digits
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import Look, Spec, by_camp
-from screwgauge.study.cases.case import GOOD, VERDICTS, Finding, StressCase
+from screwgauge.study.cases.question import GOOD, VERDICTS, Finding
+from screwgauge.study.stress import StressCase
 
 if TYPE_CHECKING:
     from screwgauge.study.stress import Stress

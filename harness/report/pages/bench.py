@@ -14,10 +14,20 @@ from screwgauge.report.formatting import Row, duration, grouped, listed, missing
 from screwgauge.report.layout import Report, Value
 from screwgauge.report.pages.run import theirs
 from screwgauge.report.pages.scene import judged, short
-from screwgauge.study.bench.contestant import count
-from screwgauge.study.bench.rows import CUT, FAILED, LEVELS, OK, absolute_table, bench_table, pairs, reach, timing_table
+from screwgauge.study.bench.contestants import count
 from screwgauge.study.bench.run import Bench
-from screwgauge.study.bench.slopes import table as slope_table
+from screwgauge.study.bench.tables import (
+    CUT,
+    FAILED,
+    LEVELS,
+    OK,
+    absolute_table,
+    bench_table,
+    pairs,
+    reach,
+    slopes_table,
+    timing_table,
+)
 
 NINE, SHOWN = LEVELS[2], ("actuator_force", "joint_acceleration")
 LEFT_OUT = "asked | run time = time_s | of everything = share | largest difference | numbers unchanged = same"
@@ -193,7 +203,7 @@ PAGE = Report(
     banner=_banner,
     data={
         "bench.csv": lambda bench: bench_table(bench.rows),
-        "slopes.csv": lambda bench: slope_table(bench.fits),
+        "slopes.csv": lambda bench: slopes_table(bench.fits),
         "timings.csv": lambda bench: timing_table(bench.rows),
         "reach.csv": lambda bench: reach(bench.rows),
         "leaving_out.csv": lambda bench: bench.leaving_out,
@@ -211,7 +221,7 @@ PAGE = Report(
         "failed": _failed,
         "cut short": _cut_short,
         "cut rows": _rows(CUT),
-        "slopes": lambda bench: rows(slope_table(bench.fits)),
+        "slopes": lambda bench: rows(slopes_table(bench.fits)),
         "leaving out": _leaving,
         "every row": _rows(),
         "one thread": lambda bench: bench.environment["one_thread"],

@@ -10,7 +10,7 @@ from typing import Any
 from screwgauge.reference.errors import OutputError
 from screwgauge.reference.files import check_free, replace_file, stamped, why
 from screwgauge.report.gate import PAGE, Check
-from screwgauge.study.gate.baseline import check_baseline
+from screwgauge.study.gate.history import check_baseline
 
 DATA, terminal = PAGE.DATA, PAGE.terminal
 

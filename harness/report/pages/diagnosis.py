@@ -6,7 +6,6 @@ import math
 from pathlib import Path
 from typing import Any
 
-from screwgauge.diagnosis.causes.attribution import Cause
 from screwgauge.diagnosis.compare import STATES
 from screwgauge.diagnosis.diagnose import Diagnosis
 from screwgauge.diagnosis.differences.change import Difference
@@ -14,7 +13,7 @@ from screwgauge.diagnosis.differences.static import sorted_by_size
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.record import summary
 from screwgauge.report.blocks import Banner, Block, Heading, Items
-from screwgauge.report.figures.diagnosis import make_plots
+from screwgauge.report.figures.diagnosis import make_plots, share_text
 from screwgauge.report.formatting import Row, number, size, unit_text
 from screwgauge.report.layout import Report
 from screwgauge.report.terminal import terminal
@@ -34,12 +33,18 @@ def _banner(found: Diagnosis) -> Banner:
 
 
 def _differences(found: Diagnosis) -> list[Row]:
-    def line(each: Difference) -> Row:
+    """Each one, by the number of its cause; none where the causes are the differences."""
+    causes = {i: k for k, cause in enumerate(found.causes, 1) for i in cause.differences}
+
+    def line(i: int, each: Difference) -> Row:
         item = each.item_a or each.item_b
         said = each.sentence.removeprefix(f"{item}: ")
-        return {"what": each.what, "of": item, "difference": said, "relative": each.size, "kind": each.kind}
+        return {"number": causes.get(i, ""), "of": item, "difference": said, "kind": each.kind}
 
-    return [*map(line, sorted_by_size(found.differences))]
+    if {cause.sentence for cause in found.causes} == {each.sentence for each in found.differences}:
+        return []
+    lines = [line(i, each) for i, each in enumerate(found.differences)]
+    return sorted(lines, key=lambda row: row["number"] or len(lines) + 1)
 
 
 TORQUES = "inverse dynamics"
@@ -48,16 +53,15 @@ TORQUES = "inverse dynamics"
 def _causes(found: Diagnosis) -> list[Row]:
     """A row for each cause."""
     return [
-        {"share": _share(cause), "cause": cause.sentence, "short": cause.short, "of": len(cause.differences)}
-        for cause in found.causes
+        {
+            "number": k,
+            "share": share_text(cause),
+            "cause": cause.sentence,
+            "short": cause.short,
+            "of": len(cause.differences),
+        }
+        for k, cause in enumerate(found.causes, 1)
     ]
-
-
-def _share(cause: Cause) -> str:
-    """Of the torque difference."""
-    if math.isnan(cause.share):
-        return ""
-    return f"{100.0 * cause.share:.2g} %" if abs(cause.share) < 0.1 else f"{100.0 * cause.share:.1f} %"
 
 
 def _scale(found: Diagnosis) -> str:
@@ -66,9 +70,11 @@ def _scale(found: Diagnosis) -> str:
         return ""
     rows = (row for row in found.rows if row.quantity == TORQUES)
     most = next((f", at most {number(row.max_abs, 3)} {unit_text(row.unit)}" for row in rows), "")
+    rests = any(not math.isnan(cause.of_rest) for cause in found.causes)
+    rest = "; those of the rest are of what is left when the first cause is put right" if rests else ""
     return (
         f"Shares are of the torque difference at {STATES} random states{most}, torques of each unit over the largest "
-        "of it; a negative one makes up for others."
+        f"of it; a negative one makes up for others{rest}."
     )
 
 
@@ -93,6 +99,12 @@ def _map(found: Diagnosis) -> list[Row]:
     lines = [(name, other, pairing.how[name]) for name, other in pairing.joints.items()]
     lines += [(name, "", "only in A") for name in pairing.only_a] + [("", name, "only in B") for name in pairing.only_b]
     return [dict(zip("AB", line, strict=False), by=line[2]) for line in lines]
+
+
+def _ignored(found: Diagnosis) -> list[str]:
+    """What libraries pass over, but for what is said not to be compared."""
+    whats = [(side, what) for side, model in _sides(found) for what in model.reading.ignored]
+    return [f"{what} in {side}" for side, what in whats if f"{what} in {side}" not in found.not_compared]
 
 
 def _sides(found: Diagnosis) -> tuple[tuple[str, Model], tuple[str, Model]]:
@@ -127,7 +139,7 @@ PAGE = Report(
         "title": lambda found: " and ".join(f"{Path(m.label).name} ({m.library})" for _, m in _sides(found)),
         "about": _about,
         "differences": _differences,
-        "largest": lambda found: _causes(found)[:3],
+        "largest": lambda found: _causes(found)[:3] if len(found.causes) > 1 else [],
         "causes": _causes,
         "scale": _scale,
         "proof": _proof,
@@ -137,9 +149,11 @@ PAGE = Report(
         "rows alone": lambda found: () if found.differences else found.rows,
         "witnesses": _witnesses,
         "map": _map,
-        "ignored": lambda found: [f"{side}: {what}" for side, m in _sides(found) for what in m.reading.ignored],
+        "permutation": lambda found: f"q_b = q_a[{[*found.order.permutation]}]" if found.order else "",
+        "ignored": _ignored,
         "not compared": lambda found: found.not_compared,
         "models": lambda found: {side: _file(m) for side, m in _sides(found)},
     },
     draw=make_plots,
+    plots=lambda found, pictures: [*pictures],
 )

@@ -12,7 +12,7 @@ from screwgauge.report.blocks import Banner, Block, Heading, table
 from screwgauge.report.figures.history import make_plots
 from screwgauge.report.formatting import Row, digits_text, grouped, rows
 from screwgauge.report.layout import study
-from screwgauge.study.gate.row import EXIT
+from screwgauge.study.gate.items import EXIT
 
 PASSED = [status for status, ends in EXIT.items() if not ends]
 

@@ -12,8 +12,8 @@ from screwgauge.report.figures.stress import make_plots
 from screwgauge.report.formatting import Row, digits_text, grouped, listed, number, rows, size, span, words
 from screwgauge.report.layout import Report
 from screwgauge.report.pages.scene import judged, short
-from screwgauge.study.cases.case import DEGRADED, OK, REFUSED, SILENT, VERDICTS, StressCase
-from screwgauge.study.stress import Stress
+from screwgauge.study.cases.question import DEGRADED, OK, REFUSED, SILENT, VERDICTS
+from screwgauge.study.stress import Stress, StressCase
 
 SHORT = {DEGRADED: " (degraded)", SILENT: " **silently wrong**"}
 COLUMNS = {DEGRADED: "degraded", REFUSED: "refused", SILENT: "silent"}

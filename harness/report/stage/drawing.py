@@ -23,7 +23,7 @@ from screwgauge.reference.equations.kinematics import Pose, length
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.study.motion import DrawnMotion
+from screwgauge.report.stage.motion import DrawnMotion
 
 WIDE, TALL, EDGE, FONT = 640.0, 400.0, 52.0, 11.0  # of the drawing, at most; its margin; of letters [pixels]
 LETTER, CORNER = 0.62 * FONT, 44.0  # a letter's width; the height of world axes and scale bar [pixels]

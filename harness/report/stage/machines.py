@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from screwgauge.diagnosis.diagnose import Diagnosis
 
 #: Of one machine, and of the line above it [pixels]; names that are written, those of the first causes.
-SIDE, HEAD, NAMED = 400.0, 26.0, 8
+SIDE, HEAD, NAMED = 290.0, 26.0, 8
 #: From where both are seen, unless they are flat.
 SEEN = np.array([0.62, -0.62, 0.48])
 LOOK = (

@@ -29,10 +29,10 @@ from screwgauge.reference.reciprocal import Element, Held, held
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Block, Items, Paragraph, Picture
 from screwgauge.report.stage.drawing import WORLD, drawing
+from screwgauge.report.stage.motion import Arrow, DrawnMotion, arrows, drawn_motion, home_pose
 from screwgauge.report.stage.words import kind, sentences
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
-from screwgauge.study.motion import Arrow, DrawnMotion, arrows, followed, still
 
 HELD = 30  # samples at which a platform is asked how it is held, at most
 LONGEST = 0.3  # of all arrows of a group, in lengths of the mechanism
@@ -60,7 +60,7 @@ def stage(
         other: What it is compared with: where this one differs at home is drawn, too.
         unsigned: Joints whose axes have no sense of direction in the model, see `differing`.
     """
-    motion = followed(what, solutions or {}) if isinstance(what, Scene) else still(what)
+    motion = drawn_motion(what, solutions or {}) if isinstance(what, Scene) else home_pose(what)
     mechanism = motion.lay.mechanism
     beside = differing(mechanism, other, unsigned) if other else []
     text = json.dumps(data(motion, beside), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
@@ -95,7 +95,7 @@ def data(motion: DrawnMotion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
         scales[group] = f"{before}{most:.4g} N{' m' * turns}"
     return {
         "title": mechanism.title or mechanism.name,
-        "said": motion.said,
+        "said": motion.source,
         "unit": unit,
         "view": _rounded(viewed_from(mechanism)),
         "t": [float(f"{t:.6g}") for t in motion.t],

@@ -1,1 +1,1 @@
-"""Error against run time."""
+"""Benches: error against run time of contestants, on a given motion (`run`) or in a simulation (`forward_run`)."""

@@ -15,26 +15,22 @@ from screwgauge.environment import environment
 from screwgauge.judging.answer import answer_at
 from screwgauge.judging.residual import SizedResidual
 from screwgauge.judging.residuals import energy_balance
-from screwgauge.problem import Integration, Problem, Progress, spread
+from screwgauge.problem import Integration, Problem, Progress, Report, silent, spread
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.scene.observables import known_values, observe
 from screwgauge.scene.scene import Scene
 from screwgauge.scene.simulation import EXPLICIT, check_start, stiff_warning, stiffness
 from screwgauge.solution import REFERENCE, Cost, Failure, Solution
-from screwgauge.study.bench.contestant import Contestant
-from screwgauge.study.bench.leaving_out import table as leaving_out
-from screwgauge.study.bench.registry import simulators
-from screwgauge.study.bench.rows import CUT, FAILED, OK, BenchRow
+from screwgauge.study.bench.contestants import Contestant, simulators
 from screwgauge.study.bench.run import BESIDE, Bench, Plan, check_generated, models_of
-from screwgauge.study.bench.slopes import Rule, fits
-from screwgauge.study.executors import Executor, Report, Task
-from screwgauge.study.journal import Journal
+from screwgauge.study.bench.tables import CUT, FAILED, OK, BenchRow, Rule, fits, leaving_out_table
+from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import Method
-from screwgauge.study.prepared_scene import PreparedScene
-from screwgauge.study.provenance import provenance
-from screwgauge.study.reference import Reference, deviation, score, sizes
-from screwgauge.study.runner import TooLongError, ask, generated, model_files, run_tasks, silent, within
+from screwgauge.study.reference_values import PreparedScene, Reference, deviation, score, sizes
+from screwgauge.study.runner import Executor, Task, run_tasks
+from screwgauge.study.solving import TooLongError, ask, generated, model_files, within
+from screwgauge.study.store import Journal
 from screwgauge.threads import one_thread
 
 NAN = float("nan")
@@ -103,7 +99,7 @@ def contest(
         rows=rows,
         # three points between saturation and rounding
         fits=[fit for fit in fits(rows, RULES) if np.isfinite(fit.slope)],
-        leaving_out=leaving_out([]),
+        leaving_out=leaving_out_table([]),
         reference=posed.reference.engine,
         notes=notes,
         environment={**environment(), "one_thread": one_thread()},
@@ -120,7 +116,7 @@ def _shortest_first(
     rows: list[BenchRow],
     progress: Report,
 ) -> None:
-    """Adds the rows of all contestants, the shortest first, as far as the family's last one tells.
+    """Adds the rows of all contestants, the shortest first, as foreseen from the last one of its family.
 
     Args:
         late: Families that are known to take very long: they come last.
@@ -217,7 +213,7 @@ def simulated(scene: Scene, folder: Path) -> PreparedScene:
 
 
 def _foreseen(contestant: Contestant, before: Sequence[BenchRow]) -> float:
-    """How long it will last [s]: from the setting before it of its family, or the first of its engine."""
+    """Estimated duration [s], from the previous setting of its family, or else the first of its engine."""
     same = [row for row in before if row.contestant.family == contestant.family]
     if not same:
         engine = contestant.method.engine
@@ -245,12 +241,12 @@ def _turn(
     known = any(row.contestant.family == contestant.family for row in before)
     if known and _foreseen(contestant, before) > plan.each:
         return _lost(contestant, f"the setting before tells that it would take more than {plan.each:g} s")
-    asked, costs = contestant.ask(posed), list[Cost]()
-    (problem,), most = asked.problems, min(plan.each, left)
+    trial, costs = contestant.ask(posed), list[Cost]()
+    (problem,), most = trial.problems, min(plan.each, left)
     while True:
         try:
             with np.errstate(all="ignore"):
-                answer = ask(contestant.method, asked.files, problem, within(most))
+                answer = ask(contestant.method, trial.files, problem, within(most))
         except TooLongError as error:
             return _lost(contestant, str(error))
         if isinstance(answer, Failure):
@@ -265,7 +261,7 @@ def _turn(
 def _scored(
     posed: PreparedScene, contestant: Contestant, problem: Problem, solution: Solution, costs: Sequence[Cost]
 ) -> tuple[BenchRow, BenchRow]:
-    """The rows of an answer, as far as it came: the observables, and the energy that is not accounted for.
+    """The rows of an answer up to where it stopped: error of the observables, and energy that is not accounted for.
 
     Args:
         costs: Of each integration; the shortest times count.

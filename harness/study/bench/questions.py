@@ -1,6 +1,6 @@
 """What a bench asks of a scene: its motion, its true states, or a motion that is changed for a purpose.
 
-Each question is a function of the scene, of the engine that is asked and of the wanted quantities. What else it takes
+Each question is a function of the scene, of the engine and of the wanted quantities. What else it takes
 is bound by `functools.partial`, so that questions pickle.
 """
 
@@ -12,20 +12,25 @@ from functools import lru_cache
 
 import numpy as np
 
+from screwgauge.models.generate import write_models
 from screwgauge.models.layout import lay_out
+from screwgauge.models.mjcf import PARTS
 from screwgauge.problem import GivenMotion, Integration, ModelFiles, Problem, Rows
+from screwgauge.quantities import GIVEN
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.solution import Values
-from screwgauge.study.four_bar import four_bar_states, write_four_bar
-from screwgauge.study.prepared_scene import PreparedScene
-from screwgauge.study.reference import Reference, reference_values, sizes
+from screwgauge.study.linkages import four_bar_states, write_four_bar
+from screwgauge.study.methods import Method
+from screwgauge.study.reference_values import PreparedScene, Reference, reference_values, sizes
+from screwgauge.study.solving import model_files
 
+ALL_PARTS = "all of them"
 EDGE = 2  # samples at each end where np.gradient, applied twice, is one-sided
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Asked:
-    """A question with its answer.
+class Trial:
+    """Problems for one model, with what is right.
 
     Attributes:
         problems: Put one after the other to one model.
@@ -41,38 +46,38 @@ class Asked:
     rows: Rows | None = None
 
 
-Question = Callable[[PreparedScene, str, Sequence[str]], Asked]
+Question = Callable[[PreparedScene, str, Sequence[str]], Trial]
 
 
-def motion(posed: PreparedScene, engine: str, wanted: Sequence[str], *, whole: bool = False) -> Asked:
+def motion(posed: PreparedScene, engine: str, wanted: Sequence[str], *, whole: bool = False) -> Trial:
     """The given motion. `whole`: at all times of the scene, not only at those that are compared."""
     task = (posed.whole if whole else posed.scene).motion
     rows = np.searchsorted(task.t, posed.t)
-    return Asked(posed.files(engine), (posed.problem(*wanted, task=task),), len(task), posed.reference, rows)
+    return Trial(posed.files(engine), (posed.problem(*wanted, task=task),), len(task), posed.reference, rows)
 
 
-def one_by_one(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Asked:
+def one_by_one(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
     """The given motion, one sample after the other."""
     tasks = [posed.scene.motion.part(slice(i, i + 1)) for i in range(len(posed.t))]
     problems = tuple(posed.problem(*wanted, task=task) for task in tasks)
-    return Asked(posed.files(engine), problems, len(tasks), posed.reference)
+    return Trial(posed.files(engine), problems, len(tasks), posed.reference)
 
 
 def true_states(
     posed: PreparedScene, engine: str, wanted: Sequence[str], *, pushed: bool = False, bare: bool = False
-) -> Asked:
+) -> Trial:
     """The true motion of a tree, for actuator forces.
 
     Args:
         pushed: For accelerations under the true forces.
         bare: For forces along the tree alone.
     """
-    return Asked(posed.files(engine), (_on_tree(posed, pushed, bare),), len(posed.t), posed.reference)
+    return Trial(posed.files(engine), (_on_tree(posed, pushed, bare),), len(posed.t), posed.reference)
 
 
 @lru_cache(maxsize=3)
 def _on_tree(posed: PreparedScene, pushed: bool, bare: bool) -> Problem:
-    """Many methods are asked this."""
+    """The problem of `true_states`, which is that of many methods."""
     mechanism = posed.scene.mechanism
     tree = lay_out(mechanism, "minimal").coordinates
     coordinates = tuple(name for name in mechanism.coordinates if name in tree)
@@ -81,15 +86,15 @@ def _on_tree(posed: PreparedScene, pushed: bool, bare: bool) -> Problem:
     return posed.problem("tree_force" if bare else "actuator_force", task=posed.moving(coordinates))
 
 
-def four_bar(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Asked:
+def four_bar(posed: PreparedScene, engine: str, wanted: Sequence[str]) -> Trial:
     """Accelerations of another mechanism, whose closing rows are redundant."""
     folder, (problem, right) = posed.folder / "four-bar", four_bar_states(len(posed.t))
     folder.mkdir(exist_ok=True)
     reference = Reference("closed form", dict.fromkeys(wanted, right), "", dict.fromkeys(wanted, sizes(right)))
-    return Asked(write_four_bar(folder), (problem,), len(posed.t), reference)
+    return Trial(write_four_bar(folder), (problem,), len(posed.t), reference)
 
 
-def differenced(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, ends: bool = False) -> Asked:
+def differenced(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, ends: bool = False) -> Trial:
     """The motion in steps of about a part of its duration.
 
     Args:
@@ -113,10 +118,10 @@ def differenced(posed: PreparedScene, engine: str, wanted: Sequence[str], *, par
         inner = (rows >= EDGE) & (rows < n + 1 - EDGE)
         rows, values = rows[inner], {name: reference.values[name].at(inner) for name in wanted}
     problem = posed.problem(*wanted, task=posed.whole.moved(grid))
-    return Asked(posed.files(engine), (problem,), len(rows), replace(reference, values=values), rows)
+    return Trial(posed.files(engine), (problem,), len(rows), replace(reference, values=values), rows)
 
 
-def faster(posed: PreparedScene, engine: str, wanted: Sequence[str], *, speed: float) -> Asked:
+def faster(posed: PreparedScene, engine: str, wanted: Sequence[str], *, speed: float) -> Trial:
     """The same poses at another speed."""
     task, reference = posed.scene.motion, posed.reference
     task = GivenMotion(task.t, task.y, speed * task.yd, speed**2 * task.ydd)
@@ -124,10 +129,10 @@ def faster(posed: PreparedScene, engine: str, wanted: Sequence[str], *, speed: f
     like = {name: reference.values[name] for name in wanted}
     right = {name: Values(v.components, v.units, speed**2 * v.array) for name, v in like.items()}
     problem = posed.problem(*wanted, task=task)
-    return Asked(posed.files(engine), (problem,), len(task), replace(reference, values=right))
+    return Trial(posed.files(engine), (problem,), len(task), replace(reference, values=right))
 
 
-def stepped(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, halves: bool = False) -> Asked:
+def stepped(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: float, halves: bool = False) -> Trial:
     """The motion at the steps of a method that starts from the first pose.
 
     Args:
@@ -142,12 +147,12 @@ def stepped(posed: PreparedScene, engine: str, wanted: Sequence[str], *, part: f
     reference = replace(posed.reference, values={name: posed.reference.values[name].at(met) for name in wanted})
     problem = posed.problem(*wanted, task=posed.whole.moved(grid))
     # delivered are the compared times, however many steps it takes to get from one to the next
-    return Asked(posed.files(engine), (problem,), len(t), reference, rows[met])
+    return Trial(posed.files(engine), (problem,), len(t), reference, rows[met])
 
 
 def simulation(
     posed: PreparedScene, engine: str, wanted: Sequence[str], *, method: str = "", rtol: float = 0.0
-) -> Asked:
+) -> Trial:
     """A simulation from its start on; the wanted observables follow from the joint coordinates.
 
     Args:
@@ -157,4 +162,41 @@ def simulation(
     if method:
         task = replace(task, integration=Integration(method, rtol, rtol, task.integration.near))
     problem = posed.problem("joint_position", "joint_velocity", "joint_acceleration", task=task)
-    return Asked(posed.files(engine), (problem,), len(task), posed.reference)
+    return Trial(posed.files(engine), (problem,), len(task), posed.reference)
+
+
+def less(
+    posed: PreparedScene,
+    engine: str,
+    wanted: Sequence[str],
+    *,
+    computed: Sequence[str] = GIVEN,
+    absent: str = "",
+    part: str = "",
+) -> Trial:
+    """The given motion with fewer quantities or forces, measured against the engine's own full answer.
+
+    Args:
+        computed: Quantities that are computed.
+        absent: ``gravity`` or ``load``, which does not act; empty for neither.
+        part: Part that the model file has beyond the mechanics; empty for none.
+    """
+    problem, folder, scene = posed.problem(*computed), posed.folder, posed.scene
+    if absent == "gravity":
+        problem = replace(problem, applied=replace(problem.applied, gravity=np.zeros(3)))
+    if absent == "load":
+        problem = replace(problem, applied=replace(problem.applied, loads=()))
+    if part:
+        folder = folder / f"with-{part}"
+        include = frozenset(PARTS) if part == ALL_PARTS else frozenset({part})
+        write_models(scene.mechanism, folder, gravity=scene.applied.g, include=include)
+    whole = _everything(posed, engine.removesuffix("-full"))
+    return Trial(model_files(scene, engine, folder), (problem,), len(posed.t), whole)
+
+
+@lru_cache(maxsize=3)
+def _everything(posed: PreparedScene, engine: str) -> Reference:
+    """All quantities of a scene by an engine, measured by the largest magnitude of each unit."""
+    values = Method(engine).load(posed.files(engine)).solve(posed.problem(*GIVEN)).values
+    scales = {name: {unit: size or 1.0 for unit, size in sizes(has).items()} for name, has in values.items()}
+    return Reference(engine, values, "", scales)

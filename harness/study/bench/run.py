@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,25 +17,23 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.engines.registry import EngineModel, get_engine
-from screwgauge.environment import environment
-from screwgauge.problem import ModelFiles, Progress
+from screwgauge.environment import environment, json_text
+from screwgauge.models.catalog import mechanism_tables
+from screwgauge.models.generate import model_texts
+from screwgauge.problem import ModelFiles, Progress, Report, silent
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
-from screwgauge.study.bench import leaving_out, slopes, timing
-from screwgauge.study.bench.contestant import NOTHING, Contestant
-from screwgauge.study.bench.leaving_out import LEAVING_OUT
-from screwgauge.study.bench.questions import Asked
-from screwgauge.study.bench.registry import choose
-from screwgauge.study.bench.rows import CUT, FAILED, OK, BenchRow
-from screwgauge.study.bench.stamp import stamp
-from screwgauge.study.completeness import check_whole
-from screwgauge.study.executors import Executor, Report, Task
-from screwgauge.study.journal import Journal
-from screwgauge.study.methods import failure
-from screwgauge.study.prepared_scene import PreparedScene, pose_scene
-from screwgauge.study.provenance import provenance
-from screwgauge.study.runner import run_tasks, silent
+from screwgauge.study.bench import timing
+from screwgauge.study.bench.contestants import LEAVING_OUT, NOTHING, Contestant, choose
+from screwgauge.study.bench.questions import Trial
+from screwgauge.study.bench.tables import CUT, FAILED, OK, BenchRow, SlopeFit, leaving_out_table
+from screwgauge.study.bench.tables import fits as slope_fits
+from screwgauge.study.comparison import provenance
+from screwgauge.study.methods import check_whole, failure
+from screwgauge.study.reference_values import PreparedScene, pose_scene
+from screwgauge.study.runner import Executor, Task, run_tasks
+from screwgauge.study.store import Journal, is_record
 from screwgauge.threads import one_thread
 
 
@@ -63,7 +62,7 @@ Measurements = tuple[dict[str, Any], dict[str, list[float]]]
 """Contestant -> result of its first call, and -> its times [s]."""
 
 FULL = Plan(samples=201, rounds=12, budget=480.0, quick=False)
-#: Said of times that were measured beside each other.
+#: Note on times that were measured at the same time.
 BESIDE = "Contestants were measured beside each other, in processes or on workers of their own, which disturbs times."
 QUICK = Plan(samples=41, rounds=3, budget=48.0, quick=True)
 
@@ -84,7 +83,7 @@ class Bench:
     scene: Scene
     plan: Plan
     rows: Sequence[BenchRow]
-    fits: Sequence[slopes.SlopeFit]
+    fits: Sequence[SlopeFit]
     leaving_out: pd.DataFrame
     reference: str
     notes: tuple[str, ...]
@@ -98,7 +97,7 @@ class Bench:
 
 
 def check_budget(seconds: float) -> float:
-    """A budget as given by a user.
+    """The budget that a user gives [s].
 
     Raises:
         DescriptionError: It is no positive number of seconds.
@@ -166,20 +165,20 @@ def bench(
     rows = [row for contestant in chosen for row in _rows(contestant, kept)]
     less = [row for row in rows if row.contestant.family == LEAVING_OUT]
     rows = [row for row in rows if row.contestant.family != LEAVING_OUT]
-    found = Bench(
+    outcome = Bench(
         scene=posed.scene,
         plan=plan,
         rows=rows,
-        fits=slopes.fits(rows),
-        leaving_out=leaving_out.table(less),
+        fits=slope_fits(rows),
+        leaving_out=leaving_out_table(less),
         reference=posed.reference.engine,
         notes=tuple(filter(None, (posed.reference.note, kept.note, "" if execute is None else BESIDE))),
         environment=record,
         provenance=judged,
     )
-    if found.complete:
+    if outcome.complete:
         kept.remove()
-    return found
+    return outcome
 
 
 def _elsewhere(
@@ -190,7 +189,7 @@ def _elsewhere(
     execute: Executor,
     progress: Report,
 ) -> None:
-    """Measures contestants wherever tasks run, and keeps what is new."""
+    """Measures contestants as tasks of an executor, and keeps new results and times."""
     end = time() + (protocol.deadline - protocol.clock()) * 1e-9
     groups = {" ".join(key): list(group) for key, group in groupby(chosen, key=_group)}
     tasks = []
@@ -222,7 +221,7 @@ def _measured(
     end: float,
     progress: Progress,
 ) -> Measurements:
-    """Results and times of the settings of a contestant, those that are known included.
+    """Results and times of the settings of a contestant, including those that are known.
 
     Args:
         end: When nothing further begins [s since 1970].
@@ -274,17 +273,17 @@ class _Measurements:
         self._measure(self.calls, self.protocol)
 
     def _first(self, contestant: Contestant) -> None:
-        """The error of a contestant, unless an earlier bench has it, and at once one time."""
+        """The error of a contestant, unless an earlier bench has it, and one measured time."""
         try:
-            asked, method = contestant.ask(self.posed), contestant.method
-            loaded = method.engine, repr(method.settings), asked.files  # once for all contestants that ask it
-            model = self.models[loaded] = self.models.get(loaded) or method.load(asked.files)
+            trial, method = contestant.ask(self.posed), contestant.method
+            loaded = method.engine, repr(method.settings), trial.files  # once for all contestants that ask it
+            model = self.models[loaded] = self.models.get(loaded) or method.load(trial.files)
 
             def call() -> list[Solution]:
-                return [model.solve(problem) for problem in asked.problems]
+                return [model.solve(problem) for problem in trial.problems]
 
             if contestant.key not in self.kept.results:
-                self.kept.keep(contestant.key, self._scored(contestant, asked, call))
+                self.kept.keep(contestant.key, self._scored(contestant, trial, call))
             self._measure({contestant.key: call}, replace(self.protocol, rounds=1))
             self.calls[contestant.key] = call
         except (Exception, SystemExit) as error:  # a contestant that fails is a row
@@ -292,13 +291,13 @@ class _Measurements:
             reason = failure(error, method.name, self.posed.folder, get_engine(method.engine)).reason
             self.kept.keep(contestant.key, {"status": FAILED, "reason": reason})
 
-    def _scored(self, contestant: Contestant, asked: Asked, call: Callable[[], list[Solution]]) -> dict[str, Any]:
+    def _scored(self, contestant: Contestant, trial: Trial, call: Callable[[], list[Solution]]) -> dict[str, Any]:
         with np.errstate(all="ignore"):
             seconds, solutions = timing.once(call, self.protocol.clock)
-        for problem, solution in zip(asked.problems, solutions, strict=True):
+        for problem, solution in zip(trial.problems, solutions, strict=True):
             check_whole(contestant.method.engine, problem, solution)
-        scores = contestant.scores(asked, solutions)
-        return {"status": OK, "n_sample": asked.n_sample, "first": seconds, "scores": scores}
+        scores = contestant.scores(trial, solutions)
+        return {"status": OK, "n_sample": trial.n_sample, "first": seconds, "scores": scores}
 
     def _measure(self, calls: Mapping[str, Callable[[], Any]], protocol: timing.Protocol) -> None:
         first = {key: self.kept.results[key]["first"] for key in calls}
@@ -318,24 +317,16 @@ def _group(contestant: Contestant) -> tuple[str, str]:
 
 
 def fits(result: Mapping[str, Any]) -> bool:
-    """Whether what a journal has of a contestant is what was kept of it: a failure with its reason, or numbers."""
+    """Whether a result from a journal is whole: a failure with its reason, or numbers."""
     if result.get("status") == FAILED:
         return isinstance(result.get("reason"), str)
-    n, first, scores = (result.get(key) for key in ("n_sample", "first", "scores"))
-    numbers = isinstance(n, int) and isinstance(first, float) and 0.0 <= first < np.inf
-    return result.get("status") == OK and numbers and isinstance(scores, dict) and all(map(_is_score, scores.values()))
-
-
-def _is_score(score: object) -> bool:
-    """Largest and RMS error, and why there is none."""
-    match score:
-        case [int() | float(), int() | float(), str()]:
-            return True
-    return False
+    first, scores = result.get("first"), Mapping[str, tuple[float, float, str]]  # largest and RMS, why there is none
+    numbers = isinstance(result.get("n_sample"), int) and isinstance(first, float) and 0.0 <= first < np.inf
+    return result.get("status") == OK and numbers and is_record(result.get("scores"), scores)
 
 
 def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
-    """The rows of one contestant, whatever has become of it."""
+    """The rows of one contestant, measured, failed or cut short."""
     result = kept.results.get(contestant.key, {"status": CUT, "reason": "the budget was spent before its turn"})
     seconds, n = tuple(kept.times.get(contestant.key, ())), int(result.get("n_sample", 0))
     for quantity in contestant.quantities:
@@ -355,3 +346,25 @@ def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
             n_sample=n,
             seconds=seconds,
         )
+
+
+NAME = "bench.partial.jsonl"
+VERSION = 2  # of the protocol: raise it when old pieces no longer fit new ones
+
+
+def stamp(scene: Scene, environment: Mapping[str, Any], quick: bool, samples: int) -> str:
+    """Hash of all that results depend on: mechanism and its text, motion, gravity and loads, environment, protocol.
+
+    Model files of the user's own are not among it: a bench reads none.
+    """
+    motion, applied = scene.motion, scene.applied
+    record = {
+        "models": model_texts(scene.mechanism),
+        "text": [mechanism_tables(scene.mechanism_file), scene.text],  # which the truth reads unrounded
+        "motion": [array.tobytes().hex() for array in (motion.t, motion.y, motion.yd, motion.ydd)],
+        "applied": [applied.g, *(load.numbers() for load in applied.loads)],
+        "environment": environment,
+        "extent": [quick, samples],
+        "v": VERSION,
+    }
+    return hashlib.sha256(json_text(record).encode()).hexdigest()

@@ -1,1 +1,1 @@
-"""Stress cases as data: ladders, and for each severity the problems and the methods that are put to them."""
+"""What stress cases ask of engines on each rung; the cases themselves are data, ``cases.toml``, and run by `stress`."""

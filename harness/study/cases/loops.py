@@ -1,29 +1,61 @@
-"""Ladders of how loops are closed: Pinocchio's proximal settings, and redundant constraints in planar loops."""
+"""Stress on closed loops: Pinocchio's proximal settings, redundant constraints, and MuJoCo's soft loops.
+
+The softness is a floor in loop gap, force and energy that no time step removes; a refinement removes it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from screwgauge.judging.answer import answer_at
+from screwgauge.judging.residuals import energies
 from screwgauge.models.catalog import four_bars, load_mechanism
+from screwgauge.models.generate import write_models
+from screwgauge.models.urdf import loops_of
+from screwgauge.problem import InitialValue, Integration, Problem
+from screwgauge.quantities import natural_scales
+from screwgauge.reference.applied import hold
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.equations.kinematics import pose
+from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import layout
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import mobility
 from screwgauge.scene.read import load_scene
-from screwgauge.study.cases.asking import ACCELERATION, ENGINES, SCREW, loaded, push
-from screwgauge.study.cases.question import Question, put
-from screwgauge.study.four_bar import FILE, four_bar_states, write_four_bar
+from screwgauge.solution import Solution, Values
+from screwgauge.study.cases.question import (
+    ACCELERATION,
+    ENGINES,
+    SCENE,
+    SCREW,
+    UNKNOWN,
+    Question,
+    closure_residuals,
+    files_of,
+    integrated,
+    loaded,
+    loop_condition,
+    push,
+    put,
+    tree_coordinates,
+    true_velocities,
+)
+from screwgauge.study.linkages import FILE, four_bar_states, write_four_bar
 from screwgauge.study.methods import Method
-from screwgauge.study.prepared_scene import PreparedScene, pose_scene
-from screwgauge.study.reference import Reference, reference_values
+from screwgauge.study.reference_values import PreparedScene, Reference, pose_scene, reference_values, sizes
+from screwgauge.study.solving import solve
 
 ITERATIONS = (1, 2, 5)
-SAMPLES = 3
+REGULAR_SAMPLES = 3
 _RESIDUAL = "mu times the last change of the multipliers (relative_residual)"
 #: Regular poses (they are singular at crank = pi/2), at speed.
-SCENE = """\
+REGULAR_SCENE = """\
 mechanism = "mechanism.toml"
 gravity = [0, -9.81, 0]
 [motion.crank]
@@ -49,7 +81,7 @@ def proximal(mu: float, quick: bool, folder: Path) -> Iterator[Question]:
     yield replace(push(posed, *_proximal("full rank", mu)), by=_RESIDUAL)
     methods, mechanism = _proximal("deficient", mu), load_mechanism(FILE)
     files = dict.fromkeys((method.engine for method in methods), write_four_bar(folder))
-    problem, exact = four_bar_states(SAMPLES)
+    problem, exact = four_bar_states(REGULAR_SAMPLES)
     right = Reference.by_size("exact", mechanism, {ACCELERATION: exact})
     yield Question(mechanism, files, problem, methods, (ACCELERATION,), right, by=_RESIDUAL)
 
@@ -63,8 +95,8 @@ def _proximal(loop: str, mu: float) -> tuple[Method, ...]:
 def redundant_constraints(loops: float, quick: bool, folder: Path) -> Iterator[Question]:
     """More and more loops, three redundant constraints each."""
     (folder / "mechanism.toml").write_text(four_bars(int(loops), driven=True), encoding="utf-8")
-    (folder / "scene.toml").write_text(SCENE, encoding="utf-8")
-    posed = pose_scene(load_scene(folder / "scene.toml"), folder / "models", samples=SAMPLES)
+    (folder / "scene.toml").write_text(REGULAR_SCENE, encoding="utf-8")
+    posed = pose_scene(load_scene(folder / "scene.toml"), folder / "models", samples=REGULAR_SAMPLES)
     yield _forces(posed)
     yield push(posed, SCREW)
     for points, frames in zip(_POINTS, _FRAMES, strict=True):
@@ -97,3 +129,105 @@ def _forces(posed: PreparedScene) -> Question:
     )
     # what is open has no digit, which says nothing of what is unique
     return replace(question, admitted=dict.fromkeys(quantities, 0.0), remarks={"reaction": remark})
+
+
+QUANTITIES = ("loop_gap", "constraint_force", "energy", "joint_position")
+#: Tolerance of the reference, whose own error after a second is about 1e-11 of the motion, and that of `screw`.
+TIGHT, OWN = 1e-12, 1e-11
+INSTANT, SAMPLES = 1.0, 11  # [s] of the default scene, where all its terms are at work
+DURATION, QUICK_DURATION = 1.0, 0.3  # [s]
+SETTINGS: dict[str, dict[str, Any]] = {
+    "Euler": {},
+    "implicit": {"integrator": "implicit"},
+    "implicitfast": {"integrator": "implicitfast"},
+    "RK4": {"integrator": "RK4"},
+    "discrete": {"integrator": "discrete"},
+    "solref 0.05 s": {"solref": 0.05},
+    "solref 0.005 s": {"solref": 0.005},
+    "d = 0.99": {"solimp": 0.99},
+    "d = 0.9999": {"solimp": 0.9999},
+    "refined": {"solimp": 0.9999, "passes": 4},
+}
+PASSES = {0: "0 passes", 1: "1 pass", 2: "2 passes", 4: "4 passes"}
+_SOFT = "MuJoCo's soft loop gives way under load, and nothing says so; a finer step changes nothing"
+_STIFF = "first-order error of a fixed step that nothing estimates"
+_YIELDING = "softness of the loops, ((1 - d) / d)^(passes + 1), of which nothing is said"
+
+
+def softness(dt: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """The loaded default scene under constant actuator forces, stepped by MuJoCo's own integrators."""
+    scene = load_scene(SCENE)
+    write_models(scene.mechanism, folder, gravity=scene.applied.g)
+    right = held(QUICK_DURATION if quick else DURATION, SAMPLES)
+    own = replace(right, files=files_of(scene, folder, (SCREW, Method("mujoco"))))
+    yield integrated(own, Integration(rtol=OWN, atol=OWN))
+    soft = replace(own, right=in_tree(own))
+    for label, settings in SETTINGS.items():
+        method = Method("mujoco", {"dt": dt, "work": False, **settings}, f"mujoco {label}")
+        yield replace(soft, methods=(method,), cause=_STIFF if "passes" in settings else _SOFT)
+
+
+def refinement(softness: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """The last constraint force is applied from outside, and the accelerations are solved for again."""
+    posed = loaded(folder)
+    yield push(posed, SCREW)
+    methods = (Method("mujoco", {"solimp": 1.0 - softness, "passes": n}, f"mujoco {x}") for n, x in PASSES.items())
+    yield replace(push(posed, *methods), cause=_YIELDING, condition=loop_condition(true_velocities(posed)))
+
+
+@lru_cache(maxsize=4)
+def held(duration: float, samples: int, tolerance: float = TIGHT) -> Question:
+    """The default scene from `INSTANT` on under constant actuator forces, with reference values by `screw`.
+
+    Raises:
+        ScrewgaugeError: The motion does not lead so far.
+    """
+    scene = load_scene(SCENE).at([INSTANT])
+    mechanism, motion = scene.mechanism, scene.motion
+    forces = solve(scene, ("screw",), ("actuator_force",))[0]["screw"].values["actuator_force"].array[0]
+    driven = [joint.coordinates[0] for joint in mechanism.actuators]
+    applied = scene.under(motors=hold(dict(zip(driven, forces.tolist(), strict=True)))).applied
+    integration, t = Integration(rtol=tolerance, atol=tolerance), np.linspace(0.0, duration, samples)
+    task = InitialValue(motion.y[0].copy(), motion.yd[0].copy(), 0.0, t, integration)
+    problem = Problem(applied, task, frozenset(("joint_position", "joint_velocity", "reaction")))
+    question = replace(put(scene, Path(), problem, (SCREW,), QUANTITIES, UNKNOWN), read=read)
+    solution = SCREW.load(question.files["screw"]).solve(question.problem)
+    if solution.stopped:
+        raise ScrewgaugeError(solution.stopped, f"{scene.name} held at {INSTANT:g} s", "choose a shorter time")
+    values = read(question, solution)
+    return replace(question, right=_by_largest(question.mechanism, values), condition=float(solution.condition.max()))
+
+
+def in_tree(question: Question) -> Reference:
+    """Reference values of what MuJoCo has: the coordinates of its tree and the forces that close its loops."""
+    values, mechanism = question.right.values, question.mechanism
+    closing = tuple(f"{closure.joint}.f{axis}" for closure in loops_of(mechanism, "minimal").closures for axis in "xyz")
+    force, q = values["constraint_force"].pick(closing), values["joint_position"].pick(tree_coordinates(mechanism))
+    return _by_largest(mechanism, {**values, "constraint_force": force, "joint_position": q})
+
+
+def read(question: Question, solution: Solution) -> Mapping[str, Values]:
+    """Loop gap, constraint forces, energy and joint positions, bodies being where the tree puts them."""
+    rows = np.arange(len(solution.condition))
+    answer = answer_at(question.mechanism, question.problem, solution, rows)
+    gaps = np.linalg.norm(closure_residuals(answer.tree, answer.motion)[0], axis=2)
+    return {
+        "loop_gap": Values(("largest",), ("m",), gaps.max(axis=1)[:, None]),
+        "constraint_force": solution.values["reaction"],
+        "energy": Values(("energy",), ("J",), np.sum(energies(answer), axis=0)[:, None]),
+        "joint_position": solution.values["joint_position"],
+    }
+
+
+def _by_largest(mechanism: Mechanism, values: Mapping[str, Values]) -> Reference:
+    """Values as a reference with closed loops, each quantity measured by its largest magnitude."""
+    gap, force, energy, q = (values[name] for name in QUANTITIES)
+    largest = float(np.abs(force.array).max())
+    scales = {
+        "loop_gap": {"m": natural_scales(mechanism)["m"]},
+        "constraint_force": {"N": largest, "N m": largest},
+        "energy": {"J": float(np.abs(energy.array - energy.array[0]).max())},
+        "joint_position": sizes(q),
+    }
+    closed = Values(gap.components, gap.units, np.zeros_like(gap.array))
+    return Reference("screw", {**values, "loop_gap": closed}, "", scales)

@@ -3,38 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
+from screwgauge import __version__
 from screwgauge.models.generate import write_models
-from screwgauge.problem import States
+from screwgauge.problem import ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.graph import layout, spanning_tree
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution, Values
-from screwgauge.study.cases.asking import (
+from screwgauge.solution import Solution, Stopwatch, Values
+from screwgauge.study.cases.question import (
     ACCELERATION,
     ENGINES,
     JUDGED,
     SCENE,
     SCREW,
+    Question,
     closure_residuals,
+    files_of,
+    findings,
     moving,
     tree_coordinates,
 )
-from screwgauge.study.cases.question import Question, files_of, findings
 from screwgauge.study.methods import Method
-from screwgauge.study.prepared_scene import pushed
-from screwgauge.study.reference import TRUTH, Reference
-from screwgauge.study.runner import solve
+from screwgauge.study.reference_values import TRUTH, Reference, pushed
+from screwgauge.study.solving import solve
 from screwgauge.witness.joints import mechanism_tree
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates
@@ -45,7 +49,6 @@ HARD, PASSES = 0.9999, 7
 FORWARD, TREE_FORCE, _SOFT_FORCE = "forward_acceleration", "tree_force", "tree_force_soft"
 #: Proximal settings that reach rounding on loops of full rank.
 _EXACT = {"mu": 1e-10, "iterations": 5}
-_PROJECTED = Method("screw", {"projected": True})
 _TAKEN = "the state is taken for a closed one: the answer is that of a mechanism pulled apart by the gap"
 _SPRINGS = f"{_TAKEN}; springs on the gap make it smaller later, not the answer right"
 _STIFF = "mj_inverse returns the force of its soft constraints: the gap times stiffness times apparent mass"
@@ -53,7 +56,7 @@ _SOFT = "soft constraints: (1 - d) / d of the constraint forces is missing, on c
 
 
 def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """Joint coordinates and velocities off the manifold, as those of a file or of an integration are."""
+    """Joint coordinates and velocities that do not close the loops, like those of a file or of an integration."""
     scene = moving(load_scene(SCENE), quick)
     mechanism, names, methods = scene.mechanism, tree_coordinates(scene.mechanism), tuple(map(Method, ENGINES))
     write_models(mechanism, folder, gravity=scene.applied.g)
@@ -66,7 +69,8 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
     # an engine that is missing closes nothing, but its rows are to be there
     own = {name: _at(solutions.get(name, solutions[exact]).values, names) for name in ENGINES}
     raw, right = pulled_apart(scene, names, gap), _at(true.values, names)
-    yield _accelerations(given, _PROJECTED, _at(solutions["screw"].values, mechanism.coordinates))
+    projected, every = Projected("screw", mechanism=mechanism), mechanism.coordinates
+    yield _accelerations(given, projected, _at(solutions["screw"].values, every))
     yield _forces(given, Method("pinocchio", label="pinocchio raw"), raw)
     for label, states, more, cause in (
         ("projected", own["pinocchio"], {}, ""),
@@ -136,7 +140,7 @@ def _forces(given: Question, method: Method, states: States) -> Question:
 
 
 def _soft_forces(given: Question, scene: Scene, method: Method, states: States) -> Question:
-    """`mj_inverse` with constraints on, against what the closed state needs: there they have no force."""
+    """`mj_inverse` with constraints on, against the forces of the closed state, in which constraints have none."""
     needed = solve(scene, (SCREW.engine,), (TREE_FORCE,))[0][SCREW.engine]
     question, right = _forces(given, method, states), Reference.by_size(SCREW.engine, scene.mechanism, needed.values)
     problem, read = replace(question.problem, wanted=frozenset((_SOFT_FORCE,))), partial(renamed, has=_SOFT_FORCE)
@@ -144,7 +148,7 @@ def _soft_forces(given: Question, scene: Scene, method: Method, states: States) 
 
 
 def _accelerations(given: Question, method: Method, states: States, cause: str = "") -> Question:
-    """Accelerations that the true actuator forces are said to cause."""
+    """Accelerations under the true actuator forces."""
     mechanism, names, true = given.mechanism, states.coordinates, given.right
     q = np.zeros((len(states), len(mechanism.coordinates)))
     q[:, mechanism.columns(names)] = states.q
@@ -160,6 +164,27 @@ def _accelerations(given: Question, method: Method, states: States, cause: str =
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Projected(Method):
+    """Accelerations of closed states by the equations of the independent coordinates, not by those of all bodies."""
+
+    mechanism: Mechanism
+
+    def load(self, files: ModelFiles) -> Projected:
+        return self
+
+    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
+        """``joint_acceleration`` for the given forces along all joint coordinates."""
+        clock, mechanism, task = Stopwatch(), self.mechanism, problem.task
+        if not isinstance(task, States):
+            raise TypeError("the task gives no states")
+        yd = task.v[:, mechanism.independent_columns]
+        at = motion_at(layout(mechanism), task.q, yd, applied=problem.applied, joints=task.tau)
+        units = tuple(f"{unit}/s^2" for unit in mechanism.units)
+        values = {ACCELERATION: Values(mechanism.coordinates, units, at.joint_acceleration)}
+        return Solution(self.engine, __version__, values, at.condition, cost=clock.cost())
+
+
 def renamed(question: Question, solution: Solution, *, has: str) -> Mapping[str, Values]:
-    """What a solution has, by the name that it has in this case."""
+    """A quantity of a solution under the name that it has in this case."""
     return {question.quantities[0]: solution.values[has]}

@@ -1,10 +1,15 @@
-"""A question: a problem put to methods, with what is right. One loop turns questions into findings."""
+"""Questions of stress cases: problems put to methods, with what is right, and the findings that become of them.
+
+The second half has what several cases ask: given motions, against the truth; accelerations, for true states under the
+true forces. What a single case asks stands in the module that ``cases.toml`` names.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from decimal import Decimal
 from pathlib import Path
 from textwrap import shorten
 
@@ -12,14 +17,74 @@ import numpy as np
 
 from screwgauge.judging.judge import judge
 from screwgauge.judging.refusals import refusals
+from screwgauge.judging.residual import Residual
+from screwgauge.models.generate import write_models
+from screwgauge.models.urdf import loops_of
 from screwgauge.problem import GivenMotion, InitialValue, Integration, ModelFiles, Problem
-from screwgauge.reference.mechanism import Mechanism
+from screwgauge.quantities import GIVEN
+from screwgauge.reference.closed.assembly_mode import positions
+from screwgauge.reference.closed_motion import ClosedMotion, motion_at
+from screwgauge.reference.graph import layout
+from screwgauge.reference.mechanism import Frame, Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution, Values
-from screwgauge.study.cases.case import GOOD, SILENT, Finding
 from screwgauge.study.methods import Method
-from screwgauge.study.reference import Reference, deviation, sizes
-from screwgauge.study.runner import ask, model_files
+from screwgauge.study.reference_values import TRUTH, PreparedScene, Reference, deviation, pose_scene, sizes
+from screwgauge.study.solving import ask, model_files, solve
+from screwgauge.witness.joints import MechanismTree
+from screwgauge.witness.kinematics import TreeMotion
+from screwgauge.witness.tree import stacked
+
+#: A scaled error below this needs no warning: the loosest tolerance at which a scene is called in agreement.
+GOOD = 1e-9
+OK, DEGRADED, REFUSED, SILENT = "ok", "degraded", "refused", "silently-wrong"
+VERDICTS = (OK, DEGRADED, REFUSED, SILENT)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding(Residual):
+    """Error of one quantity of one engine on one rung against the truth, a row of a stress table.
+
+    Attributes:
+        a: Name of the engine; a setting may follow, as in ``mujoco RK4``.
+        tolerance: Largest scaled error that a warning of the engine, or an estimate of its error, admits.
+        reason: Why it was refused, a warning, or the cause of the error.
+        condition: Condition number of what was solved; NaN where nothing was.
+        time_s: Run time [s].
+        own: Whether it is our own solver.
+        case, severity: Where on which ladder.
+    """
+
+    tolerance: float = GOOD
+    condition: float = math.nan
+    time_s: float = math.nan
+    own: bool = False
+    case: str = ""
+    severity: float = math.nan
+
+    @property
+    def engine(self) -> str:
+        """The first of what a residual is between."""
+        return self.a
+
+    @property
+    def explanation(self) -> str:
+        """The reason, or a remark where one is missing."""
+        silent = not self.reason and not math.isfinite(self.error)
+        return "not a number, and nothing says so" if silent else self.reason
+
+    @property
+    def verdict(self) -> str:
+        """``ok``, ``degraded`` (less than nine digits, and it says so), ``refused`` (no number, and it says why),
+        ``silently-wrong`` (anything else)."""
+        if not math.isfinite(self.error):
+            return REFUSED if self.reason and math.isnan(self.error) else SILENT
+        if self.error <= GOOD:
+            return OK
+        return DEGRADED if self.error <= self.tolerance else SILENT
+
 
 OWN = "screw"  # the engine that answers for our own solver
 LONGEST = 500  # letters of a reason: some errors name a whole state
@@ -29,22 +94,22 @@ UNKNOWN = Reference("", {}, "", {})
 
 
 def answered(question: Question, solution: Solution) -> Mapping[str, Values]:
-    """What a solution says, as it says it."""
+    """The values of a solution as they are."""
     return solution.values
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Question:
-    """A problem put to methods, and what is right. Data only; it pickles.
+    """A problem put to methods, with reference values. Data only; it pickles.
 
     Attributes:
         files: Engine -> its model.
         quantities: What is measured, in this order.
-        right: Their true values, those components that are compared; `UNKNOWN` where there is no truth: then the
-            judge measures.
+        right: Their true values, of the compared components; `UNKNOWN` where there is no truth: then the judge
+            measures.
         read: Takes the measured quantities from a solution. A function of a module.
-        cause: Why a method other than ours is wrong where nothing says so; ``{notes}`` stands for what it notes.
-        remarks: Quantity -> what is said of it whatever comes out.
+        cause: Why a method other than ours is silently wrong; ``{notes}`` stands for its notes.
+        remarks: Quantity -> a remark, whatever the error.
         admitted: Quantity -> scaled error that is admitted, whatever a method estimates of its own.
         by: What admits an error, in words.
         condition: Condition number of the closed loops, where that of what a method solves is not meant.
@@ -69,7 +134,7 @@ class Question:
 
     @property
     def known(self) -> bool:
-        """Whether it is known what is right."""
+        """Whether there are reference values."""
         return bool(self.right.values)
 
 
@@ -94,7 +159,7 @@ def integrated(question: Question, integration: Integration) -> Question:
 
 
 def findings(question: Question) -> Iterator[Finding]:
-    """What every method makes of every quantity: the error, what is admitted, and why."""
+    """A finding for every method and quantity: the error, the admitted one, and why."""
     for method in question.methods:
         yield from _of(question, method)
 
@@ -142,7 +207,7 @@ def scaled_error(values: Values, right: Values, scales: Mapping[str, float]) -> 
 def _measured(
     question: Question, solution: Solution, blank: Finding, values: Values, excuses: Mapping[str, str]
 ) -> Finding:
-    """Error, what is admitted, and why."""
+    """The error of a quantity, the admitted one, and why."""
     quantity, right = blank.quantity, question.right
     error = scaled_error(values, right.values[quantity], right.scales[quantity])
     scales, own = right.scales[quantity], solution.tolerances.get(quantity, {})
@@ -174,7 +239,7 @@ def _judged(question: Question, solution: Solution, blank: Finding) -> Finding:
 
 
 def _excuses(question: Question, solution: Solution) -> dict[str, str]:
-    """Quantity -> which singularity is the reason that there is no number; under no name what is noted of all."""
+    """Quantity -> the singularity for which there is no number; the notes on all of them under no name."""
     if not isinstance(question.problem.task, GivenMotion):
         return {}
     refused = refusals(question.mechanism, question.problem, solution)
@@ -182,7 +247,7 @@ def _excuses(question: Question, solution: Solution) -> dict[str, str]:
 
 
 def _estimated(solution: Solution, quantity: str) -> float:
-    """Largest error that the engine estimates for a quantity; what cannot be estimated may be anything."""
+    """Largest error that the engine estimates for a quantity; infinite where it cannot be estimated."""
     if quantity not in solution.estimate:
         return 0.0
     return float(np.nan_to_num(solution.estimate[quantity], nan=np.inf, posinf=np.inf).max(initial=0.0))
@@ -192,3 +257,111 @@ def _time(solution: Solution) -> float:
     if solution.cost is not None:
         return solution.cost.wall_s
     return sum(timing.min_s for timing in solution.timings)
+
+
+SCENE = "3ups-upu-s"
+#: Poses (a, b) [rad] with no symmetry, and rates and accelerations that make inertia matter as much as weight does.
+POSES = np.array([[0.1, 0.05], [-0.15, 0.12], [0.2, -0.1]])
+RATES = np.array([[7.0, 4.0], [5.0, -8.0], [-3.0, 6.0]])
+ACCELERATIONS = np.array([[-30.0, 90.0], [70.0, 20.0], [-100.0, -50.0]])
+
+ENGINES = ("screw", "pinocchio", "mujoco")
+QUANTITIES = ("joint_acceleration", "com_acceleration", "generalized_force", "actuator_force", "reaction")
+#: What the judge needs, and what a truth has.
+JUDGED = tuple(name for name in GIVEN if not name.startswith("tree_force"))
+
+TIMES = (0.5, 1.0, 2.5)  # [s] of the default scene
+ACCELERATION = "joint_acceleration"
+SCREW = Method("screw")
+
+
+def exactly(value: float) -> str:
+    """All digits of a float64: what reads the text exactly gets the number that all others get."""
+    return format(Decimal(float(value)), "f")
+
+
+def moving(scene: Scene, quick: bool) -> Scene:
+    """The scene at the poses, rates and accelerations of this module, or at the first of them."""
+    return still(scene, *(array[: 1 if quick else None] for array in (POSES, RATES, ACCELERATIONS)))
+
+
+def still(scene: Scene, y: Array, yd: Array | None = None, ydd: Array | None = None) -> Scene:
+    """The scene at given states, the same doubles for every engine, one second apart.
+
+    Args:
+        y, yd, ydd: Independent coordinates and derivatives; zero by default. Shape (n, k).
+    """
+    zero, t = np.zeros_like(y), np.arange(len(y), dtype=float)
+    rates, seconds = (zero.copy() if array is None else array for array in (yd, ydd))
+    motion = GivenMotion(t, y.copy(), rates, seconds)
+    return replace(scene, task=motion)
+
+
+def compare(
+    scene: Scene,
+    folder: Path,
+    *,
+    engines: tuple[str, ...] = ENGINES,
+    quantities: tuple[str, ...] = QUANTITIES,
+    setting: str = "",
+    cause: str = "",
+) -> Question:
+    """A given motion, put to engines. There are no reference values if the truth lacks a sample.
+
+    Args:
+        setting: Follows the name of every engine.
+        cause: Why an engine other than ours is silently wrong.
+    """
+    write_models(scene.mechanism, folder, gravity=scene.applied.g)
+    methods = tuple(Method(name, label=f"{name} {setting}".strip()) for name in engines)
+    truth = solve(scene, (TRUTH,), quantities)[0].get(TRUTH)
+    known = truth is not None and truth.rows is None
+    right = Reference.by_size(TRUTH, scene.mechanism, truth.values) if truth is not None and known else UNKNOWN
+    question = put(scene, folder, scene.problem(quantities if known else JUDGED), methods, quantities, right)
+    return replace(question, cause=cause)
+
+
+def loaded(folder: Path) -> PreparedScene:
+    """The default scene, which is loaded, at three instants."""
+    return pose_scene(load_scene(SCENE).at(TIMES), folder, samples=len(TIMES))
+
+
+def push(posed: PreparedScene, *methods: Method) -> Question:
+    """Accelerations wanted: of all joints from `screw`, of its tree from another engine."""
+    mechanism = posed.scene.mechanism
+    names = mechanism.coordinates if methods[0].engine == SCREW.engine else tree_coordinates(mechanism)
+    values = {ACCELERATION: posed.reference.values[ACCELERATION].pick(names)}
+    right = replace(posed.reference, values=values)  # measured by the scales of all
+    return put(posed.scene, posed.folder, posed.pushed(names), methods, (ACCELERATION,), right)
+
+
+def tree_coordinates(mechanism: Mechanism) -> tuple[str, ...]:
+    """Coordinates of the tree of the engines' models, minimal cut."""
+    return loops_of(mechanism, "minimal").tree
+
+
+def closure_residuals(tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
+    """Distance [m] and velocity [m/s] between the points that close the loops, child less parent.
+
+    Returns:
+        Shape (n, n_point, 3) each.
+    """
+    closures = loops_of(tree.mechanism, "minimal").closures
+    parent, child = (
+        motion.links.frames(
+            stacked([tree.on(getattr(c, side), Frame(x)) for c in closures for x in getattr(c, f"{side}_points")])
+        )
+        for side in ("parent", "child")
+    )
+    return child.p - parent.p, child.v - parent.v
+
+
+def true_velocities(posed: PreparedScene) -> ClosedMotion:
+    """Closed poses and velocities by `screw`."""
+    lay, motion = layout(posed.scene.mechanism), posed.scene.motion
+    return motion_at(lay, positions(lay, motion.y, motion.t), motion.yd)
+
+
+def loop_condition(at: ClosedMotion) -> float:
+    """Condition number of the closed loops, at its worst."""
+    return float(at.condition.max())

@@ -1,7 +1,7 @@
-"""Motions through singular poses that lie between samples, and next to such poses, of planar linkages in closed form.
+"""Stress at singularities: poses of the 3-UPS-UPU-S, locks of its wrists, and motions through poses between samples.
 
-Where branches of assembly meet, a motion given at samples does not say on which of them it goes on: it has no answer,
-however the samples lie. Home is where the motion starts.
+The motions are those of planar linkages in closed form. Where branches of assembly meet, a motion given at samples does
+not say on which of them it goes on: it has no answer, however the samples lie. Home is where the motion starts.
 """
 
 from __future__ import annotations
@@ -13,13 +13,172 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
+from screwgauge import __version__
+from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.models.generate import write_models
+from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
+from screwgauge.reference import linear
+from screwgauge.reference.closed.assembly_mode import closed_form_positions, positions
+from screwgauge.reference.closed_motion import motion_at
+from screwgauge.reference.equations.forward import NewtonEuler, force_matrix
+from screwgauge.reference.equations.kinematics import pose
+from screwgauge.reference.graph import Layout, layout
+from screwgauge.reference.mechanism import Mechanism, in_precision
+from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.study.cases.asking import ENGINES, compare
-from screwgauge.study.cases.question import UNKNOWN, Question, put
+from screwgauge.solution import Solution, Stopwatch, Values
+from screwgauge.study.cases.question import ENGINES, QUANTITIES, SCENE, UNKNOWN, Question, compare, put, still
 from screwgauge.study.linkages import PlanarLinkage, Tables, five_bar, four_bar, slider_crank
 from screwgauge.study.methods import Method
+from screwgauge.study.reference_values import Reference
+
+#: The paper's radii of the joints' circles on the ground and on the platform, and height of the latter [m].
+_R, _r, _H = 0.8, 0.5, 0.3 * np.sqrt(3.0)
+#: Half the angle of the platform at which the first axis of leg 1 no longer holds it.
+SINGULAR_B = float(np.arctan2(_H, _r) - np.arccos(np.hypot(_r, _H) / _R))
+#: Tilt a at which leg 2 lies on the first axis of its base joint, at b = 0.
+BASE_LOCK = -float(np.arctan2(_H, _r))
+#: Mechanism -> tilt a at which the outer axes of leg 2's wrist coincide, at b = 0: 40.5 and 51.3 degrees.
+WRIST_LOCKS = {"3ups-upu-s": -float(np.arcsin(_H / _R)), "3ups-upu-s-table2": float(np.arccos(_r / _R))}
+_FULL = ("pinocchio-full", "mujoco-full")
+_TREE = "the wrist's angles, which lock here, are coordinates of its tree"
+_IMPLICIT = "all coordinates are solved for, and the third rotation, which vanishes, is divided by the distance"
+_SMALL = "the leg's direction is a small difference of lengths, whose rounding is divided by the distance"
+#: How far a motion in a leads past the lock of leg 4 [rad], and the angles that tell the assemblies of that leg.
+FAR, _ANGLES = 1.2, ("leg4.q1", "leg4.q2")
+_FORCE = "actuator_force"
+#: Angular velocity and acceleration of (a, b), without symmetry.
+_RATE, _ACCELERATION = np.array([0.7, 0.4]), np.array([-0.3, 0.9])
+
+
+def upu_singularity(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """The tilt b at which leg 1, at right angles to the line from O to its wrist, lets the platform turn."""
+    a = np.array([0.1] if quick else [0.05, 0.1, 0.3])
+    question = compare(
+        _passing(SCENE, np.stack([a, np.full_like(a, SINGULAR_B - distance)], axis=1)), folder, cause=_IMPLICIT
+    )
+    yield question
+    if question.known:
+        methods = tuple(WholeSystem("screw", mechanism=question.mechanism, refined=each) for each in (False, True))
+        problem = replace(question.problem, wanted=frozenset((_FORCE,)))
+        yield replace(question, methods=methods, quantities=(_FORCE,), problem=problem)
+
+
+def u_lock(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """The tilt of 46.1 degrees at which a leg lies along the first axis of its base joint."""
+    y = np.array([BASE_LOCK, 0.0]) + np.array([0.3, 0.1, distance])[:, None] * _towards(-0.6)
+    yield compare(_passing(SCENE, y), folder, cause=_SMALL)
+
+
+def wrist_chart(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """Through the tilts at which the coordinates of a wrist lock, in both choices of its axes."""
+    for name, lock in WRIST_LOCKS.items():
+        scene, setting = _passing(name, _around(lock, distance, 5 if quick else 9)), "" if name == SCENE else "table2"
+        yield compare(scene, folder, setting=setting)
+        yield compare(scene, folder, engines=_FULL, quantities=QUANTITIES[1:], setting=setting, cause=_TREE)
+
+
+def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
+    """Past the lock of leg 4, in steps of several sizes, the last of which is one far pose."""
+    for step in (0.1, FAR) if quick else (0.001, 0.01, 0.1, FAR):
+        a = np.linspace(0.0, FAR, 1 + round(FAR / step))[-1 if step == FAR else 0 :]
+        scene = still(load_scene(SCENE), np.stack([a, np.full_like(a, distance)], axis=1))
+        write_models(scene.mechanism, folder, gravity=scene.applied.g)
+        known = positions(layout(scene.mechanism), scene.motion.y, scene.motion.t)
+        names, units = scene.mechanism.coordinates, scene.mechanism.units
+        right = {"joint_position": Values(names, units, known).pick(_ANGLES)}
+        methods = tuple(Method(name, label=f"{name} {step:g} rad") for name in ENGINES)
+        yield put(
+            scene,
+            folder,
+            scene.problem(("joint_position",)),
+            methods,
+            ("joint_position",),
+            Reference.by_size("closed form", scene.mechanism, right),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WholeSystem(Method):
+    """Actuator forces of smallest norm from eqs. (57)-(58) of all bodies at once, in place of virtual power.
+
+    Attributes:
+        refined: One step of iterative refinement, its residual from a wider matrix; see `wide_force_matrix`.
+    """
+
+    mechanism: Mechanism
+    refined: bool = False
+
+    @property
+    def name(self) -> str:
+        return "screw whole system" + " refined" * self.refined
+
+    def load(self, files: ModelFiles) -> WholeSystem:
+        return self
+
+    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
+        """``actuator_force`` alone, and as estimate of its error the rounding times the condition of the system."""
+        clock, lay, task = Stopwatch(), layout(self.mechanism), problem.task
+        if not isinstance(task, GivenMotion):
+            raise TypeError("the task is no given motion")
+        q = positions(lay, task.y, task.t, (task.yd, task.ydd))
+        system = NewtonEuler(motion_at(lay, q, task.yd, task.ydd, problem.applied, task.t))
+        wide = wide_force_matrix(lay, task.y) if self.refined else None
+        unknown = system.solve(system.need[..., None], wide)[..., 0]
+        f = np.asarray(unknown[:, len(system.names) :], dtype=float)
+        return Solution(
+            self.engine,
+            __version__,
+            {_FORCE: Values(self.mechanism.actuator_names, self.mechanism.actuator_units, f)},
+            system.condition,
+            estimate={_FORCE: linear.EPS * system.condition},
+            conditions={_FORCE: system.condition},
+            cost=clock.cost(),
+        )
+
+
+def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
+    """The matrix c of eq. (57) in numpy's longest format, at poses known in closed form.
+
+    Args:
+        y: Independent coordinates [rad or m]. Shape (n, k).
+
+    Returns:
+        See `force_matrix`. None where that format is no wider than a double, or the closed form leaves the loops open.
+    """
+    wider = np.finfo(np.longdouble)
+    if not wider.eps < np.finfo(float).eps:
+        return None
+    lay = layout(in_precision(lay.mechanism, np.longdouble))
+    q = closed_form_positions(lay, y.astype(np.longdouble))
+    if q is None:
+        return None
+    at = pose(lay, q)
+    closed = np.abs(at.residual).max(initial=0.0) < 64 * wider.eps
+    return force_matrix(at, at.q, at.S) if closed else None
+
+
+def _towards(angle: float) -> Array:
+    """Direction in the plane of (a, b)."""
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def _around(lock: float, distance: float, steps: int) -> Array:
+    """Up to the lock, back, around it on the side of b < 0, and up to it from behind. Shape (n, 2)."""
+    start, sense = (-0.6, -1.0) if lock < 0.0 else (np.pi + 0.6, 1.0)
+    angles = start + sense * np.linspace(0.0, np.pi, steps)
+    arc = [0.05 * _towards(angle) for angle in angles]
+    near, far = (distance * _towards(angle) for angle in (angles[0], angles[-1]))
+    rows = np.array([0.3 * _towards(angles[0]), arc[0], near, *arc, far])
+    return np.asarray(rows + np.array([lock, 0.0]))
+
+
+def _passing(name: str, y: Array) -> Scene:
+    """A mechanism at poses, all with the same rates and accelerations."""
+    scene = replace(load_scene(SCENE), mechanism=load_mechanism(name), mechanism_file=mechanism_path(name))
+    return still(scene, y, np.tile(_RATE, (len(y), 1)), np.tile(_ACCELERATION, (len(y), 1)))
+
 
 #: Motions last so many times the way to the singular pose: evenly spread samples, however many, have none there.
 LAST = float(np.sqrt(3.0))

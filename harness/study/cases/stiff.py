@@ -1,12 +1,19 @@
-"""Stiff springs and dampers across the prismatic joints: accelerations, and a short motion with its energy."""
+"""Stress by stiffness: springs and dampers across prismatic joints, accelerations and a short motion with its energy.
+
+The reference is Radau collocation of high order, all stages of a step evaluated at once. Ten stages have order nineteen
+and damp what is too fast for the step, so that few steps reach rounding; nothing is shared with the integrators that
+are measured.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from screwgauge.models.generate import write_models
 from screwgauge.problem import InitialValue, Integration, Problem, States
@@ -14,18 +21,27 @@ from screwgauge.reference import linear
 from screwgauge.reference.applied import GRAVITY, Applied, JointSpring
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
+from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.simulation import REACH, eigenvalues
 from screwgauge.solution import Solution, Values
-from screwgauge.study.cases.asking import ACCELERATION, SCENE, SCREW, loaded, loop_condition, push, true_velocities
-from screwgauge.study.cases.collocation import collocate
-from screwgauge.study.cases.question import Question, integrated, put
+from screwgauge.study.cases.question import (
+    ACCELERATION,
+    SCENE,
+    SCREW,
+    Question,
+    integrated,
+    loaded,
+    loop_condition,
+    push,
+    put,
+    true_velocities,
+)
 from screwgauge.study.methods import Method
-from screwgauge.study.prepared_scene import PreparedScene
-from screwgauge.study.reference import Reference
+from screwgauge.study.reference_values import PreparedScene, Reference
 
 #: Share of critical damping at home: overdamped, so that eigenvalues are real; the fastest is 1e5 1/s at 1e10 N/m.
 DAMPING = 1.2
@@ -34,7 +50,7 @@ DURATION = 0.1  # [s]
 START = (0.01, -0.005)  # [rad] off the pose at which the springs are relaxed
 RADAU = Integration("Radau", 1e-5, 1e-7)
 DOP853 = Integration("DOP853", 1e-7, 1e-9)
-MOST = 100  # steps that an explicit method may need for stability alone
+MOST_STEPS = 100  # steps that an explicit method may need for stability alone
 DT = 1e-4  # [s] of the engines' own steps
 QUANTITIES = ("motion", "energy")
 _PUSHED = (
@@ -77,7 +93,7 @@ def leg_springs(mechanism: Mechanism, stiffness: float) -> tuple[JointSpring, ..
 
 
 def accelerations(stiffness: float, folder: Path) -> Iterator[Question]:
-    """The loaded default scene, the actuators taking over what the springs exert; each length is known only to eps."""
+    """The loaded default scene with springs that the actuators compensate; each length is known only to eps."""
     posed = loaded(folder)
     springs, at = leg_springs(posed.scene.mechanism, stiffness), true_velocities(posed)
     admitted = {ACCELERATION: _spring_rounding(posed, springs, at)}
@@ -95,7 +111,7 @@ def accelerations(stiffness: float, folder: Path) -> Iterator[Question]:
 def _sprung(
     posed: PreparedScene, problem: Problem, springs: tuple[JointSpring, ...], engine: str, at: ClosedMotion
 ) -> Problem:
-    """The problem with springs, and with actuator forces that take over what these exert on the true motion."""
+    """The problem with springs, and with actuator forces that compensate those of the springs."""
     states = problem.task
     if not isinstance(states, States) or states.tau is None:
         raise TypeError("the task gives no forces")
@@ -126,9 +142,9 @@ def _spring_rounding(posed: PreparedScene, springs: tuple[JointSpring, ...], at:
 
 
 def motion(springs: tuple[JointSpring, ...], folder: Path) -> tuple[Question, float]:
-    """A short motion from rest, put to nobody yet, and its largest eigenvalue at the start [1/s].
+    """A short motion from rest, without methods, and its largest eigenvalue at the start [1/s].
 
-    What is right comes from collocation, in steps that grow with time as the motion gets slower.
+    Reference values are by collocation, in steps that grow with time as the motion gets slower.
     """
     scene = load_scene(SCENE)
     mechanism, lay = scene.mechanism, layout(scene.mechanism)
@@ -166,7 +182,7 @@ def _moving(lay: Layout, states: Array, applied: Applied) -> ClosedMotion:
 
 
 def tolerant(question: Question, integration: Integration, *methods: Method) -> Question:
-    """The motion by one of scipy's methods, whose tolerance says what it admits."""
+    """The motion by one of scipy's methods, whose tolerance is the admitted error."""
     # of one step, since what is damped adds nothing up; relative to an angle, not to how far it moves
     each = integration.rtol * max(map(abs, START)) + integration.atol
     each /= min(question.right.scales["motion"].values())
@@ -181,7 +197,7 @@ def tolerant(question: Question, integration: Integration, *methods: Method) -> 
 def explicit(question: Question, fastest: float) -> Question:
     """The motion by DOP853, refused where the step that keeps it stable is too short."""
     steps, reason = DURATION * fastest / REACH, ""
-    if steps > MOST:
+    if steps > MOST_STEPS:
         reason = (
             f"stiff for an explicit method: the eigenvalue of {fastest:.2g} 1/s bounds its step to "
             f"{REACH / fastest:.1e} s, {steps:.0f} steps for stability alone"
@@ -199,3 +215,68 @@ def read(question: Question, solution: Solution) -> Mapping[str, Values]:
         "motion": solution.values["joint_position"],
         "energy": Values(("energy",), ("J",), (missing - missing[0])[:, None]),
     }
+
+
+STAGES = 10
+MOST_ITERATIONS = 40  # iterations of the simplified Newton method
+CLOSE = 1e-13  # change of the last iteration, relative to each component's largest value
+DIFFERENCE = 2.0**-17  # of central differences: the cube root of the rounding error
+
+Slope = Callable[[Array], Array]
+"""Derivatives of states, one a row. Shape (n, m) -> (n, m)."""
+
+
+@lru_cache(maxsize=4)
+def tableau(stages: int) -> tuple[Array, Array]:
+    """Nodes in (0, 1], shape (s,), and weights of Radau IIA, shape (s, s)."""
+    ends = np.zeros(stages + 1)
+    ends[stages - 1 :] = [-1.0, 1.0]
+    x = np.sort(legendre.legroots(ends).real)
+    x[-1] = 1.0
+    values = legendre.legvander(x, stages - 1)
+    integrals = np.column_stack([0.5 * legendre.legval(x, legendre.legint(row, lbnd=-1)) for row in np.eye(stages)])
+    return 0.5 * (1.0 + x), integrals @ np.linalg.inv(values)
+
+
+def collocate(slope: Slope, state: Array, times: Array) -> Array:
+    """Integrates an autonomous system with one step from each time to the next.
+
+    Args:
+        state: At the first time. Shape (m,).
+        times: Increasing. Shape (n,).
+
+    Returns:
+        States. Shape (n, m).
+
+    Raises:
+        ScrewgaugeError: A step does not converge.
+    """
+    states = [np.asarray(state, dtype=float)]
+    largest = np.abs(states[0])
+    for t, h in zip(times, np.diff(times), strict=False):
+        states.append(_step(slope, states[-1], float(h), largest=largest, t=float(t)))
+        largest = np.maximum(largest, np.abs(states[-1]))
+    return np.array(states)
+
+
+def _step(slope: Slope, state: Array, h: float, *, largest: Array, t: float) -> Array:
+    A, m = tableau(STAGES)[1], len(state)
+    size = DIFFERENCE * np.maximum(np.abs(state), 1.0)
+    slopes = slope(np.concatenate([state + np.diag(size), state - np.diag(size)]))
+    J = ((slopes[:m] - slopes[m:]) / (2.0 * size[:, None])).T
+    inverse = np.linalg.inv(np.eye(STAGES * m) - h * np.kron(A, J))
+    Y = np.tile(state, (STAGES, 1))
+    last = np.inf
+    for _ in range(MOST_ITERATIONS):
+        left = state + h * (A @ slope(Y)) - Y
+        change = (inverse @ left.ravel()).reshape(Y.shape)
+        Y = Y + change
+        # what has died away is measured by what it was
+        scale = np.maximum(np.abs(Y).max(axis=0), 1e-3 * largest).clip(1e-300)
+        relative = float((np.abs(change).max(axis=0) / scale).max())
+        if relative < CLOSE or (relative < 1e-9 and relative > 0.5 * last):  # down to rounding
+            return np.asarray(Y[-1])
+        last = relative
+    raise ScrewgaugeError(
+        f"a step of {h:g} s does not converge ({last:.1e} is left)", f"t = {t:g} s", "take shorter steps"
+    )

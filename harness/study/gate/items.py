@@ -1,12 +1,15 @@
-"""What a gate is asked to check: scenes and pairs of model files, from the arguments of the command; and tolerances."""
+"""Items of a gate and their rows: what its arguments mean, and what is found of each. Plain data, which pickles."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import nan
 from pathlib import Path
+from typing import Any, Literal
 
+from screwgauge.judging.residual import JUDGE, Residual
 from screwgauge.models.importing import SUFFIXES, is_model
 from screwgauge.models.readings.loops import OWN as LOOPS
 from screwgauge.quantities import QUANTITIES
@@ -15,6 +18,7 @@ from screwgauge.reference.files import is_file, is_path, why
 from screwgauge.reference.tables import check_keys, positive, read_toml
 from screwgauge.scene.default import SUFFIX
 from screwgauge.scene.read import scene_names
+from screwgauge.study.store import is_record
 
 #: Keys that only scenes have: a file that misses one of them is no other file but a scene that is refused.
 _OF_SCENES = frozenset(("mechanism", "motion", "time", "forward"))
@@ -51,19 +55,19 @@ def items(what: Iterable[str | Path]) -> list[Item]:
     if len(models) > 1 and len(models) % 2:
         what_is = f"{len(models)} model files: the last, {models[-1]}, has no partner"
         raise DescriptionError(what_is, "check", "give pairs A B, or one model alone")
-    found = [Item(_stem(name), (name,)) for name in _scenes(name for name in given if name not in models)]
+    every = [Item(_stem(name), (name,)) for name in _scenes(name for name in given if name not in models)]
     if len(models) == 1:
-        found.append(Item(_stem(models[0]), (models[0],)))
+        every.append(Item(_stem(models[0]), (models[0],)))
     else:
         pairs = zip(models[::2], models[1::2], strict=True)
-        found += [Item(f"{Path(a).name} - {Path(b).name}", (a, b)) for a, b in pairs]
+        every += [Item(f"{Path(a).name} - {Path(b).name}", (a, b)) for a, b in pairs]
     for name in given:
         if name not in scene_names() and not is_file(Path(name)) and not _is_folder(name):
             if not is_path(name) and not is_model(name):
                 raise UnknownNameError("scene", name, [*scene_names(), "or the path of a TOML file, URDF or MJCF"])
             raise DescriptionError("does not exist, or is no regular file", name, "check the path")
-    _check_names(found)
-    return found
+    _check_names(every)
+    return every
 
 
 def _is_folder(name: str) -> bool:
@@ -82,7 +86,7 @@ def _scenes(names: Iterable[str]) -> Iterator[str]:
 
 
 def _files_in(folder: str, *endings: str) -> list[Path]:
-    """What stands in a folder and ends so.
+    """Files of a folder with one of some endings.
 
     Raises:
         DescriptionError: The folder cannot be read.
@@ -102,17 +106,17 @@ def unread(what: Iterable[str | Path], read: Iterable[str]) -> list[str]:
         read: Paths.
     """
     known = {os.path.realpath(name) for name in read}
-    found = [
+    files = [
         str(path)
         for folder in filter(_is_folder, map(str, what))
         for path in _files_in(folder, ".toml", *SUFFIXES)
         if os.path.realpath(path) not in known and not path.name.endswith(LOOPS)
     ]
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(files))
 
 
 def _is_scene(path: Path) -> bool:
-    """Whether it is one, if only by half, or cannot even be read, which is for whoever checks it to say."""
+    """Whether it is a scene, if an incomplete one, or cannot be read: then the check reports why."""
     if path.name.endswith(LOOPS):
         return False
     try:
@@ -125,9 +129,9 @@ def _stem(name: str) -> str:
     return name if name in scene_names() else Path(name).name.removesuffix(SUFFIX).removesuffix(".toml")
 
 
-def _check_names(found: Iterable[Item]) -> None:
+def _check_names(every: Iterable[Item]) -> None:
     before: dict[str, Item] = {}
-    for item in found:
+    for item in every:
         other = before.setdefault(item.name, item)
         if other is not item:
             what = f"two are called '{item.name}': {', '.join(other.files)} and {', '.join(item.files)}"
@@ -148,3 +152,64 @@ def read_tolerances(given: str | Path | Mapping[str, float] | None) -> dict[str,
     table, where = (dict(given), "tolerances") if isinstance(given, Mapping) else (read_toml(Path(given)), str(given))
     check_keys(table, QUANTITIES, where)
     return {name: positive(value, f"{where}, {name}") for name, value in table.items()}
+
+
+Status = Literal["agree", "judged", "unread", "differ", "failed", "refused"]
+#: Exit status of the command by what became of a row; the highest of all rows counts.
+EXIT: dict[Status, int] = {"agree": 0, "judged": 0, "unread": 1, "differ": 1, "refused": 2, "failed": 3}
+
+
+@dataclass(frozen=True, slots=True)
+class GateRow:
+    """A scene or a pair of models.
+
+    Attributes:
+        scene: Its name; of a pair, ``A.urdf - B.xml``.
+        status: ``agree``; ``judged`` (the equations hold for each engine, and no two were compared); ``unread`` (the
+            scene names files that nobody read, and the rest agrees); ``differ``; ``failed`` (an engine, or its
+            process); ``refused`` (bad input).
+        sentence: The result, with the cause where one is known.
+        errors: One for each quantity, pair and unit.
+        coverage: What the motion tests, in a sentence.
+        versions: Of engines, by name; `files`: file -> SHA-256.
+        doubts: Sentences on numbers that no machine has, whatever the status.
+        file, line: Where to look for the cause; 0 if no line is known.
+        unread: What the scene names and nobody read, in sentences.
+        read: Files that were read, by the names that were given.
+    """
+
+    scene: str
+    status: Status
+    sentence: str
+    errors: Sequence[Residual] = ()
+    coverage: str = ""
+    versions: Mapping[str, str] = field(default_factory=dict)
+    files: Mapping[str, str] = field(default_factory=dict)
+    file: str = ""
+    line: int = 0
+    seconds: float = 0.0
+    doubts: Sequence[str] = ()
+    unread: Sequence[str] = ()
+    read: Sequence[str] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether it passes."""
+        return EXIT[self.status] == 0
+
+    @property
+    def worst(self) -> Residual | None:
+        """The largest error by its tolerance; those that are out of it first, and those of two engines."""
+        return max(self.errors, key=lambda one: (not one.ok, one.b != JUDGE, one.share), default=None)
+
+
+def row_from(record: Mapping[str, Any]) -> GateRow:
+    """A row from its record by `dataclasses.asdict`, which may have been on disk.
+
+    Raises:
+        ValueError: It is no row.
+    """
+    if not is_record(record, GateRow):
+        raise ValueError("is no row")
+    errors = [Residual(**{**one, "values": tuple(one.get("values", (nan, nan)))}) for one in record.get("errors", ())]
+    return GateRow(**{**record, "errors": tuple(errors)})

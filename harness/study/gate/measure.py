@@ -1,4 +1,4 @@
-"""One scene, or one pair of models, as a row of a gate."""
+"""The row of one scene, one pair of models, or one smoke test. How many of them are run: `run`."""
 
 from __future__ import annotations
 
@@ -16,22 +16,26 @@ from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.digits import ALL, digits_of
 from screwgauge.diagnosis.known import INEXACT
 from screwgauge.diagnosis.verdict import SAME
+from screwgauge.engines.registry import ENGINES
 from screwgauge.environment import environment
 from screwgauge.judging.answer import largest
+from screwgauge.judging.compare import compare
 from screwgauge.judging.conditioning import LIMIT
 from screwgauge.judging.residual import JUDGE, Residual
 from screwgauge.models.catalog import description_files
 from screwgauge.quantities import QUANTITIES
-from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.files import read_file
+from screwgauge.reference.mobility import Mobility
+from screwgauge.scene.default import exciting
+from screwgauge.scene.motion import same_times
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
+from screwgauge.solution import Solution, Values
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.gate.items import Item
-from screwgauge.study.gate.row import GateRow, Status
-from screwgauge.study.gate.smoke import OF_FULL_CUTS, blind, full_cuts, smoked
-from screwgauge.study.model_mismatch import physical
+from screwgauge.study.gate.items import GateRow, Item, Status
 from screwgauge.study.run import run
+from screwgauge.study.user_files import physical
 
 #: What half a unit of the last digit in each of some hundred numbers makes of a force, in such units.
 DIGITS = 50.0
@@ -42,8 +46,8 @@ class GateSettings:
     """How items are checked; pickles.
 
     Attributes:
-        tolerances: Scaled errors that are admitted where a scene says nothing.
-        tell: What a comparison found, in a sentence or two.
+        tolerances: Scaled errors that are admitted of quantities for which a scene has none.
+        tell: Makes a sentence or two of a comparison.
     """
 
     tell: Callable[[Comparison], str]
@@ -67,19 +71,19 @@ def _scene(item: Item, settings: GateSettings, progress: Callable[..., None]) ->
 
 
 def _smoke(scene: Scene, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
-    """Little of a scene; once that passes, whether anything else would have been seen, and the full cuts."""
+    """A few samples of a scene; if they pass, a test of the comparison itself, and the full cuts."""
     scene, note = smoked(scene)
     row, results = compared(scene, settings, progress)
     row = replace(row, coverage=f"{note}{row.coverage}")
     if not row.ok:
         return row
-    if said := blind(results):
-        return replace(row, status="failed", sentence=f"the comparison would see no difference: {said}")
+    if unseen := blind(results):
+        return replace(row, status="failed", sentence=f"the comparison would see no difference: {unseen}")
     if (cut := full_cuts(scene)) is None:
         return row
-    full, beside = compared(cut, settings, progress)
+    full, full_results = compared(cut, settings, progress)
     errors, versions = (*row.errors, *full.errors), {**row.versions, **full.versions}
-    coverage = f"{row.coverage} Full cuts: {OF_FULL_CUTS} of {', '.join(beside.scene.engines)}."
+    coverage = f"{row.coverage} Full cuts: {OF_FULL_CUTS} of {', '.join(full_results.scene.engines)}."
     row = replace(row, errors=errors, versions=versions, coverage=coverage)
     if full.ok:
         return row
@@ -89,7 +93,7 @@ def _smoke(scene: Scene, settings: GateSettings, progress: Callable[..., None]) 
 def compared(
     scene: Scene, settings: GateSettings, progress: Callable[..., None] = lambda share, step: None
 ) -> tuple[GateRow, Comparison]:
-    """A scene as it is: its row, and what was compared. `progress`: takes a share and the engine that is at it."""
+    """The row of a scene, and the comparison. `progress`: takes a share and the engine at work."""
     usual = settings.tolerances or {}
     given = {**dict.fromkeys(usual, "--tolerances"), **dict.fromkeys(scene.tolerances, "the scene")}
     scene = replace(scene, tolerances={**usual, **scene.tolerances})
@@ -106,11 +110,11 @@ def compared(
         sentence = "all is within tolerances that are wider than the usual ones for the reasons given"
     file, line = str(scene.file or ""), 0
     for name, own in scene.models.items():
-        found = [] if agree else physical(scene, name, own)
-        if found or not line:
-            file, line = str(own), _line(own, found)
-    said = results.provenance
-    files = {**said["models"], "description": said["description"], "scene": {"sha256": said.get("scene_sha256")}}
+        differences = [] if agree else physical(scene, name, own)
+        if differences or not line:
+            file, line = str(own), _line(own, differences)
+    record = results.provenance
+    files = {**record["models"], "description": record["description"], "scene": {"sha256": record.get("scene_sha256")}}
     hashes = {name: str(entry["sha256"] or "") for name, entry in files.items()}
     versions = {name: solution.version for name, solution in results.solutions.items()}
     row = GateRow(scene.name, status, sentence, errors, results.coverage.sentence, versions, hashes, file, line)
@@ -156,7 +160,7 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
 
     What the scene or a file gives, or else rounding of a well-conditioned mechanism, and what adds to that: what an
     engine admits (softness, rounding of summands that cancel), what it estimates by its condition, up to `LIMIT`, and
-    the digits that a model file is cut to where it says nothing else otherwise than the description.
+    the digits that a model file is cut to where it differs from the description in nothing else.
     """
     quantity, tolerance, scene = str(row["quantity"]), float(row["tolerance"]), results.scene
     usual = "the tolerance of the integration" if scene.simulated else "rounding times the usual condition"
@@ -177,15 +181,15 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
             tolerance, reason = estimate, f"rounding times the condition {condition:.1g} of {solution.engine}"
     for solution in solutions:
         own = scene.models.get(solution.engine)
-        found = physical(scene, solution.engine, own) if own else []
-        if own and found and all(each.kind == "digits" for each in found):
+        differences = physical(scene, solution.engine, own) if own else []
+        if own and differences and all(each.kind == "digits" for each in differences):
             n = digits_of(read_file(own))
             tolerance, reason = tolerance + DIGITS * 10.0 ** (1 - n), f"{reason}, {n} digits of {own.name}"
     return tolerance, reason
 
 
 def _value(results: Comparison, pair: Mapping[Any, Any], side: str) -> float:
-    """What an engine says where and when the difference is largest; NaN if it says nothing."""
+    """An engine's value where and when the difference is largest; NaN if it has none."""
     solution = results.solutions.get(pair[side])
     values = solution.values.get(pair["quantity"]) if solution is not None else None
     if values is None or pair["worst_component"] not in values.components or not np.isfinite(pair["worst_t"]):
@@ -195,37 +199,127 @@ def _value(results: Comparison, pair: Mapping[Any, Any], side: str) -> float:
 
 
 def _pair(item: Item, settings: GateSettings) -> GateRow:
-    """Two model files: torques at random states, and what the files say."""
+    """The row of two model files: torques at random states, and differences of the files."""
     a, b = (Path(name) for name in item.files)
-    found = diagnose(a, b)
+    diagnosis = diagnose(a, b)
     given = (settings.tolerances or {}).get("tree_force")
-    rounded = bool(found.differences) and all(each.kind == "digits" for each in found.differences)
+    rounded = bool(diagnosis.differences) and all(each.kind == "digits" for each in diagnosis.differences)
     tolerance, reason = given or SAME, "from --tolerances" if given else "rounding"
-    n = min(found.a.digits, found.b.digits)
+    n = min(diagnosis.a.digits, diagnosis.b.digits)
     if not given and rounded:
         tolerance, reason = SAME + DIGITS * 10.0 ** (1 - n), f"rounding, {n} digits of a file"
         if n >= ALL:  # whose rounding it is not
             tolerance, reason = INEXACT, "tensors as MuJoCo compiles them"
     errors = []
-    if found.attribution is not None:
-        most = found.attribution.before
+    if diagnosis.attribution is not None:
+        most = diagnosis.attribution.before
         ok = most.scaled <= tolerance
         errors = [Residual("tree_force", most.unit, a.name, b.name, most.scaled, tolerance, reason, ok, most.component)]
-    within = given is not None and all(each.size <= given for each in found.differences)
-    agree = (found.same or rounded or within) and bool(errors) and all(one.ok for one in errors)
-    agree = agree and not found.not_compared and (found.together is None or found.together.row.scaled <= tolerance)
-    status: Status = "failed" if found.exit_status == 3 else "agree" if agree else "differ"
+    within = given is not None and all(each.size <= given for each in diagnosis.differences)
+    agree = (diagnosis.same or rounded or within) and bool(errors) and all(one.ok for one in errors)
+    agree &= not diagnosis.not_compared and (diagnosis.together is None or diagnosis.together.row.scaled <= tolerance)
+    status: Status = "failed" if diagnosis.exit_status == 3 else "agree" if agree else "differ"
     known = environment()["packages"]
     packages = {name: known[name] for name in ("pin", "mujoco")}
-    hashes = {model.label: model.sha256 for model in (found.a, found.b)}
-    where = _line(b, found.differences)
-    row = GateRow(item.name, status, found.verdict, tuple(errors), "", packages, hashes, str(b), where)
-    return replace(row, doubts=found.doubts)
+    hashes = {model.label: model.sha256 for model in (diagnosis.a, diagnosis.b)}
+    where = _line(b, diagnosis.differences)
+    row = GateRow(item.name, status, diagnosis.verdict, tuple(errors), "", packages, hashes, str(b), where)
+    return replace(row, doubts=diagnosis.doubts)
 
 
-def _line(file: Path, found: tuple[Difference, ...] | list[Difference]) -> int:
+def _line(file: Path, differences: tuple[Difference, ...] | list[Difference]) -> int:
     """The line of a model file that names what differs first, 1 where none does."""
-    names = [each.item_b for each in found if each.item_b]
+    names = [each.item_b for each in differences if each.item_b]
     text = read_file(file) if names else ""
     match = re.search(rf"name\s*=\s*[\"']{re.escape(names[0])}[\"']", text) if names else None
     return text.count("\n", 0, match.start()) + 1 if match else 1
+
+
+#: Samples of an exciting motion, out of 101, that a smoke test looks at, and how large that is [rad or lengths]: what
+#: takes time is the way there.
+SMOKE, LARGEST = np.arange(7, 22, 7), 0.25
+#: Share of its duration that a smoke test integrates of a simulation.
+BEGINNING = 1e-2
+#: Compared of the full cuts: what all loops, and how they move, come into.
+OF_FULL_CUTS = "joint_acceleration"
+#: A planted difference as a multiple of its tolerance, and how exactly the comparison has to say how large it is.
+PLANTED, EXACTLY = 4.0, 1e-3
+TWIN = "planted"
+#: Stands for that of the mechanism: no component is left open.
+_ALL_DETERMINED = Mobility(0, 0, 0, 0, 0, 0, 0, 0, (), (), ())
+
+
+def smoked(scene: Scene) -> tuple[Scene, str]:
+    """A scene with a few samples, and a sentence on them.
+
+    A few samples of an exciting motion; of its own where there is no room for one; the beginning of a simulation.
+    """
+    if scene.simulated:
+        since = scene.start.since
+        end = since + BEGINNING * (float(scene.t[-1]) - since)
+        return scene.at([since, end]), f"The first {end - since:.3g} s. "
+    try:
+        moving = exciting(scene, samples=int(SMOKE[-1]) + 1, largest=LARGEST)
+        return replace(moving, name=scene.name, task=moving.motion.part(SMOKE)), f"{len(SMOKE)} samples. "
+    except DescriptionError as error:
+        # of the times that each table has
+        every = [same_times(scene.t, table.t)[0] for table in scene.tables.values()] or [np.arange(len(scene.t))]
+        rows = np.unique([one[np.linspace(0, len(one) - 1, len(SMOKE)).astype(np.intp)] for one in every])
+        return replace(scene, task=scene.motion.part(rows)), f"{len(rows)} samples of its own motion ({error.what}). "
+
+
+def full_cuts(scene: Scene) -> Scene | None:
+    """The same scene for `screw` and the full cuts of its engines, all on the description, and one quantity.
+
+    Terms that only a full cut has, such as those of welded copies of moving bodies, are seen by nothing else. None
+    where there are none, or they run anyway, or nothing is given that they could solve.
+    """
+    names = [name for name in (f"{engine}-full" for engine in scene.engines) if name in ENGINES]
+    if scene.simulated or not names or {*names} <= {*scene.engines}:
+        return None
+    return replace(scene, engines=("screw", *names), quantities=(OF_FULL_CUTS,), models={}, tables={})
+
+
+def blind(results: Comparison) -> str:
+    """Why a comparison without differences would mean nothing: a planted difference that it misses or missizes.
+
+    An answer is compared with a copy in which one number of each quantity and unit is off by a known amount.
+
+    Returns:
+        A sentence; empty if every planted difference is seen, and its size is right.
+    """
+    scene = results.scene
+    for quantity, unit, first, second, size in _planted(next(iter(results.solutions.values()), None), scene):
+        both, problem = {one.engine: one for one in (first, second)}, scene.problem((quantity,))
+        pairs = compare(scene.mechanism, problem, both, {}, _ALL_DETERMINED, scene.tolerance)[1]
+        compared_rows = [row for row in pairs.to_dict("records") if row["unit"] == unit]
+        what = f"{quantity} [{unit}]: a planted difference of {size:.3g} scaled"
+        if len(compared_rows) != 1:
+            return f"{what} was not compared"
+        (row,) = compared_rows
+        if not abs(row["max_scaled"] - size) <= EXACTLY * size:
+            return f"{what} was compared as {row['max_scaled']:.3g}"
+        if row["ok"]:
+            return f"{what} passes a tolerance of {scene.tolerance(quantity):.3g}"
+    return ""
+
+
+def _planted(solution: Solution | None, scene: Scene) -> Iterator[tuple[str, str, Solution, Solution, float]]:
+    """Quantity and unit, an answer with that quantity alone, its copy with a number that is off, and by how much.
+
+    What is zero throughout, or not a number, is no measure of anything and left out.
+    """
+    if solution is None:
+        return
+    for quantity, values in solution.values.items():
+        for unit in dict.fromkeys(values.units):
+            array, of = values.array.copy(), [i for i, one in enumerate(values.units) if one == unit]
+            largest = float(np.abs(array[:, of]).max(initial=0.0))
+            if not 1e-3 < largest < np.inf:
+                continue
+            row, column = np.unravel_index(np.argmax(np.abs(array[:, of])), (len(array), len(of)))
+            size = PLANTED * scene.tolerance(quantity)
+            array[row, of[column]] -= np.sign(array[row, of[column]]) * size * largest
+            other = Values(values.components, values.units, array)
+            first = replace(solution, values={quantity: values}, tolerances={}, stated={}, radius={}, estimate={})
+            yield quantity, unit, first, replace(first, engine=TWIN, values={quantity: other}), size

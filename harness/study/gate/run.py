@@ -19,13 +19,11 @@ from screwgauge.problem import GivenMotion
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.files import digest, files_read, is_file
 from screwgauge.scene.read import load_scene
-from screwgauge.study.executors import Executor, InTurn, Task
-from screwgauge.study.gate.items import Item
+from screwgauge.study.comparison import built_in
+from screwgauge.study.gate.items import GateRow, Item, row_from
 from screwgauge.study.gate.measure import GateSettings, files_of, measured
-from screwgauge.study.gate.row import GateRow, row_from
-from screwgauge.study.journal import Journal
-from screwgauge.study.provenance import built_in
-from screwgauge.study.runner import run_tasks
+from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
+from screwgauge.study.store import Journal, is_record
 
 NAME = "check.partial.jsonl"
 
@@ -45,7 +43,7 @@ def check_items(
         journal: File of rows that an interrupted gate goes on from; it goes away when all are there.
     """
     stamp = json_text([environment(), settings.smoke, settings.tolerances])
-    kept = Journal(journal, hashlib.sha256(stamp.encode()).hexdigest(), _is_row)
+    kept = Journal(journal, hashlib.sha256(stamp.encode()).hexdigest(), lambda record: is_record(record, GateRow))
     tasks = [
         Task(item.name, partial(_timed, item, settings), fingerprint(item) if journal else "", partial(files_in, item))
         for item in items
@@ -64,13 +62,6 @@ def check_items(
     return rows
 
 
-def _is_row(record: object) -> bool:
-    try:
-        return bool(row_from(record))
-    except ValueError:
-        return False
-
-
 def _timed(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
     begin = perf_counter()
     row = measured(item, settings, progress)
@@ -78,24 +69,24 @@ def _timed(item: Item, settings: GateSettings, progress: Callable[..., None]) ->
 
 
 def fingerprint(item: Item) -> str:
-    """Of an item's name and all files that it is made of, as far as they can be read."""
-    said = hashlib.sha256(json_text([item.name, item.files]).encode())
+    """SHA-256 of an item's name and all files that it is made of, as far as they can be read."""
+    contents = hashlib.sha256(json_text([item.name, item.files]).encode())
     files = [Path(name) for name in item.files if is_model(name)]
     if not files:
         try:
             scene = load_scene(item.files[0])
         except ScrewgaugeError as error:
-            said.update(str(error).encode())
+            contents.update(str(error).encode())
         else:
-            said.update(json_text([mechanism_tables(scene.mechanism_file), scene.text]).encode())
+            contents.update(json_text([mechanism_tables(scene.mechanism_file), scene.text]).encode())
             files = files_of(scene)
             if isinstance(scene.task, GivenMotion):
                 for array in (scene.task.t, scene.task.y, scene.task.yd, scene.task.ydd):
-                    said.update(array.tobytes())
+                    contents.update(array.tobytes())
     for file in files:
         with suppress(DescriptionError):
-            said.update(digest(file).encode())
-    return said.hexdigest()
+            contents.update(digest(file).encode())
+    return contents.hexdigest()
 
 
 def files_in(item: Item) -> list[Path]:

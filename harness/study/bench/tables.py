@@ -1,4 +1,4 @@
-"""Rows of a bench: one for each contestant, setting and quantity; and the times to reach an error."""
+"""Rows and tables of a bench: errors and times, times to reach an error, what leaving out buys, fitted slopes."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from screwgauge.judging.residual import SizedResidual, frame
+from screwgauge.quantities import SOLVED
+from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost
-from screwgauge.study.bench.contestant import NOTHING, Contestant
+from screwgauge.study.bench.contestants import EVERYTHING, NOTHING, TABLE, Contestant
 
 #: Columns of ``bench.csv`` and ``timings.csv``, and where a row has those that it calls otherwise.
 COLUMNS = [
@@ -24,6 +27,10 @@ _ELSEWHERE = {"contestant": "contestant.name", "min_s": "time_s", "max_scaled": 
 ABSOLUTE = [
     *("family", "contestant", "setting", "unit", "max_abs", "energy_J", "wall_s", "cpu_s"),
     *("steps", "evaluations", "status", "reason"),
+]
+LEAVING_OUT_COLUMNS = [
+    *("engine", "group", "setting", "n_sample", "time_s", "median_s", "ratio", "max_difference", "unchanged"),
+    *("status", "reason"),
 ]
 REACH_COLUMNS = ["quantity", "error", "family", "seconds_per_sample", "contestant", "setting", "given"]
 LEVELS = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -113,3 +120,110 @@ def absolute_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
         for unit, largest in (row.largest or {"": float("nan")}).items():
             body.append((*who, unit, largest, energy.largest.get("J", float("nan")), *rest))
     return pd.DataFrame(body, columns=ABSOLUTE)
+
+
+def leaving_out_table(rows: Sequence[BenchRow]) -> pd.DataFrame:
+    """The rows of ``leaving_out.csv``, from one for each quantity that must not change."""
+    groups: dict[Contestant, list[BenchRow]] = {}
+    for row in rows:
+        groups.setdefault(row.contestant, []).append(row)
+    whole = {c.method.engine: same[0].time_s for c, same in groups.items() if c.setting == EVERYTHING}
+    body = []
+    for contestant, same in groups.items():
+        engine = contestant.method.engine.removesuffix("-full")
+        worst = max(same, key=lambda row: np.nan_to_num(row.error, nan=np.inf))
+        unchanged, reason = worst.error <= SOLVED, worst.reason if worst.status == FAILED else ""
+        if np.isfinite(worst.error) and not unchanged:
+            reason = f"changes {worst.quantity}"
+        times = (worst.time_s, worst.median_s, worst.time_s / whole.get(engine, np.nan))
+        rest = (worst.error, unchanged, worst.status, reason)
+        body.append((engine, contestant.series, contestant.setting, worst.n_sample, *times, *rest))
+    return pd.DataFrame(body, columns=LEAVING_OUT_COLUMNS)
+
+
+Mask = NDArray[np.bool_]
+
+SLOPE_COLUMNS = {
+    "family": "rule.line",
+    "parameter": "name",
+    "quantity": "rule.quantity",
+    "expected": "rule.expected",
+    "fitted": "slope",
+    "ok": "ok",
+}
+WITHIN = 0.1  # of the expected slope
+#: Scaled errors between these follow the power law: above, it saturates; below, rounding takes over.
+LARGE, SMALL = 0.1, 1e-10
+FLOOR = 30.0  # a point has to be so far above a floor not to feel it
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """An expected slope.
+
+    Attributes:
+        line: Family with its series, see `Contestant.line`.
+        most: Largest parameter of the window; infinite where the errors decide.
+        by_error: The window is where errors are between floor and saturation; otherwise all of it.
+    """
+
+    line: str
+    quantity: str
+    expected: float
+    most: float = np.inf
+    by_error: bool = True
+
+
+RULES = tuple(Rule(**entry) for entry in TABLE["slopes"])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SlopeFit:
+    """One rule with its points: parameter `name` and error, shape (n,), and which of them were fitted, shape (n,)."""
+
+    rule: Rule
+    name: str
+    x: Array
+    error: Array
+    used: Mask
+
+    @property
+    def slope(self) -> float:
+        """Least squares in logarithms; NaN for fewer than three points."""
+        if self.used.sum() < 3:
+            return float("nan")
+        return float(np.polyfit(np.log10(self.x[self.used]), np.log10(self.error[self.used]), 1)[0])
+
+    @property
+    def ok(self) -> bool:
+        return bool(abs(self.slope / self.rule.expected - 1.0) <= WITHIN)
+
+
+def fits(rows: Sequence[BenchRow], rules: Sequence[Rule] = RULES) -> list[SlopeFit]:
+    """Fits of the rules for which there are rows; those cut short before they had three points are left out."""
+    fitted = []
+    for rule in rules:
+        of_rule = [row for row in rows if row.contestant.line == rule.line and row.quantity == rule.quantity]
+        varied = [(row.contestant.parameter, row.error) for row in of_rule if row.error > 0]
+        points = sorted((*parameter, error) for parameter, error in varied if parameter)
+        if points:
+            x, error = np.array([point[1:] for point in points]).T
+            fit = SlopeFit(rule, points[0][0], x, error, _window(rule, x, error))
+            if np.isfinite(fit.slope) or all(row.status != CUT for row in of_rule):
+                fitted.append(fit)
+    return fitted
+
+
+def _window(rule: Rule, x: Array, error: Array) -> Mask:
+    if not rule.by_error:
+        return np.asarray(x <= rule.most)
+    low = SMALL
+    flat = len(x) > 1 and np.log(error[1] / error[0]) < 0.5 * rule.expected * np.log(x[1] / x[0])
+    if flat:  # at its small end the line follows no power law: there is a floor
+        low = max(low, FLOOR * float(error.min()))
+    return np.asarray((error <= LARGE) & (error >= low) & (x <= rule.most))
+
+
+def slopes_table(fitted: Sequence[SlopeFit]) -> pd.DataFrame:
+    """The rows of ``slopes.csv``."""
+    return frame(fitted, SLOPE_COLUMNS)

@@ -1,4 +1,4 @@
-"""Keeps every finished piece of long work on disk, so that interrupted work goes on where it stopped.
+"""Rows on disk: journals that interrupted work goes on from, and CSV files that later studies add to.
 
 A journal is a log of JSON lines. Where pyarrow is installed, each thousand results are moved into a Parquet file of
 their own, in a folder beside the log; it is there in whole or not at all.
@@ -6,18 +6,23 @@ their own, in a folder beside the log; it is there in whole or not at all.
 
 from __future__ import annotations
 
+import csv
 import json
 import os
+import re
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from importlib.util import find_spec
 from io import BytesIO
+from itertools import repeat
 from math import inf
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from screwgauge.reference.errors import DescriptionError, OutputError
-from screwgauge.reference.files import parse_json, read_bytes, replace_file, why
+from screwgauge.reference.files import parse_json, read_bytes, read_file, replace_file, why
 
 #: Results of a part.
 SEAL = 1000
@@ -28,22 +33,22 @@ _STAMP, _ENCODED = b"screwgauge.stamp", b"screwgauge.json"
 
 
 class Journal:
-    """A stamp, then results and measured times as they come.
+    """A log: a stamp, then results and measured times as they come.
 
     Attributes:
         results: Key -> result of the first call.
         times: Key -> seconds measured.
-        note: What was on disk, for the report; empty if nothing.
+        note: A sentence for the report on what was on disk; empty if nothing.
     """
 
     def __init__(
         self, path: Path | None, stamp: str, fits: Callable[[dict[str, Any]], bool] = lambda result: True
     ) -> None:
-        """Takes over what is on disk.
+        """Reads what is on disk.
 
         Args:
-            stamp: Of what the work depends on; pieces of another are not used.
-            fits: Whether a result is one of this work: one that is not is made anew.
+            stamp: Stands for all that the work depends on; results under another stamp are not used.
+            fits: Whether a result has the form of this work's; another is made anew.
 
         Raises:
             ScrewgaugeError: The file cannot be read, or is no journal.
@@ -97,7 +102,7 @@ class Journal:
             shutil.rmtree(self._parts, ignore_errors=True)
 
     def _write(self, mode: str, *records: Mapping[str, Any]) -> None:
-        """Lines of their own, even after one that was cut off while it was written."""
+        """Writes each record on a line of its own, even after one that was cut off."""
         if self.path is None:
             return
         try:
@@ -109,7 +114,7 @@ class Journal:
             raise OutputError(f"cannot be written ({why(error)})", str(self.path), remedy) from None
 
     def _seal(self, log: Path) -> None:
-        """Moves what the log has into a part. What is in both, having been stopped in between, has one key."""
+        """Moves the results of the log into a part. If that is interrupted, keys tell what is in both."""
         self._parts.mkdir(exist_ok=True)
         part = self._parts / f"{len([*self._parts.glob('*.parquet')]):06d}.parquet"
         replace_file(part, _parquet(self._loose, self.stamp))
@@ -123,7 +128,7 @@ class Journal:
 
 
 def _parse(line: str) -> dict[str, Any]:
-    """The record of a line; empty if there is none."""
+    """The record of a line; empty if it is none."""
     try:
         record = parse_json(line, "line of a journal", "", "")
     except DescriptionError:
@@ -152,7 +157,7 @@ def _parquet(results: Mapping[str, Mapping[str, Any]], stamp: str) -> bytes:
 
 
 def _of_parquet(part: Path, stamp: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """What `_parquet` has made of results.
+    """Results from a file that `_parquet` has made.
 
     Raises:
         OutputError: It is something else, or was not written in whole.
@@ -162,10 +167,10 @@ def _of_parquet(part: Path, stamp: str) -> Iterator[tuple[str, dict[str, Any]]]:
 
     try:
         table = read_table(part)
-        said = table.schema.metadata or {}
-        if said.get(_STAMP) != stamp.encode():
+        metadata = table.schema.metadata or {}
+        if metadata.get(_STAMP) != stamp.encode():
             raise ValueError("its stamp is another")
-        encoded = {*json.loads(said[_ENCODED])}
+        encoded = {*json.loads(metadata[_ENCODED])}
         rows = table.to_pylist()
         for row in rows:
             entries = {name.removeprefix("result."): value for name, value in row.items() if value is not None}
@@ -173,3 +178,84 @@ def _of_parquet(part: Path, stamp: str) -> Iterator[tuple[str, dict[str, Any]]]:
             yield key, {name: json.loads(value) if name in encoded else value for name, value in entries.items()}
     except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
         raise OutputError(f"is no part of a journal ({error})", str(part), _ELSEWHERE) from None
+
+
+def is_record(value: object, hint: Any) -> bool:
+    """Whether a value that was read from JSON is of a type.
+
+    Args:
+        hint: A plain type, a dataclass (its record by `dataclasses.asdict`), or a sequence, mapping, union or literal.
+    """
+    origin, inner = get_origin(hint), get_args(hint)
+    if origin is Literal:
+        return value in inner
+    if origin is UnionType:
+        return any(is_record(value, each) for each in inner)
+    if origin is tuple:
+        return isinstance(value, list) and len(value) == len(inner) and all(map(is_record, value, inner))
+    if origin is Sequence:
+        return isinstance(value, list) and all(is_record(each, inner[0]) for each in value)
+    if origin is Mapping:
+        return isinstance(value, dict) and all(is_record(each, inner[1]) for each in value.values())
+    if is_dataclass(hint):
+        hints = get_type_hints(hint)
+        needed = {each.name for each in fields(hint) if each.default is each.default_factory is MISSING}
+        whole = isinstance(value, dict) and needed <= value.keys() <= hints.keys()
+        return whole and all(is_record(each, hints[name]) for name, each in value.items())
+    return isinstance(value, int | float if hint is float else hint)
+
+
+@dataclass(frozen=True, slots=True)
+class TableFile:
+    """A CSV file that rows are added to.
+
+    Attributes:
+        what: It is the table of, for complaints.
+        key: Makes the name of the task of a row.
+        whole: Columns of whole numbers.
+        sizes: Columns of numbers from 0 on, which may be empty.
+    """
+
+    file: Path
+    columns: Sequence[str]
+    what: str
+    key: Callable[[Mapping[str, Any]], str]
+    whole: Sequence[str] = ()
+    sizes: Sequence[str] = ()
+
+    def rows(self) -> list[dict[str, str]]:
+        """The rows that it has already; none where there is no file.
+
+        Raises:
+            ScrewgaugeError: It cannot be read, its columns are others, or a number is none.
+        """
+        if not os.path.lexists(self.file):
+            return []
+        text = read_file(self.file, "MB of CSV")
+        if not text and not os.path.getsize(self.file):
+            return []
+        try:
+            head, *lines = list(csv.reader(text.splitlines(keepends=True), strict=True)) or [[]]
+        except csv.Error:  # a field of a megabyte, quotes within quotes
+            head, lines = [], []
+        if not text.endswith("\n"):  # a row that is added would be part of the last
+            head = []
+        if tuple(head) != tuple(self.columns) or any(len(line) != len(head) for line in lines):
+            what = f"is no table of {self.what}, is of another version, or was cut short"
+            raise OutputError(what, str(self.file), _ELSEWHERE)
+        rows = [dict(zip(head, line, strict=True)) for line in lines]
+        for name, holds in [*zip(self.whole, repeat(_is_whole)), *zip(self.sizes, repeat(_is_size))]:
+            if odd := [row[name] for row in rows if not holds(row[name])]:
+                raise OutputError(f"is no table of {self.what}: {name} is {odd[0]!r:.60}", str(self.file), _ELSEWHERE)
+        return rows
+
+
+def _is_whole(text: str) -> bool:
+    return bool(re.fullmatch(r"[0-9]{1,9}", text))
+
+
+def _is_size(text: str) -> bool:
+    try:
+        return not text or 0.0 <= float(text) < inf
+    except ValueError:
+        return False

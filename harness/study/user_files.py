@@ -1,26 +1,48 @@
-"""Numbers of one's own as the answer of an engine: what they are of, what they leave out, how they are judged."""
+"""Files of the user: tables of numbers as the answer of an engine, and model files against the description."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.etree.ElementTree import ParseError
 
 import numpy as np
 import pandas as pd
 
 from screwgauge.engines.parts import Names
-from screwgauge.engines.registry import engine_names
+from screwgauge.engines.registry import ENGINES, Engine, engine_names, get_engine
 from screwgauge.judging.answer import largest
 from screwgauge.judging.judge import judge
-from screwgauge.problem import Problem, Rows
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.check import (
+    SUFFIXES,
+    CheckRow,
+    ModelComparison,
+    check_file,
+    compare_loops,
+    compare_readings,
+    expected_reading,
+)
+from screwgauge.models.content import FORMATS, extras, unread_rows
+from screwgauge.models.readings.read import LIBRARIES, read
+from screwgauge.models.urdf import loops_of
+from screwgauge.problem import ModelFiles, Problem, Rows
 from screwgauge.reference.closed.assembly_mode import positions
-from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, UnknownNameError, check_choice, first_few
+from screwgauge.reference.files import read_file
 from screwgauge.reference.graph import layout
+from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import same_times
 from screwgauge.scene.observables import Header, Recorded, read_header
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values, common_rows, empty
+
+if TYPE_CHECKING:
+    from screwgauge.diagnosis.differences.change import Difference
+
 
 #: Share of the largest number that may be left over where one table is a multiple of another.
 ALIKE = 1e-3
@@ -33,16 +55,14 @@ Columns = dict[str, dict[str, Array]]
 
 
 def check_tables(scene: Scene) -> None:
-    """Refuses tables that are called like something else.
+    """Refuses tables whose names are taken.
 
     Raises:
         DescriptionError: One is.
     """
     for name in {*engine_names(), REFERENCE} & {*scene.tables}:
-        said = "as an engine is" if name != REFERENCE else "as the reference of a simulation is"
-        raise DescriptionError(
-            f"a table is called '{name}', {said}", f"{scene.file or scene.name}, tables", "rename it"
-        )
+        why = "as an engine is" if name != REFERENCE else "as the reference of a simulation is"
+        raise DescriptionError(f"a table is called '{name}', {why}", f"{scene.file or scene.name}, tables", "rename it")
 
 
 def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> Solution:
@@ -51,7 +71,7 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
     Args:
         name: That of the table.
         names: Components and units of every quantity that a table may have.
-        wanted: Names of quantities; others are not looked at, and said to be there.
+        wanted: Names of quantities; others are not compared, and a note names them.
 
     Raises:
         ScrewgaugeError: It has unknown columns or other units, or nothing of what is compared.
@@ -91,23 +111,23 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
 
 
 def _columns(table: Recorded, names: Names, wanted: Collection[str]) -> Columns:
-    """What the columns of a table are of."""
-    found: Columns = {}
+    """Columns of a table by quantity and component."""
+    columns: Columns = {}
     for text, values in table.columns.items():
         header = read_header(text)
         quantity = _quantity(header, names, wanted, table.where)
         components, units = names[quantity]
         header.check_unit(units[components.index(header.component)], table.where)
-        if header.component in found.setdefault(quantity, {}):
+        if header.component in columns.setdefault(quantity, {}):
             raise DescriptionError(f"{header.component} of {quantity} is there twice", table.where, "remove one")
-        found[quantity][header.component] = values
+        columns[quantity][header.component] = values
     for quantity in table.error:
-        check_choice("quantity", [quantity], found, f"{table.where}, error")
-    return found
+        check_choice("quantity", [quantity], columns, f"{table.where}, error")
+    return columns
 
 
 def _quantity(header: Header, names: Names, wanted: Collection[str], where: str) -> str:
-    """The quantity of a column: that which it says, or the only one, of those compared, that has its component."""
+    """The quantity of a column: the one it names, or the only compared one that has its component."""
     if header.quantity and header.quantity not in names:
         raise UnknownNameError("quantity", header.quantity, names, f"{where}, column '{header.text}'")
     having = [name for name in [header.quantity] if name] or [*names]
@@ -126,7 +146,7 @@ def _quantity(header: Header, names: Names, wanted: Collection[str], where: str)
 def _left_out(
     name: str, values: Mapping[str, Values], names: Names, wanted: Collection[str], samples: list[str]
 ) -> tuple[tuple[str, ...], list[str]]:
-    """What a table does not give of what was asked for: in a sentence, and component by component."""
+    """What a table lacks of the wanted quantities: in one sentence, and in notes by component."""
     lost = [quantity for quantity in names if quantity in wanted and quantity not in values]
     short = [*samples, *[f"no {', '.join(lost)}"] * bool(lost)]
     long = [f"gives {each}" for each in short]
@@ -162,7 +182,7 @@ def _unwound(values: Values, coordinates: Sequence[str], q: Array) -> Values:
 
 
 def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) -> pd.DataFrame:
-    """Judges the quantities of a table that have all of their components: only of these do equations say anything.
+    """Judges those quantities of a table that have all of their components: equations hold for no others.
 
     What a table states as its error it may leave over; positions that it does not give are not judged.
     """
@@ -181,14 +201,14 @@ def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) 
 
 
 def with_factors(pairs: pd.DataFrame, own: Iterable[str], solutions: Mapping[str, Solution]) -> pd.DataFrame:
-    """The rows of pairs; those out of tolerance say if a table is a multiple of what it is compared with."""
+    """Pairs, with a remark where a table out of tolerance is a multiple of what it is compared with."""
     own, pairs = {*own}, pairs.copy()
     for i, row in pairs[~pairs["ok"].astype(bool) & pairs["b"].isin(own) & pairs["max_scaled"].notna()].iterrows():
         a, b = (solutions[row[side]] for side in "ab")
         factor = _factor(*_shared(a, b, row["quantity"], row["unit"]))
         if abs(factor - 1.0) > ALIKE:
-            said = f"{b.engine} is {factor:.6g} times {a.engine} throughout: check its units and signs"
-            pairs.loc[i, "reason"] = "; ".join(filter(None, (row["reason"], said)))
+            sentence = f"{b.engine} is {factor:.6g} times {a.engine} throughout: check its units and signs"
+            pairs.loc[i, "reason"] = "; ".join(filter(None, (row["reason"], sentence)))
     return pairs
 
 
@@ -202,8 +222,132 @@ def _shared(a: Solution, b: Solution, quantity: str, unit: str) -> Iterator[Arra
 
 
 def _factor(a: Array, b: Array) -> float:
-    """How many times a is b throughout, 1 if it is no multiple or too few numbers tell."""
+    """The factor from a to b, 1 if b is no multiple of a, or there are too few numbers."""
     if b.size < 3 or not a.any():
         return 1.0
     factor = float(np.sum(a * b) / np.sum(a * a))
     return factor if np.abs(b - factor * a).max() <= ALIKE * np.abs(b).max() else 1.0
+
+
+#: Library -> what a description lacks and the library does not apply: `departures` tells what becomes of it.
+_UNUSED = {"pinocchio": {"limits", "damping", "friction", "stiffness", "rest"}, "mujoco": {"limits"}}
+
+#: What an engine of this package makes of something beyond the description, by its kind.
+_FATE = {"ignored": "ignored by {} in {}", "applied": "applied by {} in {}, beyond the description"}
+_NOT_KNOWN = "not known whether applied by {} in {}"
+_NAMED, _LONGEST = 3, 80  # things of a kind that are named, the others being counted; characters of one
+
+
+def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
+    """Sentences on differences between a user's model file and the description of the scene.
+
+    Args:
+        name: The engine, which reads a file of the user's own.
+        files: That file, which the engine has loaded, and its loops file.
+    """
+    engine, mechanism = get_engine(name), scene.mechanism
+    if engine.reads == ".toml":
+        return tuple(_other_than_described(files.model, _of_description(mechanism, files.model)))
+    if engine.reads not in FORMATS:
+        return (_NOT_KNOWN.format(name, f"{files.model.name}: anything"),)
+    known, library = name in ENGINES, name.partition("-")[0]
+    reader = library if known else _reader(engine)
+    sentences = [
+        *_beyond(mechanism, engine, files.model, known=known),
+        *_other_than_described(
+            files.model, check_file(mechanism, engine.cut, files.model, reader, gravity=scene.applied.g)
+        ),
+    ]
+    ignored, other = of_loops(scene, name, files)
+    return (*sentences, *ignored, *other)
+
+
+def physical_mismatch(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
+    """Sentences on mass properties, geometry, gravity and closures, the largest difference first; on the loops file."""
+    from screwgauge.diagnosis.differences.words import with_sides
+
+    sides = "in the description", f"in {files.model.name}"
+    sentences = (with_sides(each.sentence, *sides) for each in physical(scene, name, files.model))
+    return (*sentences, *of_loops(scene, name, files)[1])
+
+
+def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
+    """Differences of a model file from the description, the largest first; those that rounding makes are marked.
+
+    Args:
+        name: The engine, which reads a URDF or MJCF of the user's own; of others nothing is changes.
+    """
+    # a scene without files of the user's own has no use for the diagnosis
+    from screwgauge.diagnosis.differences.digits import ALL, digits_of, marked
+    from screwgauge.diagnosis.differences.static import differences, sorted_by_size
+    from screwgauge.diagnosis.pairing.branches import missing
+    from screwgauge.diagnosis.pairing.common import brought
+    from screwgauge.diagnosis.pairing.mapping import paired
+
+    engine, mechanism, library = get_engine(name), scene.mechanism, name.partition("-")[0]
+    if library not in LIBRARIES or engine.reads not in (".urdf", ".xml"):
+        return []
+    expected = expected_reading(mechanism, engine.cut, scene.applied.g)
+    try:
+        home = dict(zip(mechanism.coordinates, map(float, mechanism.home), strict=True))
+        actual = read(model, library, home=home)
+        digits = digits_of(read_file(model))
+    except ScrewgaugeError:
+        return []  # `departures` tells that it cannot be compared
+    silent = _UNUSED.get(library, set()) | ({"closure", "gravity", "coupling"} if actual.gravity is None else set())
+    pairing = paired(expected, actual)
+    changes = [*missing(expected, actual, pairing), *differences(brought(expected, actual, pairing))[0]]
+    return sorted_by_size([each for each in marked(changes, (ALL, digits)) if each.what not in silent])
+
+
+def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], list[str]]:
+    """Sentences on differences of a user's loops file: those that the engine ignores, and the others."""
+    if files.loops is None or files.loops != files.model.with_suffix(".loops.toml"):
+        return [], []
+    rows = check_file(scene.mechanism, get_engine(name).cut, files.loops, "loops")
+    unread = unread_rows(name.partition("-")[0])
+    ignored = _other_than_described(files.loops, (row for row in rows if row.what in unread), f"ignored by {name} in ")
+    return [*ignored], [*_other_than_described(files.loops, (row for row in rows if row.what not in unread))]
+
+
+def _reader(engine: Engine) -> str:
+    """The library that reads the model files of an engine of another package."""
+    return next(name for name, ending in SUFFIXES.items() if ending == engine.reads)
+
+
+def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -> Iterator[str]:
+    by_fate: dict[str, dict[str, list[str]]] = {}
+    try:
+        beyond = extras(model, FORMATS[engine.reads], mechanism)
+    except (ParseError, LookupError, ValueError) as error:
+        yield f"{model.name} cannot be searched for what is beyond the description ({error})"
+        return
+    for extra in beyond:
+        fate = _FATE.get(extra.kind, _NOT_KNOWN) if known else _NOT_KNOWN
+        by_fate.setdefault(fate, {}).setdefault(extra.what, []).append(extra.whose)
+    for fate in sorted(by_fate, key=[*_FATE.values(), _NOT_KNOWN].index):
+        things = (f"{what}{first_few(whose, 1)}" for what, whose in by_fate[fate].items())
+        yield f"{fate.format(engine.name, model.name)}: {_listed(things)}"
+
+
+def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
+    """Compares a user's description with that of the scene; their names may differ."""
+    own, out = replace(load_mechanism(path), name=mechanism.name), ModelComparison(path.name, "screw")
+    compare_loops(out, loops_of(mechanism, "full"), loops_of(own, "full"), mechanism)
+    actual, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (own, mechanism))
+    compare_readings(out, expected, replace(actual, gravity=None), mechanism)
+    return out.rows
+
+
+def _other_than_described(path: Path, rows: Iterable[CheckRow], fate: str = "") -> Iterator[str]:
+    bad = [row for row in rows if not row.ok]
+    if bad and bad[0].what == "file":
+        yield f"{path.name} cannot be compared with the description: {bad[0].found}"
+    elif bad:
+        things = _listed(f"{row.what} of {row.item}" if row.item else row.what for row in bad)
+        yield f"{fate}{path.name}, other than described: {things}"
+
+
+def _listed(things: Iterable[str]) -> str:
+    named = [thing if len(thing) <= _LONGEST else f"{thing[: _LONGEST - 3]}..." for thing in things]
+    return first_few(named, _NAMED)

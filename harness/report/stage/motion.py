@@ -30,13 +30,13 @@ class DrawnMotion:
         t: Time [s]. Shape (n,).
         values: Forces that an engine has computed at these samples, quantity -> values.
         loads: Of the scene, at these samples.
-        said: Whose poses these are.
+        source: The engine that the poses are from, or ``home pose``.
     """
 
     lay: Layout
     at: Pose
     t: Array
-    said: str
+    source: str
     values: Mapping[str, Values] = field(default_factory=dict)
     loads: tuple[Load, ...] = ()
 
@@ -58,33 +58,33 @@ class Arrow:
     turns: bool = False
 
 
-def still(mechanism: Mechanism) -> DrawnMotion:
+def home_pose(mechanism: Mechanism) -> DrawnMotion:
     """The home pose."""
     lay = layout(mechanism)
     return DrawnMotion(lay, pose(lay, mechanism.home[None]), np.zeros(1), "home pose")
 
 
-def followed(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAMES) -> DrawnMotion:
-    """The motion of a scene as the first engine says that knows all joints; else closed anew where it is given."""
+def drawn_motion(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAMES) -> DrawnMotion:
+    """The motion of a scene by the first engine that knows all joints, else a given motion with its loops closed."""
     lay = layout(scene.mechanism)
-    for name, found in solutions.items():
-        q, told = found.assembly, found.values.get("joint_position")
-        if q is None and told is not None and told.components == scene.mechanism.coordinates:
-            q = told.array
+    for name, solution in solutions.items():
+        q, given = solution.assembly, solution.values.get("joint_position")
+        if q is None and given is not None and given.components == scene.mechanism.coordinates:
+            q = given.array
         if q is not None and name != REFERENCE and len(q) == len(scene.t):
             finite = np.flatnonzero(np.isfinite(q).all(axis=1))
             rows = finite[spread(len(finite), frames)]
             if len(rows):
-                values = {quantity: one.at(rows) for quantity, one in found.values.items()}
+                values = {quantity: one.at(rows) for quantity, one in solution.values.items()}
                 return DrawnMotion(lay, pose(lay, q[rows]), scene.t[rows], name, values, _loads(scene, rows))
     if isinstance(scene.task, GivenMotion):
         rows = spread(len(scene.t), frames)
         try:
             q = positions(lay, scene.task.y[rows], scene.t[rows])
-        except ScrewgaugeError:  # the report says what no engine could follow
-            return still(scene.mechanism)
+        except ScrewgaugeError:  # the report names what no engine could follow
+            return home_pose(scene.mechanism)
         return DrawnMotion(lay, pose(lay, q), scene.t[rows], "screw", loads=_loads(scene, rows))
-    return still(scene.mechanism)
+    return home_pose(scene.mechanism)
 
 
 def _loads(scene: Scene, rows: Rows) -> tuple[Load, ...]:
@@ -98,19 +98,19 @@ def _loads(scene: Scene, rows: Rows) -> tuple[Load, ...]:
 
 def arrows(motion: DrawnMotion) -> list[Arrow]:
     """Loads, forces of actuators and reactions of joints."""
-    mechanism, found = motion.lay.mechanism, list[Arrow]()
+    mechanism, drawn = motion.lay.mechanism, list[Arrow]()
     index = mechanism.body_index
     for load in motion.loads:
         i = index[load.body]
         point = mechanism.body(load.body).com if load.point is None else load.point
-        found += [Arrow("loads", f"load on {load.body}", i, point, load.force)]
-        found += [Arrow("loads", f"load on {load.body}", i, point, load.torque, True)]
+        drawn += [Arrow("loads", f"load on {load.body}", i, point, load.force)]
+        drawn += [Arrow("loads", f"load on {load.body}", i, point, load.torque, True)]
     if (forces := motion.values.get("actuator_force")) is not None:
         columns = dict(zip(forces.components, forces.array.T, strict=True))
         for name, joint in zip(mechanism.actuator_names, mechanism.actuators, strict=True):
             turns, S = joint.angles == 1, motion.at.S[:, motion.lay.columns[joint.name][0]]
             vectors = columns[name][:, None] * (S[:, :3] if turns else S[:, 3:])
-            found += [Arrow("actuators", f"{name}, actuator", index[joint.child], joint.child_frame.p, vectors, turns)]
+            drawn += [Arrow("actuators", f"{name}, actuator", index[joint.child], joint.child_frame.p, vectors, turns)]
     if (forces := motion.values.get("reaction")) is not None:
         columns = dict(zip(forces.components, forces.array.T, strict=True))
         for joint in mechanism.joints:
@@ -120,5 +120,5 @@ def arrows(motion: DrawnMotion) -> list[Arrow]:
                 own = [(columns[f"{joint.name}.{label}"], i) for i, (label, has) in enumerate(labels) if has == unit]
                 part = slice(3, 6) if turns else slice(3)
                 vectors = [size[:, None] * W[:, i, part] for size, i in own]
-                found += [Arrow("reactions", *where, np.sum(vectors, axis=0), turns)] if vectors else []
-    return [one for one in found if np.isfinite(one.vectors).all() and one.vectors.any()]
+                drawn += [Arrow("reactions", *where, np.sum(vectors, axis=0), turns)] if vectors else []
+    return [one for one in drawn if np.isfinite(one.vectors).all() and one.vectors.any()]

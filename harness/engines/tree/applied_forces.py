@@ -1,0 +1,231 @@
+"""Springs, dampers, motors and loads on an engine's open tree, from the engine's own poses and rates of bodies.
+
+`exerted` states them once, for the samples of a given motion and for the one state of a simulation. What it exerts
+becomes wrenches on bodies (`applied_wrenches`) or forces along the coordinates of the tree (`TreeForces`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from screwgauge.engines.tree.closed import ClosedTree
+from screwgauge.engines.tree.cut_joints import SURE, read_chart
+from screwgauge.engines.tree.protocol import BodyAt, BodyPoses, OpenTree
+from screwgauge.reference.applied import Applied, JointSpring, PointSpring
+from screwgauge.reference.equations.joint_types import dual_wrenches
+from screwgauge.reference.equations.kinematics import coordinates, joint_screws, joint_values
+from screwgauge.reference.equations.ops import NUMPY
+from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.mechanism import Joint
+from screwgauge.reference.rotations import Array, cross, times
+
+BodyMotion = Callable[[int], tuple[Array, Array, Array]]
+"""Body (ground is 0) -> its R (..., 3, 3), p (..., 3) and velocity (..., 6), angular, then of its origin."""
+
+Coordinate = Callable[[str], tuple[Array | float, Array | float]]
+"""Joint coordinate -> its value and rate. Shape (...)."""
+
+
+@dataclass(slots=True, eq=False)
+class Exerted:
+    """What acts besides gravity.
+
+    Attributes:
+        wrenches: Body, force, and moment about its origin. Shape (..., 3) each.
+        along: Coordinate and the force along it [N or N m]. Shape (...).
+        power: That is put in and not stored: of motors, loads and dampers [W]. Shape (...).
+    """
+
+    wrenches: list[tuple[int, Array, Array]] = field(default_factory=list)
+    along: list[tuple[str, Array]] = field(default_factory=list)
+    power: Array | float = 0.0
+
+
+def exerted(closed: ClosedTree, applied: Applied, t: Array | float, body: BodyMotion, read: Coordinate) -> Exerted:
+    """Forces of loads, springs, dampers and motors.
+
+    Args:
+        t: Times [s]. Shape (...).
+    """
+    out, index = Exerted(), closed.loops.index
+    for motor in applied.motors:
+        force = motor.force(t)
+        out.along.append((motor.coordinate, force))
+        out.power = out.power + force * read(motor.coordinate)[1]
+    for load in applied.loads:
+        i = index[load.body]
+        R, _, V = body(i)
+        moment = load.torque + cross(times(R, closed.load_point(load)), load.force)
+        out.wrenches.append((i, load.force, moment))
+        out.power = out.power + _dot(load.force, V[..., 3:]) + _dot(moment, V[..., :3])
+    for spring in applied.springs:
+        if isinstance(spring, JointSpring):
+            value, rate = read(spring.coordinate)
+            out.along.append((spring.coordinate, -spring.pull(value, rate)))
+        else:
+            rate = _pull(spring, t, [(index[name], *body(index[name]), point) for name, point in spring.ends], out)
+        out.power = out.power - spring.damping * rate * rate
+    return out
+
+
+def _pull(
+    spring: PointSpring, t: Array | float, ends: list[tuple[int, Array, Array, Array, Array]], out: Exerted
+) -> Array:
+    """Adds the tension of a spring between two points; returns the rate of its length."""
+    arms = [times(R, point) for _, R, _, _, point in ends]
+    first, second = (p + arm for (_, _, p, _, _), arm in zip(ends, arms, strict=True))
+    u, v = (V[..., 3:] + cross(V[..., :3], arm) for (_, _, _, V, _), arm in zip(ends, arms, strict=True))
+    length = np.sqrt(_dot(second - first, second - first))
+    if not np.all(length > 0.0):
+        raise spring.no_direction(f" at t = {np.ravel(t)[np.argmin(length)]:g} s")
+    line = (second - first) / length[..., None]
+    rate = _dot(line, v - u)
+    force = spring.pull(length, rate)[..., None] * line
+    for (i, *_), arm, pull in zip(ends, arms, (force, -force), strict=True):
+        out.wrenches.append((i, pull, cross(arm, pull)))
+    return rate
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray((a[..., None, :] @ b[..., None])[..., 0, 0])
+
+
+def applied_wrenches(
+    closed: ClosedTree, applied: Applied, at: BodyPoses, motion: tuple[Array, Array, Array, Array]
+) -> Array:
+    """Force and moment about its origin on each body. Shape (n, n_body + 1, 6).
+
+    Args:
+        motion: Times, shape (n,), velocities of the bodies, shape (n, n_body + 1, 6), coordinates of all joints and
+            their rates in the order of the description, shape (n, n_q) each.
+    """
+    t, V, q, v = motion
+    column = {name: i for i, name in enumerate(closed.names)}
+    acting = exerted(
+        closed,
+        applied,
+        t,
+        lambda i: (at.R[:, i], at.p[:, i], V[:, i]),
+        lambda name: (q[:, column[name]], v[:, column[name]]),
+    )
+    out, tau = np.zeros((*at.p.shape[:2], 6)), np.zeros_like(q)
+    for i, force, moment in acting.wrenches:
+        out[:, i, :3] += force
+        out[:, i, 3:] += moment
+    for name, amount in acting.along:
+        tau[:, column[name]] += amount
+    for joint in closed.file.joints:
+        columns = [column[name] for name in joint.coordinates]
+        if tau[:, columns].any():
+            _drive(closed, joint, at, q[:, columns], tau[:, columns], out)
+    return out
+
+
+def _drive(closed: ClosedTree, joint: Joint, at: BodyPoses, q: Array, tau: Array, out: Array) -> None:
+    """Adds what forces along the coordinates of a joint exert on its two bodies: no power on any other motion."""
+    parent, child = closed.loops.sides(joint)
+    frames = closed.joint_pose(joint, at)
+    values = joint_values(joint.freedoms, range(q.shape[1]), coordinates(q, NUMPY))
+    S = joint_screws(joint, frames.R_parent, frames.p_parent, values)[0]
+    force, moment = np.split((tau[:, None] @ dual_wrenches(frames, S))[:, 0], 2, axis=1)  # about the world's origin
+    for i, sign in ((child, 1.0), (parent, -1.0)):  # a positive force moves the child along its coordinate
+        out[:, i, :3] += sign * force
+        out[:, i, 3:] += sign * (moment - cross(at.p[:, i], force))
+
+
+Reader = Callable[[Array, BodyAt], tuple[float, Array]]
+"""Reads a joint coordinate at q, and its derivative by the tree's coordinates (n_v,)."""
+
+
+class TreeForces:
+    """All that acts besides gravity as forces along the coordinates of a tree, at one state after the other.
+
+    Attributes:
+        acts: Whether anything does.
+        stores_only: Its springs are without dampers, and nothing else acts.
+    """
+
+    def __init__(self, closed: ClosedTree, applied: Applied, start: Array) -> None:
+        """Binds what acts to the bodies and coordinates of a tree.
+
+        Args:
+            start: Independent coordinates at the start, from which angles of cut joints are followed. Shape (k,).
+
+        Raises:
+            UnknownNameError: There is no such body or coordinate.
+        """
+        self.closed, self.applied, springs = closed, applied, applied.springs
+        self.acts = bool(applied.motors or applied.loads or springs)
+        self.stores_only = not (applied.motors or applied.loads or any(spring.damping for spring in springs))
+        bodies = [load.body for load in applied.loads]
+        bodies += [name for spring in springs if isinstance(spring, PointSpring) for name, _ in spring.ends]
+        for name in bodies:
+            if name not in closed.loops.index:
+                raise UnknownNameError("body", name, closed.loops.index, "load or spring")
+        along = [*applied.motors, *(spring for spring in springs if isinstance(spring, JointSpring))]
+        self.readers = {one.coordinate: _reader(closed, one.coordinate, start) for one in along}
+
+    def act(self, t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
+        """Writes the force along the coordinates into `tau`, shape (n_v,); returns the power put in [W]."""
+        tau[:] = 0.0
+        if not self.acts:
+            return 0.0
+        jacobians, rows = dict[int, Array](), dict[str, Array]()
+
+        def motion(i: int) -> tuple[Array, Array, Array]:
+            R, p, jacobians[i] = body(i)
+            return R, p, jacobians[i] @ v
+
+        def read(name: str) -> tuple[float, float]:
+            value, rows[name] = self.readers[name](q, body)
+            return value, float(rows[name] @ v)
+
+        acting = exerted(self.closed, self.applied, t, motion, read)
+        for i, force, moment in acting.wrenches:
+            tau += force @ jacobians[i][3:] + moment @ jacobians[i][:3]
+        for name, amount in acting.along:
+            tau += amount * rows[name]
+        return float(acting.power)
+
+
+def _reader(closed: ClosedTree, coordinate: str, start: Array) -> Reader:
+    """Reads a joint coordinate, of the tree or of a cut joint."""
+    tree, loops = closed.tree, closed.loops
+    if coordinate in tree.coordinates:
+        column = tree.coordinates.index(coordinate)
+        row = np.eye(len(tree.coordinates))[column]
+        return lambda q, body: (float(q[column]), row)
+    for joint in loops.cut:
+        if coordinate in joint.coordinates:
+            return _cut_reader(closed, joint, joint.coordinates.index(coordinate), start)
+    known = [*tree.coordinates, *(name for joint in loops.cut for name in joint.coordinates)]
+    raise UnknownNameError("coordinate", coordinate, known, "motor or spring")
+
+
+def _cut_reader(closed: ClosedTree, joint: Joint, i: int, start: Array) -> Reader:
+    """Reads a coordinate of a cut joint.
+
+    It goes on from where it was read last: by less than half a turn, and through a lock of its chart.
+    """
+    last = closed.loops.begin(joint, start)
+    parent, child = closed.loops.index[joint.parent], closed.loops.index[joint.child]
+
+    def read(q: Array, body: BodyAt) -> tuple[float, Array]:
+        nonlocal last
+        (R_parent, _, J_parent), (R_child, _, J_child) = body(parent), body(child)
+        chart = read_chart(joint, R_parent[None], R_child[None]).near(last[None])
+        if chart.condition[0] < SURE:
+            last = chart.q[0]
+        return float(chart.q[0, i]), chart.rates((J_child[:3] - J_parent[:3])[None])[0, i]
+
+    return read
+
+
+def spring_pull(spring: JointSpring, tree: OpenTree, q: Array, v: Array) -> Array:
+    """Force of a spring along a coordinate of the tree, shape (n, n_v), at states of shape (n, n_v)."""
+    tau, k = np.zeros_like(q), tree.coordinates.index(spring.coordinate)
+    tau[:, k] = -spring.pull(q[:, k], v[:, k])
+    return tau

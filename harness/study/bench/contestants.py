@@ -1,0 +1,254 @@
+"""Contestants of a bench, which pair a method with a question, and which of them take part.
+
+Those of given motions and the engines' own steppers are data, see ``contestants.toml``.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import product, zip_longest
+from pathlib import Path
+from typing import Any
+
+from screwgauge.engines.methods import METHODS
+from screwgauge.engines.registry import engines
+from screwgauge.models.mjcf import PARTS
+from screwgauge.problem import InitialValue
+from screwgauge.quantities import GIVEN, OF_BODIES, OF_JOINTS
+from screwgauge.quantities import QUANTITIES as EVERY
+from screwgauge.reference.errors import check_choice
+from screwgauge.reference.expressions import number
+from screwgauge.scene.simulation import EXPLICIT
+from screwgauge.solution import Solution
+from screwgauge.study.bench import questions
+from screwgauge.study.bench.questions import Question, Trial
+from screwgauge.study.methods import Method
+from screwgauge.study.reference_values import QUANTITIES, PreparedScene, joined
+
+TABLE: dict[str, Any] = tomllib.loads(Path(__file__).with_name("contestants.toml").read_text(encoding="utf-8"))
+#: The quantity of a contestant that computes none.
+NOTHING = "none"
+
+
+def count(n: int, word: str) -> str:
+    """``1 pass``, ``2 passes``."""
+    ending = "es" if word.endswith("s") else "s"
+    return f"{n} {word}{'' if n == 1 else ending}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contestant:
+    """One method with one setting: one row for each of its quantities.
+
+    Attributes:
+        setting: In words.
+        covers: What the clock covers.
+        series: Line of the family that it belongs to, such as ``1 iteration``.
+        parameter: Name and value of what is varied along that line.
+        label: Short name of the setting in diagrams.
+        drawn: Whether it has a place in the work-precision diagram.
+        given: It starts from given joint motion, so that closing the loops is not in its time.
+        hint: Why it may fail, for the row of a failure.
+    """
+
+    family: str
+    name: str
+    setting: str
+    method: Method
+    question: Question
+    quantities: tuple[str, ...]
+    covers: str
+    series: str = ""
+    parameter: tuple[str, float] | None = None
+    label: str = ""
+    drawn: bool = True
+    given: bool = False
+    hint: str = ""
+
+    @property
+    def key(self) -> str:
+        """Identifies the contestant within a bench."""
+        return " | ".join((self.name, self.method.engine, self.series, self.setting, ", ".join(self.quantities)))
+
+    @property
+    def line(self) -> str:
+        """Its line in a diagram: family, or family and series."""
+        return f"{self.family} ({self.series})" if self.series else self.family
+
+    def ask(self, posed: PreparedScene) -> Trial:
+        """Its question on a scene."""
+        return self.question(posed, self.method.engine, self.quantities)
+
+    def scores(self, trial: Trial, solutions: Sequence[Solution]) -> dict[str, tuple[float, float, str]]:
+        """Quantity -> largest and RMS scaled error, and why there is none."""
+        scores = {}
+        for quantity in self.quantities if self.quantities != (NOTHING,) else ():
+            values = joined(solution.values[quantity] for solution in solutions)
+            score = trial.reference.score(quantity, values if trial.rows is None else values.at(trial.rows))
+            reason = f"{score.reason}: {self.hint}" if score.reason and self.hint else score.reason
+            scores[quantity] = score.error, score.rms, reason
+        return scores
+
+
+#: What an entry may say as a contestant has it.
+_AS_IT_IS = ("family", "name", "setting", "covers", "series", "label", "drawn", "given", "hint")
+
+_COVERS = "integration from start to end, closing of the loops and output at the samples; loading outside"
+_SIMULATOR = partial(Contestant, question=questions.simulation, quantities=("observable",), covers=_COVERS)
+#: Tolerances of a step, rtol = atol. An implicit method of low order needs too many steps for the tighter ones.
+LADDER = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+LEAST_IMPLICIT = 1e-8
+QUICK_LADDER = (1e-4, 1e-7)
+#: Engines that hold their loops by constraint forces gain nothing below this: rounding of those is larger.
+LEAST_CONSTRAINED = 1e-10
+#: Fixed steps over the whole motion.
+STEPS = (250, 1_000, 4_000, 16_000, 64_000)
+QUICK_STEPS = (100, 400, 1_600)
+
+
+#: Family of these contestants, which have a table of their own.
+LEAVING_OUT = "leaving-out"
+ENGINES = ("screw", "pinocchio", "mujoco")
+EVERYTHING = "everything"
+#: What each row asks for beyond the one before.
+WANTED = {
+    **{
+        what: tuple(name for name in (*OF_JOINTS, *OF_BODIES) if EVERY[name].needs == needs)
+        for what, needs in (("positions only", "q"), ("+ velocities", "v"), ("+ accelerations", "a"))
+    },
+    "+ generalised forces": ("generalized_force",),
+    "+ actuator forces": ("actuator_force",),
+    "+ reactions": ("reaction",),
+}
+MOTION = tuple(name for step in list(WANTED)[:3] for name in WANTED[step])
+
+
+def contestants(*, quick: bool) -> list[Contestant]:
+    """All of them, family by family. `quick`: settings that take longest are left out."""
+    return [*(one for entry in TABLE["lines"] for one in _expanded(entry, quick)), *leaving_out()]
+
+
+def _expanded(entry: Mapping[str, Any], quick: bool) -> Iterator[Contestant]:
+    """The contestants of an entry of ``contestants.toml``, whose head explains the entries."""
+    axes = [
+        [value if isinstance(value, dict) else {name: value} for value in values]
+        for name, values in entry.get("over", {}).items()
+    ]
+    for quantities in [{"quantities": [name]} for name in QUANTITIES] if "each" in entry else [{}]:
+        for combination in product([{**entry, **quantities}], *axes):
+            values = {name: value for table in combination for name, value in table.items()}
+            if not (quick and "slow" in values):
+                yield _contestant(values)
+
+
+def _contestant(values: Mapping[str, Any]) -> Contestant:
+    def filled(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {name: filled(inner) for name, inner in value.items()}
+        if isinstance(value, str):
+            return values.get(value[1:]) if value.startswith("$") else value.format(**values)
+        return value
+
+    fields = {name: filled(values[name]) for name in _AS_IT_IS if name in values}
+    arguments = filled(values["question"])
+    question = getattr(questions, arguments.pop("ask"))
+    parameter = None
+    if varied := values.get("parameter"):
+        parameter = varied[0], number(filled(varied[1]), "contestants.toml")
+    if "named" in values and (parameter is None or parameter[1] not in values["named"]):
+        fields["label"] = ""
+    return Contestant(
+        **fields,
+        method=Method(values["engine"], filled(values.get("settings", {}))),
+        question=partial(question, **arguments) if arguments else question,
+        quantities=tuple(values["quantities"]),
+        parameter=parameter,
+    )
+
+
+def leaving_out() -> Iterator[Contestant]:
+    """Each engine with less asked for, to show what that saves; its first contestant computes everything."""
+    for engine in ENGINES:
+        covers = f"from y and its derivatives: the engine {engine}, model loaded"
+        any_engine = partial(Contestant, LEAVING_OUT, LEAVING_OUT, covers=covers, drawn=False)
+        trial = partial(any_engine, method=Method(engine))
+        yield trial(EVERYTHING, question=questions.less, quantities=GIVEN)
+        wanted: tuple[str, ...] = ()
+        for step, names in WANTED.items():
+            wanted += names
+            yield trial(step, question=partial(questions.less, computed=wanted), quantities=wanted, series="asked for")
+        setting, alone = "actuator forces alone", ("actuator_force",)
+        yield trial(setting, question=partial(questions.less, computed=alone), quantities=alone, series="asked for")
+        for absent in ("gravity", "load"):  # forces change without them; motion must not
+            yield trial(absent, question=partial(questions.less, absent=absent), quantities=MOTION, series="absent")
+        # parts of the model file that mechanics does not need; URDF has only limits
+        for part in {"screw": (), "pinocchio": ("limits",), "mujoco": (*PARTS, questions.ALL_PARTS)}[engine]:
+            setting = "visuals" if part == "geoms" else part
+            yield trial(setting, question=partial(questions.less, part=part), quantities=GIVEN, series="in the model")
+        if engine != "screw":  # joint forces of another tree are other forces
+            same, cut = tuple(name for name in GIVEN if not name.startswith("tree_force")), Method(f"{engine}-full")
+            yield any_engine("full cut instead of minimal", cut, questions.less, same, series="cut")
+
+
+def choose(wanted: Iterable[str] | None, *, quick: bool = False) -> list[Contestant]:
+    """The named families and contestants, of a quick bench or a full one; all by default.
+
+    Raises:
+        ScrewgaugeError: A name is not known, or there is none.
+    """
+    everyone = contestants(quick=quick)
+    if wanted is None:
+        return everyone
+    known = contestants(quick=False)
+    names = dict.fromkeys([*(c.family for c in known), *(c.name for c in known)])
+    chosen = set(check_choice("contestant", wanted, names))
+    return [contestant for contestant in everyone if {contestant.family, contestant.name} & chosen]
+
+
+def simulators(method: str, duration: float, *, quick: bool) -> list[Contestant]:
+    """Who takes part in the bench of a simulation, the coarse settings of all families first.
+
+    Args:
+        method: That of the scene.
+        duration: Of the motion [s].
+    """
+    families = *_climbing(method, quick), *_stepping(duration, quick)
+    return [contestant for turn in zip_longest(*families) for contestant in turn if contestant]
+
+
+def _climbing(own: str, quick: bool) -> Iterator[list[Contestant]]:
+    """Engines by scipy's methods, each a ladder of tolerances."""
+    for engine in (name for name, engine in engines().items() if InitialValue in engine.tasks):
+        screw = engine == "screw"
+        for method in METHODS if screw else (own,):
+            least = max(0.0 if screw else LEAST_CONSTRAINED, 0.0 if method in EXPLICIT else LEAST_IMPLICIT)
+            rungs = [rtol for rtol in (QUICK_LADDER if quick else LADDER) if rtol >= least]
+            if screw and quick and method != own:  # in a quick bench only the scene's own method climbs
+                rungs = rungs[:1]
+            family, ladder = f"screw-{method}" if screw else engine, list[Contestant]()
+            for rtol in rungs:
+                setting, label = f"{method}, rtol = atol = {rtol:.0e}", f"{rtol:.0e}".replace("e-0", "e-")
+                question = partial(questions.simulation, method=method, rtol=rtol)
+                ladder.append(_SIMULATOR(family, family, setting, Method(engine), question=question, label=label))
+            yield ladder
+
+
+def _stepping(duration: float, quick: bool) -> Iterator[list[Contestant]]:
+    """The engines' own steppers, each over fixed steps."""
+    for stepper in TABLE["steppers"]:
+        family, engine, rungs = stepper["family"], stepper["engine"], list[Contestant]()
+        for dt in (duration / n for n in (QUICK_STEPS if quick else STEPS)):
+            method, setting = Method(engine, {"dt": dt, **stepper["settings"]}), stepper["setting"].format(dt=dt)
+            rungs.append(_SIMULATOR(family, family, setting, method, parameter=("dt [s]", dt), label=_label(dt)))
+        yield rungs
+
+
+def _label(dt: float) -> str:
+    """A step with its unit."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9)):
+        if dt >= size:
+            return f"{dt / size:.3g} {unit}"
+    return f"{dt:.1e} s"

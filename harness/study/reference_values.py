@@ -1,0 +1,237 @@
+"""What methods are measured against, and scenes of given motion prepared to be put to methods.
+
+Reference values are those of the engine ``truth`` where it is installed, else of ``screw``, and the note says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from screwgauge.judging.compare import reference_scale
+from screwgauge.judging.residual import SizedResidual
+from screwgauge.problem import GivenMotion, ModelFiles, Problem, Rows, States, Task, spread
+from screwgauge.quantities import natural_scales
+from screwgauge.reference.applied import Applied
+from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Failure, Values
+from screwgauge.study.run import run
+from screwgauge.study.solving import model_files, write_scene_models
+from screwgauge.witness.joints import mechanism_tree
+from screwgauge.witness.kinematics import move
+from screwgauge.witness.tree import TreeStates, stacked
+
+TRUTH, STANDIN = "truth", "screw"
+_NOTES = {
+    TRUTH: "Errors are against the engine truth: ball arithmetic with a rigorous radius.",
+    STANDIN: f"Errors are against the engine {STANDIN} in double precision, not against a truth ({{reason}}): "
+    "errors below 1e-12 mean nothing, and contestants that share its code look better than they are.",
+}
+MOST = 200  # times that the truth solves at once
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reference:
+    """Values that errors are measured against.
+
+    Attributes:
+        engine: Where they come from.
+        note: A sentence for the report.
+        scales: Quantity -> unit -> S of the scaled error.
+    """
+
+    engine: str
+    values: Mapping[str, Values]
+    note: str
+    scales: Mapping[str, Mapping[str, float]]
+
+    @classmethod
+    def by_size(cls, engine: str, mechanism: Mechanism, values: Mapping[str, Values], note: str = "") -> Reference:
+        """Values that errors are measured against by their own size, or by a natural scale where they vanish."""
+        natural = natural_scales(mechanism)
+        scales = {
+            name: {unit: reference_scale(has, unit, natural[unit]) for unit in dict.fromkeys(has.units)}
+            for name, has in values.items()
+        }
+        return cls(engine, values, note, scales)
+
+    def score(self, quantity: str, values: Values, rows: slice | Rows = slice(None)) -> SizedResidual:
+        """Error of some components of a quantity, at some samples of the reference."""
+        right = self.values[quantity].pick(values.components).at(rows)
+        return score(quantity, deviation(values, right), self.scales[quantity])
+
+
+def deviation(values: Values, right: Values) -> Values:
+    """Errors at the samples for which the reference has a number.
+
+    Args:
+        right: Of the same samples and components.
+    """
+    known = np.isfinite(right.array).all(axis=1)
+    return Values(values.components, values.units, (values.array - right.array)[known])
+
+
+def score(quantity: str, off: Values, scales: Mapping[str, float]) -> SizedResidual:
+    """Largest and RMS scaled error over all samples and components; NaN as soon as one is not finite.
+
+    Args:
+        off: See `deviation`.
+        scales: Unit -> S.
+    """
+    error = np.abs(off.array) / np.array([scales[unit] for unit in off.units])
+    lost = int((~np.isfinite(error)).any(axis=1).sum())
+    if lost or not error.size:
+        return SizedResidual(quantity, reason=f"not a number at {lost} of {len(error)} samples")
+    most = float(error.max())
+    return SizedResidual(quantity, error=most, max_abs=most, rms=float(np.sqrt(np.mean(error**2))), scale=1.0)
+
+
+def sizes(values: Values) -> dict[str, float]:
+    """Unit -> largest magnitude; nothing of no numbers."""
+    if not values.array.size:
+        return {}
+    size = np.abs(values.array).max(axis=0)
+    return {unit: float(size[[u == unit for u in values.units]].max()) for unit in dict.fromkeys(values.units)}
+
+
+def reference_values(scene: Scene, times: Array, quantities: Iterable[str]) -> Reference:
+    """Values of a scene at chosen times, by its description.
+
+    Args:
+        times: [s]. Shape (n,).
+        quantities: Names.
+
+    Raises:
+        ScrewgaugeError: The scene cannot be computed at all.
+    """
+    names, reason, scene = tuple(quantities), "", replace(scene, models={})
+    for engine, note in _NOTES.items():
+        values = _solve(scene, times, names, engine)
+        if not isinstance(values, Failure):
+            return Reference.by_size(engine, scene.mechanism, values, note.format(reason=reason))
+        reason = values.reason
+    raise RuntimeError(f"no reference values: {reason}")
+
+
+def _solve(scene: Scene, times: Array, quantities: tuple[str, ...], engine: str) -> dict[str, Values] | Failure:
+    parts = []
+    for first in range(0, len(times), MOST):
+        results = run(scene.at(times[first : first + MOST]), engines=(engine,), quantities=quantities)
+        if engine in results.failures:
+            return results.failures[engine]
+        parts.append(results.solutions[engine].values)
+    return {name: joined(part[name] for part in parts) for name in parts[0]}
+
+
+def joined(parts: Iterable[Values]) -> Values:
+    """Samples of one quantity, one part after the other."""
+    values = list(parts)
+    return Values(values[0].components, values[0].units, np.concatenate([part.array for part in values]))
+
+
+#: What is measured of given motions, in this order.
+QUANTITIES = ("joint_position", "joint_velocity", "joint_acceleration", "actuator_force")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedScene:
+    """A scene prepared for methods.
+
+    Attributes:
+        whole: The scene with its own times, rule ``min_norm``.
+        scene: The same at the compared times.
+        folder: Where the generated model files are.
+    """
+
+    whole: Scene
+    scene: Scene
+    folder: Path
+    reference: Reference
+
+    @property
+    def t(self) -> Array:
+        """Compared times [s]. Shape (n,)."""
+        return self.scene.t
+
+    def files(self, engine: str) -> ModelFiles:
+        """The generated model of an engine."""
+        return model_files(self.scene, engine, self.folder)
+
+    def written(self) -> list[Path]:
+        """All files in its folder."""
+        return [path for path in self.folder.rglob("*") if path.is_file()]
+
+    def problem(self, *wanted: str, task: Task | None = None) -> Problem:
+        """The problem of the scene, or the same with another task."""
+        return Problem(self.scene.applied, self.scene.task if task is None else task, frozenset(wanted))
+
+    def moving(self, coordinates: tuple[str, ...]) -> States:
+        """The true motion of some joint coordinates."""
+        q, v, a = (self.reference.values[name].pick(coordinates).array for name in QUANTITIES[:3])
+        return States(coordinates, q, v, a=a)
+
+    def pushed(self, coordinates: tuple[str, ...]) -> Problem:
+        """Accelerations wanted at the true states of a tree, see the function `pushed`."""
+        q, force = (self.reference.values[name].array for name in ("joint_position", "actuator_force"))
+        return pushed(self.scene.mechanism, self.scene.applied, self.moving(coordinates), q, force)
+
+
+def pushed(mechanism: Mechanism, applied: Applied, states: States, q: Array, force: Array) -> Problem:
+    """Accelerations of a tree wanted under actuator forces and the loads.
+
+    Loads are among the forces along the coordinates, so that engines need not turn them.
+
+    Args:
+        q: All joint coordinates, see `along_tree`. Shape (n, n_q).
+        force: Of the actuators. Shape (n, n_actuator).
+    """
+    names = states.coordinates
+    tau = along_tree(mechanism, names, q, applied)
+    tau[:, [names.index(joint.coordinates[0]) for joint in mechanism.actuators]] += force
+    task = States(names, states.q, states.v, tau=tau)
+    return Problem(Applied(gravity=applied.g), task, frozenset(("joint_acceleration",)))
+
+
+def along_tree(mechanism: Mechanism, coordinates: tuple[str, ...], q: Array, applied: Applied) -> Array:
+    """Loads as forces along coordinates of the spanning tree, by what each coordinate alone moves.
+
+    Args:
+        q: All joint coordinates; those of cut joints move nothing. Shape (n, n_q).
+
+    Returns:
+        Shape (n, n_coordinate).
+    """
+    out = np.zeros((len(q), len(coordinates)))
+    if not applied.loads:
+        return out
+    tree, still = mechanism_tree(mechanism, spanning_tree(mechanism)), np.zeros_like(q)
+    motion, columns = move(tree, TreeStates(q, still, still)), mechanism.columns(coordinates)
+    for load in applied.loads:
+        point = mechanism.body(load.body).com if load.point is None else load.point
+        at = stacked([tree.body_frames[load.body].placed(np.eye(3), point)])
+        J = motion.jacobian(at, motion.links.frames(at).p)[:, 0][..., columns]
+        out += load.torque @ J[:, :3] + load.force @ J[:, 3:]
+    return out
+
+
+def pose_scene(scene: Scene, folder: Path, *, samples: int) -> PreparedScene:
+    """Writes the model files and computes the reference values.
+
+    Args:
+        folder: For the model files.
+        samples: Compared times, at most.
+
+    Raises:
+        ScrewgaugeError: The scene cannot be computed.
+    """
+    whole = replace(scene, rule="min_norm", models={})
+    motion: GivenMotion = whole.motion
+    here = whole.at(motion.t[spread(len(motion), samples)])
+    write_scene_models(scene, folder)
+    return PreparedScene(whole, here, folder, reference_values(whole, here.t, QUANTITIES))

@@ -1,0 +1,204 @@
+"""Puts scenes and problems to engines: writes their model files, asks them here or in processes of their own.
+
+Whatever an engine raises becomes a failure. Nothing is compared here, see `run`.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from screwgauge.engines.registry import engine_names, get_engine, keep, load_entry, not_loaded
+from screwgauge.models.generate import stem, write_models
+from screwgauge.models.importing.write import description
+from screwgauge.problem import ModelFiles, Problem, Progress, Report, quiet, silent
+from screwgauge.reference.files import is_file
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Failure, Solution
+from screwgauge.study.methods import (
+    EngineTask,
+    Expected,
+    Method,
+    check_components,
+    check_units,
+    check_whole,
+    excepted,
+    failure,
+    left_out,
+    sound,
+    without,
+)
+
+if TYPE_CHECKING:
+    from screwgauge.study.isolation import Limits
+
+
+def solve(
+    scene: Scene, names: Iterable[str], quantities: Iterable[str], *, progress: Report = silent
+) -> tuple[dict[str, Solution], dict[str, Failure]]:
+    """Puts a scene to the engines as it is: nothing is checked before, nothing compared after.
+
+    Returns:
+        What each engine answered, and why the others did not.
+    """
+    wanted = frozenset(quantities)
+    with generated(scene) as folder:
+        answers, failures = ask_engines(scene, names, wanted, folder, progress)
+    for name, answer in [*answers.items()]:
+        if lost := left_out(name, wanted, answer):
+            failures[name] = Failure(name, without(lost))
+            del answers[name]
+    return answers, failures
+
+
+@contextmanager
+def generated(scene: Scene) -> Iterator[Path]:
+    """A temporary folder with the generated models of a scene's mechanism."""
+    with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:
+        write_scene_models(scene, Path(name))
+        yield Path(name)
+
+
+def write_scene_models(scene: Scene, folder: Path) -> None:
+    """Writes the models of a scene's mechanism, and its description if that differs from its file.
+
+    Raises:
+        OutputError: The folder cannot be written.
+    """
+    write_models(scene.mechanism, folder, gravity=scene.applied.g)
+    if scene.changed:
+        remark = f"Changed since it was read from {scene.mechanism_file.name}; numbers are those of its doubles."
+        text = description(scene.mechanism, [remark])
+        (folder / f"{scene.mechanism.name}.toml").write_text(text, encoding="utf-8")
+
+
+def description_file(scene: Scene, folder: Path) -> Path:
+    """The description of a scene's mechanism: its file, or what `write_scene_models` left in a folder."""
+    written = folder / f"{scene.mechanism.name}.toml"
+    return written if written.is_file() else scene.mechanism_file
+
+
+def model_files(scene: Scene, name: str, folder: Path) -> ModelFiles:
+    """The model file of an engine, generated in `folder` or the user's own, and its loops file."""
+    engine, own = get_engine(name), scene.models.get(name)
+    if not engine.cut:
+        return ModelFiles(own or description_file(scene, folder))
+    base = stem(scene.mechanism.name, engine.cut)
+    model = own or folder / f"{base}{engine.reads}"
+    beside = model.with_suffix(".loops.toml")
+    return ModelFiles(model, beside if is_file(beside) else folder / f"{base}.loops.toml")
+
+
+class TooLongError(Exception):
+    """A method took too long and was stopped."""
+
+
+def within(seconds: float) -> Progress:
+    """A progress that raises `TooLongError` when it is called after `seconds`."""
+    begin = perf_counter()
+
+    def progress(share: float) -> None:
+        if perf_counter() - begin > seconds:
+            raise TooLongError(f"stopped after {seconds:.3g} s, {share:.0%} of the way")
+
+    return progress
+
+
+def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress = quiet) -> Solution | Failure:
+    """Loads a model and solves a problem, in full; whatever is raised becomes a failure, but for `TooLongError`."""
+    try:
+        answer = sound(method.load(files).solve(problem, progress), len(problem.task))
+        return check_whole(method.engine, problem, answer)
+    except TooLongError:
+        raise
+    except (Exception, SystemExit) as error:
+        entry = get_engine(method.engine) if method.engine in engine_names() else None
+        return failure(error, method.name, files.model.parent, entry)
+
+
+def ask_engines(
+    scene: Scene,
+    names: Iterable[str],
+    wanted: Iterable[str],
+    folder: Path,
+    progress: Report,
+    expected: Expected | None = None,
+    limits: Limits | None = None,
+    units: Mapping[str, Mapping[str, str]] | None = None,
+) -> tuple[dict[str, Solution], dict[str, Failure]]:
+    """Asks engines: one after the other in this process, or each in one of its own, at once as far as cores allow.
+
+    Args:
+        folder: Where the generated models are.
+        expected: What an answer must have.
+        limits: What each may take in a process of its own; None for this one.
+        units: Quantity -> component -> unit.
+
+    Returns:
+        What each engine answered, and why the others did not.
+
+    Raises:
+        ScrewgaugeError: A model file of the user's own is bad input.
+    """
+    wanted = frozenset(wanted)
+    questions: dict[str, EngineTask] = {}
+    for name in names:
+        files, problem = model_files(scene, name, folder), scene.problem(wanted, name)
+        own, labels = scene if name in scene.models else None, tuple(scene.mechanism.independent)
+        questions[name] = EngineTask(get_engine(name), files, problem, folder, labels, own)
+    if limits is None:
+        answers = in_turn(questions, progress)
+    else:
+        from screwgauge.study.isolation import isolated
+
+        answers = isolated(questions, limits, progress)
+    solutions: dict[str, Solution] = {}
+    failures: dict[str, Failure] = {}
+    for name, answer in answers.items():
+        if isinstance(answer, Failure):
+            failures[name] = answer
+            continue
+        try:
+            check_components(answer, len(scene.t), expected or {})
+            check_units(answer, units or {}, len(scene.mechanism.coordinates))
+            answer = replace(answer, notes=(*answer.notes, *excepted(name, wanted)))
+            solutions[name] = answer.arranged(_orders(answer, scene.mechanism, expected or {}))
+        except Exception as error:
+            failures[name] = questions[name].failure(error)
+    return solutions, failures
+
+
+def load_engines(names: Iterable[str], limits: Limits, progress: Report) -> None:
+    """Loads engines of other packages in their own processes: their modules may do anything when imported."""
+    from screwgauge.study.isolation import isolated_calls
+
+    entries = not_loaded(names)
+    works = {name: partial(load_entry, entry) for name, entry in entries.items()}
+    for name, engine in isolated_calls(works, limits, progress).items():
+        keep(entries[name], None if isinstance(engine, Failure) else engine)
+
+
+def in_turn(questions: Mapping[str, EngineTask], progress: Report) -> dict[str, Solution | Failure]:
+    """Asks engines in this process, one after the other."""
+    answers: dict[str, Solution | Failure] = {}
+    for name, question in questions.items():
+        progress(name, 0.0)
+        try:
+            answers[name] = question(partial(progress, name))
+        except MemoryError as error:
+            answers[name] = question.failure(error)
+    return answers
+
+
+def _orders(answer: Solution, mechanism: Mechanism, expected: Expected) -> Expected:
+    """The order of components that all answers share, that of the description."""
+    trees = {name: {*answer.values[name].components} for name in answer.values if name.startswith("tree_force")}
+    orders = {name: tuple(c for c in mechanism.coordinates if c in has) for name, has in trees.items()}
+    return {**expected, **{name: order for name, order in orders.items() if len(order) == len(trees[name])}}
