@@ -99,7 +99,7 @@ def run(options: argparse.Namespace) -> int:
     from screwgauge.api import run
     from screwgauge.environment import json_text
     from screwgauge.report.pages import run as page
-    from screwgauge.report.pdf import browser
+    from screwgauge.report.write import browser
     from screwgauge.scene.read import load_scene
 
     imported(options.scene)

@@ -1,4 +1,4 @@
-"""The report of ``screwgauge history``: errors and run times of scenes over versions, machines and models, and the picture."""
+"""The report of ``screwgauge history``: errors and run times of scenes over versions, machines and models."""
 
 from __future__ import annotations
 

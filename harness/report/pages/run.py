@@ -14,8 +14,7 @@ import pandas as pd
 from screwgauge.judging.conditioning import LIMIT, Guarded
 from screwgauge.judging.residual import ERROR_COLUMNS
 from screwgauge.report.blocks import Banner, Block, Folded, Marked, Picture
-from screwgauge.report.figures.run import make_plots
-from screwgauge.report.figures.selection import drawings, unmatched
+from screwgauge.report.figures.run import drawings, make_plots, unmatched
 from screwgauge.report.folder import SAMPLES
 from screwgauge.report.formatting import (
     FORMS,
