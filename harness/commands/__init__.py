@@ -220,7 +220,7 @@ def casebook(options: argparse.Namespace) -> int:
     """Shows a named discrepancy with the installed engines, or lists them."""
     from screwgauge.casebook.book import reproduce
     from screwgauge.report.listing import blocks, listing
-    from screwgauge.report.terminal import terminal
+    from screwgauge.report.text import terminal
 
     if options.id is None:
         say(listing("discrepancies"))

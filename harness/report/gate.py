@@ -18,8 +18,7 @@ from screwgauge.report.blocks import Banner, Heading
 from screwgauge.report.formatting import beyond, digits_text, number, size, unit_text
 from screwgauge.report.html import fragment
 from screwgauge.report.layout import Report
-from screwgauge.report.markdown import markdown
-from screwgauge.report.terminal import terminal
+from screwgauge.report.text import markdown, terminal
 from screwgauge.report.verdict import verdict
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.history import Against, against, read_baseline, write_baseline

@@ -18,8 +18,7 @@ from screwgauge.report.blocks import Block, Picture, changed, walk
 from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, put_files, write_files, written
 from screwgauge.report.formatting import free_name
 from screwgauge.report.html import fragment, page
-from screwgauge.report.markdown import markdown
-from screwgauge.report.terminal import screenful
+from screwgauge.report.text import markdown, screenful
 from screwgauge.study.lifeline import tied
 
 PDF = "report.pdf"

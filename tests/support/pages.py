@@ -21,5 +21,4 @@ from screwgauge.report.blocks import (
 from screwgauge.report.formatting import file_name, number, size
 from screwgauge.report.html import fragment, page, stage_script, three_js
 from screwgauge.report.layout import Report, prose
-from screwgauge.report.markdown import markdown
-from screwgauge.report.terminal import terminal
+from screwgauge.report.text import markdown, terminal
