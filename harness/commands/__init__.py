@@ -251,21 +251,20 @@ def _names(text: str | None) -> list[str] | None:
 
 def check(options: argparse.Namespace) -> int:
     """Checks scenes and pairs of models; what CI services read of it is left where they look for it."""
-    from screwgauge.report.gate import check_with
-    from screwgauge.report.pages import check as page
+    from screwgauge.report.pages.check import PAGE, check_files, check_with
     from screwgauge.study.gate.history import check_store, keep
     from screwgauge.study.gate.run import NAME
 
     if options.update and options.baseline is None:
         raise DescriptionError("--update does not know what", "check", "name a file by --baseline")
-    page.check_files(options)
+    check_files(options)
     if options.store is not None:
         check_store(options.store)
     out, old = options.out or OUT / "check", None if options.update else options.baseline
     more = {"smoke": options.smoke, "tolerances": options.tolerances, "baseline": old}
     execute = executor(options, limits(options))
     outcome = carry_out(
-        page,
+        PAGE,
         out,
         lambda progress: check_with(execute, options.what, **more, progress=progress, journal=out / NAME),
         tell=(lambda outcome: outcome.json) if options.json else None,
