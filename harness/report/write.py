@@ -15,7 +15,7 @@ from typing import Any
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError, ReportError
 from screwgauge.report.blocks import Block, Picture, changed, walk
-from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, put_files, write_files, written
+from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, write_files, written
 from screwgauge.report.formatting import free_name
 from screwgauge.report.html import fragment, page
 from screwgauge.report.text import markdown, screenful
@@ -56,20 +56,20 @@ def write_report(
     check_writable(out, [*data, *printed], force=force)
     numbers = {name: _text(value, figures) for name, value in data.items() if name != SAMPLES}
     before = written(out)
-    put_files(out, numbers, before)
+    write_files(out, numbers, before)
     for name in before - {*numbers, *WORKING}:  # of an earlier run; beside the new report they would mislead
         (out / name).unlink(missing_ok=True)
     try:
         samples = {name: value for name, value in data.items() if name == SAMPLES}
-        put_files(out, samples, {*numbers})
+        write_files(out, samples, {*numbers})
         safe()
         blocks = _named(tell(), {path.stem for path in out.glob("plots/*")})
         drawn = {f"plots/{block.name}.svg": block.svg for block in walk(blocks) if isinstance(block, Picture)}
         pages = dict(zip(PAGES, (markdown(blocks), page(blocks)), strict=True))
-        put_files(out, {**drawn, **pages}, {*data, *printed})
+        write_files(out, {**drawn, **pages}, {*data, *printed})
         if pdf:
             print_page(out / PAGES[1], out / PDF)
-            put_files(out, {}, {*drawn, *pages, *data, *printed})
+            write_files(out, {}, {*drawn, *pages, *data, *printed})
     except OutputError:  # says itself what is missing
         raise
     except KeyboardInterrupt:

@@ -6,7 +6,7 @@ from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import CROSS, SHAPES, by_camp
 from screwgauge.report.figures.renderer import RENDERER, DrawingError, losses
 from screwgauge.report.figures.run import default_figures
-from screwgauge.report.folder import MANIFEST, put_files
+from screwgauge.report.folder import MANIFEST, write_files
 from screwgauge.report.pages import run as run_page
 from screwgauge.report.pages.bench import PAGE as BENCH_PAGE
 from screwgauge.report.pages.bench import SIMULATION, _error_and_time, make_plots

@@ -14,7 +14,7 @@ from screwgauge.report.figures.chart import INK, STAR, Look, Spec, by_camp, camp
 from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, rows, size, tick, words
 from screwgauge.report.layout import Report, Value
 from screwgauge.report.pages.run import theirs
-from screwgauge.report.pages.scene import judged, short
+from screwgauge.report.record import judged, short
 from screwgauge.study.bench.contestants import count
 from screwgauge.study.bench.run import Bench
 from screwgauge.study.bench.tables import (

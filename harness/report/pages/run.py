@@ -32,8 +32,7 @@ from screwgauge.report.formatting import (
     words,
 )
 from screwgauge.report.layout import Report, Value
-from screwgauge.report.pages.scene import about, judged, samples, short
-from screwgauge.report.record import forces, samples_table, summary, timings
+from screwgauge.report.record import about, forces, judged, samples, samples_table, short, summary, timings
 from screwgauge.report.stage.picture import stage
 from screwgauge.report.verdict import compared, conclusion, verdict
 from screwgauge.scene.observables import Published
