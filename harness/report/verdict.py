@@ -12,6 +12,15 @@ from screwgauge.report.formatting import Row, digits_text, listed, missing, numb
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.methods import DOUBTS
 
+#: What a reader has to know about quantities that nobody asks for, where they have the fewest digits.
+OPEN_TREE = {
+    "tree_force": "tree_force only checks the models: joint forces with the loops cut open, without loads.",
+    "tree_force_soft": (
+        "tree_force_soft only checks the models: joint forces with the loops cut open, which MuJoCo closes by springs "
+        "so stiff that rounding of the pose costs digits."
+    ),
+}
+
 
 def compared(results: Comparison) -> list[Row]:
     """Rows of pairs of which both engines ran, with the name of the pair."""
@@ -156,7 +165,8 @@ def _agreement(results: Comparison) -> list[str]:
         least = min(counted or pairs, key=lambda row: digits(row["max_scaled"]))
         every = "the one comparison is" if len(pairs) == 1 else f"all {len(pairs)} comparisons are"
         fewest = f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']})"
-        return [f"{listed(engines)} agree: {every} within tolerance, {fewest}.", *_integrated(pairs), *untested]
+        remarks = [*filter(None, [OPEN_TREE.get(least["quantity"])]), *_integrated(pairs), *untested]
+        return [f"{listed(engines)} agree: {every} within tolerance, {fewest}.", *remarks]
     residuals = "its residuals are" if len(engines) == 1 else "their residuals are"
     judged = f"{residuals} within tolerance" if len(results.judge) else "nothing was judged"
     if len(engines) == 1:
