@@ -11,9 +11,8 @@ from typing import Any, TypeVar
 
 import pandas as pd
 
-from screwgauge.judging.conditioning import Guarded, guarded
 from screwgauge.judging.coverage import Coverage
-from screwgauge.judging.refusals import Refusal
+from screwgauge.judging.trust import Guarded, Refusal, guarded
 from screwgauge.models import catalog
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, UnknownNameError

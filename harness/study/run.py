@@ -19,15 +19,12 @@ from screwgauge.casebook.book import suspects
 from screwgauge.engines.chunks import Names, described
 from screwgauge.engines.registry import ENGINES, check_engines, get_engine
 from screwgauge.environment import environment
-from screwgauge.judging.assembly import assembly_of
-from screwgauge.judging.charts import in_one_chart
+from screwgauge.judging.assembly_modes import assembly_of, in_one_chart
 from screwgauge.judging.compare import compare, nothing
-from screwgauge.judging.conditioning import passed
 from screwgauge.judging.coverage import coverage
-from screwgauge.judging.integration import LOOSER, with_estimate
 from screwgauge.judging.judge import judge
-from screwgauge.judging.refusals import Refusal, refusals
 from screwgauge.judging.residual import JUDGE_COLUMNS, PAIR_COLUMNS, SizedResidual, frame
+from screwgauge.judging.trust import LOOSER, Refusal, passed, refusals, with_estimate
 from screwgauge.problem import Report, silent
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
 from screwgauge.reference.equations.kinematics import pose

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.engines.chunks import Names, assemble, component_names, stages
-from screwgauge.engines.estimate import Part, Trust, examined
+from screwgauge.engines.error_estimate import Part, Trust, examined
 from screwgauge.engines.tree.applied_forces import applied_wrenches
 from screwgauge.engines.tree.closed_forces import closed_forces
 from screwgauge.engines.tree.closed_tree import Charts, ClosedTree

@@ -17,8 +17,8 @@ from typing import Self
 import numpy as np
 
 from screwgauge.judging.judge import judge
-from screwgauge.judging.refusals import refusals
 from screwgauge.judging.residual import Residual
+from screwgauge.judging.trust import refusals
 from screwgauge.models.generate import write_models
 from screwgauge.models.urdf import loops_of
 from screwgauge.problem import GivenMotion, InitialValue, Integration, ModelFiles, Problem, Progress, quiet

@@ -19,8 +19,8 @@ from screwgauge.engines.registry import ENGINES
 from screwgauge.environment import environment
 from screwgauge.judging.answer import largest
 from screwgauge.judging.compare import compare
-from screwgauge.judging.conditioning import LIMIT
 from screwgauge.judging.residual import JUDGE, Residual
+from screwgauge.judging.trust import LIMIT
 from screwgauge.models.catalog import description_files
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
