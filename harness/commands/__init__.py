@@ -62,8 +62,7 @@ def models(options: argparse.Namespace) -> int:
 def import_(options: argparse.Namespace) -> int:
     """Writes a URDF or MJCF as a description and a scene, and prints what neither can hold."""
     from screwgauge.diagnosis.order import indexed
-    from screwgauge.models.importing.convert import Wanted
-    from screwgauge.models.importing.model import Options, notes
+    from screwgauge.models.importing.model import Options, Wanted, notes
     from screwgauge.scene.default import write_imported
     from screwgauge.study.loading import import_isolated
 

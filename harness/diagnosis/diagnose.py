@@ -35,7 +35,7 @@ from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
 from screwgauge.diagnosis.together import ELSEWHERE, Together, elsewhere, together
 from screwgauge.diagnosis.verdict import BINDING, RESTATED, SAME, partly, stopped, strange, verdict
 from screwgauge.models.kinematics import draw
-from screwgauge.models.readings.plausible import implausible
+from screwgauge.models.readings.read import implausible
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.urdf import WIDE
 from screwgauge.reference.errors import DescriptionError, OutputError, check_seed

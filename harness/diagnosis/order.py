@@ -13,11 +13,10 @@ from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, weighed
 from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.models.check import expected_reading
-from screwgauge.models.importing.convert import Imported
+from screwgauge.models.importing.model import Imported
 from screwgauge.models.kinematics import draw, plant
-from screwgauge.models.readings.order import by_name, in_file
 from screwgauge.models.readings.reading import Reading
-from screwgauge.models.readings.source import prepare
+from screwgauge.models.readings.source import by_name, in_file, prepare
 from screwgauge.reference.errors import first_few
 from screwgauge.witness.dynamics import inverse_dynamics
 

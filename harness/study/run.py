@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.casebook.book import suspects
-from screwgauge.engines.parts import Names, described
+from screwgauge.engines.chunks import Names, described
 from screwgauge.engines.registry import ENGINES, check_engines, get_engine
 from screwgauge.environment import environment
 from screwgauge.judging.assembly import assembly_of

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from screwgauge.engines.registry import engine_names, get_engine, keep, load_entry, not_loaded
 from screwgauge.models.generate import stem, write_models
-from screwgauge.models.importing.write import description
+from screwgauge.models.importing.model import description
 from screwgauge.problem import ModelFiles, Problem, Progress, Report, quiet, silent
 from screwgauge.reference.files import is_file
 from screwgauge.reference.mechanism import Mechanism

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import ParseError
 import numpy as np
 import pandas as pd
 
-from screwgauge.engines.parts import Names
+from screwgauge.engines.chunks import Names
 from screwgauge.engines.registry import ENGINES, Engine, engine_names, get_engine
 from screwgauge.judging.answer import largest
 from screwgauge.judging.judge import judge

@@ -11,8 +11,8 @@ from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_map
 from screwgauge.diagnosis.pairing.mapping import Pairing
-from screwgauge.models.importing import closing
 from screwgauge.models.importing.assemble import assemble
+from screwgauge.models.importing.homes import Loops as LoopEquations
 from screwgauge.models.importing.homes import some
 from screwgauge.models.kinematics import ReadingTree, draw, near_home, plant, rehomed, size
 from screwgauge.reference.errors import ClosureError
@@ -66,7 +66,7 @@ def at_home(models: tuple[Model, Model]) -> tuple[Model, Model]:
     """
     found, refused = list[Model](), list[ClosureError]()
     for model in models:
-        system = closing.Loops(plant(rehomed(model.reading, model.home)[0]))
+        system = LoopEquations(plant(rehomed(model.reading, model.home)[0]))
         gaps = system.gaps(system.home, HOME)
         try:
             assemble(model.reading, model.label, {}) if gaps else None
@@ -116,6 +116,6 @@ def loops(common: Common, pairing: Pairing, seed: int, deadline: Deadline) -> tu
 
 def _opened(tree: ReadingTree, states: TreeStates) -> str:
     """How far loops are open where they are widest, in words; empty where they are closed at all states."""
-    system = closing.Loops(tree)
+    system = LoopEquations(tree)
     widest = max(states.q, key=lambda q: float(np.abs(system.system(q)[0]).max(initial=0.0)))
     return some(system.gaps(widest, ALIKE))

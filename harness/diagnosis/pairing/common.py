@@ -14,10 +14,8 @@ from screwgauge.diagnosis.transformations import held, ordered, outwards, placed
 from screwgauge.models.formats import adjoint
 from screwgauge.models.kinematics import ReadingTree, downwards, rehomed
 from screwgauge.models.matter import Matter, combined, of_body
-from screwgauge.models.readings.collapse import collapsed
-from screwgauge.models.readings.naming import NUMBERED
-from screwgauge.models.readings.reading import ClosureReading, Reading
-from screwgauge.models.readings.renamed import renamed
+from screwgauge.models.readings.files import NUMBERED
+from screwgauge.models.readings.reading import ClosureReading, Reading, collapsed, renamed
 from screwgauge.reference.rotations import Array, quaternion_rotation
 from screwgauge.witness.tree import TreeStates
 

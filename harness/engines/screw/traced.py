@@ -11,8 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge import __version__
+from screwgauge.engines.chunks import assemble
 from screwgauge.engines.estimate import Part, Trust, vanishing
-from screwgauge.engines.parts import assemble
 from screwgauge.engines.screw.bounds import Bounds, Numbers, examined, roots
 from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.programs import Bound, check_traceable, flat, runner_of
