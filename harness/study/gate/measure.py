@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
@@ -98,13 +98,8 @@ def compared(
     scene = replace(scene, tolerances={**usual, **scene.tolerances})
     results = run(scene, progress=lambda step, share: progress(share, step))
     errors = tuple(_errors(results, given))
-    agree = bool(errors) and all(one.ok for one in errors) and not (results.failures or results.refusals)
-    status: Status = "agree" if agree else "failed" if results.failures else "differ"
-    if agree and all(one.b == JUDGE for one in errors):
-        agree, status = len(results.solutions) == 1, "judged" if len(results.solutions) == 1 else "differ"
-    if agree and results.unread:
-        status = "unread"
-    sentence = settings.tell(results)
+    status = _status(results, errors)
+    agree, sentence = status not in ("failed", "differ"), settings.tell(results)
     if agree and not results.ok:
         sentence = "all is within tolerances that are wider than the usual ones for the reasons given"
     file, line = str(scene.file or ""), 0
@@ -119,6 +114,15 @@ def compared(
     row = GateRow(scene.name, status, sentence, errors, results.coverage.sentence, versions, hashes, file, line)
     read = [str(path) for path in files_of(scene, [*results.solutions, *results.failures])]
     return replace(row, doubts=results.doubts, unread=results.unread, read=read), results
+
+
+def _status(results: Comparison, errors: Sequence[Residual]) -> Status:
+    if results.failures:
+        return "failed"
+    judged = all(one.b == JUDGE for one in errors)
+    if not errors or results.refusals or not all(one.ok for one in errors) or (judged and len(results.solutions) != 1):
+        return "differ"
+    return "unread" if results.unread else "judged" if judged else "agree"
 
 
 def files_of(scene: Scene, engines: Iterable[str] | None = None) -> list[Path]:
@@ -166,24 +170,36 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
     reason = f"from {given[quantity]}" if quantity in given else usual
     solutions = [results.solutions[name] for name in row["of"] if name in results.solutions]
     if quantity in QUANTITIES and tolerance > scene.tolerance(quantity):
-        stated = [f"the error that {one.engine} states" for one in solutions if quantity in one.stated]
-        soft = "softness of constraints" if quantity == "tree_force_soft" else "rounding of its largest summands"
-        grown = ["what integration leaves"] * any(quantity in one.integration for one in solutions)
-        reason += f", {[*stated, *grown, soft][0]}"
+        reason = f"{reason}, {_admitted(quantity, solutions)}"
     if quantity in given or row["max_scaled"] <= tolerance:
         return tolerance, reason
-    for solution in solutions:
-        # a residual is of all that an engine gives
-        of = [name for name in solution.estimate if name == quantity or quantity not in QUANTITIES]
-        estimate, condition = (largest(*(by[name] for name in of)) for by in (solution.estimate, solution.conditions))
-        if tolerance < estimate <= LIMIT:
-            tolerance, reason = estimate, f"rounding times the condition {condition:.1g} of {solution.engine}"
+    tolerance, reason = _conditioned(quantity, solutions, tolerance, reason)
     for solution in solutions:
         model = scene.models.get(solution.engine)
         differences = physical(scene, solution.engine, model) if model else []
         if model and differences and all(each.kind == "digits" for each in differences):
             n = digits_of(read_file(model))
             tolerance, reason = tolerance + DIGITS * 10.0 ** (1 - n), f"{reason}, {n} digits of {model.name}"
+    return tolerance, reason
+
+
+def _admitted(quantity: str, solutions: Sequence[Solution]) -> str:
+    """What makes the tolerance of a quantity wider than that of the scene."""
+    if stated := [one.engine for one in solutions if quantity in one.stated]:
+        return f"the error that {stated[0]} states"
+    if any(quantity in one.integration for one in solutions):
+        return "what integration leaves"
+    return "softness of constraints" if quantity == "tree_force_soft" else "rounding of its largest summands"
+
+
+def _conditioned(quantity: str, solutions: Sequence[Solution], tolerance: float, reason: str) -> tuple[float, str]:
+    """A tolerance and its reason, or the largest error that an engine estimates by its condition, up to `LIMIT`."""
+    for solution in solutions:
+        # a residual is of all that an engine gives
+        of = [name for name in solution.estimate if name == quantity or quantity not in QUANTITIES]
+        estimate, condition = (largest(*(by[name] for name in of)) for by in (solution.estimate, solution.conditions))
+        if tolerance < estimate <= LIMIT:
+            tolerance, reason = estimate, f"rounding times the condition {condition:.1g} of {solution.engine}"
     return tolerance, reason
 
 
