@@ -109,8 +109,8 @@ class Check:
         rows = [{**asdict(row), "ok": row.ok} for row in self.rows]
         for row in rows:  # names of files as they are given are in `files`; where those lie is this machine's own
             del row["read"]
-        said = {"schema": SCHEMA, "ok": self.ok, "smoke": self.smoke, "rows": rows, "baseline": known}
-        return {**said, "unread": [*self.unread]}
+        content = {"schema": SCHEMA, "ok": self.ok, "smoke": self.smoke, "rows": rows, "baseline": known}
+        return {**content, "unread": [*self.unread]}
 
     @property
     def json(self) -> str:
@@ -127,10 +127,10 @@ class Check:
         suite = ET.Element("testsuite", name="screwgauge", tests=str(len(cases)))
         for name, kind in (("failures", "failure"), ("errors", "error")):
             suite.set(name, str(kinds[kind]))
-        for name, seconds, status, said in cases:
+        for name, seconds, status, reason in cases:
             case = ET.SubElement(suite, "testcase", classname="screwgauge", name=printable(name), time=f"{seconds:.3f}")
             if status in _KINDS:
-                ET.SubElement(case, _KINDS[status], message=printable(said))
+                ET.SubElement(case, _KINDS[status], message=printable(reason))
         if self.unread:
             ET.SubElement(suite, "system-out").text = printable(_left_alone(self))
         return ET.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
@@ -278,7 +278,7 @@ def message(row: GateRow) -> str:
     )
 
 
-def told(results: Comparison) -> str:
+def sentence_of(results: Comparison) -> str:
     """The verdict of a comparison."""
     banner = verdict(results)
     return f"{banner.word}: {banner.text}"
@@ -313,12 +313,12 @@ def check_with(
 ) -> Check:
     """What `screwgauge.check` does, wherever scenes are to be checked."""
     requested = items(what)
-    settings = GateSettings(told, smoke, read_tolerances(tolerances))
+    settings = GateSettings(sentence_of, smoke, read_tolerances(tolerances))
     if baseline is not None:
         read_baseline(Path(baseline), smoke, [item.name for item in requested])
     rows = check_items(requested, settings, execute=execute, progress=progress, journal=journal)
-    beside = [name for name in (tolerances, baseline) if isinstance(name, str | Path)]
+    others = [name for name in (tolerances, baseline) if isinstance(name, str | Path)]
     read = [*(name for row in rows for name in row.read), *(name for item in requested for name in item.files)]
-    left = unread(what, [*read, *map(str, beside)])
+    left = unread(what, [*read, *map(str, others)])
     date = datetime.now(UTC).isoformat(timespec="seconds")
     return Check(rows, smoke, None if baseline is None else against(Path(baseline), rows, smoke), left, date)
