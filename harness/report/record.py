@@ -63,7 +63,7 @@ def forces(results: Comparison) -> list[Row]:
             if not np.isfinite(sizes).any():
                 continue
             low, high = int(np.nanargmin(sizes)), int(np.nanargmax(sizes))
-            row = {"of": joint, "what": f"{lead} {KINDS[unit]}", "unit": unit}
+            row: Row = {"of": joint, "what": f"{lead} {KINDS[unit]}", "unit": unit}
             row |= {"min": float(sizes[low]), "t_min": float(results.times[low])}
             row |= {"max": float(sizes[high]), "t_max": float(results.times[high])}
             names = [values.components[i].rpartition(".")[2] for i in columns] if quantity == "reaction" else []

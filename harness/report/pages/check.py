@@ -224,24 +224,24 @@ class _Page(Report):
     """With the files that services for CI read."""
 
     def write(
-        self, found: Check, out: Path, *, junit: Path | None = None, baseline: Path | None = None, **writing: Any
+        self, results: Check, out: Path, *, junit: Path | None = None, baseline: Path | None = None, **writing: Any
     ) -> Path:
         """Writes ``check.json``, the report and ``environment.json``; JUnit and baseline where they are asked for.
 
         The summary of a job is added to the file that ``GITHUB_STEP_SUMMARY`` names.
         """
         if junit is not None:
-            replace_file(junit, stamped(found.junit()))
+            replace_file(junit, stamped(results.junit()))
         if summary := os.environ.get("GITHUB_STEP_SUMMARY"):
             try:
                 with Path(summary).open("a", encoding="utf-8") as file:
-                    file.write(found.markdown())
+                    file.write(results.markdown())
             except OSError as error:
                 what = f"cannot be written ({why(error)})"
                 raise OutputError(what, f"GITHUB_STEP_SUMMARY, {summary}", "unset it, or name a file") from error
-        super().write(found, out, **writing)
+        super().write(results, out, **writing)
         if baseline is not None:
-            found.write_baseline(baseline)
+            results.write_baseline(baseline)
         return out
 
 
