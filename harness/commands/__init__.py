@@ -61,9 +61,8 @@ def models(options: argparse.Namespace) -> int:
 
 def import_(options: argparse.Namespace) -> int:
     """Writes a URDF or MJCF as a description and a scene, and prints what neither can hold."""
-    from screwgauge.diagnosis.order import indexed
-    from screwgauge.models.importing.convert import Wanted
-    from screwgauge.models.importing.model import Options, notes
+    from screwgauge.diagnosis.compare import indexed
+    from screwgauge.models.importing.model import Options, Wanted, notes
     from screwgauge.scene.default import write_imported
     from screwgauge.study.loading import import_isolated
 
@@ -184,8 +183,7 @@ def stress(options: argparse.Namespace) -> int:
 
 def diagnose(options: argparse.Namespace) -> int:
     """Compares two models, and explains and proves their differences."""
-    from screwgauge.diagnosis.diagnose import diagnose
-    from screwgauge.diagnosis.record import summary
+    from screwgauge.diagnosis.diagnose import diagnose, summary
     from screwgauge.environment import json_text
     from screwgauge.report.pages.diagnosis import PAGE, every_difference
     from screwgauge.study.loading import read_isolated, sides

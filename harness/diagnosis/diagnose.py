@@ -1,41 +1,38 @@
-"""Why two models of a machine differ: the whole way from two files to one sentence and its proof."""
+"""Why two models of a machine differ: the way from two files to one sentence and its proof; and as plain data."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from screwgauge.diagnosis.causes.attribution import Attribution, Cause, Torques
 from screwgauge.diagnosis.causes.backfill import Backfill, write_fix
-from screwgauge.diagnosis.causes.explanation import explained
+from screwgauge.diagnosis.causes.explanation import explained, softness
 from screwgauge.diagnosis.causes.fitting import SPEEDS, Growth, growth
-from screwgauge.diagnosis.causes.soft import softness
-from screwgauge.diagnosis.compare import STATES, Row, table, torques
+from screwgauge.diagnosis.compare import STATES, Order, Row, order_of, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
-from screwgauge.diagnosis.differences.change import Difference, applied
 from screwgauge.diagnosis.differences.content import beyond
-from screwgauge.diagnosis.differences.digits import marked
-from screwgauge.diagnosis.differences.loops import COUNTED, Loops, at_home, loops
+from screwgauge.diagnosis.differences.difference import Difference, marked
+from screwgauge.diagnosis.differences.loops import COUNTED, Loops, at_home, cut_joints, loops
 from screwgauge.diagnosis.differences.static import differences, distinct
-from screwgauge.diagnosis.differences.static_loops import cut_joints
-from screwgauge.diagnosis.known import compiled
 from screwgauge.diagnosis.library_dynamics import Witness, witnesses
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Loops as Beside
 from screwgauge.diagnosis.model import Model, Read, Weighed, alike, cut_alike, each_loops, in_process, loaded
-from screwgauge.diagnosis.notes import notes, outside
-from screwgauge.diagnosis.order import Order, between
+from screwgauge.diagnosis.notes import compiled, notes, outside
 from screwgauge.diagnosis.pairing.branches import bare, missing
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
+from screwgauge.diagnosis.properties import applied
 from screwgauge.diagnosis.together import ELSEWHERE, Together, elsewhere, together
 from screwgauge.diagnosis.verdict import BINDING, RESTATED, SAME, partly, stopped, strange, verdict
 from screwgauge.models.kinematics import draw
-from screwgauge.models.readings.plausible import implausible
+from screwgauge.models.readings.read import implausible
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.urdf import WIDE
 from screwgauge.reference.errors import DescriptionError, OutputError, check_seed
@@ -170,7 +167,7 @@ def diagnose(
         found = Diagnosis(one, two, seed, *strange((one, two), pairing), False, pairing, ())
     else:
         found = _compared(one, two, pairing, seed, load, deadline)
-        if order := between((one, two), pairing, seed):
+        if order := order_of((one, two), pairing, seed):
             found = replace(_and(found, order.sentence), order=order)
         if not pairing.one_machine:
             found = replace(found, explanation=f"{partly((one, two), pairing)} {found.explanation}".strip())
@@ -279,3 +276,78 @@ def _of_one_alone(limits: Difference) -> bool:
     """Whether one of the two models has no limits there: model files are written without those of a description."""
     sides = (np.abs(np.asarray(side, float)) for side in (limits.a, limits.b) if side is not None)
     return any(bool(np.all(side >= WIDE)) for side in sides)
+
+
+SCHEMA = 2
+#: What shares of causes are of.
+SCALE = "projection on the torque difference at random states, torques of each unit over the largest of it"
+
+
+def summary(found: Diagnosis) -> dict[str, Any]:
+    """What ``diagnosis.json`` has."""
+    why, proof = found.attribution, found.proof
+    return {
+        "schema": SCHEMA,
+        "date": found.date,
+        "headline": found.headline,
+        "verdict": found.verdict,
+        "same": found.same,
+        "not_all_compared": found.undecided,
+        "not_compared": found.not_compared,
+        "seed": found.seed,
+        "models": {side: _facts(model) for side, model in (("A", found.a), ("B", found.b))},
+        "map": {"joints": found.pairing.joints, "how": found.pairing.how, "bodies": found.pairing.bodies},
+        "missing": {"in_b": found.pairing.only_a, "in_a": found.pairing.only_b},
+        "differences": [_difference(each) for each in found.differences],
+        "causes": [_cause(cause) for cause in found.causes],
+        "dynamics": [asdict(row) for row in found.rows],
+        "loops": found.loops and asdict(found.loops),
+        "order": found.order and asdict(found.order),
+        "growth": found.growth and asdict(found.growth),
+        "attribution": why and _attribution(why),
+        "torque_by_joint": [dict(zip(("component", "before", "after"), each, strict=True)) for each in found.by_joint],
+        "soft_equalities": found.soft and _attribution(found.soft),
+        "backfill": proof and {"on": proof.on, "left": asdict(proof.left), "why_not": proof.why_not},
+        "libraries_together": found.together and asdict(found.together),
+        "libraries": [asdict(witness) for witness in found.witnesses],
+        "matrix": found.matrix and asdict(found.matrix),
+        "notes": found.notes,
+        "doubts": found.doubts,
+        "left_out": found.left_out,
+    }
+
+
+def _facts(model: Model) -> dict[str, Any]:
+    return {
+        "file": model.label,
+        "library": model.library,
+        "sha256": model.sha256,
+        "loops": model.loops and {"file": str(model.loops), "sha256": model.loops_sha256},
+        "digits": model.digits,
+        "joints": len(model.reading.joints),
+        "bodies": len(model.reading.bodies),
+        "mass": model.reading.mass,
+        "ignored": model.reading.ignored,
+    }
+
+
+def _attribution(why: Attribution) -> dict[str, Any]:
+    return {
+        "before": asdict(why.before),
+        "left": asdict(why.left),
+        "share": why.share,
+        "scale": SCALE,
+        "causes": [_cause(cause) for cause in why.causes],
+    }
+
+
+def _cause(cause: Cause) -> dict[str, Any]:
+    """`differences` are numbers of those in the list of all."""
+    names = ("name", "sentence", "short", "kind", "share", "of_rest", "differences", "slips")
+    return {name: getattr(cause, name) for name in names}
+
+
+def _difference(each: Difference) -> dict[str, Any]:
+    plain = {key: getattr(each, key) for key in ("item_a", "item_b", "what", "unit", "size", "kind", "sentence")}
+    a, b = each.whole or (each.a, each.b)
+    return {**plain, "a": a, "b": b}

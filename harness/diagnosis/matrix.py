@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.differences.static import differences, distinct, sorted_by_size
 from screwgauge.diagnosis.differences.words import with_sides
 from screwgauge.diagnosis.library_dynamics import Witness, witnesses

@@ -8,31 +8,29 @@ from collections.abc import Iterable, Iterator, Sequence
 from screwgauge.diagnosis.causes.attribution import Attribution, Cause, Largest
 from screwgauge.diagnosis.causes.backfill import Backfill
 from screwgauge.diagnosis.causes.explanation import Explanation
-from screwgauge.diagnosis.differences.change import Difference
 from screwgauge.diagnosis.differences.content import Beyond
+from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.differences.loops import ALIKE, Loops
 from screwgauge.diagnosis.differences.static import distinct
-from screwgauge.diagnosis.known import does_not_use, one_file, unused
 from screwgauge.diagnosis.library_dynamics import Witness
 from screwgauge.diagnosis.model import Model
+from screwgauge.diagnosis.notes import does_not_use, one_file, unused
 from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.diagnosis.properties import CLOSING, PARTS
 from screwgauge.diagnosis.together import Together
 from screwgauge.models.content import kinds
 from screwgauge.reference.errors import first_few
 
 #: Scaled torques that differ by no more are the same, whatever the readers' rounding.
 SAME = 1e-11
-#: Of closures and couplings, which hold a tree together and are not in its own torques.
-BINDING = {"closure", "first_frame", "second_frame", "coupling", "polynomial", "leading joint"}
-CLOSING = {*BINDING, "softness"}
-#: Of them, what two models may state in different ways: a hinge by two points or, in a plane, by one.
+#: Of closures and couplings, what says which motions they leave.
+BINDING = CLOSING - {"softness"}
+#: Of that, what two models may state in different ways: a hinge by two points or, in a plane, by one.
 RESTATED = {"closure"}
 #: What is in the libraries' own torques alone.
 APART = {"medium", *kinds()}
 #: Content that acts by friction, stops or contacts, which all torques leave out.
 RESISTING = {"fixed tendons", "range of rotation", "softness of stops", "softness of friction", "contact pairs"}
-#: Of parts that one model alone has, without which torques are compared.
-MISSING = {"branch", "link", "kind", "body"}
 #: Quantity whose velocity products a library has wrong -> case of the casebook.
 CASES = {"Jdot v": "mj-jdotv-before-3.7", "acceleration": "spatial-or-classical"}
 #: Words of a headline at most.
@@ -219,7 +217,7 @@ def _explains(found: Sequence[Difference], of: Explanation, both: Together | Non
     many = sum({*cause.differences} & {*why.seen} != set() for cause in why.causes) > 1
     share = 1.0 if proof is not None and proof.agrees else why.share
     explains = f"{'Together they explain' if many else 'It explains'} {_percent(share)} of the torque difference"
-    beside = distinct(each for i, each in enumerate(found) if i not in why.seen and each.what not in MISSING)
+    beside = distinct(each for i, each in enumerate(found) if i not in why.seen and each.what not in PARTS)
     apart = sum(each.what in APART for each in beside)
     others, more = len(beside) - apart, list[str]()
     if others:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.judging.answer import largest
-from screwgauge.judging.assembly import assembly_of
+from screwgauge.judging.assembly_modes import assembly_of
 from screwgauge.judging.identifiability import (
     BRACKET,
     Accelerations,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from screwgauge.judging.integration import WITHIN
+from screwgauge.judging.trust import WITHIN
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import first_few
 from screwgauge.report.blocks import Banner, Status

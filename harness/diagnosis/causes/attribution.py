@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from screwgauge.diagnosis.causes.edits import Edit, Value
 from screwgauge.diagnosis.causes.grouping import SEVERAL, Group, titled, together
-from screwgauge.diagnosis.causes.slips import Edit, Value
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.differences.change import Change, Difference, applied
+from screwgauge.diagnosis.differences.difference import Difference
+from screwgauge.diagnosis.properties import CLOSING, PARTS, Change, applied
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array
@@ -26,10 +27,7 @@ SMALL = 1e-2
 #: Where no more than this share is left when the first cause is put right, the others are weighed against that.
 REST = 1e-3
 #: What no torque shows and still is no detail: of closures and couplings, of what is there at all, of the medium.
-WEIGHTY = {
-    *("closure", "first_frame", "second_frame", "coupling", "polynomial", "leading joint", "softness"),
-    *("branch", "link", "kind", "body", "medium", "gravity"),
-}
+WEIGHTY = {*CLOSING, *PARTS, "medium", "gravity"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

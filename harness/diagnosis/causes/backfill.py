@@ -15,10 +15,10 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from screwgauge.diagnosis.causes.attribution import ROUNDING, Largest, Torques, largest
-from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, applied
-from screwgauge.diagnosis.differences.digits import speller
+from screwgauge.diagnosis.differences.difference import speller
 from screwgauge.diagnosis.files.patch import patched
-from screwgauge.diagnosis.known import unheard
+from screwgauge.diagnosis.notes import unheard
+from screwgauge.diagnosis.properties import INERTIAL, OPTIONAL, PASSIVE, PROPERTIES, ROOMS, Change, applied
 from screwgauge.models.content import FORMATS
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import prepare
@@ -28,8 +28,7 @@ from screwgauge.reference.files import is_file, read_file, replace_file, stamped
 #: A file that is read again leaves at most so much, scaled: numbers of 17 digits, MuJoCo's principal axes.
 RELOADED = 10 * ROUNDING
 #: Properties that a file says in the same numbers, wherever its loops are cut; and why others are not written.
-PASSIVE = ("armature", "damping", "friction", "stiffness")
-KEPT = {"mass", "com", "inertia", "gravcomp", *PASSIVE, "rest", "limits", "gravity", "medium"}
+KEPT = {*INERTIAL, *OPTIONAL, "limits"}
 RECUT = "loops of B are cut elsewhere than in its file, in other numbers"
 #: Files that an MJCF includes or attaches.
 _NAMED = r"<(include|model)\s[^>]*file\s*=\s*[\"']([^\"']*)[\"']"
@@ -124,7 +123,7 @@ def _stands(change: Change, b: Reading, written: Reading) -> bool:
 
 def _kept(part: Any) -> list[Any]:
     """Values of a body or joint that do not depend on where loops are cut, as long as it is the same one."""
-    names = ("mass", "com", "inertia", "gravcomp") if hasattr(part, "mass") else ("home", "limits", *PASSIVE, "rest")
+    names = (*INERTIAL, "gravcomp") if hasattr(part, "mass") else ("home", "limits", *PASSIVE, "rest")
     return [getattr(part, name) for name in names]
 
 

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from screwgauge.diagnosis.causes.attribution import ROUNDING, size
-from screwgauge.diagnosis.causes.slips import word
-from screwgauge.diagnosis.differences.change import Change, applied
+from screwgauge.diagnosis.properties import INERTIAL, PASSIVE, Change, applied, word
 from screwgauge.diagnosis.transformations import axis
 from screwgauge.models.formats import TENSOR
 from screwgauge.models.kinematics import downwards, plant
@@ -75,8 +74,6 @@ def growth(said: Sequence[Array], ours: Sequence[Array]) -> Growth | None:
 
 #: A fit explains as much as another one if it leaves no more than this share of the difference beside it.
 ALIKE = 1e-6
-#: Entries of joints that are one number each.
-PASSIVE = ("armature", "damping", "friction", "stiffness")
 #: Step of derivatives by central differences, of a number's own size: leaves about 1e-10 of them.
 STEP = 1e-6
 #: Fits that are refined, and by how many steps of Gauss and Newton at most.
@@ -124,7 +121,7 @@ def families(reading: Reading) -> Iterator[Family]:
     """All that are tried, by body, by joint, and of the whole."""
     masses = {name: body for name, body in reading.bodies.items() if body.mass > 0.0}
     for name in masses:
-        for what in ("mass", "com", "inertia"):
+        for what in INERTIAL:
             yield _of_body(reading, name, what)
     for name, joint in reading.joints.items():
         if FREEDOMS[joint.kind] == 1:

@@ -10,34 +10,18 @@ from functools import reduce
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.slips import INERTIAL, UNITS, Edit, Files, word
-from screwgauge.diagnosis.differences.change import Difference, applied
-from screwgauge.diagnosis.differences.digits import rounded
-from screwgauge.diagnosis.files.opened import Opened
+from screwgauge.diagnosis.causes.edits import Edit, Files
+from screwgauge.diagnosis.differences.difference import Difference, rounded
+from screwgauge.diagnosis.files.patch import Opened
+from screwgauge.diagnosis.properties import BODIES, INERTIAL, JOINTS, PLACES, PROPERTIES, applied, word, words
 from screwgauge.models.content import kinds
 from screwgauge.models.matter import Matter, combined, of_body, steps_of
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import first_few
 
-#: Properties that one factor may change in many places, and how these are called.
-SCALED = {
-    **dict.fromkeys(("mass", "inertia", "gravcomp"), ("body", "bodies")),
-    **dict.fromkeys(("armature", "damping", "friction", "stiffness"), ("joint", "joints")),
-    "gear": ("motor", "motors"),
-}
-PLURALS = {
-    "mass": "masses",
-    "inertia": "inertias",
-    "com": "centres of mass",
-    "stiffness": "stiffnesses",
-    "gear": "gears",
-    "branch": "subtrees",
-    "link": "links",
-    "kind": "kinds of joints",
-}
-#: Where a joint is and how it counts.
-PLACES = ("placement", "axis", "centre", "sign", "zero")
-BODIES, JOINTS = "mass properties of bodies", "places of joints"
+#: What has a property that one factor may change in many places, in the singular and the plural.
+OWNERS = {"body": ("body", "bodies"), "joint": ("joint", "joints"), "actuator": ("motor", "motors")}
+SCALED = {name: OWNERS[each.owner] for name, each in PROPERTIES.items() if each.scales}
 #: From how many places on a factor, or what has no relation, is one row; and how far each may be from it, relative.
 SEVERAL, FACTOR = 3, 1e-5
 #: What a factor or a swap leaves of a difference.
@@ -186,7 +170,7 @@ class Grouping:
             ones = [self._first(member) for member in members]
             how = _factor(ones[0])
             assert how is not None
-            return self._of_factor(ones, *how, PLURALS.get(ones[0].what, word(ones[0].what)), members)
+            return self._of_factor(ones, *how, words(ones[0].what), members)
 
         return _merged(groups, key, told, SEVERAL)
 
@@ -199,7 +183,7 @@ class Grouping:
         all_ = len(b.joints if one == "joint" else b.actuators if one == "motor" else solid)
         who = f"all {len(ones)} {many}" if len(ones) >= all_ else f"{len(ones)} of {all_} {many}"
         names = first_few([_item(each) for each in ones], _NAMED)
-        unit = UNITS.get(what, {}).get(value, "")
+        unit = PROPERTIES[what].units.get(value, "")
         percent = f"{100.0 * (value - 1.0):+.2f} %" if 0.0 < value < 10.0 else f"x {value:g}"
         meant = f", as if written {unit}" if unit else ""
         said = (
@@ -261,7 +245,7 @@ class Grouping:
             members = self._heaviest(members)
             one = self._first(members[0])
             sentence = f"{self._names(members)}, each: {_words(one)}"
-            noun = f"{PLURALS.get(one.what, word(one.what))} in {len(members)} places"
+            noun = f"{words(one.what)} in {len(members)} places"
             return Group(noun, sentence, _numbers(members), sentence, members[0].family)
 
         return _merged(groups, key, told)
@@ -330,9 +314,7 @@ def titled(one: Difference) -> str:
 
 def family(one: Difference) -> str:
     """What it is a property of, in the plural."""
-    if one.what in INERTIAL or one.what in PLACES:
-        return BODIES if one.what in INERTIAL else JOINTS
-    return PLURALS.get(one.what, word(one.what))
+    return (PROPERTIES[one.what].row if one.what in PROPERTIES else "") or words(one.what)
 
 
 def _merged(

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import Change, Difference
+from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.pairing.mapping import AGAINST_NAME, CLOSE, Pairing, joints_before
+from screwgauge.diagnosis.properties import Change
 from screwgauge.diagnosis.transformations import outwards, spliced, without
 from screwgauge.models.kinematics import moved
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading

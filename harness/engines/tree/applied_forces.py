@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from screwgauge.engines.tree.closed import ClosedTree
+from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.cut_joints import SURE, read_chart
 from screwgauge.engines.tree.protocol import BodyAt, BodyPoses, OpenTree
 from screwgauge.reference.applied import Applied, JointSpring, PointSpring

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.diagnosis.compare import STATES
-from screwgauge.diagnosis.diagnose import Diagnosis
-from screwgauge.diagnosis.differences.change import Difference
+from screwgauge.diagnosis.diagnose import Diagnosis, summary
+from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.differences.static import sorted_by_size
 from screwgauge.diagnosis.model import Model
-from screwgauge.diagnosis.record import summary
 from screwgauge.report.blocks import Banner, Block, Heading, Items
 from screwgauge.report.figures.diagnosis import make_plots, share_text
 from screwgauge.report.formatting import Row, number, size, unit_text
