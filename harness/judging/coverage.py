@@ -183,7 +183,9 @@ class _Parts:
         self.wanted, self.n, self.scales = problem.wanted, len(q), natural_scales(mechanism)
         any_rows = _any_poses(q[:, mechanism.independent_columns])
         shaken = _shaken(mechanism, motion.part(any_rows))
-        t, y, yd, ydd = (np.concatenate([getattr(m, x) for m in (motion, shaken)]) for x in ("t", "y", "yd", "ydd"))
+        t, y, yd, ydd = (
+            np.concatenate([getattr(motion, name), getattr(shaken, name)]) for name in ("t", "y", "yd", "ydd")
+        )
         both = GivenMotion(t, y, yd, ydd)
         now = covered_motion(mechanism, problem, both, np.concatenate([q, q[any_rows]]))
         self.whole = _by_unit(now.accelerations, mechanism.units)
