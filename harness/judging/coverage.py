@@ -16,7 +16,7 @@ from screwgauge.judging.answer import largest
 from screwgauge.judging.assembly_modes import assembly_of
 from screwgauge.judging.identifiability import (
     BRACKET,
-    Accelerations,
+    CoveredAccelerations,
     CoveredMotion,
     compared_forces,
     covered_motion,
@@ -42,7 +42,7 @@ NOTHING = 1e-9
 #: Share of inertia in the forces below which a motion tests statics.
 STATICS = 0.01
 #: How terms are called that vanish.
-_SAID = {
+_NAMES = {
     "gravity": "gravity",
     "inertial": "inertial forces",
     "gyroscopic": "gyroscopic moments",
@@ -75,12 +75,12 @@ class Coverage:
 
     @property
     def absent(self) -> list[str]:
-        """Kinds of terms that vanish in all that is compared; nothing is said of those that the scene has not."""
+        """Kinds of terms that vanish in all that is compared; those that the scene has not are left out."""
         there = {row["term"] for row in self.shares if row["share"]}
         lost = dict.fromkeys(row["term"] for row in self.shares if row["term"] not in there)
         products = [term for term in BRACKET[1:] if term in lost and "bracket" not in lost]
         part = [f"{' and '.join(products)} of the Lie bracket"] if products else []
-        return [said for term, said in _SAID.items() if term in lost] + part
+        return [name for term, name in _NAMES.items() if term in lost] + part
 
     @property
     def inertia(self) -> tuple[str, float] | None:
@@ -95,16 +95,16 @@ class Coverage:
     @property
     def poor(self) -> str:
         """What the motion does not test, in a sentence or two; empty if nothing is known to be left out."""
-        said = list[str]()
+        sentences = list[str]()
         if self.inertia and self.inertia[1] < STATICS:
             name, share = self.inertia
-            said.append(f"Inertia is {100.0 * share:.2g} % of {name}: this motion tests statics.")
+            sentences.append(f"Inertia is {100.0 * share:.2g} % of {name}: this motion tests statics.")
         if names := self.untested:
             rest = "" if len(names) == 1 else f" and {len(names) - 1} other{'s' * (len(names) > 2)}"
             names = [f"{names[0]}{rest}"]
         if names or self.absent:
-            said.append(f"Not tested here: {', '.join([*names, *self.absent])}.")
-        return " ".join(said)
+            sentences.append(f"Not tested here: {', '.join([*names, *self.absent])}.")
+        return " ".join(sentences)
 
     @property
     def sentence(self) -> str:
@@ -128,7 +128,7 @@ def coverage(
     """What a given motion can see of mistakes, in the quantities that it asks for.
 
     Args:
-        solutions: Of which the first that says its joint coordinates gives the poses.
+        solutions: Of which the first that has its joint coordinates gives the poses.
         counted: Which reactions are determined.
         tolerance_of: Quantity -> scaled error up to which two engines agree.
     """
@@ -167,7 +167,7 @@ def _motions(now: CoveredMotion) -> Iterator[Row]:
                 yield _share(quantity, unit, term, largest(lost[term][quantity, unit]) / size)
 
 
-def _by_unit(of: Accelerations, units: Sequence[str]) -> dict[tuple[str, str], Array]:
+def _by_unit(of: CoveredAccelerations, units: Sequence[str]) -> dict[tuple[str, str], Array]:
     """(quantity, unit) -> values."""
     has = np.array(units)
     return {
