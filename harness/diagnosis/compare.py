@@ -15,11 +15,10 @@ from screwgauge.diagnosis.pairing.common import STANDARD, Common, brought, state
 from screwgauge.diagnosis.pairing.mapping import Pairing
 from screwgauge.diagnosis.properties import INERTIAL
 from screwgauge.models.check import expected_reading
-from screwgauge.models.importing.convert import Imported
+from screwgauge.models.importing.model import Imported
 from screwgauge.models.kinematics import ReadingTree, draw, plant
-from screwgauge.models.readings.order import by_name, in_file
 from screwgauge.models.readings.reading import Reading
-from screwgauge.models.readings.source import prepare
+from screwgauge.models.readings.source import by_name, in_file, prepare
 from screwgauge.reference.errors import ScrewgaugeError, first_few
 from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import closure_rows

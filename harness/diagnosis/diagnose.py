@@ -17,11 +17,9 @@ from screwgauge.diagnosis.causes.fitting import SPEEDS, Growth, growth
 from screwgauge.diagnosis.compare import STATES, Order, Row, at_speeds, order_of, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.differences.content import beyond
-from screwgauge.diagnosis.differences.difference import Difference
-from screwgauge.diagnosis.differences.digits import marked
-from screwgauge.diagnosis.differences.loops import COUNTED, Loops, at_home, loops
+from screwgauge.diagnosis.differences.difference import Difference, marked
+from screwgauge.diagnosis.differences.loops import COUNTED, Loops, at_home, cut_joints, loops
 from screwgauge.diagnosis.differences.static import differences, distinct
-from screwgauge.diagnosis.differences.static_loops import cut_joints
 from screwgauge.diagnosis.library_dynamics import Witness, witnesses
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Loops as Beside
@@ -34,7 +32,7 @@ from screwgauge.diagnosis.properties import applied
 from screwgauge.diagnosis.together import ELSEWHERE, Together, elsewhere, together
 from screwgauge.diagnosis.verdict import BINDING, RESTATED, SAME, partly, stopped, strange, verdict
 from screwgauge.models.kinematics import draw
-from screwgauge.models.readings.plausible import implausible
+from screwgauge.models.readings.read import implausible
 from screwgauge.models.urdf import WIDE
 from screwgauge.reference.errors import DescriptionError, OutputError, check_seed
 

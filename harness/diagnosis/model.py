@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from screwgauge.diagnosis.differences.digits import ALL, digits_of
+from screwgauge.diagnosis.differences.difference import ALL, digits_of
 from screwgauge.diagnosis.machine.alignment import matched, standing
 from screwgauge.diagnosis.machine.cutting import Cut, cuts, recut
 from screwgauge.diagnosis.pairing.common import STANDARD

@@ -5,7 +5,7 @@ from __future__ import annotations
 from screwgauge.diagnosis.compare import STATES
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.diagnose import summary
-from screwgauge.diagnosis.differences.digits import ALL, digits_of, marked
+from screwgauge.diagnosis.differences.difference import ALL, digits_of, marked
 from screwgauge.diagnosis.differences.static import differences
 from screwgauge.diagnosis.library_dynamics import answers, pairs
 from screwgauge.diagnosis.model import Model, in_process

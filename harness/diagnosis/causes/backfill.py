@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from screwgauge.diagnosis.causes.attribution import ROUNDING, Largest, Torques, largest
-from screwgauge.diagnosis.differences.digits import speller
+from screwgauge.diagnosis.differences.difference import speller
 from screwgauge.diagnosis.files.patch import patched
 from screwgauge.diagnosis.notes import unheard
 from screwgauge.diagnosis.properties import INERTIAL, OPTIONAL, PASSIVE, PROPERTIES, ROOMS, Change, applied

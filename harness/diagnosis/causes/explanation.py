@@ -18,8 +18,7 @@ from screwgauge.diagnosis.compare import components
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.files.layout import UnpatchableError
-from screwgauge.diagnosis.files.opened import Opened, opened
-from screwgauge.diagnosis.files.patch import patched
+from screwgauge.diagnosis.files.patch import Opened, opened, patched
 from screwgauge.diagnosis.library_dynamics import ASKED, CLOSING, joint_states
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import counterpart, states_of_b, velocity_map

@@ -11,9 +11,8 @@ from functools import reduce
 import numpy as np
 
 from screwgauge.diagnosis.causes.edits import Edit, Files
-from screwgauge.diagnosis.differences.difference import Difference
-from screwgauge.diagnosis.differences.digits import rounded
-from screwgauge.diagnosis.files.opened import Opened
+from screwgauge.diagnosis.differences.difference import Difference, rounded
+from screwgauge.diagnosis.files.patch import Opened
 from screwgauge.diagnosis.properties import BODIES, INERTIAL, JOINTS, PLACES, PROPERTIES, applied, word, words
 from screwgauge.models.content import kinds
 from screwgauge.models.matter import Matter, combined, of_body, steps_of

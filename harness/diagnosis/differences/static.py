@@ -11,7 +11,7 @@ import numpy as np
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.difference import Difference, Kind, another, differ, difference, only
 from screwgauge.diagnosis.differences.geometry import Deviation, deviations, step_of
-from screwgauge.diagnosis.differences.static_loops import actuators, closures, couplings
+from screwgauge.diagnosis.differences.loops import actuators, closures, couplings
 from screwgauge.diagnosis.differences.words import axes_of, compared, each_in_its_own, in_axes, place
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common
 from screwgauge.diagnosis.pairing.mapping import CLOSE

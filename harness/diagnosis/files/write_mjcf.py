@@ -7,9 +7,8 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from screwgauge.diagnosis.files.layout import Link, UnpatchableError, compilers, mjcf_links, mjcf_pose
+from screwgauge.diagnosis.files.layout import Element, Link, UnpatchableError, XmlText, compilers, mjcf_links, mjcf_pose
 from screwgauge.diagnosis.files.write_urdf import SAME
-from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.diagnosis.properties import attributes
 from screwgauge.models.formats import number_text, quaternion, vector_text
 from screwgauge.models.matter import Matter, relative

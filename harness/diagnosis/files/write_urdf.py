@@ -6,8 +6,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from screwgauge.diagnosis.files.layout import Link, UnpatchableError, origin, urdf_links
-from screwgauge.diagnosis.files.xml_text import Element, XmlText
+from screwgauge.diagnosis.files.layout import Element, Link, UnpatchableError, XmlText, origin, urdf_links
 from screwgauge.diagnosis.properties import attributes
 from screwgauge.models.formats import number_text, rpy, vector_text
 from screwgauge.models.matter import Matter

@@ -12,17 +12,15 @@ from xml.etree import ElementTree as ET
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco import curvature
-from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.mujoco.settings import EXACT, MujocoSettings, refine
-from screwgauge.engines.mujoco.steps import MujocoStepper, joint_spring, sprung_model
+from screwgauge.engines.mujoco.dynamics import MujocoMover, MujocoSettings, MujocoStepper, joint_spring, sprung_model
+from screwgauge.engines.mujoco.equality_constraints import EXACT, curvature_notes, refine
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
 from screwgauge.engines.tree.applied_forces import TreeForces, spring_pull
-from screwgauge.engines.tree.closed import ClosedTree, close_tree
+from screwgauge.engines.tree.closed_tree import ClosedTree, close_tree
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations, TreeDynamics
 from screwgauge.models.mjcf import stood_in
-from screwgauge.models.readings.compiler import warned
+from screwgauge.models.readings.compiled import warned
 from screwgauge.problem import InitialValue, ModelFiles, Problem, Progress, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.applied import JointSpring
@@ -42,7 +40,7 @@ def load(files: ModelFiles, **settings: Any) -> MujocoModel:
 
 
 class MujocoModel(TreeModel):
-    """A tree whose engine warns, and whose file says some moments of inertia otherwise."""
+    """A tree whose engine warns, and whose file has small moments of inertia in place of zeros."""
 
     def __init__(self, closed: ClosedTree, dynamics: MujocoDynamics) -> None:
         super().__init__(closed, dynamics)
@@ -51,11 +49,11 @@ class MujocoModel(TreeModel):
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         with warned() as warnings:
             solution = super().solve(problem, progress)
-        said = tuple(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
+        warned_of = tuple(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
         steps = self.dynamics is not None and self.dynamics.dt is not None
-        curves = curvature.said(self.closed.tree.couplings, problem, own_steps=steps)
-        noted = (*solution.notes, *stood_in(self.thin), *curves, *said)
-        return replace(solution, notes=noted, warnings=said)
+        curves = curvature_notes(self.closed.tree.couplings, problem, own_steps=steps)
+        noted = (*solution.notes, *stood_in(self.thin), *curves, *warned_of)
+        return replace(solution, notes=noted, warnings=warned_of)
 
 
 class MujocoDynamics(TreeDynamics):
@@ -77,7 +75,7 @@ class MujocoDynamics(TreeDynamics):
 
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> MujocoStepper:
         applied = problem.applied
-        TreeForces(closed, applied, task.start)  # says which names are wrong before MuJoCo does
+        TreeForces(closed, applied, task.start)  # refuses wrong names before MuJoCo does
         sprung = sprung_model(self.mjcf, applied, self.tree)
         held = TreeForces(closed, sprung.left, task.start)
         return MujocoStepper(sprung, self.tree, applied, held, self.settings)

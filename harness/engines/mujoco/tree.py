@@ -1,20 +1,18 @@
 """MuJoCo on an MJCF: its open tree.
 
 MuJoCo's names, orders and frames stay in this folder. Spatial quantities are [angular; linear]; accelerations
-contain minus gravity; forces between bodies (cfrc_int) are taken about the centre of mass of the whole tree.
-"""
+contain minus gravity; forces between bodies (cfrc_int) are taken about the centre of mass of the whole tree."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.block import DataBlock
-from screwgauge.engines.mujoco.curvature import curvature
-from screwgauge.engines.mujoco.settings import EQUALITY
+from screwgauge.engines.mujoco.equality_constraints import DISABLED, VELOCITY_STAGE, curvature
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
 from screwgauge.models.layout import Closure
 from screwgauge.models.mjcf import LEAST, POWERS, without_stand_ins
@@ -26,8 +24,40 @@ from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import Frame
 from screwgauge.reference.rotations import Array, cross, times
 
+
+class DataBlock:
+    """Arrays that lie near each other in one buffer, with what is between.
+
+    Attributes:
+        block: From the first of them to the end of the last. Shape (size,).
+    """
+
+    def __init__(self, *arrays: Array) -> None:
+        begin = [array.__array_interface__["data"][0] // 8 for array in arrays]
+        first = arrays[int(np.argmin(begin))]
+        self.spans = [(at - min(begin), array.shape) for at, array in zip(begin, arrays, strict=True)]
+        size = max(at + array.size for (at, _), array in zip(self.spans, arrays, strict=True))
+        self.block = np.lib.stride_tricks.as_strided(first, (size,), (8,))
+
+    def rows(self, n: int) -> Array:
+        """Room for as many samples of it. Shape (n, size)."""
+        return np.empty((n, len(self.block)))
+
+    def parts(self, rows: Array) -> Iterator[Array]:
+        """The arrays of such samples, as views. Shape (n, ...) each."""
+        for at, shape in self.spans:
+            yield rows[:, at : at + math.prod(shape)].reshape(len(rows), *shape)
+
+    def filled(self, *values: Array) -> Array:
+        """Samples of the given arrays. Shape (n, ...) each -> (n, size)."""
+        rows = self.rows(len(values[0]))
+        rows[:] = self.block
+        for part, value in zip(self.parts(rows), values, strict=True):
+            part[:] = value
+        return rows
+
+
 _SITE = mujoco.mjtObj.mjOBJ_SITE
-_VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
 _CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
 
@@ -83,7 +113,7 @@ class MujocoTree(OpenTree):
         """Refuses motors, where the file has any, that are not those of the description."""
         wanted = {joint.coordinates[0] for joint in file.joints if joint.actuated}
         joint = int(mujoco.mjtTrn.mjTRN_JOINT)
-        for k in range(self.model.nu if wanted <= set(self.coordinates) else 0):  # a missing joint is said elsewhere
+        for k in range(self.model.nu if wanted <= set(self.coordinates) else 0):  # see `check_names`
             plain = self.model.actuator_gear[k, 0] == 1.0 and not self.model.actuator_biastype[k]
             on = self.model.actuator_trnid[k, 0] if self.model.actuator_trntype[k] == joint else -1
             if on < 0 or self.model.joint(on).name not in wanted or not plain:
@@ -95,9 +125,9 @@ class MujocoTree(OpenTree):
 
     def _closures(self, file: LoopsFile) -> tuple[Closure, ...]:
         """Closures as the equality constraints of the file have them, from its sites."""
-        found: dict[str, list[tuple[int, int]]] = {}
+        pairs_of: dict[str, list[tuple[int, int]]] = {}
         kinds: dict[str, int] = {}
-        disabled = bool(self.model.opt.disableflags & (EQUALITY | _CONSTRAINT))
+        disabled = bool(self.model.opt.disableflags & (DISABLED | _CONSTRAINT))
         for e in range(self.model.neq):
             if disabled or not self.model.eq_active0[e]:
                 raise ModelFileError(
@@ -110,10 +140,10 @@ class MujocoTree(OpenTree):
                 raise ModelFileError("an equality constraint joins no sites", where, "use site1, site2")
             sites = int(self.model.eq_obj1id[e]), int(self.model.eq_obj2id[e])
             joint = self.model.site(sites[0]).name.split("@")[0]
-            found.setdefault(joint, []).append(sites)
+            pairs_of.setdefault(joint, []).append(sites)
             kinds[joint] = int(self.model.eq_type[e])
         joints = {joint.name: joint for joint in file.joints}
-        closures = [self._closure(joint, pairs, kinds[joint]) for joint, pairs in found.items()]
+        closures = [self._closure(joint, pairs, kinds[joint]) for joint, pairs in pairs_of.items()]
         return tuple(c.facing(joints[c.joint]) if c.joint in joints else c for c in closures)
 
     def _couplings(self, file: LoopsFile) -> tuple[Coupling, ...]:
@@ -121,14 +151,14 @@ class MujocoTree(OpenTree):
         where = f"MJCF of {file.mechanism}"
         model = self.model
         rows = [i for i in range(model.neq) if model.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT]
-        found = {model.equality(i).name: joint_equality(model, i) for i in rows}
+        equalities = {model.equality(i).name: joint_equality(model, i) for i in rows}
         for coupling in file.couplings:
-            if coupling.name not in found and len(coupling.polynomial) > POWERS:
+            if coupling.name not in equalities and len(coupling.polynomial) > POWERS:
                 what = f"lacks coupling '{coupling.name}': MuJoCo has no powers above {POWERS - 1}"
                 raise ModelFileError(what, where, "run other engines")
         return tuple(
             Coupling(name, one.joint, one.of, one.polynomial, f"{where}, joint equality '{name}'")
-            for name, one in found.items()
+            for name, one in equalities.items()
         )
 
     def _closure(self, joint: str, pairs: list[tuple[int, int]], kind: int) -> Closure:
@@ -149,7 +179,7 @@ class MujocoTree(OpenTree):
         """Goes through the samples after `mj_inverse` on each, without equality constraints unless `soft`; these are
         completed where MuJoCo takes a coupling for a straight line."""
         model, data, flags = self.model, self.data, self.model.opt.disableflags
-        model.opt.disableflags = flags & ~EQUALITY if soft else flags | EQUALITY
+        model.opt.disableflags = flags & ~DISABLED if soft else flags | DISABLED
         state, qacc, bent = self.state.block, data.qacc, soft and self.curvature.ids  # views are slow to get
         data.xfrc_applied[:] = 0.0
         for i, (x, xdd) in enumerate(zip(self.state.filled(q, v), a, strict=True)):
@@ -157,18 +187,18 @@ class MujocoTree(OpenTree):
             mujoco.mj_inverse(model, data)
             if bent:
                 self.curvature.complete(data)
-                mujoco.mj_inverseSkip(model, data, _VEL, 1)
+                mujoco.mj_inverseSkip(model, data, VELOCITY_STAGE, 1)
             yield i
-        model.opt.disableflags |= EQUALITY
+        model.opt.disableflags |= DISABLED
 
     def poses(self, q: Array) -> BodyPoses:
         n, model, data, bodies = len(q), self.model, self.data, [0, *self.ids]  # the first is the world
-        qpos, placed, found = data.qpos, self.placed.block, self.placed.rows(n)
-        for x, row in zip(q, found, strict=True):
+        qpos, placed, rows = data.qpos, self.placed.block, self.placed.rows(n)
+        for x, row in zip(q, rows, strict=True):
             qpos[:] = x
             mujoco.mj_kinematics(model, data)
             row[:] = placed
-        turned, at, axes, anchors = self.placed.parts(found)
+        turned, at, axes, anchors = self.placed.parts(rows)
         R, p = turned[:, bodies].reshape(n, -1, 3, 3), at[:, bodies]
         screws, slides = np.empty((n, 6, model.nv)), ~self.hinges
         screws[:, :3], screws[:, 3:] = axes.swapaxes(1, 2), cross(anchors, axes).swapaxes(1, 2)
@@ -177,14 +207,14 @@ class MujocoTree(OpenTree):
 
     def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
         model, data, state, turning = self.model, self.data, self.state.block, self.turning.block
-        found = self.turning.rows(len(q))
-        for x, row in zip(self.state.filled(q, v), found, strict=True):
+        rows = self.turning.rows(len(q))
+        for x, row in zip(self.state.filled(q, v), rows, strict=True):
             state[:] = x
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             mujoco.mj_comVel(model, data)
             row[:] = turning
-        rates, about = self.turning.parts(found)
+        rates, about = self.turning.parts(rows)
         return at.bias(rates.swapaxes(1, 2), v, V, about[:, model.body_rootid[[0, *self.ids]]])
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:

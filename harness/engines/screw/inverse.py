@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.estimate import Part, Trust, examined
-from screwgauge.engines.parts import Names, assemble, component_names, stages
+from screwgauge.engines.chunks import Names, assemble, component_names, stages
+from screwgauge.engines.error_estimate import Part, Trust, examined
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import GIVEN, QUANTITIES
@@ -149,7 +149,7 @@ class Work:
         if not wanted & {"actuator_force", "reaction"}:
             return
         driven = at.B * sizes[mechanism.independent_columns] / sizes[mechanism.actuated_columns, None]
-        # rounding of rates is that of the fastest coordinates, however slow the actuators are beside these
+        # rounding of rates is that of the fastest coordinates, however slow the actuators are
         slow = np.clip(np.linalg.norm(driven, axis=(1, 2)), 1e-12, 1.0)
         conditions["actuator_force"] = linear.condition(driven) / slow
         if at.line is not None:

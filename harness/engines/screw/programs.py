@@ -1,8 +1,9 @@
-"""Programs ready to run: which questions have one, what runs it, and machine code kept on disk."""
+"""Programs of the solver's equations: how they are run, and how the cheap bounds of their errors are read."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from operator import is_
@@ -11,15 +12,134 @@ from typing import Protocol
 
 import numpy as np
 from numpy import ndarray
+from numpy.typing import NDArray
 
 from screwgauge import __version__
+from screwgauge.engines.error_estimate import CLEAR, CLEAR_FORCES, Part, Trust, absolute, by_powers, summand
 from screwgauge.problem import Problem, Rows
+from screwgauge.quantities import arm
+from screwgauge.reference import linear
+from screwgauge.reference.equations.rounding import extent
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.program import Lanes, Program
-from screwgauge.reference.traced.trace import NotTraceableError
-from screwgauge.reference.traced.tracing import Traced
+from screwgauge.reference.traced.trace import NotTraceableError, Scalar, apply
+from screwgauge.reference.traced.tracing import CHECKS, Traced
 from screwgauge.truth import cache
+
+#: Gains are estimated; the norm of the equations themselves, without dimension, is of this size.
+SAFETY, CONDITION = 2.0, 4.0
+#: Closure residual beyond which Newton's method has not arrived, for one row; what all bodies' balance may leave.
+ARRIVED, BALANCED = 32 * linear.EPS, 1e-9
+#: How far Newton's method may go, times the gain: as long as that is small, no other assembly lies between.
+NEAR = 0.2
+
+
+Numbers = Mapping[str, Scalar]
+"""Checks of a program's samples, see `roots`: nodes of its trace, or arrays of shape (n,)."""
+
+
+def roots(checks: Iterable[Scalar]) -> dict[str, Scalar]:
+    """Name -> root of the square that a program emits, see `CHECKS`."""
+    return {name: apply("sqrt", x) for name, x in zip(CHECKS, checks, strict=True)}
+
+
+class Bounds:
+    """How the numbers of a program are read.
+
+    Attributes:
+        weights: A sample whose checks, times these, add up to more than 1 may be doubtful.
+    """
+
+    def __init__(self, lay: Layout, problem: Problem, length: float) -> None:
+        self.wanted, self.length, self.mass = problem.wanted, length, lay.mechanism.mass
+        self.stretch = extent(lay).stretch
+        loads = (float(np.linalg.norm(x.force) + np.linalg.norm(x.torque) / length) for x in problem.applied.loads)
+        self.weight = self.mass * float(np.linalg.norm(problem.applied.g)) + sum(loads)  # all weights and loads [N]
+        # each of several spherical joints adds one at least
+        self.spare_charts = max(sum(joint.angles == 3 for joint in lay.cuts) - 1, 0)
+        # largest closure residual that rounding makes of all rows
+        self.arrived = float(ARRIVED * max(6 * len(lay.cuts), 1) ** 0.5)
+        self.weights = self._weights()
+
+    def trust(self, out: Numbers) -> Trust:
+        """What the numbers of a program rest on."""
+        gain = SAFETY * apply("max", out["gain"], 1e-300)
+        speed = out["speed"]
+        rush = apply("max", speed * speed, out["rush"])
+        load = self.weight + self.mass * self.length * rush
+        charts = apply("sqrt", apply("max", out["charts"] * out["charts"] - float(self.spare_charts), 1.0))
+        forces = dict[str, Scalar]()
+        if "reaction" in self.wanted:
+            forces["reaction"] = SAFETY * out["whole_gain"] * out["whole_gain"]
+        if forces or "actuator_force" in self.wanted:
+            forces["actuator_force"] = SAFETY * apply("max", out["drive"], 1.0)
+        numbers = charts, forces, speed, rush, load, out["closing"], self.stretch
+        return Trust(CONDITION * gain, gain, *numbers)
+
+    def estimated(
+        self, out: Numbers, values: Mapping[str, Sequence[Scalar]], units: Mapping[str, Sequence[str]]
+    ) -> tuple[list[Scalar], list[Scalar]]:
+        """Errors of quantities at samples that are clear, of each of their units.
+
+        Returns:
+            Sums of squares as they grow, with the numbers they are made of, and the errors.
+        """
+        trust, sums, errors = self.trust(out), list[Scalar](), list[Scalar]()
+        for name, each in units.items():
+            whole: Scalar = 0.0
+            for x, unit in zip(values[name], each, strict=True):
+                whole = whole + arm(unit, self.length) ** -2.0 * (x * x)
+                sums += [x, whole]
+            errors += [by_powers(name, trust) * local for _, local in _sizes(whole, each, trust, self.length)]
+        return sums, errors
+
+    def _weights(self) -> Array:
+        limits = {
+            "gain": CLEAR**2,
+            "whole_gain": CLEAR_FORCES if "reaction" in self.wanted else np.inf,
+            "drive": CLEAR_FORCES**2,
+            "moved": (NEAR / (SAFETY * CLEAR)) ** 2,
+            "closing": self.arrived**2,
+            "balance": max(BALANCED * self.weight, 1e-150) ** 2,  # without weight nothing is sure to load
+            "charts": (SAFETY * CLEAR) ** 2,
+        }
+        free = 1.0 - self.spare_charts / (SAFETY * CLEAR) ** 2
+        return np.array([1.0 / (free * limits.get(name, np.inf)) for name in CHECKS])
+
+    def near(self, out: Numbers) -> NDArray[np.bool_]:
+        """Whether Newton's method stayed on its assembly. Shape (n,)."""
+        return np.asarray(out["moved"] * SAFETY * out["gain"] <= NEAR)
+
+    def left(self, out: Numbers, trust: Trust, counts: Counter[str]) -> Rows:
+        """Samples for the array solver; `counts` gets how many for which reason."""
+        doubts = {
+            "badly conditioned": trust.doubtful(SAFETY),
+            "not closed": np.flatnonzero(~((out["closing"] <= self.arrived) & self.near(out))),
+            "not balanced": np.flatnonzero(~(out["balance"] <= BALANCED * np.maximum(trust.load, 1e-300))),
+        }
+        left: Rows = np.zeros(0, dtype=np.intp)
+        for reason, rows in doubts.items():
+            counts[reason] += len(np.setdiff1d(rows, left))
+            left = np.union1d(left, rows)
+        return left
+
+
+def examined(part: Part, units: Mapping[str, Sequence[str]], length: float) -> Array:
+    """The errors of `Bounds.estimated` at samples that need not be clear. Shape (n, n_unit)."""
+    errors = []
+    for name, each in units.items():
+        whole = (part.values[name] ** 2 / np.array([arm(unit, length) for unit in each]) ** 2).sum(axis=1)
+        for unit, local in _sizes(whole, each, part.trust, length):
+            errors.append(absolute(name, part, local, [i for i, has in enumerate(each) if has == unit]))
+    return np.stack(errors, axis=1)
+
+
+def _sizes(whole: Scalar, units: Sequence[str], trust: Trust, length: float) -> list[tuple[str, Scalar]]:
+    """Each unit of a quantity, and the size of what its numbers are made of. `whole`: sum of the squares of all."""
+    local = apply("sqrt", whole) + summand(units[0], trust) if units else 0.0
+    return [(unit, arm(unit, length) * local) for unit in dict.fromkeys(units)]
+
 
 FLOAT = np.dtype(float)
 #: Squares of gains between samples at which pivots were chosen, over the largest of those.
@@ -62,7 +182,7 @@ class Bound:
         return alike and all(map(is_, values.values(), self.values))
 
     def fill(self, inputs: Sequence[Array]) -> bool:
-        """Fills its arrays with what follows from some inputs; says whether they are such, and no sample in doubt."""
+        """Fills its arrays with what follows from some inputs; whether they are such, and no sample in doubt."""
         for x, place in zip(inputs, self.inputs, strict=True):
             if type(x) is not ndarray or x.dtype is not FLOAT or x.shape != place.shape:
                 return False
@@ -71,7 +191,7 @@ class Bound:
 
 
 def runner(program: Program, backend: str, plain: Callable[[Program], Runner] = Lanes) -> tuple[Runner, str]:
-    """A program ready to run, and what is to be said about that.
+    """A program ready to run, and a note on that.
 
     Args:
         plain: What runs it without a compiler.
@@ -86,18 +206,18 @@ def runner(program: Program, backend: str, plain: Callable[[Program], Runner] = 
         how = "NumPy" if plain is Lanes else "Python"
         return plain(program), f"llvmlite is not installed (extra 'fast'): the program runs with {how}"
     key = cache.digest("program", program.inputs, program.code, program.outputs, program.checks, version)
-    stored, said = cache.read(key, version)
+    stored, note = cache.read(key, version)
     if stored is not None and "code" in stored:
-        return native.Native(program, stored["code"].tobytes()), said
+        return native.Native(program, stored["code"].tobytes()), note
     code = native.machine_code(program)
     failed = cache.write(key, version, {"code": np.frombuffer(code, dtype=np.uint8)})
-    return native.Native(program, code), "; ".join(filter(None, (said, failed)))
+    return native.Native(program, code), "; ".join(filter(None, (note, failed)))
 
 
 class Arcs:
     """Programs that differ in their pivots, each sample by the one whose pivots are largest there.
 
-    What a program says of a sample's gain stands on its pivots. Where that is more than it was at all samples for which
+    A program's estimate of a gain depends on its pivots. Where that is more than it was at all samples for which
     they were chosen, the next program is tried.
     """
 
@@ -110,14 +230,14 @@ class Arcs:
     ) -> Callable[[], bool]:
         """As `Runner.bind`."""
         first, checks = self.runners[0].bind(inputs, outputs, weights), self.program.checks
-        given, found = ([row for block in blocks for row in block] for blocks in (inputs, outputs))
+        given, results = ([row for block in blocks for row in block] for blocks in (inputs, outputs))
 
         def run() -> bool:
-            clear, rows = first(), np.flatnonzero(~(found[-checks] <= self.limits[0]))
+            clear, rows = first(), np.flatnonzero(~(results[-checks] <= self.limits[0]))
             for runner, limit in zip(self.runners[1:], self.limits[1:], strict=True):
                 if rows.size:
-                    rows = rows[~(_retried(runner, rows, given, found) <= limit)]
-                    clear = weights is None or not any(~(weights @ np.array(found[-checks:]) <= 1.0))
+                    rows = rows[~(_retried(runner, rows, given, results) <= limit)]
+                    clear = weights is None or not any(~(weights @ np.array(results[-checks:]) <= 1.0))
             return clear
 
         return run
@@ -127,12 +247,12 @@ class Arcs:
         return Arcs([runner.again() for runner in self.runners], self.limits)
 
 
-def _retried(runner: Runner, rows: Rows, given: Sequence[Array], found: Sequence[Array]) -> Array:
+def _retried(runner: Runner, rows: Rows, given: Sequence[Array], outputs: Sequence[Array]) -> Array:
     """Puts another program's numbers in the place of those of some samples where its gain, returned, is smaller."""
-    out, checks = np.empty((len(found), len(rows))), runner.program.checks
+    out, checks = np.empty((len(outputs), len(rows))), runner.program.checks
     runner.bind([np.array([row[rows] for row in given])], [out])()
-    better = ~(found[-checks][rows] <= out[-checks])
-    for row, new in zip(found, out, strict=True):
+    better = ~(outputs[-checks][rows] <= out[-checks])
+    for row, new in zip(outputs, out, strict=True):
         row[rows[better]] = new[better]
     gain: Array = out[-checks]
     return gain
@@ -140,9 +260,9 @@ def _retried(runner: Runner, rows: Rows, given: Sequence[Array], found: Sequence
 
 def runner_of(traced: Traced, backend: str) -> tuple[Runner, str]:
     """The programs of a trace ready to run, see `runner`."""
-    made, said = zip(*(runner(arc.program, backend) for arc in traced.arcs), strict=True)
+    made, notes = zip(*(runner(arc.program, backend) for arc in traced.arcs), strict=True)
     limits = [WITHIN * arc.gain for arc in traced.arcs]
-    return made[0] if len(made) == 1 else Arcs(made, limits), "; ".join(filter(None, dict.fromkeys(said)))
+    return made[0] if len(made) == 1 else Arcs(made, limits), "; ".join(filter(None, dict.fromkeys(notes)))
 
 
 def check_traceable(lay: Layout, problem: Problem) -> None:

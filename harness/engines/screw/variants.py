@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.parts import component_names
+from screwgauge.engines.chunks import component_names
 from screwgauge.engines.screw.scheme import integrate
 from screwgauge.problem import GivenMotion, Problem, Progress, quiet
 from screwgauge.reference import linear
@@ -81,7 +81,7 @@ def closed(lay: Layout, problem: Problem, motion: GivenMotion, *, mended: bool =
     """Positions in closed form.
 
     Args:
-        mended: Newton's method goes on where the closed form leaves the loops open; otherwise nothing corrects it.
+        mended: Newton's method goes on where the closed form leaves the loops open; else nothing corrects it.
 
     Raises:
         ClosureError: There is no closed form.

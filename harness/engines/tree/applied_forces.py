@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from screwgauge.engines.tree.closed import ClosedTree
+from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.cut_joints import SURE, read_chart
 from screwgauge.engines.tree.protocol import BodyAt, BodyPoses, OpenTree
-from screwgauge.reference.applied import Applied, JointSpring, PointSpring
+from screwgauge.reference.applied import Applied, JointSpring, Motor, PointSpring
 from screwgauge.reference.equations.joint_types import dual_wrenches
 from screwgauge.reference.equations.kinematics import coordinates, joint_screws, joint_values
 from screwgauge.reference.equations.ops import NUMPY
@@ -30,7 +30,7 @@ Coordinate = Callable[[str], tuple[Array | float, Array | float]]
 
 
 @dataclass(slots=True, eq=False)
-class Exerted:
+class ActingForces:
     """What acts besides gravity.
 
     Attributes:
@@ -44,13 +44,13 @@ class Exerted:
     power: Array | float = 0.0
 
 
-def exerted(closed: ClosedTree, applied: Applied, t: Array | float, body: BodyMotion, read: Coordinate) -> Exerted:
+def exerted(closed: ClosedTree, applied: Applied, t: Array | float, body: BodyMotion, read: Coordinate) -> ActingForces:
     """Forces of loads, springs, dampers and motors.
 
     Args:
         t: Times [s]. Shape (...).
     """
-    out, index = Exerted(), closed.loops.index
+    out, index = ActingForces(), closed.loops.index
     for motor in applied.motors:
         force = motor.force(t)
         out.along.append((motor.coordinate, force))
@@ -72,7 +72,7 @@ def exerted(closed: ClosedTree, applied: Applied, t: Array | float, body: BodyMo
 
 
 def _pull(
-    spring: PointSpring, t: Array | float, ends: list[tuple[int, Array, Array, Array, Array]], out: Exerted
+    spring: PointSpring, t: Array | float, ends: list[tuple[int, Array, Array, Array, Array]], out: ActingForces
 ) -> Array:
     """Adds the tension of a spring between two points; returns the rate of its length."""
     arms = [times(R, point) for _, R, _, _, point in ends]
@@ -165,7 +165,10 @@ class TreeForces:
         for name in bodies:
             if name not in closed.loops.index:
                 raise UnknownNameError("body", name, closed.loops.index, "load or spring")
-        along = [*applied.motors, *(spring for spring in springs if isinstance(spring, JointSpring))]
+        along: list[Motor | JointSpring] = [
+            *applied.motors,
+            *(spring for spring in springs if isinstance(spring, JointSpring)),
+        ]
         self.readers = {one.coordinate: _reader(closed, one.coordinate, start) for one in along}
 
     def act(self, t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:

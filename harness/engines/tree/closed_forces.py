@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
-from screwgauge.engines.tree.closure import Loops
+from screwgauge.engines.tree.closed_tree import ClosedTree, Loops
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import Problem
 from screwgauge.reference import linear
@@ -56,7 +55,7 @@ def closed_forces(
         acting: Wrench on each body of loads, springs and motors, about its origin. Shape (n, n_body + 1, 6).
     """
     (inverse, K), tau, wanted, sizes = system, motion[3], problem.wanted, closed.sizes
-    need = tau - along_coordinates(at, acting)
+    need = tau - at.forces_along(acting)
     Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
     largest = (np.maximum(np.abs(need), np.abs(tau)) * sizes.q).max(axis=1) / sizes.length
     values = {"generalized_force": Q}
@@ -141,7 +140,7 @@ def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multi
     Returns:
         In the order of `reaction_names` [N or N m]. Shape (n, m).
     """
-    loops, found = closed.loops, list[Array]()
+    loops, reactions = closed.loops, list[Array]()
     for joint in by_role(closed.file.joints):
         _, child = loops.sides(joint)
         if joint in loops.cut:
@@ -149,8 +148,8 @@ def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multi
         else:
             body = _outer(joint, closed)
             wrench = transmitted[:, body] * (1.0 if body == child else -1.0)
-        found.append(components(closed.joint_pose(joint, at), wrench, at.p[:, body]))
-    return np.concatenate([*found, multipliers[:, 3 * len(loops.anchors) :]], axis=1)
+        reactions.append(components(closed.joint_pose(joint, at), wrench, at.p[:, body]))
+    return np.concatenate([*reactions, multipliers[:, 3 * len(loops.anchors) :]], axis=1)
 
 
 def components(at: JointPose, wrench: Array, about: Array) -> Array:

@@ -6,13 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from screwgauge.engines.parts import Simulated
+from screwgauge.engines.chunks import Simulated
 from screwgauge.engines.tree.applied_forces import TreeForces
-from screwgauge.engines.tree.closed import ClosedTree
+from screwgauge.engines.tree.closed_states import Path, project, read_path
+from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.integrate import start_state
-from screwgauge.engines.tree.project import project
 from screwgauge.engines.tree.protocol import Mover, Stepper
-from screwgauge.engines.tree.reading import Path, read_path
 from screwgauge.problem import InitialValue, Problem, Progress
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array
@@ -123,17 +122,17 @@ class ProjectedStepper:
 
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
         for i in range(n):
-            found = project(self.mover, *self.once(t + i * h, h))
-            self.q, self.v = found.q, found.v
+            closed = project(self.mover, *self.once(t + i * h, h))
+            self.q, self.v = closed.q, closed.v
         return self.q.copy(), self.v.copy()
 
     def accelerations(self, t: float) -> tuple[Array, Array]:
         return self._slope(t, self.q, self.v), np.zeros(0)
 
     def _slope(self, t: float, q: Array, v: Array) -> Array:
-        """Accelerations on the closed loops: beside them redundant rows contradict each other."""
-        found = project(self.mover, q, v)
-        self.forces.act(t, found.q, found.v, self.mover.body, self.tau)
+        """Accelerations on the closed loops: off them redundant rows contradict each other."""
+        closed = project(self.mover, q, v)
+        self.forces.act(t, closed.q, closed.v, self.mover.body, self.tau)
         return self.mover.accelerate(self.tau)
 
     def _euler(self, t: float, h: float) -> tuple[Array, Array]:

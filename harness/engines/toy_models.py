@@ -1,13 +1,34 @@
-"""Small models as text, of which the right numbers are known in closed form: a bar on a hinge and a planar four-bar."""
+"""Small models as text, of which the right numbers are known in closed form, and what a discrepancy on one measures."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from screwgauge.reference.rotations import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """One number, got in three ways.
+
+    Attributes:
+        symptom: As users get it; NaN where there is none.
+        expected: As it should be, from a formula, from equations solved here, or from the other engine.
+        mended: As users get it after the remedy.
+        unit: Of all three; empty of a plain number.
+        said: The engine's message where it refuses or warns.
+    """
+
+    symptom: float
+    expected: float
+    mended: float
+    unit: str
+    said: str = ""
+
 
 G = 9.81  #: [m/s^2]
 #: The bar: [kg], [m] from the hinge along x, [kg m^2] about its centre of mass.
@@ -109,14 +130,14 @@ class FourBar:
         rocker = np.arctan2(*(tip - self.base)[::-1])
         self.elbow, self.tip = elbow, tip
         self.along = np.array([[np.cos(angle), np.sin(angle)] for angle in (crank, coupler, rocker)])
-        self.beside = self.along[:, ::-1] * [-1.0, 1.0]
+        self.across = self.along[:, ::-1] * [-1.0, 1.0]
 
     @cached_property
     def _rates(self) -> tuple[Array, Array]:
         """Angular velocities and accelerations of the links. Shape (3,) each."""
         lengths = self.lengths
-        closing = np.column_stack([lengths[1] * self.beside[1], -lengths[2] * self.beside[2]])
-        omega = np.array([self.speed, *np.linalg.solve(closing, -lengths[0] * self.beside[0] * self.speed)])
+        closing = np.column_stack([lengths[1] * self.across[1], -lengths[2] * self.across[2]])
+        omega = np.array([self.speed, *np.linalg.solve(closing, -lengths[0] * self.across[0] * self.speed)])
         inwards = (lengths * omega**2 * [1.0, 1.0, -1.0]) @ self.along
         return omega, np.array([0.0, *np.linalg.solve(closing, inwards)])
 
@@ -135,8 +156,8 @@ class FourBar:
         """Of the motor at the crank [N m]: power of inertia and weight per speed of the crank."""
         omega, alpha = self._rates
         arms = np.array([[0.5, 0.0, 0.0], [1.0, 0.5, 0.0], [0.0, 0.0, 0.5]]) * self.lengths
-        v = (arms * omega) @ self.beside
-        a = (arms * alpha) @ self.beside - (arms * omega**2) @ self.along
+        v = (arms * omega) @ self.across
+        a = (arms * alpha) @ self.across - (arms * omega**2) @ self.along
         power = self.masses @ np.sum((a - self.gravity) * v, axis=1) + self.moments @ (alpha * omega)
         return float(power / self.speed)
 

@@ -1,4 +1,4 @@
-"""What MuJoCo says of any model at given states, constraints and contacts off."""
+"""Raw queries to MuJoCo on any model at given states, constraints and contacts off."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from screwgauge.engines.plain import Answers, Carried, Closing, JointStates, carried
-from screwgauge.models.readings.compiler import heard
+from screwgauge.engines.raw_queries import Answers, Carried, Closing, JointStates, carried
+from screwgauge.models.readings.compiled import heard
 from screwgauge.models.readings.mujoco import loaded
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.rotations import Array, cross
 
 _EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-#: Arrays with passive forces and inertia that are in no reading, which says so.
+#: Arrays with passive forces and inertia that no reading holds; readings note that.
 _IN_NO_READING = (
     *("tendon_stiffness", "tendon_stiffnesspoly", "tendon_damping", "tendon_dampingpoly", "tendon_armature"),
     *("jnt_stiffnesspoly", "jnt_springyield", "dof_dampingpoly", "jnt_actgravcomp"),
@@ -28,22 +28,22 @@ COVERS = frozenset({"armature", "damping", "stiffness", "medium"})
 def ask(
     path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False, whole: bool = False
 ) -> Answers:
-    """See `plain.Ask`. `mj_inverse` knows passive forces; dry friction is a constraint and off."""
+    """See `raw_queries.Ask`. `mj_inverse` knows passive forces; dry friction is a constraint and off."""
     with heard():
         model, data, states = _begun(path, joints, floating, ("CONSTRAINT",), whole=whole)
         numbers = [model.body(name).id for name in bodies]
-        found = [_sample(model, data, numbers, state) for state in states]
-    tau, M, bias, gravity, velocity, acceleration = (np.array(each) for each in zip(*found, strict=True))
+        samples = [_sample(model, data, numbers, state) for state in states]
+    tau, M, bias, gravity, velocity, acceleration = (np.array(each) for each in zip(*samples, strict=True))
     return Answers(COVERS, tau, M, bias, gravity, velocity, acceleration)
 
 
 def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = False) -> Closing:
-    """See `plain.Closing`: of equalities, all other constraints off."""
+    """See `raw_queries.Closing`: of equalities, all other constraints off."""
     with heard():
         model, data, states = _begun(path, joints, floating, ("CONTACT", "FRICTIONLOSS", "LIMIT"))
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        found = [_closing(model, data, state) for state in states]
-    return Closing(*(np.array(each) for each in zip(*found, strict=True)))
+        samples = [_closing(model, data, state) for state in states]
+    return Closing(*(np.array(each) for each in zip(*samples, strict=True)))
 
 
 def _begun(
