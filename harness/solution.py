@@ -86,7 +86,7 @@ class Solution:
         estimate: Quantity -> estimated error at each sample, over its largest magnitude over all samples, worst unit;
             infinite where not one digit is right, or there is no number. Shape (n,).
         integration: Of a simulation: quantity -> unit -> estimated error of its integration up to each sample [unit],
-            NaN where that is not known. Shape (n,). Empty where all agrees without it, see `judging.integration`.
+            NaN where that is not known. Shape (n,). Empty where all agrees without it, see `judging.trust`.
         conditions: Quantity -> condition number of all that it was solved from. Shape (n,).
         assembly: All joint coordinates [rad or m] in the order of the description, which tell the assembly that was
             solved, whatever was asked for; None where it is not known. Shape (n, n_q).

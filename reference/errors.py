@@ -8,20 +8,9 @@ from numbers import Integral
 from typing import Any
 
 #: Signs that nothing shows, though they count as letters or marks: two names that differ in them look alike.
-_UNSEEN = {0x034F, 0x115F, 0x1160, 0x17B4, 0x17B5, 0x2800, 0x3164, 0xFFA0}
-_UNSEEN |= {*range(0x180B, 0x1810), *range(0xFE00, 0xFE10), *range(0xE0100, 0xE01F0)}
-
-
-class _Shown(dict[int, str]):
-    """Code point -> what is shown of it; filled as signs are met."""
-
-    def __missing__(self, code: int) -> str:
-        sign = chr(code)
-        self[code] = sign if sign.isprintable() and code not in _UNSEEN else " "
-        return self[code]
-
-
-_SHOWN = _Shown()
+_CODES = {0x034F, 0x115F, 0x1160, 0x17B4, 0x17B5, 0x2800, 0x3164, 0xFFA0}
+_CODES |= {*range(0x180B, 0x1810), *range(0xFE00, 0xFE10), *range(0xE0100, 0xE01F0)}
+_UNSEEN = frozenset(map(chr, _CODES))
 
 
 def printable(text: str, *, lines: bool = False) -> str:
@@ -32,7 +21,9 @@ def printable(text: str, *, lines: bool = False) -> str:
     """
     if lines:
         return "\n".join(map(printable, text.split("\n")))
-    return text if text.isascii() and text.isprintable() else text.translate(_SHOWN)
+    if text.isprintable() and _UNSEEN.isdisjoint(text):
+        return text
+    return "".join(sign if sign.isprintable() and sign not in _UNSEEN else " " for sign in text)
 
 
 def first_few(things: Iterable[str], most: int, between: str = ", ") -> str:

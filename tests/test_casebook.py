@@ -14,8 +14,7 @@ import pytest
 import screwgauge
 from screwgauge.casebook import book
 from screwgauge.casebook.book import CASES, Case, CaseResult, reproduce
-from screwgauge.engines.samples import FourBar
-from screwgauge.engines.shown import Evidence
+from screwgauge.engines.toy_models import Evidence, FourBar
 from support.command import main
 from support.models import write_models
 from support.report import verdict

@@ -11,7 +11,7 @@ import pytest
 from campaigns import compiled
 
 import screwgauge
-from screwgauge.engines.screw.bounds import Bounds
+from screwgauge.engines.screw.programs import Bounds
 from support.engines import ModelFiles, get_engine
 from support.solve import Work, layout
 

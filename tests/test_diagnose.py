@@ -185,15 +185,15 @@ def test_the_loader_that_keeps_the_first_tree_is_named(tmp_path):
 def test_an_engine_that_computes_otherwise_than_it_reads_is_told_from_a_model(arms, monkeypatch):
     from dataclasses import replace
 
-    from support.trees import plain
+    from support.trees import raw_queries
 
-    ask = plain.ask
+    ask = raw_queries.ask
 
     def wrong(*given):
         said = ask(*given)
         return replace(said, tau=said.tau * (1.0 + 1e-6))
 
-    monkeypatch.setattr(plain, "ask", wrong)
+    monkeypatch.setattr(raw_queries, "ask", wrong)
     found = screwgauge.diagnose(*arms)
     assert "mujoco itself computes another tau for B" in found.verdict
     assert "what fits its torques best: all masses scaled, 9" in found.verdict

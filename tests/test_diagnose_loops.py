@@ -11,7 +11,7 @@ import screwgauge
 from support import robots
 from support.causes import SPEEDS, growth
 from support.errors import ClosureError
-from support.trees import plain
+from support.trees import raw_queries
 
 #: A planar four-bar in the x-z plane, closed at home.
 FOUR_BAR = """<mujoco><worldbody>
@@ -101,14 +101,14 @@ def test_the_curvature_of_a_joint_equality_that_mujoco_leaves_out_is_told_by_its
 def test_an_engine_whose_velocity_products_are_wrong_is_told_from_one_with_other_inertia(
     tmp_path, monkeypatch, wrong, words
 ):
-    ask = plain.ask
+    ask = raw_queries.ask
 
     def faked(path, bodies, joints, *more):
         said = ask(path, bodies, joints, *more)
         qd = np.hstack([each.qd for each in joints.values()])
         return replace(said, tau=said.tau + wrong(said, qd))
 
-    monkeypatch.setattr(plain, "ask", faked)
+    monkeypatch.setattr(raw_queries, "ask", faked)
     model = robots.write(tmp_path)[1]
     verdict = screwgauge.diagnose(model, model).verdict
     assert words in verdict

@@ -9,7 +9,7 @@ import screwgauge
 from screwgauge.diagnosis import together as module
 from support.mechanism import load_mechanism
 from support.models import write_models
-from support.trees import plain
+from support.trees import raw_queries
 
 INERTIAL = '<inertial pos="0.2 0.05 0.1" mass="{}" fullinertia="0.02 0.03 0.04 0.001 0.002 -0.003"/>'
 MATTER = (
@@ -83,14 +83,14 @@ def test_torques_that_differ_for_no_reason_that_is_read_are_not_the_same(files, 
     """Whatever a library adds as it loads one of the two files."""
     text = MJCF.format(option="", at="")
     files(a=text, b=text.replace("<worldbody>", "<!-- b --><worldbody>"))
-    ask = plain.ask
+    ask = raw_queries.ask
 
     def faked(path, bodies, joints, floating=False, whole=False):
         said = ask(path, bodies, joints, floating, whole)
         more = 0.5 * np.ones_like(said.tau) if whole and path.name == "b.xml" else 0.0
         return type(said)(**{**{f: getattr(said, f) for f in said.__slots__}, "tau": said.tau + more})
 
-    monkeypatch.setattr(plain, "ask", faked)
+    monkeypatch.setattr(raw_queries, "ask", faked)
     found = screwgauge.diagnose("a.xml", "b.xml")
     assert (found.same, found.undecided, found.exit_status) == (False, False, 1)
     assert found.differences == ()

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 import screwgauge
 from screwgauge import Scene
-from screwgauge.judging.integration import MOST, WITHIN, Left, estimated
+from screwgauge.judging.trust import MOST, WITHIN, Left, estimated
 from screwgauge.study.run import loosened, observed
 from support.engines import REFERENCE, Solution, Values, ask, model_files
 from support.geometry import within_half_turn

@@ -138,6 +138,34 @@ def test_what_a_platform_or_hand_is_left_is_said(name: str, said: str) -> None:
     assert said in leaves
 
 
+@pytest.mark.parametrize(
+    ("name", "sentences"),
+    [
+        (
+            "slider-crank",
+            [
+                "Constraint forces on rod in the plane normal to z, by chain of joints: crank to pin (RR): one force "
+                "along x through (0.22, 0, 0) m; slide to wrist (PR): one force along y through wrist.",
+                "Remaining freedoms of rod: one rotation about z through wrist.",
+                "Each chain by itself keeps rod in the plane, so that three constraints are redundant.",
+            ],
+        ),
+        ("arm7", ["Remaining freedoms of link7: all six freedoms."]),
+        (
+            "cart-pole",
+            [
+                "Constraint forces on pole in the plane normal to y: rail to hinge (PR): one force along z "
+                "through hinge.",
+            ],
+        ),
+    ],
+)
+def test_a_mechanism_without_legs_has_none_in_its_sentences(name: str, sentences: list[str]) -> None:
+    words = data_of(stage(load_mechanism(name)))["words"]
+    assert words[: len(sentences)] == sentences
+    assert "leg" not in " ".join(words)
+
+
 def test_a_tree_with_several_ends_is_called_one() -> None:
     assert data_of(stage(load_mechanism("a05-governor")))["words"][0].startswith("An open tree with 3 ends")
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines.estimate import Part, Trust, errors
+from screwgauge.engines.error_estimate import Part, Trust, errors
 from support.engines import Solution, Values
 from support.freedoms import mobility_at_home
 from support.judging import compare, compared, judge

@@ -16,7 +16,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Literal
 
-from screwgauge.engines.shown import Evidence
+from screwgauge.engines.toy_models import Evidence
 from screwgauge.reference.errors import check_choice
 
 Status = Literal["shown", "not shown", "cannot be shown", "failed"]

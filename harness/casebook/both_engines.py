@@ -11,8 +11,7 @@ import numpy as np
 
 from screwgauge.engines.mujoco.discrepancies import probe as mujoco
 from screwgauge.engines.pinocchio.discrepancies import probe as pinocchio
-from screwgauge.engines.samples import ARM, INERTIAL, MASS, WEIGHT, FourBar, body, joint, link, mjcf, robot
-from screwgauge.engines.shown import Evidence
+from screwgauge.engines.toy_models import ARM, INERTIAL, MASS, WEIGHT, Evidence, FourBar, body, joint, link, mjcf, robot
 
 
 def _freedoms(text: str, mended: str) -> Evidence:

@@ -15,7 +15,7 @@ from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import weighed
 from screwgauge.diagnosis.properties import PASSIVE
-from screwgauge.engines.plain import Answers, Ask, Closing, JointStates
+from screwgauge.engines.raw_queries import Answers, Ask, Closing, JointStates
 from screwgauge.models.kinematics import ReadingTree, draw, not_modelled, plant, size
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
@@ -24,7 +24,7 @@ from screwgauge.witness.dynamics import dynamics, passive_parts
 from screwgauge.witness.tree import TreeStates
 
 #: Libraries that have dynamics, and what asks them.
-ASKED = {"pinocchio": "screwgauge.engines.pinocchio.plain", "mujoco": "screwgauge.engines.mujoco.plain"}
+ASKED = {"pinocchio": "screwgauge.engines.pinocchio.raw_queries", "mujoco": "screwgauge.engines.mujoco.raw_queries"}
 #: Those of them that are asked for their loops, too.
 CLOSING = ("mujoco",)
 #: Content with passive forces that cannot be switched off where a library is asked without what no reading holds.

@@ -18,7 +18,7 @@ from flint import ctx
 import screwgauge
 import screwgauge.reference
 import screwgauge.truth
-from screwgauge.engines.parts import Names, check_fits, described, stages
+from screwgauge.engines.chunks import Names, check_fits, described, stages
 from screwgauge.engines.registry import ENGINES
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, Rows, quiet, spread

@@ -10,11 +10,9 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.judging.answer import largest, timed
-from screwgauge.judging.assembly import other_assemblies
-from screwgauge.judging.conditioning import LIMIT
-from screwgauge.judging.integration import Left, left
-from screwgauge.judging.refusals import Refusal
+from screwgauge.judging.assembly_modes import other_assemblies
 from screwgauge.judging.residual import ERROR_COLUMNS, PAIR_COLUMNS, SizedResidual, frame
+from screwgauge.judging.trust import LIMIT, Left, Refusal, left
 from screwgauge.problem import Problem
 from screwgauge.quantities import FLOOR, QUANTITIES, natural_scales
 from screwgauge.reference.mechanism import Mechanism

@@ -10,8 +10,8 @@ import pandas as pd
 
 from screwgauge.judging import residuals
 from screwgauge.judging.answer import Answer, answer_at, largest, timed
-from screwgauge.judging.refusals import Refusal
 from screwgauge.judging.residual import JUDGE_COLUMNS, Residuals, frame
+from screwgauge.judging.trust import Refusal
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import BODY_MOTION, QUANTITIES, SOLVED, arm, integrated_tolerance
 from screwgauge.reference.mechanism import Mechanism

@@ -10,8 +10,8 @@ from itertools import combinations
 import numpy as np
 
 from screwgauge.judging.answer import Answer, largest
-from screwgauge.judging.integration import MOST, SAFETY
 from screwgauge.judging.residual import Residuals
+from screwgauge.judging.trust import MOST, SAFETY
 from screwgauge.quantities import BODY_MOTION, FLOOR, FORCE, OF_BODIES
 from screwgauge.reference.graph import Layout, spanning_tree
 from screwgauge.reference.rotations import Array, cross, lanes

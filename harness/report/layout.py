@@ -33,7 +33,7 @@ from screwgauge.report.blocks import (
     told,
 )
 from screwgauge.report.figures.renderer import RENDERER, losses
-from screwgauge.report.markdown import markdown
+from screwgauge.report.text import markdown
 from screwgauge.report.write import write_report
 
 if TYPE_CHECKING:

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from screwgauge.judging.integration import WITHIN
+from screwgauge.judging.trust import WITHIN
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import first_few
 from screwgauge.report.blocks import Banner, Status
 from screwgauge.report.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.methods import DOUBTS
+
+#: What a reader has to know about quantities that nobody asks for, where they have the fewest digits.
+OPEN_TREE = {
+    "tree_force": "tree_force only checks the models: joint forces with the loops cut open, without loads.",
+    "tree_force_soft": (
+        "tree_force_soft only checks the models: joint forces with the loops cut open, which MuJoCo closes by springs "
+        "so stiff that rounding of the pose costs digits."
+    ),
+}
 
 
 def compared(results: Comparison) -> list[Row]:
@@ -156,7 +165,8 @@ def _agreement(results: Comparison) -> list[str]:
         least = min(counted or pairs, key=lambda row: digits(row["max_scaled"]))
         every = "the one comparison is" if len(pairs) == 1 else f"all {len(pairs)} comparisons are"
         fewest = f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']})"
-        return [f"{listed(engines)} agree: {every} within tolerance, {fewest}.", *_integrated(pairs), *untested]
+        remarks = [*filter(None, [OPEN_TREE.get(least["quantity"])]), *_integrated(pairs), *untested]
+        return [f"{listed(engines)} agree: {every} within tolerance, {fewest}.", *remarks]
     residuals = "its residuals are" if len(engines) == 1 else "their residuals are"
     judged = f"{residuals} within tolerance" if len(results.judge) else "nothing was judged"
     if len(engines) == 1:

@@ -11,13 +11,13 @@ from typing import Any, TypeVar
 
 import pandas as pd
 
-from screwgauge.judging.conditioning import Guarded, guarded
 from screwgauge.judging.coverage import Coverage
-from screwgauge.judging.refusals import Refusal
+from screwgauge.judging.trust import Guarded, Refusal, guarded
 from screwgauge.models import catalog
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.files import digest
+from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array
 from screwgauge.scene import read as scenes
 from screwgauge.scene.scene import Scene
@@ -159,6 +159,21 @@ class Comparison:
 
 SCHEMA = 1  #: Of ``summary.json``: raised when a key goes or changes its meaning.
 _BUILT_IN = (scenes.FOLDER, catalog.FOLDER)
+
+
+def facts(counted: Mobility) -> dict[str, object]:
+    """Counts for the report, and which forces are unique whatever the rule."""
+    return {
+        "moving bodies": counted.bodies,
+        "joint freedoms": counted.joint_freedoms,
+        "kutzbach": counted.kutzbach,
+        "mobility": counted.mobility,
+        "constraint components": counted.constraints,
+        "their rank": counted.constraint_rank,
+        "overconstraints": counted.overconstraints,
+        "actuation redundancy": counted.actuation_redundancy,
+        "unique forces": dict(zip(counted.names, counted.unique, strict=True)),
+    }
 
 
 def provenance(

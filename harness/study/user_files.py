@@ -11,7 +11,7 @@ from xml.etree.ElementTree import ParseError
 import numpy as np
 import pandas as pd
 
-from screwgauge.engines.parts import Names
+from screwgauge.engines.chunks import Names
 from screwgauge.engines.registry import ENGINES, Engine, engine_names, get_engine
 from screwgauge.judging.answer import largest
 from screwgauge.judging.judge import judge
@@ -200,10 +200,10 @@ def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) 
     return rows if "joint_position" in values else rows[rows["residual"] != "loop_closure"]
 
 
-def with_factors(pairs: pd.DataFrame, own: Iterable[str], solutions: Mapping[str, Solution]) -> pd.DataFrame:
+def with_factors(pairs: pd.DataFrame, tables: Iterable[str], solutions: Mapping[str, Solution]) -> pd.DataFrame:
     """Pairs, with a remark where a table out of tolerance is a multiple of what it is compared with."""
-    own, pairs = {*own}, pairs.copy()
-    for i, row in pairs[~pairs["ok"].astype(bool) & pairs["b"].isin(own) & pairs["max_scaled"].notna()].iterrows():
+    tables, pairs = {*tables}, pairs.copy()
+    for i, row in pairs[~pairs["ok"].astype(bool) & pairs["b"].isin(tables) & pairs["max_scaled"].notna()].iterrows():
         a, b = (solutions[row[side]] for side in "ab")
         factor = _factor(*_shared(a, b, row["quantity"], row["unit"]))
         if abs(factor - 1.0) > ALIKE:
@@ -332,9 +332,9 @@ def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -
 
 def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
     """Compares a user's description with that of the scene; their names may differ."""
-    own, out = replace(load_mechanism(path), name=mechanism.name), ModelComparison(path.name, "screw")
-    compare_loops(out, loops_of(mechanism, "full"), loops_of(own, "full"), mechanism)
-    actual, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (own, mechanism))
+    given, out = replace(load_mechanism(path), name=mechanism.name), ModelComparison(path.name, "screw")
+    compare_loops(out, loops_of(mechanism, "full"), loops_of(given, "full"), mechanism)
+    actual, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (given, mechanism))
     compare_readings(out, expected, replace(actual, gravity=None), mechanism)
     return out.rows
 

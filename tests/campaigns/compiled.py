@@ -16,9 +16,9 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.engines.registry import get_engine
-from screwgauge.engines.screw.bounds import examined
 from screwgauge.engines.screw.compiled import CompiledSolution, Solver
 from screwgauge.engines.screw.inverse import Work
+from screwgauge.engines.screw.programs import examined
 from screwgauge.families.draw import families, random
 from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
 from screwgauge.problem import GivenMotion, ModelFiles, Rows

@@ -15,7 +15,7 @@ from screwgauge.diagnosis.library_dynamics import answers
 from screwgauge.diagnosis.matrix import differences_between
 from screwgauge.diagnosis.pairing.common import counterpart, states_of_b, velocity_map, weighed
 from screwgauge.diagnosis.pairing.mapping import paired
-from screwgauge.engines.plain import Answers
+from screwgauge.engines.raw_queries import Answers
 from screwgauge.models.kinematics import draw, plant
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.judging.answer import largest
-from screwgauge.judging.assembly import assembly_of, other_assemblies
+from screwgauge.judging.assembly_modes import assembly_of, other_assemblies
 from screwgauge.study.comparison import Comparison
 
 EXPLAINED = "within the error"  # how the comparison begins where an estimate admits what differs

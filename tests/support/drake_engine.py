@@ -12,7 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 
 from screwgauge.engines.registry import Engine
-from screwgauge.engines.tree.closed import close_tree
+from screwgauge.engines.tree.closed_tree import close_tree
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree
 from screwgauge.problem import GivenMotion

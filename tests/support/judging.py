@@ -8,11 +8,11 @@ import pandas as pd
 
 from screwgauge import Results, Scene
 from screwgauge.judging.answer import answer_at
-from screwgauge.judging.charts import in_one_chart
+from screwgauge.judging.assembly_modes import in_one_chart
 from screwgauge.judging.compare import compare
-from screwgauge.judging.conditioning import LIMIT, flagged
 from screwgauge.judging.coverage import NOTHING, coverage
 from screwgauge.judging.judge import judge
+from screwgauge.judging.trust import LIMIT, flagged
 from screwgauge.solution import Solution
 from screwgauge.study.reference_values import Reference, deviation, reference_values, score
 from screwgauge.witness.wrenches import held as exerted

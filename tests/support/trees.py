@@ -5,18 +5,15 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco import plain
-from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.mujoco.settings import INTEGRATORS, REFINABLE
-from screwgauge.engines.mujoco.steps import sprung_model
+from screwgauge.engines.mujoco import raw_queries
+from screwgauge.engines.mujoco.dynamics import INTEGRATORS, REFINABLE, MujocoMover, sprung_model
 from screwgauge.engines.mujoco.tree import MujocoTree
-from screwgauge.engines.pinocchio.mover import PinocchioMover
+from screwgauge.engines.pinocchio.model import PinocchioMover
 from screwgauge.engines.pinocchio.tree import PinocchioTree
 from screwgauge.engines.tree.applied_forces import TreeForces
-from screwgauge.engines.tree.closed import close_tree
-from screwgauge.engines.tree.closure import Loops, make_loops
+from screwgauge.engines.tree.closed_states import project
+from screwgauge.engines.tree.closed_tree import Loops, close_tree, make_loops
 from screwgauge.engines.tree.model import TreeModel
-from screwgauge.engines.tree.project import project
 from screwgauge.engines.tree.protocol import OpenTree
 from screwgauge.models.urdf import read_loops
 from screwgauge.problem import ModelFiles

@@ -149,7 +149,7 @@ def speller(text: str) -> Callable[[str], str]:
         most = max(map(abs, entries), default=0.0)
         for x in entries:
             k, off = bisect(numbers, x), DUST * (4.0 * abs(x) + most)
-            near = [*sorted(numbers[max(k - 1, 0) : k + 1], key=lambda number, x=x: abs(number - x))]
+            near = [number for _, number in sorted((abs(one - x), one) for one in numbers[max(k - 1, 0) : k + 1])]
             near = [0.0] if abs(x) <= max(off, nothing) else [*near, float(f"{x:.{EXACT}g}")]
             yield number_text(next((number for number in near if abs(number - x) <= max(off, nothing)), x))
 

@@ -124,7 +124,7 @@ def _nearest(a: Reading, b: Reading, names: Collection[str]) -> dict[str, str]:
     """
     ends, nearest = _ends(a, {}), dict[str, str]()
     for pair in {frozenset(ends[name]) for name in names if name in a.closures and name in b.closures}:
-        some = [name for name in names if name in b.closures and ends.get(name) == pair]
+        some = [name for name in names if name in b.closures and frozenset(ends.get(name, ())) == pair]
         points = [[_points(reading, reading.closures[name]) for name in some] for reading in (a, b)]
         cost = np.array([[np.linalg.norm(theirs - ours) for ours in points[0]] for theirs in points[1]])
         nearest |= {some[i]: some[j] for i, j in assignment(cost) if i != j}

@@ -12,13 +12,11 @@ from xml.etree import ElementTree as ET
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco import curvature
-from screwgauge.engines.mujoco.mover import MujocoMover
-from screwgauge.engines.mujoco.settings import EXACT, MujocoSettings, refine
-from screwgauge.engines.mujoco.steps import MujocoStepper, joint_spring, sprung_model
+from screwgauge.engines.mujoco.dynamics import MujocoMover, MujocoSettings, MujocoStepper, joint_spring, sprung_model
+from screwgauge.engines.mujoco.equality_constraints import EXACT, curvature_notes, refine
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
 from screwgauge.engines.tree.applied_forces import TreeForces, spring_pull
-from screwgauge.engines.tree.closed import ClosedTree, close_tree
+from screwgauge.engines.tree.closed_tree import ClosedTree, close_tree
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations, TreeDynamics
 from screwgauge.models.mjcf import stood_in
@@ -53,7 +51,7 @@ class MujocoModel(TreeModel):
             solution = super().solve(problem, progress)
         said = tuple(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
         steps = self.dynamics is not None and self.dynamics.dt is not None
-        curves = curvature.said(self.closed.tree.couplings, problem, own_steps=steps)
+        curves = curvature_notes(self.closed.tree.couplings, problem, own_steps=steps)
         noted = (*solution.notes, *stood_in(self.thin), *curves, *said)
         return replace(solution, notes=noted, warnings=said)
 

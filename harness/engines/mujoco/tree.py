@@ -1,20 +1,18 @@
 """MuJoCo on an MJCF: its open tree.
 
 MuJoCo's names, orders and frames stay in this folder. Spatial quantities are [angular; linear]; accelerations
-contain minus gravity; forces between bodies (cfrc_int) are taken about the centre of mass of the whole tree.
-"""
+contain minus gravity; forces between bodies (cfrc_int) are taken about the centre of mass of the whole tree."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.block import DataBlock
-from screwgauge.engines.mujoco.curvature import curvature
-from screwgauge.engines.mujoco.settings import EQUALITY
+from screwgauge.engines.mujoco.equality_constraints import DISABLED, VELOCITY_STAGE, curvature
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
 from screwgauge.models.layout import Closure
 from screwgauge.models.mjcf import LEAST, POWERS, without_stand_ins
@@ -26,8 +24,40 @@ from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import Frame
 from screwgauge.reference.rotations import Array, cross, times
 
+
+class DataBlock:
+    """Arrays that lie near each other in one buffer, with what is between.
+
+    Attributes:
+        block: From the first of them to the end of the last. Shape (size,).
+    """
+
+    def __init__(self, *arrays: Array) -> None:
+        begin = [array.__array_interface__["data"][0] // 8 for array in arrays]
+        first = arrays[int(np.argmin(begin))]
+        self.spans = [(at - min(begin), array.shape) for at, array in zip(begin, arrays, strict=True)]
+        size = max(at + array.size for (at, _), array in zip(self.spans, arrays, strict=True))
+        self.block = np.lib.stride_tricks.as_strided(first, (size,), (8,))
+
+    def rows(self, n: int) -> Array:
+        """Room for as many samples of it. Shape (n, size)."""
+        return np.empty((n, len(self.block)))
+
+    def parts(self, rows: Array) -> Iterator[Array]:
+        """The arrays of such samples, as views. Shape (n, ...) each."""
+        for at, shape in self.spans:
+            yield rows[:, at : at + math.prod(shape)].reshape(len(rows), *shape)
+
+    def filled(self, *values: Array) -> Array:
+        """Samples of the given arrays. Shape (n, ...) each -> (n, size)."""
+        found = self.rows(len(values[0]))
+        found[:] = self.block
+        for part, value in zip(self.parts(found), values, strict=True):
+            part[:] = value
+        return found
+
+
 _SITE = mujoco.mjtObj.mjOBJ_SITE
-_VEL = int(mujoco.mjtStage.mjSTAGE_VEL)
 _CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
 
@@ -97,7 +127,7 @@ class MujocoTree(OpenTree):
         """Closures as the equality constraints of the file have them, from its sites."""
         found: dict[str, list[tuple[int, int]]] = {}
         kinds: dict[str, int] = {}
-        disabled = bool(self.model.opt.disableflags & (EQUALITY | _CONSTRAINT))
+        disabled = bool(self.model.opt.disableflags & (DISABLED | _CONSTRAINT))
         for e in range(self.model.neq):
             if disabled or not self.model.eq_active0[e]:
                 raise ModelFileError(
@@ -149,7 +179,7 @@ class MujocoTree(OpenTree):
         """Goes through the samples after `mj_inverse` on each, without equality constraints unless `soft`; these are
         completed where MuJoCo takes a coupling for a straight line."""
         model, data, flags = self.model, self.data, self.model.opt.disableflags
-        model.opt.disableflags = flags & ~EQUALITY if soft else flags | EQUALITY
+        model.opt.disableflags = flags & ~DISABLED if soft else flags | DISABLED
         state, qacc, bent = self.state.block, data.qacc, soft and self.curvature.ids  # views are slow to get
         data.xfrc_applied[:] = 0.0
         for i, (x, xdd) in enumerate(zip(self.state.filled(q, v), a, strict=True)):
@@ -157,9 +187,9 @@ class MujocoTree(OpenTree):
             mujoco.mj_inverse(model, data)
             if bent:
                 self.curvature.complete(data)
-                mujoco.mj_inverseSkip(model, data, _VEL, 1)
+                mujoco.mj_inverseSkip(model, data, VELOCITY_STAGE, 1)
             yield i
-        model.opt.disableflags |= EQUALITY
+        model.opt.disableflags |= DISABLED
 
     def poses(self, q: Array) -> BodyPoses:
         n, model, data, bodies = len(q), self.model, self.data, [0, *self.ids]  # the first is the world

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.estimate import Part, Trust, examined
-from screwgauge.engines.parts import Names, assemble, component_names, stages
+from screwgauge.engines.chunks import Names, assemble, component_names, stages
+from screwgauge.engines.error_estimate import Part, Trust, examined
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import GIVEN, QUANTITIES

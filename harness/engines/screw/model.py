@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.parts import JointMotion, Simulated, check_fits, joint_units
+from screwgauge.engines.chunks import JointMotion, Simulated, check_fits, joint_units
 from screwgauge.engines.screw.inverse import solve_motion
 from screwgauge.engines.screw.traced import solve_traced
 from screwgauge.engines.screw.variants import Variant, load_variant

@@ -11,11 +11,10 @@ from functools import cached_property
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.estimate import Part, Trust, vanishing
-from screwgauge.engines.parts import assemble
-from screwgauge.engines.screw.bounds import Bounds, Numbers, examined, roots
+from screwgauge.engines.chunks import assemble
+from screwgauge.engines.error_estimate import Part, Trust, vanishing
 from screwgauge.engines.screw.inverse import Work
-from screwgauge.engines.screw.programs import Bound, check_traceable, flat, runner_of
+from screwgauge.engines.screw.programs import Bound, Bounds, Numbers, check_traceable, examined, flat, roots, runner_of
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge import __version__
-from screwgauge.engines.parts import component_names
+from screwgauge.engines.chunks import component_names
 from screwgauge.engines.screw.scheme import integrate
 from screwgauge.problem import GivenMotion, Problem, Progress, quiet
 from screwgauge.reference import linear

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
-from screwgauge.engines.tree.closure import Loops
+from screwgauge.engines.tree.closed_tree import ClosedTree, Loops
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import Problem
 from screwgauge.reference import linear
@@ -56,7 +55,7 @@ def closed_forces(
         acting: Wrench on each body of loads, springs and motors, about its origin. Shape (n, n_body + 1, 6).
     """
     (inverse, K), tau, wanted, sizes = system, motion[3], problem.wanted, closed.sizes
-    need = tau - along_coordinates(at, acting)
+    need = tau - at.forces_along(acting)
     Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
     largest = (np.maximum(np.abs(need), np.abs(tau)) * sizes.q).max(axis=1) / sizes.length
     values = {"generalized_force": Q}

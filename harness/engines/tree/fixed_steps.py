@@ -6,13 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from screwgauge.engines.parts import Simulated
+from screwgauge.engines.chunks import Simulated
 from screwgauge.engines.tree.applied_forces import TreeForces
-from screwgauge.engines.tree.closed import ClosedTree
+from screwgauge.engines.tree.closed_states import Path, project, read_path
+from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.integrate import start_state
-from screwgauge.engines.tree.project import project
 from screwgauge.engines.tree.protocol import Mover, Stepper
-from screwgauge.engines.tree.reading import Path, read_path
 from screwgauge.problem import InitialValue, Problem, Progress
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array

@@ -13,14 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.engines.chunks import Simulated
 from screwgauge.engines.methods import METHODS, MOST, SIZES, Pace, check_method, keep_passed
-from screwgauge.engines.parts import Simulated
 from screwgauge.engines.tree.applied_forces import TreeForces
-from screwgauge.engines.tree.closed import ClosedTree
+from screwgauge.engines.tree.closed_states import Path, project, read_path
+from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.inverse import solve_motion
-from screwgauge.engines.tree.project import project
 from screwgauge.engines.tree.protocol import Mover
-from screwgauge.engines.tree.reading import Path, read_path
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress, quiet
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.continuation import PathEnd

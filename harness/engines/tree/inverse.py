@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.engines.estimate import Part, Trust, examined
-from screwgauge.engines.parts import Names, assemble, component_names, stages
+from screwgauge.engines.chunks import Names, assemble, component_names, stages
+from screwgauge.engines.error_estimate import Part, Trust, examined
 from screwgauge.engines.tree.applied_forces import applied_wrenches
-from screwgauge.engines.tree.closed import Charts, ClosedTree
 from screwgauge.engines.tree.closed_forces import closed_forces
+from screwgauge.engines.tree.closed_tree import Charts, ClosedTree
 from screwgauge.engines.tree.cut_joints import unwrapped
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows

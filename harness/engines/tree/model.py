@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.engines.parts import joint_units
-from screwgauge.engines.tree.applied_forces import applied_wrenches
-from screwgauge.engines.tree.closed import ClosedTree, along_coordinates
+from screwgauge.engines.chunks import joint_units
+from screwgauge.engines.tree.applied_forces import TreeForces, applied_wrenches
 from screwgauge.engines.tree.closed_forces import min_norm
+from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.inverse import solve_motion
 from screwgauge.engines.tree.protocol import TreeDynamics
 from screwgauge.models.urdf import LoopsFile, read_loops
@@ -67,12 +67,16 @@ class TreeModel:
             self._check_mass()
         if not isinstance(task, InitialValue):
             return solve_states(closed, dynamics, problem, task)
-        from screwgauge.engines.tree.fixed_steps import step_through
+        from screwgauge.engines.tree.fixed_steps import ProjectedStepper, step_through
         from screwgauge.engines.tree.integrate import simulate
 
         if dynamics.dt is None:
             return simulate(closed, dynamics.mover(), problem, task, progress)
-        return step_through(closed, dynamics.stepper(closed, problem, task), problem, task, dynamics.dt, progress)
+        stepper = dynamics.stepper(closed, problem, task)
+        if stepper is None:
+            forces = TreeForces(closed, problem.applied, task.start)
+            stepper = ProjectedStepper(dynamics.mover(), forces, dynamics.integrator, dynamics.dt)
+        return step_through(closed, stepper, problem, task, dynamics.dt, progress)
 
     @property
     def _where(self) -> str:
@@ -178,7 +182,7 @@ def _actuator_forces(
     still, joints = np.zeros((*at.p.shape[:2], 6)), np.zeros((len(q), len(closed.names)))
     applied = Applied(loads=problem.applied.loads)
     loads = applied_wrenches(closed, applied, at, (np.zeros(len(q)), still, joints, joints))
-    need = tau - along_coordinates(at, loads)
+    need = tau - at.forces_along(loads)
     if dynamics.naive:  # what it says of the actuated joints, taken for the actuator forces
         return need[:, closed.driven], empty(len(q))
     A = closed.closing_rows(q, at, closed.loops.charts(at))

@@ -24,7 +24,7 @@ from screwgauge.reference.rotations import Array, cross, skew, times
 from screwgauge.solution import Cost
 
 if TYPE_CHECKING:
-    from screwgauge.engines.tree.closed import ClosedTree
+    from screwgauge.engines.tree.closed_tree import ClosedTree
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,6 +76,16 @@ class BodyPoses:
         A = self._summed(rates, v, self.p - about)
         A[..., 3:] += cross(V[..., :3], V[..., 3:])
         return A
+
+    def forces_along(self, wrenches: Array) -> Array:
+        """Forces along the coordinates of wrenches on the bodies. Shape (n, n_v).
+
+        Args:
+            wrenches: Force and moment about the origin of each body. Shape (n, n_body + 1, 6).
+        """
+        force = wrenches[..., :3]
+        about = np.concatenate([wrenches[..., 3:] + cross(self.p, force), force], axis=2)  # the world's origin
+        return np.asarray(np.einsum("nxi,nix->ni", self.screws, self.moves.T @ about))
 
     def _summed(self, screws: Array, v: Array, arms: Array) -> Array:
         """Over the coordinates that move each body, about its origin: `arms` lead there."""
@@ -261,13 +271,9 @@ class TreeDynamics(Protocol):
     def mover(self) -> Mover:
         """Its accelerations, made as exact as it can."""
 
-    def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> Stepper:
-        """Its own integrator for a problem, by default `fixed_steps.ProjectedStepper` on its accelerations."""
-        from screwgauge.engines.tree.applied_forces import TreeForces
-        from screwgauge.engines.tree.fixed_steps import ProjectedStepper
-
-        forces = TreeForces(closed, problem.applied, task.start)
-        return ProjectedStepper(self.mover(), forces, self.integrator, self.dt or 0.0)
+    def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> Stepper | None:
+        """Its own integrator for a problem; by default none: `fixed_steps.ProjectedStepper` on its accelerations."""
+        return None
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
         """Accelerations of states as they are, for forces along the coordinates.

@@ -15,7 +15,7 @@ from screwgauge.report.blocks import Banner, Block, Heading, Items
 from screwgauge.report.figures.diagnosis import make_plots, share_text
 from screwgauge.report.formatting import Row, number, size, unit_text
 from screwgauge.report.layout import Report
-from screwgauge.report.terminal import terminal
+from screwgauge.report.text import terminal
 
 
 def _banners(found: Diagnosis) -> list[Banner]:

@@ -18,7 +18,7 @@ STATUS = {"shown": "shown", "not_shown": "-", "failed": "failed"}
 
 
 def _banner(table: pd.DataFrame) -> Banner:
-    bad = ["pin {pin}, mujoco {mujoco}".format(**row) for row in rows(table) if row["status"] != "agree"]
+    bad = ["pin {pin} with mujoco {mujoco}".format(**row) for row in rows(table) if row["status"] != "agree"]
     count, lost = f"{len(table) - len(bad)} of {len(table)}", f" Not on {listed(bad)}." * bool(bad)
     text = f"On {count} pairs of versions all built-in scenes pass.{lost}"
     return Banner.of(text, not bad)
@@ -30,7 +30,7 @@ def _pairs(table: pd.DataFrame) -> list[Row]:
 
 def _reasons(table: pd.DataFrame) -> list[Block]:
     """What does not pass, in how many scenes which quantities differ."""
-    where, amount = "pin {pin}, mujoco {mujoco}: ", "scenes out of tolerance in {differing}; the first: "
+    where, amount = "pin {pin} with mujoco {mujoco}: ", "scenes out of tolerance in {differing}; the first: "
     bad = [row for row in rows(table) if row["reason"]]
     told = tuple((where + amount * bool(row["differing"]) + "{reason}").format(**row) for row in bad)
     return [Folded("What does not pass", (Items(told),))] if told else []

@@ -6,8 +6,7 @@ import mujoco
 import numpy as np
 
 from screwgauge.engines.mujoco.discrepancies.probe import inverse, inverted, load, state
-from screwgauge.engines.samples import ARM, INERTIA, MASS, WEIGHT, FourBar, G, body, mjcf
-from screwgauge.engines.shown import Evidence
+from screwgauge.engines.toy_models import ARM, INERTIA, MASS, WEIGHT, Evidence, FourBar, G, body, mjcf
 
 _DISCRETE = int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
 

@@ -8,8 +8,21 @@ import mujoco
 import numpy as np
 
 from screwgauge.engines.mujoco.discrepancies.probe import inverse, load, mass, measured, moment
-from screwgauge.engines.samples import ARM, INERTIA, INERTIAL, MASS, WEIGHT, G, body, joint, link, mjcf, numbers, robot
-from screwgauge.engines.shown import Evidence
+from screwgauge.engines.toy_models import (
+    ARM,
+    INERTIA,
+    INERTIAL,
+    MASS,
+    WEIGHT,
+    Evidence,
+    G,
+    body,
+    joint,
+    link,
+    mjcf,
+    numbers,
+    robot,
+)
 
 _KEEP = '<mujoco><compiler fusestatic="false"/></mujoco>'
 _QUARTER = f"0 0 {math.pi / 2!r}"

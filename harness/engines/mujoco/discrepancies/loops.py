@@ -6,9 +6,8 @@ import mujoco
 import numpy as np
 
 from screwgauge.engines.mujoco.discrepancies.probe import inverse, inverted, load, state
-from screwgauge.engines.mujoco.settings import EQUALITY, STIFFEST, refine
-from screwgauge.engines.samples import FourBar, body, mjcf
-from screwgauge.engines.shown import Evidence
+from screwgauge.engines.mujoco.equality_constraints import DISABLED, STIFFEST, refine
+from screwgauge.engines.toy_models import Evidence, FourBar, body, mjcf
 from screwgauge.reference.rotations import Array
 
 _EXACT_DIAGONAL = int(getattr(mujoco.mjtEnableBit, "mjENBL_DIAGEXACT", 0))  # since 3.9
@@ -33,7 +32,7 @@ def speed_squared() -> Evidence:
     model = load(bar.mjcf())
     data = inverted(model, v=bar.v, a=bar.a)
     closed, held = data.qfrc_inverse, data.qfrc_constraint
-    model.opt.disableflags |= EQUALITY
+    model.opt.disableflags |= DISABLED
     tree = inverse(model, v=bar.v, a=bar.a)
     return Evidence(float(abs(closed - tree).max()), 0.0, float(abs(closed + held - tree).max()), "N m")
 

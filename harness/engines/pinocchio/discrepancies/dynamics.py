@@ -8,8 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from screwgauge.engines.pinocchio.discrepancies.probe import inverse, load_urdf, mass
-from screwgauge.engines.samples import ARM, INERTIA, MASS, WEIGHT, joint, link, robot
-from screwgauge.engines.shown import Evidence
+from screwgauge.engines.toy_models import ARM, INERTIA, MASS, WEIGHT, Evidence, joint, link, robot
 from screwgauge.models.readings.pinocchio import overheard
 
 _BAR = robot(link("a"), joint("a"))

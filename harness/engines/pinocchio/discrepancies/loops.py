@@ -10,8 +10,7 @@ import pinocchio as pin
 
 from screwgauge.engines.pinocchio.discrepancies.probe import four_bar
 from screwgauge.engines.pinocchio.tree import initialise
-from screwgauge.engines.samples import FourBar
-from screwgauge.engines.shown import Evidence
+from screwgauge.engines.toy_models import Evidence, FourBar
 from screwgauge.reference.rotations import Array
 
 _SAFE = (0.0, 0.0, 1e-10, 3)  # accuracies 0: all iterations are made

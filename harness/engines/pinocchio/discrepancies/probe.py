@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.samples import FourBar
+from screwgauge.engines.toy_models import FourBar
 from screwgauge.reference.rotations import Array
 
 

@@ -1,4 +1,4 @@
-"""What a library itself says of any model at given states, in the terms of its reading: no problem, no closure."""
+"""Raw queries to a library on any model at given states, in the terms of its reading: no problem, no closure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What Pinocchio says of any model at given states."""
+"""Raw queries to Pinocchio on any model at given states."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from screwgauge.engines.plain import Answers, JointStates, carried
+from screwgauge.engines.raw_queries import Answers, JointStates, carried
 from screwgauge.models.readings.pinocchio import elementary, loaded, start
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.rotations import Array
@@ -18,7 +18,7 @@ from screwgauge.reference.rotations import Array
 def ask(
     path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False, whole: bool = False
 ) -> Answers:
-    """See `plain.Ask`. RNEA knows armature, and neither damping, friction nor springs, nor what no reading holds."""
+    """See `raw_queries.Ask`. RNEA knows armature, and no damping, friction, springs, nor what no reading holds."""
     source = prepare(path, floating=floating)
     model = loaded(source)
     data = model.createData()

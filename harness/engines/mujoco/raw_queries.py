@@ -1,4 +1,4 @@
-"""What MuJoCo says of any model at given states, constraints and contacts off."""
+"""Raw queries to MuJoCo on any model at given states, constraints and contacts off."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from screwgauge.engines.plain import Answers, Carried, Closing, JointStates, carried
+from screwgauge.engines.raw_queries import Answers, Carried, Closing, JointStates, carried
 from screwgauge.models.readings.compiled import heard
 from screwgauge.models.readings.mujoco import loaded
 from screwgauge.models.readings.source import prepare
@@ -28,7 +28,7 @@ COVERS = frozenset({"armature", "damping", "stiffness", "medium"})
 def ask(
     path: Path, bodies: tuple[str, ...], joints: Mapping[str, JointStates], floating: bool = False, whole: bool = False
 ) -> Answers:
-    """See `plain.Ask`. `mj_inverse` knows passive forces; dry friction is a constraint and off."""
+    """See `raw_queries.Ask`. `mj_inverse` knows passive forces; dry friction is a constraint and off."""
     with heard():
         model, data, states = _begun(path, joints, floating, ("CONSTRAINT",), whole=whole)
         numbers = [model.body(name).id for name in bodies]
@@ -38,7 +38,7 @@ def ask(
 
 
 def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = False) -> Closing:
-    """See `plain.Closing`: of equalities, all other constraints off."""
+    """See `raw_queries.Closing`: of equalities, all other constraints off."""
     with heard():
         model, data, states = _begun(path, joints, floating, ("CONTACT", "FRICTIONLOSS", "LIMIT"))
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.engines.estimate import Part, errors
+from screwgauge.engines.error_estimate import Part, errors
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress
 from screwgauge.quantities import BODY_UNITS, FORCE, GIVEN, OF_JOINTS, QUANTITIES, RATE, Quantity
 from screwgauge.reference.equations.joint_types import reaction_names

@@ -1,13 +1,34 @@
-"""Small models as text, of which the right numbers are known in closed form: a bar on a hinge and a planar four-bar."""
+"""Small models as text, of which the right numbers are known in closed form, and what a discrepancy on one measures."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from screwgauge.reference.rotations import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """One number, got in three ways.
+
+    Attributes:
+        symptom: As users get it; NaN where there is none.
+        expected: As it should be, from a formula, from equations solved here, or from the other engine.
+        mended: As users get it after the remedy.
+        unit: Of all three; empty of a plain number.
+        said: What the engine says where it refuses or warns.
+    """
+
+    symptom: float
+    expected: float
+    mended: float
+    unit: str
+    said: str = ""
+
 
 G = 9.81  #: [m/s^2]
 #: The bar: [kg], [m] from the hinge along x, [kg m^2] about its centre of mass.

@@ -1,0 +1,308 @@
+"""MuJoCo's motion of a closed tree: accelerations as exact as it can make them, and its own stepper.
+
+`MujocoMover` refines what `mj_forward` says of one state after the other. `MujocoStepper` is `mj_step`, raw or from
+refined accelerations, with springs as MuJoCo's own: a spring along a joint of the tree becomes that joint's stiffness
+and damping, one between points a spatial tendon between two sites, exact equivalents that implicit integrators see.
+Constant motors and loads at centres of mass are set once; all else is set at the start of every step and held over it.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from screwgauge.engines.mujoco.equality_constraints import (
+    DISABLED,
+    EXACT,
+    HARDER,
+    PASSES,
+    STIFFEST,
+    VELOCITY_STAGE,
+    curvature,
+    harden,
+    refine,
+)
+from screwgauge.engines.mujoco.tree import MujocoTree, prepare
+from screwgauge.engines.tree.applied_forces import TreeForces
+from screwgauge.reference.applied import Applied, JointSpring, PointSpring
+from screwgauge.reference.errors import DescriptionError, SingularPoseError, UnknownNameError, check_choice
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array
+
+#: Integrators by MuJoCo's name; ``discrete`` needs 4.0.
+INTEGRATORS = {
+    "Euler": "mjINT_EULER",
+    "implicit": "mjINT_IMPLICIT",
+    "implicitfast": "mjINT_IMPLICITFAST",
+    "RK4": "mjINT_RK4",
+    "discrete": "mjINT_DISCRETE",
+}
+#: Those whose step can be made from refined accelerations: the others solve for them inside.
+REFINABLE = ("Euler", "implicit", "implicitfast")
+_AUTORESET = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+#: A larger change in the last pass is not safe.
+UNSAFE = 1e-6
+
+
+class MujocoMover:
+    """Accelerations of a closed tree. See `screwgauge.engines.tree.protocol.Mover`."""
+
+    def __init__(self, tree: MujocoTree) -> None:
+        self.tree = tree
+        self.model = copy.deepcopy(tree.model)  # the tree switches its equality constraints off
+        harden(self.model)
+        self.data = mujoco.MjData(self.model)
+        self.passes = PASSES if self.model.neq else 0
+        self.curvature = curvature(self.model, tree.couplings)
+        hard = f"solimp {STIFFEST:g}, body_invweight0 / {HARDER:g}, at most {PASSES} refinements"
+        self.setting = f"mj_forward, {hard}" if self.passes else "mj_forward"
+        self.made = self.most = self.calls = 0
+
+    def place(self, q: Array, v: Array) -> None:
+        self.data.qpos[:], self.data.qvel[:] = q, v
+        mujoco.mj_fwdPosition(self.model, self.data)
+        mujoco.mj_fwdVelocity(self.model, self.data)
+        self.curvature.complete(self.data)
+
+    def body(self, index: int) -> tuple[Array, Array, Array]:
+        J = np.zeros((6, self.model.nv))
+        if index == 0:
+            return np.eye(3), np.zeros(3), J
+        i = self.tree.ids[index - 1]
+        mujoco.mj_jacBody(self.model, self.data, J[3:], J[:3], i)
+        return self.data.xmat[i].reshape(3, 3), self.data.xpos[i], J
+
+    def closure(self) -> tuple[Array, Array]:
+        rows, n_v = self.data.ne, self.model.nv  # limits and contacts of a file of the user's own close nothing
+        return self.data.efc_pos[:rows].copy(), self.data.efc_J[: rows * n_v].reshape(rows, n_v).copy()
+
+    def accelerate(self, tau: Array) -> Array:
+        model, data = self.model, self.data
+        data.qfrc_applied[:] = tau
+        mujoco.mj_forwardSkip(model, data, VELOCITY_STAGE, 1)
+        a: Array = data.qacc.copy()
+        made, change = refine(model, data, a, self.passes)
+        self.calls, self.made, self.most = self.calls + 1, self.made + made, max(self.most, made)
+        size = float(np.abs(a).max())
+        # written so that NaN is refused
+        if not change <= UNSAFE * max(size, 1.0) < np.inf:
+            raise SingularPoseError(
+                f"MuJoCo's accelerations are not safe (largest {size:.3g}, changed by {change:.3g} in "
+                f"refinement {made})",
+                f"{self.tree.engine}, q = {np.array2string(data.qpos[:8], precision=4)}",
+                "step over the pose, or check masses and loops of the MJCF",
+            )
+        return a
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        said = f"{self.made / max(self.calls, 1):.1f} refinements on average, at most {self.most}"
+        return (said,) if self.passes else ()
+
+
+@dataclass(frozen=True, slots=True)
+class MujocoSettings:
+    """How accelerations and steps are made; None leaves what the file or MuJoCo says.
+
+    Scipy's methods take none of them: they integrate refined accelerations of constraints as hard as they get.
+
+    Attributes:
+        solimp: Impedance d of the equality constraints, the same at any closure residual; at most 0.9999.
+        solref: Time constant [s] of their springs, or that and the damping ratio.
+        passes: Proximal refinements: all of them on given states, at most so many in a step.
+        naive: What `mj_inverse` says of the actuated joints, equality constraints on, is taken for their forces.
+        weld: Loops are closed by welds of the frames of cut joints, which agree at each given state.
+        examine: Conditioning of given states is looked at.
+        integrator, dt: One of `INTEGRATORS` with its step [s]; None for scipy's methods.
+        work: Its steps are looked at one by one for the work that is put in, which takes longer than the steps.
+    """
+
+    solimp: float | None = None
+    solref: float | tuple[float, float] | None = None
+    passes: int = 0
+    naive: bool = False
+    weld: bool = False
+    examine: bool = False
+    integrator: str = "Euler"
+    dt: float | None = None
+    work: bool = True
+
+    def __post_init__(self) -> None:
+        where = "stepper of mujoco"
+        check_choice("integrator", [self.integrator], INTEGRATORS, where)
+        if self.dt is not None and not 0.0 < self.dt < np.inf:
+            raise DescriptionError(f"step {self.dt:g} s", where, "give a positive number")
+        if self.solimp is not None and not 0.0 < self.solimp <= STIFFEST:
+            raise DescriptionError(f"solimp {self.solimp:g}", where, "give a number up to 0.9999")
+        if self.dt is not None and self.passes and self.integrator not in REFINABLE:
+            raise DescriptionError(
+                f"{self.integrator} solves for accelerations inside its step",
+                where,
+                f"refine one of {', '.join(REFINABLE)}, or leave passes out",
+            )
+
+    def soften(self, model: mujoco.MjModel) -> None:
+        """Sets the equality constraints, switched on."""
+        model.opt.disableflags &= ~DISABLED
+        if self.solimp is not None:
+            model.eq_solimp[:, :2] = self.solimp
+        if self.solref is not None:
+            model.eq_solref[:, : np.size(self.solref)] = self.solref
+
+    def set_steps(self, model: mujoco.MjModel) -> None:
+        """Sets constraints and integrator for steps.
+
+        Raises:
+            UnknownNameError: This version of MuJoCo has no such integrator.
+        """
+        kind = getattr(mujoco.mjtIntegrator, INTEGRATORS[self.integrator], None)
+        if kind is None:
+            raise UnknownNameError("integrator", self.integrator, INTEGRATORS, f"MuJoCo {mujoco.__version__}")
+        self.soften(model)
+        model.opt.integrator = kind
+        model.opt.timestep = self.dt or model.opt.timestep  # `discrete` accelerations depend on it
+        model.opt.disableflags |= _AUTORESET  # a state that is not finite is to be seen
+        if self.passes:
+            model.opt.tolerance = EXACT
+
+    @property
+    def steps(self) -> str:
+        """The stepper in words."""
+        solref = self.solref if isinstance(self.solref, tuple) else (self.solref,)
+        spring = " ".join("default" if x is None else f"{x:g}" for x in solref)
+        return f"{self.integrator}, dt {self.dt:g} s, solref {spring}, {self._constraints('at most ')}"
+
+    @property
+    def states(self) -> str:
+        """Accelerations of given states in words."""
+        return f"mj_forward, {self._constraints()}"
+
+    def _constraints(self, most: str = "") -> str:
+        solimp = "default" if self.solimp is None else f"{self.solimp:g}"
+        return f"solimp {solimp}, {f'{most}{self.passes} refinements' if self.passes else 'raw'}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sprung:
+    """A model that carries springs itself, and what is left to be applied in every step."""
+
+    model: mujoco.MjModel
+    left: Applied
+
+
+def sprung_model(mjcf: Path, applied: Applied, tree: MujocoTree) -> Sprung:
+    """Puts springs into a model: exact equivalents, which the implicit integrators see."""
+    spec = mujoco.MjSpec.from_file(str(mjcf))
+    tendons = {f"spring {i}": s for i, s in enumerate(applied.springs) if isinstance(s, PointSpring)}
+    for name, spring in tendons.items():
+        tendon = spec.add_tendon(name=name)
+        tendon.springlength = [spring.rest, spring.rest]
+        for body, point in ((spring.first, spring.first_point), (spring.second, spring.second_point)):
+            (spec.body(body) or spec.worldbody).add_site(name=f"{name}.{body}", pos=point)
+            tendon.wrap_site(f"{name}.{body}")
+    model = spec.compile()
+    prepare(model)
+    for name, spring in tendons.items():
+        k = model.tendon(name).id
+        model.tendon_stiffness[k], model.tendon_damping[k] = spring.stiffness, spring.damping
+    loads = tuple(load for load in applied.loads if load.point is not None and load.force.any())
+    joints = (spring for spring in applied.springs if isinstance(spring, JointSpring))
+    springs = tuple(spring for spring in joints if not joint_spring(model, spring, tree))
+    motors = tuple(m for m in applied.motors if not (m.coordinate in tree.coordinates and m.constant))
+    return Sprung(model, Applied(applied.gravity, loads, springs, motors))
+
+
+def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -> bool:
+    """Makes a spring the joint's own; False where that is cut or has one already."""
+    if spring.coordinate not in tree.coordinates:
+        return False
+    j = tree.coordinates.index(spring.coordinate)
+    dof = model.jnt_dofadr[j]
+    if model.jnt_stiffness[j] or model.dof_damping[dof]:
+        return False
+    model.jnt_stiffness[j], model.dof_damping[dof] = spring.stiffness, spring.damping
+    model.qpos_spring[model.jnt_qposadr[j]] = spring.rest
+    return True
+
+
+def _closing(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Names of the forces of the constraints in world axes, if all of them join points."""
+    if (model.eq_type != mujoco.mjtEq.mjEQ_CONNECT).any():
+        return ()
+    return tuple(f"{model.equality(e).name}.f{axis}" for e in range(model.neq) for axis in "xyz")
+
+
+class MujocoStepper:
+    """`mj_step` or its parts. See `screwgauge.engines.tree.protocol.Stepper`."""
+
+    def __init__(
+        self, sprung: Sprung, tree: MujocoTree, applied: Applied, held: TreeForces, settings: MujocoSettings
+    ) -> None:
+        """Prepares the steps.
+
+        Args:
+            applied: All that acts; what never changes is set once.
+            held: What has to be applied in every step.
+        """
+        self.model, self.held = sprung.model, held
+        self.setting, self.passes = settings.steps, settings.passes
+        settings.set_steps(self.model)
+        self.model.opt.gravity[:] = tree.model.opt.gravity
+        self.order = 4 if settings.integrator == "RK4" else 1
+        self.data = mujoco.MjData(self.model)
+        self.base, self.tau = np.zeros(self.model.nv), np.zeros(self.model.nv)
+        self.mover, self.work, self.closing = MujocoMover(tree), settings.work, _closing(self.model)
+        self.notes: tuple[str, ...] = (
+            ("some forces vary with time or pose and are held over each step",) if held.acts else ()
+        )
+        self.advance = mujoco.mj_Euler if settings.integrator == "Euler" else mujoco.mj_implicit
+        for motor in applied.motors:
+            if motor not in sprung.left.motors:
+                self.base[tree.coordinates.index(motor.coordinate)] += motor.force(0.0)
+        for load in applied.loads:
+            if load not in sprung.left.loads and load.body != GROUND:
+                i = tree.ids[tree.bodies.index(load.body)]
+                self.data.xfrc_applied[i] += np.concatenate([load.force, load.torque])
+
+    def begin(self, t: float, q: Array, v: Array) -> None:
+        self.data.time, self.data.qpos[:], self.data.qvel[:] = t, q, v
+
+    def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
+        model, data = self.model, self.data
+        model.opt.timestep = h
+        if not self.held.acts and not self.passes:
+            data.qfrc_applied[:] = self.base
+            mujoco.mj_step(model, data, n)
+            n = 0
+        for i in range(n):
+            self._apply(t + i * h)
+            if not self.passes:
+                mujoco.mj_step(model, data)
+                continue
+            mujoco.mj_forward(model, data)
+            refine(model, data, data.qacc.copy(), self.passes)
+            self.advance(model, data)
+        return data.qpos.copy(), data.qvel.copy()
+
+    def _apply(self, t: float) -> None:
+        """Forces along the coordinates for the step to come."""
+        data = self.data
+        data.qfrc_applied[:] = self.base
+        if self.held.acts:
+            q, v = data.qpos.copy(), data.qvel.copy()
+            self.mover.place(q, v)
+            self.held.act(t, q, v, self.mover.body, self.tau)
+            data.qfrc_applied[:] += self.tau
+
+    def accelerations(self, t: float) -> tuple[Array, Array]:
+        self._apply(t)
+        mujoco.mj_forward(self.model, self.data)
+        a: Array = self.data.qacc.copy()
+        total = self.data.efc_force[: self.data.nefc].copy()
+        refine(self.model, self.data, a, self.passes, total=total)
+        self.data.qfrc_applied[:] = self.base
+        return a, -total[: len(self.closing)]  # rows of equality constraints come first, for their first site

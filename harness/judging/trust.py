@@ -1,0 +1,257 @@
+"""How far numbers can be trusted: estimated errors and singular poses passed, what integration leaves, refused samples.
+
+Conditioning and integration are what engines estimate of their errors; of a simulation, the same motion integrated less
+exactly shows how large that of integration is. Samples without numbers get the singularity that is the reason, by the
+description alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations, compress
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.problem import GivenMotion, Problem, Rows
+from screwgauge.quantities import QUANTITIES
+from screwgauge.reference import linear
+from screwgauge.reference.closed.assembly_mode import positions
+from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.equations.kinematics import pose
+from screwgauge.reference.graph import Layout, layout
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.mobility import gimbal_lock, near_singularity
+from screwgauge.reference.rotations import Array, within_half_turn
+from screwgauge.solution import Solution, Values
+
+#: Relative error from which a result is flagged: half of the digits of a double, and a thousand times the tolerance
+#: of the comparison, so that what is flagged cannot be mistaken for a modelling error of interest, nor the reverse.
+LIMIT = 1e-8
+
+
+def flagged(solution: Solution) -> dict[str, NDArray[np.bool_]]:
+    """Samples of each quantity whose estimated error is above `LIMIT`. Quantity -> booleans of shape (n,)."""
+    return {name: ~(estimate <= LIMIT) for name, estimate in solution.estimate.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Guarded:
+    """How far one quantity of one engine can be trusted over all samples that the engine solved.
+
+    Attributes:
+        condition: Largest condition number of what it was solved from.
+        estimate: Largest estimated error, infinite where not one digit is right or there is no number.
+        flagged: Number of samples above `LIMIT`, those without a number among them.
+        worst_t: Time of the largest estimate [s].
+    """
+
+    engine: str
+    quantity: str
+    condition: float
+    estimate: float
+    flagged: int
+    n_sample: int
+    worst_t: float
+
+    @property
+    def ok(self) -> bool:
+        return not self.flagged
+
+
+def guarded(solution: Solution, t: Array) -> list[Guarded]:
+    """One row for each quantity with an estimate. `t`: times [s], shape (n,)."""
+    rows = []
+    for name, flags in flagged(solution).items():
+        worst, condition = int(np.argmax(solution.estimate[name])), float(np.max(solution.conditions[name]))
+        size = float(solution.estimate[name][worst])
+        rows.append(Guarded(solution.engine, name, condition, size, int(flags.sum()), len(t), float(t[worst])))
+    return rows
+
+
+def passed(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, Array, str]:
+    """Looks at all samples of a motion, and between them for changes of the determinant's sign.
+
+    Args:
+        q: Joint coordinates of the description, as an engine integrated them. Shape (m, n_q).
+        t: Times [s]. Shape (m,).
+        near: Condition number assumed of a singular pose that lies between two samples: those above are stepped over.
+
+    Returns:
+        Largest condition number of the closed loops over y met up to each sample, shape (m,). What rounding may have
+        made of it: accelerations next to a singular pose are off by about eps times the square, and every later sample
+        has that behind it; infinite where no digit is left, shape (m,). Where the motion passed singular poses, if it
+        did.
+    """
+    at = pose(lay, q)
+    A = loop_equations(lay).matrix(at)  # no coordinate is at rest here: those that are may begin to move at such a pose
+    condition = linear.condition(A) if A.shape[2] else np.ones(len(q))
+    signs = np.linalg.slogdet(A)[0] if A.shape[1] == A.shape[2] else np.zeros(len(A))  # no sign with redundant rows
+    crossed = np.flatnonzero(signs[1:] * signs[:-1] < 0)
+    met = condition.copy()
+    met[crossed + 1] = np.maximum(met[crossed + 1], near)
+    met = np.maximum.accumulate(np.nan_to_num(met, nan=np.inf))
+    with np.errstate(over="ignore"):
+        estimate = linear.ROUNDED * linear.EPS * met**2
+    note = ""
+    if crossed.size:
+        i = int(crossed[0])
+        nearest = i if condition[i] > condition[i + 1] else i + 1
+        count = f"{crossed.size} times, first " if crossed.size > 1 else ""
+        note = (
+            f"passes a singular pose {count}between t = {t[i]:.6g} and {t[i + 1]:.6g} s: "
+            f"{near_singularity(lay, at.rows([nearest]))}"
+        )
+    return met, np.where(estimate < linear.DIGIT, estimate, np.inf), note
+
+
+#: Tolerances of further runs over that of the first. Steps that truncation decides leave an error in proportion to
+#: them: the largest difference of two of the runs is nine times the error.
+LOOSER = (3.0, 10.0)
+#: Where rounding decides, all runs are off by as much, each by chance: of 40 light cart-poles, whose motion is known,
+#: the largest difference of three runs was 0.31 of the error of the first at least, that of two runs 0.05.
+SAFETY = 4.0
+#: Largest scaled error that is put down to integration: behind more, a mistake of a thousandth could hide.
+MOST = 1e-4
+#: How the reason of a pair begins that agrees by what integration leaves.
+WITHIN = "within the error of integration"
+
+
+def with_estimate(solution: Solution, looser: Sequence[Solution]) -> Solution:
+    """A simulation with the estimated error of its integration, as runs with looser tolerances show it.
+
+    Args:
+        looser: The same quantities from those runs; none where they failed.
+    """
+    found = estimated(solution, looser)
+    if not found:
+        return replace(solution, notes=(*solution.notes, "the error of its integration is not known"))
+    sizes = found.get("joint_position") or next(iter(found.values()))
+    said = ", ".join(f"{np.nanmax(error):.1e} {unit}" for unit, error in sizes.items())
+    times = " and ".join(f"{factor:g}" for factor in LOOSER)
+    note = f"error that integration leaves, from further runs with {times} times the tolerances: at most {said}"
+    return replace(solution, integration=found, notes=(*solution.notes, note))
+
+
+def estimated(solution: Solution, looser: Sequence[Solution]) -> dict[str, dict[str, Array]]:
+    """Estimated error of what all runs reached, never less than at an earlier sample; NaN where one has no number."""
+    found: dict[str, dict[str, Array]] = {}
+    for name, has in solution.values.items() if looser else ():
+        runs = [has, *(one.values[name] for one in looser)]
+        apart = {unit: [_apart(*pair, unit) for pair in combinations(runs, 2)] for unit in dict.fromkeys(has.units)}
+        found[name] = {unit: SAFETY * np.max(each, axis=0) for unit, each in apart.items()}
+    return found
+
+
+def _apart(a: Values, b: Values, unit: str) -> Array:
+    """Largest difference of the components of a unit up to each sample. Shape (n,)."""
+    columns = [i for i, has in enumerate(a.units) if has == unit]
+    difference = a.array[:, columns] - b.array[:, columns]
+    if unit == "rad":
+        difference = within_half_turn(difference)
+    return np.asarray(np.maximum.accumulate(np.abs(difference).max(axis=1)))  # what is NaN stays so
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Left:
+    """What integration leaves in the difference of two motions, in one quantity and unit.
+
+    Attributes:
+        scale: Of the scaled errors.
+        errors: Engine -> its estimated error, scaled. Shape (n,).
+        binding: The scene says how large the difference may be, whatever integration leaves.
+    """
+
+    scale: float
+    errors: Mapping[str, Array] = field(default_factory=dict)
+    binding: bool = False
+
+    def admitted(self, n: int) -> Array:
+        """Scaled error that is admitted besides the tolerance of the scene. Shape (n,)."""
+        if self.binding or not self.errors:
+            return np.zeros(n)
+        whole = np.sum([np.nan_to_num(error) for error in self.errors.values()], axis=0)
+        return np.asarray(np.minimum(whole, MOST))
+
+    def reason(self, size: float, row: int, *, ok: bool, usual: float) -> str:
+        """What part of a scaled difference at a sample is integration, and which is not; "" where nothing is known."""
+        sizes = {engine: float(error[row]) for engine, error in self.errors.items() if np.isfinite(error[row])}
+        if not sizes or (ok and size <= usual):
+            return ""
+        said = " and ".join(f"{error:.1g} by {engine}" for engine, error in sizes.items())
+        whole = sum(sizes.values())
+        if ok:
+            return f"{WITHIN}: at most {said}"
+        if size > usual + whole:
+            return f"integration makes at most {said}; at least {size - whole:.2g} of it is none"
+        why = "the tolerance is that of the scene" if self.binding else f"more than {MOST:g} is not put down to it"
+        return f"{WITHIN} that its engines admit: at most {said}; {why}"
+
+
+def left(quantity: str, unit: str, pair: tuple[Solution, Solution], scale: float, *, binding: bool) -> Left:
+    """What integration leaves in the difference of two solutions."""
+    errors = {one.engine: one.integration.get(quantity, {}).get(unit) for one in pair}
+    return Left(scale, {name: error / scale for name, error in errors.items() if error is not None}, binding)
+
+
+#: Condition number above which a singular pose, or a gimbal lock, is near enough to be what was met.
+NEAR = 1e8
+SHOWN = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Refusal:
+    """Quantities of one engine that are refused at some samples for one reason.
+
+    Attributes:
+        rows: The samples. Shape (n,).
+        what: What is singular there, without a full stop.
+        sentence: The same with pose, times and what is missing.
+    """
+
+    engine: str
+    quantities: tuple[str, ...]
+    rows: Rows
+    what: str
+    sentence: str
+
+
+def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tuple[Refusal, ...]:
+    """All samples of a given motion that an engine solved without giving every number, with their reasons."""
+    motion = problem.task
+    if not isinstance(motion, GivenMotion):
+        return ()
+    groups: dict[tuple[tuple[int, ...], tuple[str, ...]], list[str]] = {}
+    for quantity in (name for name in QUANTITIES if name in solution.values):
+        lost = ~np.isfinite(solution.values[quantity].array)
+        # an engine that says nothing of its conditioning has refused nothing: what it lacks is its own fault
+        lost &= ~(solution.conditions.get(quantity, np.zeros(1)) <= linear.SINGULAR)[:, None]
+        if lost.any():
+            some = [bool(column.any()) for column in lost.T]
+            part = () if all(some) else tuple(compress(solution.values[quantity].components, some))
+            groups.setdefault((tuple(np.flatnonzero(lost.any(axis=1)).tolist()), part), []).append(quantity)
+    refused = []
+    for (rows, part), quantities in groups.items():
+        first = motion.y[rows[0]]
+        what = _reason(mechanism, problem.rule, quantities, first)
+        t = ", ".join(f"{motion.t[i]:.6g}" for i in rows[:SHOWN]) + (", ..." if len(rows) > SHOWN else "")
+        sentence = (
+            f"{what} at {len(rows)} of {len(motion)} samples (t = {t} s; first at {mechanism.described(first)}): "
+            f"{', '.join(quantities)}{' of ' if part else ''}{', '.join(part)} not given there"
+        )
+        refused.append(Refusal(solution.engine, tuple(quantities), np.array(rows), what, sentence))
+    return tuple(refused)
+
+
+def _reason(mechanism: Mechanism, rule: str, quantities: list[str], y: Array) -> str:
+    lay = layout(mechanism)
+    at = pose(lay, positions(lay, y[None], np.zeros(1)))
+    system = loop_equations(lay)
+    if not linear.condition(system.matrix(at))[0] < NEAR:
+        return near_singularity(lay, at)
+    orientations = system.chart_conditions(at.q)[0]  # condition numbers of the cut joints' coordinates
+    if orientations.size and not orientations.max() < NEAR:
+        return gimbal_lock(lay, int(np.argmax(np.where(np.isnan(orientations), np.inf, orientations))))
+    if rule != "min_norm" and all(QUANTITIES[name].ruled for name in quantities):
+        return f"rule {rule} is singular"
+    return f"the equations of {', '.join(quantities)} are singular"
