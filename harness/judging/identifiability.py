@@ -75,7 +75,8 @@ class CoveredMotion:
     def lost(self) -> dict[str, CoveredAccelerations]:
         """What accelerations lose where a term of the Lie bracket is left out, in every loop and of every body."""
         products = velocity_products(self.motion, self.states.qd)
-        return {term: self._lost(sum(products.values()) if term == "bracket" else products[term]) for term in BRACKET}
+        products = {"bracket": np.sum([*products.values()], axis=0), **products}
+        return {term: self._lost(products[term]) for term in BRACKET}
 
     def _lost(self, products: Array) -> CoveredAccelerations:
         """By some of the products of `velocity_products`. Shape (n, n_freedom, 6)."""

@@ -165,8 +165,9 @@ class TreeForces:
         for name in bodies:
             if name not in closed.loops.index:
                 raise UnknownNameError("body", name, closed.loops.index, "load or spring")
-        along = [*applied.motors, *(spring for spring in springs if isinstance(spring, JointSpring))]
-        self.readers = {one.coordinate: _reader(closed, one.coordinate, start) for one in along}
+        along = [motor.coordinate for motor in applied.motors]
+        along += [spring.coordinate for spring in springs if isinstance(spring, JointSpring)]
+        self.readers = {name: _reader(closed, name, start) for name in along}
 
     def act(self, t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
         """Writes the force along the coordinates into `tau`, shape (n_v,); returns the power put in [W]."""
