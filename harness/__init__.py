@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.report.diagnosed import DiagnosisReport
-    from screwgauge.report.gate import Check
+    from screwgauge.report.pages.check import Check
     from screwgauge.report.results import Results
     from screwgauge.scene.default import exciting
     from screwgauge.scene.observables import Recorded
@@ -45,7 +45,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Check": "screwgauge.report.gate",
+    "Check": "screwgauge.report.pages.check",
     "Diagnosis": "screwgauge.diagnosis.diagnose",
     "DiagnosisReport": "screwgauge.report.diagnosed",
     "Limits": "screwgauge.study.isolation",

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from screwgauge.diagnosis.model import Loops, Read, Weighed
     from screwgauge.engines.screw.compiled import Solver
     from screwgauge.report.diagnosed import DiagnosisReport
-    from screwgauge.report.gate import Check
+    from screwgauge.report.pages.check import Check
     from screwgauge.report.results import Results
     from screwgauge.scene.scene import Scene
     from screwgauge.study.isolation import Limits
@@ -77,7 +77,7 @@ def check(
     Raises:
         ScrewgaugeError: Bad input. What is wrong with one scene is no error but a row.
     """
-    from screwgauge.report.gate import check_with
+    from screwgauge.report.pages.check import check_with
     from screwgauge.study.runner import InTurn, Processes
 
     execute = InTurn() if limits is None else Processes(jobs, limits)

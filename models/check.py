@@ -14,7 +14,6 @@ import numpy as np
 from screwgauge.models.generate import stem
 from screwgauge.models.layout import CUTS, Closure, Link, Tree, lay_out, length_scale
 from screwgauge.models.readings.assemble import matrix, screw
-from screwgauge.models.readings.collapse import collapsed
 from screwgauge.models.readings.loops import closure_readings
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import (
@@ -23,6 +22,7 @@ from screwgauge.models.readings.reading import (
     CouplingReading,
     JointReading,
     Reading,
+    collapsed,
     couplings_of,
 )
 from screwgauge.models.urdf import LoopsFile, loops_of, read_loops

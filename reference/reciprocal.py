@@ -178,6 +178,20 @@ def held(lay: Layout, at: Pose, body: str = "") -> tuple[Held, ...]:
     return tuple(bodies)
 
 
+def normal_of_plane(screws: Array) -> Array | None:
+    """Normal of the plane in which all joints move, None if they move in space.
+
+    Args:
+        screws: Of all freedoms at one pose, direction of turning and of sliding. Shape (n, 6).
+    """
+    turns = np.linalg.norm(screws[:, :3], axis=1) > 0.5
+    if not turns.any():
+        return None
+    normal = screws[turns][0, :3]
+    oblique = max(np.abs(cross(screws[turns, :3], normal)).max(), np.abs(screws[~turns, 3:] @ normal).max(initial=0.0))
+    return normal * np.sign(normal[np.argmax(np.abs(normal))]) if oblique < NONE else None
+
+
 def idle_forces(lay: Layout, at: Pose) -> Array:
     """Forces of actuators that do no work together, at one closed pose. Shape (n_actuator, k), orthonormal.
 

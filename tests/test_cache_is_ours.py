@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.report import libraries
+from screwgauge.report import html
 from screwgauge.truth import cache
 from support.report import RENDERER
 
@@ -147,12 +147,12 @@ def test_a_folder_of_another_user_is_not_used(cache_folder, monkeypatch):
 
 def test_a_file_beside_it_puts_no_script_into_a_page(cache_folder, monkeypatch):
     monkeypatch.setattr(RENDERER, "ask", lambda call: "vega();")
-    assert libraries.chart() == "vega();"
+    assert html.chart_script() == "vega();"
     (file,) = entries(cache_folder)
     for _ in range(2):
         keep("other", "release")
         file.write_bytes((cache_folder / "other").read_bytes())
-        assert libraries.chart() == "vega();"
+        assert html.chart_script() == "vega();"
 
 
 def test_who_has_no_home_has_no_cache_and_is_told(monkeypatch):

@@ -9,13 +9,14 @@ from campaigns.lookalikes import renamed
 from screwgauge import diagnose
 from support.causes import (
     Group,
+    Pair,
     Torques,
     attribute,
     com_slips,
     gravity_slips,
+    mass_slips,
     placement_slips,
     tensor_slips,
-    unit_slip,
     vector,
 )
 from support.geometry import rotation
@@ -44,20 +45,20 @@ COM = np.array([0.1, -0.2, 0.05])
     ],
 )
 def test_a_slip_with_a_tensor_is_named(a, b, slip):
-    assert slip in tensor_slips(Matter(2.0, COM, a), b, {"A": R, "B": np.eye(3)})
+    assert slip in tensor_slips(Pair(a, b, Matter(2.0, COM, a), {"A": R, "B": np.eye(3)}))
 
 
 def test_a_tensor_on_axes_of_its_own_is_told_by_the_angle():
-    assert tensor_slips(Matter(2.0, COM, MOMENTS), R @ MOMENTS @ R.T, {"B": np.eye(3)}) == [
+    assert tensor_slips(Pair(MOMENTS, R @ MOMENTS @ R.T, Matter(2.0, COM, MOMENTS), {"B": np.eye(3)})) == [
         "is turned by 40.11 degrees"
     ]
 
 
 def test_what_is_no_slip_has_no_name():
     other = PRODUCTS + np.diag([0.01, 0.0, 0.0])
-    assert tensor_slips(Matter(2.0, COM, PRODUCTS), other, {"A": R}) == []
-    assert com_slips(COM, 1.01 * COM, np.eye(3)) == []
-    assert unit_slip("mass", np.array(1.0), np.array(1.0)) == ""
+    assert tensor_slips(Pair(PRODUCTS, other, Matter(2.0, COM, PRODUCTS), {"A": R})) == []
+    assert com_slips(Pair(COM, 1.01 * COM, turns={"B": np.eye(3)})) == []
+    assert mass_slips(Pair(np.array(1.0), np.array(1.0))) == []
 
 
 @pytest.mark.parametrize(
@@ -71,18 +72,18 @@ def test_what_is_no_slip_has_no_name():
     ],
 )
 def test_a_slip_with_a_centre_of_mass_is_named(b, slip):
-    assert slip in com_slips(COM, b, R)
+    assert slip in com_slips(Pair(COM, b, turns={"B": R}))
 
 
 def test_slips_with_placements_and_gravity_are_named():
     T = matrix(COM, R)
-    assert placement_slips(T, matrix(1000.0 * COM, R)) == ["is in mm"]
-    assert placement_slips(T, matrix(COM, np.eye(3))) == ["has no rotation"]
-    assert placement_slips(T, matrix(COM, R.T)) == ["has its rotation transposed"]
+    assert placement_slips(Pair(T, matrix(1000.0 * COM, R))) == ["is in mm"]
+    assert placement_slips(Pair(T, matrix(COM, np.eye(3)))) == ["has no rotation"]
+    assert placement_slips(Pair(T, matrix(COM, R.T))) == ["has its rotation transposed"]
     g = np.array([0.0, 0.0, -9.81])
-    assert gravity_slips(g, -g) == ["is upside down"]
-    assert gravity_slips(g, np.zeros(3)) == ["is left out"]
-    assert gravity_slips(g, np.array([0.0, -9.81, 0.0])) == ["is turned by 90 degrees"]
+    assert gravity_slips(Pair(g, -g)) == ["is upside down"]
+    assert gravity_slips(Pair(g, np.zeros(3))) == ["is left out"]
+    assert gravity_slips(Pair(g, np.array([0.0, -9.81, 0.0]))) == ["is turned by 90 degrees"]
 
 
 def models(folder, change, full=False):

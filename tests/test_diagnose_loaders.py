@@ -6,7 +6,7 @@ import pytest
 
 import screwgauge
 from screwgauge.casebook.book import CASES as BOOK
-from screwgauge.diagnosis import known, notes
+from screwgauge.diagnosis.properties import PROPERTIES
 from support import robots
 from support.errors import OutputError
 from support.readings import draw, read
@@ -54,7 +54,8 @@ def test_what_the_library_of_b_does_not_read_from_the_changed_file_is_named(bar,
 
 
 def test_cases_that_are_named_are_in_the_casebook():
-    assert {*known.CASES.values(), *notes.CASES.values()} <= {*BOOK}
+    named = {case for each in PROPERTIES.values() for case in (*each.cases.values(), each.call)}
+    assert named - {""} <= {*BOOK}
 
 
 def test_what_calls_of_libraries_leave_out_is_noted_though_the_readings_agree(tmp_path):

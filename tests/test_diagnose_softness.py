@@ -45,10 +45,10 @@ def test_softness_explains_what_soft_equalities_exert(files, loop, gear, said, m
 
 
 def test_a_softness_that_is_not_the_cause_does_not_explain(files, monkeypatch):
-    from screwgauge.diagnosis.causes import soft
+    from screwgauge.diagnosis.causes import explanation
 
-    patched = soft.patched
-    monkeypatch.setattr(soft, "patched", lambda text, reading, changes: patched(text, reading, []))
+    patched = explanation.patched
+    monkeypatch.setattr(explanation, "patched", lambda text, reading, changes: patched(text, reading, []))
     found = screwgauge.diagnose(*files((1, "", ""), (1, STIFF, "")))
     assert "their softness does not explain it" in found.verdict
     assert not found.soft.seen

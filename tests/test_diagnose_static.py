@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from screwgauge import diagnose
-from screwgauge.diagnosis import known
+from screwgauge.diagnosis import notes
 from support import robots
 from support.diagnosis import ALL, Change, Model, applied, differences, digits_of, marked, without
 from support.geometry import rotation
@@ -193,9 +193,9 @@ def test_a_tensor_that_mujoco_turns_inexactly_is_told_as_such(arms, angle, statu
     tilt = rotation(np.array([0.0, 0.6, 0.8]), np.array(angle))
     turned = replace(b.bodies["link2"], inertia=tilt @ b.bodies["link2"].inertia @ tilt.T)
     b = replace(b, bodies={**b.bodies, "link2": turned})
-    monkeypatch.setattr(known, "reproduce", lambda case: SimpleNamespace(status=status))
+    monkeypatch.setattr(notes, "reproduce", lambda case: SimpleNamespace(status=status))
     models = Model("a.urdf", None, "pinocchio", a), Model("b.xml", None, "mujoco", b)
-    (said,) = known.compiled(models, found(a, b))
+    (said,) = notes.compiled(models, found(a, b))
     assert (said.what, said.kind) == ("inertia", kind)
     assert ("casebook: mj-axes-before-3.14" in said.sentence) == (kind == "digits")
 

@@ -12,7 +12,7 @@ from screwgauge.truth import cache
 from support.bench import Journal
 from support.command import main
 from support.errors import OutputError
-from support.report import put_files
+from support.report import write_files
 
 pytestmark = pytest.mark.slow
 
@@ -55,9 +55,9 @@ def test_a_check_whose_rows_cannot_be_kept_says_what_it_found(tmp_path, command,
 def test_a_run_whose_numbers_cannot_be_written_says_what_it_found(tmp_path, command, monkeypatch, no_progress):
     def put(*arguments):
         with files_of_at_most(500):  # several of them are longer
-            put_files(*arguments)
+            write_files(*arguments)
 
-    monkeypatch.setattr(write, "put_files", put)
+    monkeypatch.setattr(write, "write_files", put)
     said = command(*RUN, "--out", tmp_path / "out", status=2)
     assert "Only screw ran" in said.out
     assert said.out.endswith("report: none\n")

@@ -104,7 +104,7 @@ def test_the_command_writes_the_table_and_a_page(made, tmp_path, capsys):
     assert "commit" not in first  # whose rows may be of another one
     assert "rows that were there were kept" in last
     assert "| 4.1.0 | 4.0.0 | differ | 1 of 2 |" in text
-    assert "pin 4.1.0, mujoco 4.0.0: scenes out of tolerance in reaction 1; the first: t: they differ" in text
+    assert "pin 4.1.0 with mujoco 4.0.0: scenes out of tolerance in reaction 1; the first: t: they differ" in text
     assert f"| {CASE} | mujoco | 4.0.0: - or shown |" in text
     assert "pin 3.9.0: no case runs at all." in text
 

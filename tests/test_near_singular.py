@@ -56,7 +56,7 @@ def test_reactions_lose_what_the_distance_says(close):
 @pytest.mark.slow
 def test_the_newton_euler_system_has_the_same_forces():
     scene = moving_at(np.stack([np.linspace(-0.4, 0.4, 4), np.full(4, UPU - CLOSE)], axis=1), speed=0.1)
-    whole = WholeSystem("screw", mechanism=scene.mechanism)
+    whole = WholeSystem("screw", scene=scene)
     read = whole.solve(scene.problem(["actuator_force"])).values["actuator_force"].array
     true = np.concatenate([alone(scene, i) for i in range(len(read))])
     digits = -np.log10(np.abs(read - true).max(axis=1) / np.abs(true).max())
@@ -171,7 +171,7 @@ def test_the_system_of_all_bodies_keeps_eleven_digits_when_its_residual_is_wide(
     for seed in (0, 1):
         scene = moving_at(before_upu(CLOSE, 4, seed), seed=seed)
         truth = solve(scene, ["truth"], ["actuator_force"])[0]["truth"].values["actuator_force"].array
-        model = WholeSystem("screw", mechanism=scene.mechanism, refined=True)
+        model = WholeSystem("screw", scene=scene, refined=True)
         force = model.solve(scene.problem(["actuator_force"])).values["actuator_force"].array
         assert np.abs(force - truth).max() / np.abs(truth).max() < THIRTEEN
 

@@ -24,7 +24,7 @@ from support.acting import Applied, Load
 from support.engines import Failure, Solution, Timing, Values
 from support.errors import OutputError
 from support.mechanism import load_mechanism
-from support.pages import Picture, fragment, terminal
+from support.pages import Front, Picture, Table, fragment, terminal
 from support.report import default_figures, first_difference, verdict
 from support.report import run_page as page
 from support.scene import GivenMotion
@@ -193,7 +193,7 @@ def test_summary_follows_the_contract(make: Make, tmp_path: Path) -> None:
     fixed = ["scene", "ok", "engines", "quantities", "judge", "timings", "environment"]
     judged_files = ["models", "scene_file", "scene_sha256", "description", "date", "schema"]
     told = ["coverage", "failures", "first_difference", "guard", "known", "refused", "warnings", "engine_warnings"]
-    told += ["not_unique"]
+    told += ["not_unique", "forces"]
     assert set(found) == {*fixed, *judged_files, *told}
     assert {key: found[key] for key in judged_files} == PROVENANCE
     assert found["scene"] == "toy"
@@ -411,6 +411,67 @@ def test_samples_that_an_engine_did_not_solve_are_no_gap(make: Make) -> None:
     beta = replace(results.solutions["beta"], rows=some)
     plots = drawing.make_plots(replace(results, solutions={**results.solutions, "beta": beta}))
     assert f"of {len(some)} samples" in plots[1].svg
+
+
+def test_figures_of_one_quantity_in_two_units_are_told_apart() -> None:
+    values = Values(("a", "b"), ("rad", "m"), np.ones((2, 2)))
+    figures = default_figures({"alpha": Solution("alpha", "1", {"joint_position": values}, np.ones(2))})
+    assert [figure.title for figure in figures] == ["Joint position [rad]", "Joint position [m]"]
+
+
+def with_forces(results: Results) -> Results:
+    """The same with forces of actuators and joints, some of them without a unique value."""
+    t, names = results.times, ("a.fx", "a.fy", "a.mz", "b.fx", "b.fz")
+    actuators = Values(("drive",), ("N m",), np.sin(7.0 * t)[:, None])
+    array = np.column_stack([3.0 + t, 4.0 + t, 1e-15 * t, -2.0 - t, 9.0 + t])
+    reactions = Values(names, ("N", "N", "N m", "N", "N"), array)
+    more = {"actuator_force": actuators, "reaction": reactions}
+    solutions = {name: replace(s, values={**s.values, **more}) for name, s in results.solutions.items()}
+    return replace(results, solutions=solutions, undetermined=("b.fz",))
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_the_size_of_forces_is_on_terminal_and_pages(make: Make, tmp_path: Path, alone: bool) -> None:
+    results = with_forces(make(alone=alone))
+    low, high = np.sin(7.0 * results.times).argmin(), np.sin(7.0 * results.times).argmax()
+    times = [f"{results.times[i]:.4g}" for i in (low, high)]
+    line = ["drive", "N·m", "-1", times[0], "1", times[1]]
+    assert line in [text.split() for text in terminal(page.terminal(results)).splitlines()]
+    out = results.write(tmp_path / "out")
+    text = (out / "report.md").read_text(encoding="utf-8").partition("## Size of forces")[2].partition("\n## ")[0]
+    assert "as alpha computed them" in text
+    rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in text.splitlines() if row.startswith("| ")][2:]
+    assert rows == [
+        ["drive", "actuator moment", "N·m", "-1", times[0], "1", times[1], ""],
+        ["a", "reaction force", "N", "5", "0", "6.403", "1", "fx fy"],
+        ["a", "reaction moment", "N·m", "0", "0", "0", "1", "mz"],
+        ["b", "reaction force", "N", "2", "0", "3", "1", "fx"],
+    ]
+    assert "6.403" in (out / "report.html").read_text(encoding="utf-8")
+    (drive, *_, b) = read(out)["forces"]
+    assert drive["max"] == pytest.approx(1.0, abs=1e-4)
+    assert b["of"] == "b"
+
+
+def test_without_forces_there_is_no_section_of_them(make: Make, tmp_path: Path) -> None:
+    assert "Size of forces" not in (make().write(tmp_path / "out") / "report.md").read_text(encoding="utf-8")
+
+
+def test_the_open_tree_is_explained_where_it_has_the_fewest_digits_and_fills_one_line_of_the_worst(make: Make) -> None:
+    results = make()
+    pairs, judge = results.pairs.copy(), results.judge.copy()
+    pairs["quantity"] = ["tree_force", "tree_force_soft"]
+    pairs["max_scaled"] = [1e-13, 1e-12]
+    judge["residual"] = "tree_force_soft"
+    found = replace(results, pairs=pairs, judge=judge)
+    assert "tree_force_soft only checks the models: joint forces with the loops cut open" in verdict(found).text
+    (front,) = [block for block in page.report(found) if isinstance(block, Front)]
+    worst = next(block for block in front.blocks if isinstance(block, Table))
+    assert [line[0] for line in worst.body] == ["tree force soft"]
+    wrong = replace(found, pairs=pairs.assign(ok=[True, False]))
+    (front,) = [block for block in page.report(wrong) if isinstance(block, Front)]
+    worst = next(block for block in front.blocks if isinstance(block, Table))
+    assert len(worst.body) == 2
 
 
 def test_default_figures_show_every_component_once() -> None:

@@ -14,7 +14,7 @@ import pytest
 import screwgauge
 from support.browser import Opened, open_page
 from support.errors import OutputError
-from support.pages import Heading, Paragraph, Picture, stage, three_js
+from support.pages import Heading, Paragraph, Picture, stage_script, three_js
 from support.pages import page as page_of
 from support.report import print_page, run_page
 
@@ -207,9 +207,9 @@ def test_without_three_js_the_still_picture_stays(
     if content:
         with ZipFile(archive, "w") as viewer:
             viewer.writestr("viewer.html.template", content)
-    monkeypatch.setattr("screwgauge.report.libraries.viewer_archive", lambda: archive)
+    monkeypatch.setattr("screwgauge.report.html.viewer_archive", lambda: archive)
     assert three_js() == ""
-    assert "carries no three.js" in stage()
+    assert "carries no three.js" in stage_script()
 
 
 def test_only_what_a_page_needs_is_put_in(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -31,7 +31,7 @@ def test_it_shows_itself_in_one_screen(results):
 
 
 def test_a_long_one_says_that_there_is_more(results, monkeypatch):
-    monkeypatch.setattr("screwgauge.report.terminal.LINES", 5)
+    monkeypatch.setattr("screwgauge.report.text.LINES", 5)
     assert len(repr(results).splitlines()) == 5
     assert repr(results).splitlines()[-1] == "... `write` leaves the whole report"
 

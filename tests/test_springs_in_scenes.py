@@ -103,7 +103,7 @@ def test_forward_dynamics_gives_the_accelerations_back(scene, results):
 
 
 def test_the_balance_of_all_bodies_knows_springs_and_motors(scene, results):
-    model = WholeSystem("screw", mechanism=scene.mechanism)
+    model = WholeSystem("screw", scene=scene)
     f = model.solve(scene.problem(["actuator_force"])).values["actuator_force"].array
     assert np.abs(f - results.values("actuator_force", "screw")).max() < DENSE
 

@@ -15,7 +15,7 @@ import screwgauge
 from screwgauge.models.shapes import across, differing, facing, shapes, viewed_from
 from screwgauge.report.stage.drawing import drawing, labels
 from screwgauge.report.stage.motion import FRAMES
-from screwgauge.report.stage.picture import stage, told
+from screwgauge.report.stage.picture import remarks, stage
 from support.mechanism import Mechanism, load_mechanism, mechanism_names
 from support.pages import Items, Picture
 from support.solve import layout, length, pose, positions
@@ -138,6 +138,34 @@ def test_what_a_platform_or_hand_is_left_is_said(name: str, said: str) -> None:
     assert said in leaves
 
 
+@pytest.mark.parametrize(
+    ("name", "sentences"),
+    [
+        (
+            "slider-crank",
+            [
+                "Constraint forces on rod in the plane normal to z, by chain of joints: crank to pin (RR): one force "
+                "along x through (0.22, 0, 0) m; slide to wrist (PR): one force along y through wrist.",
+                "Remaining freedoms of rod: one rotation about z through wrist.",
+                "Each chain by itself keeps rod in the plane, so that three constraints are redundant.",
+            ],
+        ),
+        ("arm7", ["Remaining freedoms of link7: all six freedoms."]),
+        (
+            "cart-pole",
+            [
+                "Constraint forces on pole in the plane normal to y: rail to hinge (PR): one force along z "
+                "through hinge.",
+            ],
+        ),
+    ],
+)
+def test_a_mechanism_without_legs_has_none_in_its_sentences(name: str, sentences: list[str]) -> None:
+    words = data_of(stage(load_mechanism(name)))["words"]
+    assert words[: len(sentences)] == sentences
+    assert "leg" not in " ".join(words)
+
+
 def test_a_tree_with_several_ends_is_called_one() -> None:
     assert data_of(stage(load_mechanism("a05-governor")))["words"][0].startswith("An open tree with 3 ends")
 
@@ -145,7 +173,7 @@ def test_a_tree_with_several_ends_is_called_one() -> None:
 def test_what_is_suspicious_is_marked_and_listed() -> None:
     picture = stage(load_mechanism("screw-press"))
     (sentence,) = data_of(picture)["doubts"]
-    assert any(isinstance(block, Items) and block.texts == (sentence,) for block in told(picture))
+    assert any(isinstance(block, Items) and block.texts == (sentence,) for block in remarks(picture))
     assert any(s["g"] == "doubts" and s["n"] == sentence for s in data_of(picture)["shapes"])
     assert "!" in words_of(picture.svg)
 
@@ -217,7 +245,7 @@ def test_a_base_that_is_elsewhere_is_drawn_beside_the_right_one() -> None:
     picture = stage(mechanism, other=other)
     assert "the other" in words_of(picture.svg)
     assert any(s["g"] == "other" for s in data_of(picture)["shapes"])
-    assert "leg1.base" in told(picture)[0].text
+    assert "leg1.base" in remarks(picture)[0].text
 
 
 def test_an_ellipsoid_is_that_of_a_homogeneous_body(paper: Mechanism) -> None:

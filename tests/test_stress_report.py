@@ -9,8 +9,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from screwgauge.report.figures.stress import inks, make_plots
-from screwgauge.report.pages.stress import PAGE, headline
+from screwgauge.report.pages.stress import PAGE, headline, inks, make_plots
 from support.pages import Banner, markdown, walk
 from support.report import CROSS, SHAPES
 from support.stress import GOOD, Finding, Stress, StressCase

@@ -161,7 +161,7 @@ def reproduce(id: str) -> CaseResult:
         run = getattr(import_module(f"screwgauge.{module}"), name)
         with ExitStack() as stack:
             if "mujoco" in case.engines:  # whose warnings would go into a file in the working directory
-                from screwgauge.models.readings.compiler import warned
+                from screwgauge.models.readings.compiled import warned
 
                 stack.enter_context(warned())
             return CaseResult(case, versions, run())

@@ -61,9 +61,8 @@ def models(options: argparse.Namespace) -> int:
 
 def import_(options: argparse.Namespace) -> int:
     """Writes a URDF or MJCF as a description and a scene, and prints what neither can hold."""
-    from screwgauge.diagnosis.order import indexed
-    from screwgauge.models.importing.convert import Wanted
-    from screwgauge.models.importing.model import Options, notes
+    from screwgauge.diagnosis.compare import indexed
+    from screwgauge.models.importing.model import Options, Wanted, notes
     from screwgauge.scene.default import write_imported
     from screwgauge.study.loading import import_isolated
 
@@ -99,7 +98,7 @@ def run(options: argparse.Namespace) -> int:
     from screwgauge.api import run
     from screwgauge.environment import json_text
     from screwgauge.report.pages import run as page
-    from screwgauge.report.pdf import browser
+    from screwgauge.report.write import browser
     from screwgauge.scene.read import load_scene
 
     imported(options.scene)
@@ -184,8 +183,7 @@ def stress(options: argparse.Namespace) -> int:
 
 def diagnose(options: argparse.Namespace) -> int:
     """Compares two models, and explains and proves their differences."""
-    from screwgauge.diagnosis.diagnose import diagnose
-    from screwgauge.diagnosis.record import summary
+    from screwgauge.diagnosis.diagnose import diagnose, summary
     from screwgauge.environment import json_text
     from screwgauge.report.pages.diagnosis import PAGE, every_difference
     from screwgauge.study.loading import read_isolated, sides
@@ -220,7 +218,7 @@ def casebook(options: argparse.Namespace) -> int:
     """Shows a named discrepancy with the installed engines, or lists them."""
     from screwgauge.casebook.book import reproduce
     from screwgauge.report.listing import blocks, listing
-    from screwgauge.report.terminal import terminal
+    from screwgauge.report.text import terminal
 
     if options.id is None:
         say(listing("discrepancies"))
@@ -251,21 +249,20 @@ def _names(text: str | None) -> list[str] | None:
 
 def check(options: argparse.Namespace) -> int:
     """Checks scenes and pairs of models; what CI services read of it is left where they look for it."""
-    from screwgauge.report.gate import check_with
-    from screwgauge.report.pages import check as page
+    from screwgauge.report.pages.check import PAGE, check_files, check_with
     from screwgauge.study.gate.history import check_store, keep
     from screwgauge.study.gate.run import NAME
 
     if options.update and options.baseline is None:
         raise DescriptionError("--update does not know what", "check", "name a file by --baseline")
-    page.check_files(options)
+    check_files(options)
     if options.store is not None:
         check_store(options.store)
     out, old = options.out or OUT / "check", None if options.update else options.baseline
     more = {"smoke": options.smoke, "tolerances": options.tolerances, "baseline": old}
     execute = executor(options, limits(options))
     outcome = carry_out(
-        page,
+        PAGE,
         out,
         lambda progress: check_with(execute, options.what, **more, progress=progress, journal=out / NAME),
         tell=(lambda outcome: outcome.json) if options.json else None,

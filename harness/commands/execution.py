@@ -75,7 +75,7 @@ def _write(
 ) -> None:
     """Writes a report, and prints the results as soon as their numbers are on disk, or cannot be."""
     from screwgauge.report.folder import PAGES
-    from screwgauge.report.terminal import terminal
+    from screwgauge.report.text import terminal
 
     lost, printed = list[ScrewgaugeError](), list[bool]()
 

@@ -1,20 +1,24 @@
-"""What is taken for granted, what is not compared, and what calls of libraries give that their readings do not."""
+"""Assumptions of a comparison, what it leaves out, and limitations of libraries, with the cases of the casebook."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import reduce
 
 import numpy as np
 
+from screwgauge.casebook.book import reproduce
 from screwgauge.diagnosis.compare import STATES, components
 from screwgauge.diagnosis.differences.content import Beyond
+from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.differences.geometry import step_of
 from screwgauge.diagnosis.differences.words import WORLD, turn_and_way
 from screwgauge.diagnosis.library_dynamics import Witness
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, Common
 from screwgauge.diagnosis.pairing.mapping import CLOSE
+from screwgauge.diagnosis.properties import OPTIONAL, PROPERTIES, ROOMS, Change, word
 from screwgauge.models.kinematics import draw, not_modelled, plant, size
 from screwgauge.models.matter import Matter, combined, displaced, of_body
 from screwgauge.models.readings.reading import Reading
@@ -26,8 +30,6 @@ from screwgauge.witness.dynamics import passive_parts
 NAMED = 3
 #: Library -> its call for inverse dynamics.
 _CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
-#: What one call contains and another one does not -> case of the casebook.
-CASES = {"damping": "urdf-damping-one-side", "stiffness": "pin-mjcf-springs"}
 
 
 def notes(
@@ -36,14 +38,14 @@ def notes(
     """All of them, a sentence each.
 
     Args:
-        of_loops: What is to be said of loops; `compared`: they are, at closed states.
+        of_loops: What is to be sides_of of loops; `compared`: they are, at closed states.
     """
-    (a, b), said = models, dict[str, list[str]]()
+    (a, b), sides_of = models, dict[str, list[str]]()
     looped = bool(common.a.closures or common.b.closures)
     for side, model, reading in (("A", a, common.a), ("B", b, common.b)):
         for sentence in _of_side(model, reading, models, looped=looped, compared=compared):
-            said.setdefault(sentence, []).append(side)
-    texts = [_with_sides(sentence, sides) for sentence, sides in said.items()]
+            sides_of.setdefault(sentence, []).append(side)
+    texts = [_with_sides(sentence, sides) for sentence, sides in sides_of.items()]
     return (
         *([of_loops] if of_loops else []),
         *texts,
@@ -91,9 +93,9 @@ def _of_side(
 
 def outside(content: Beyond) -> Iterator[str]:
     """What is not compared."""
-    for what, said in (("not compared", content.withheld), ("outside the comparison", content.aside)):
-        if said:
-            yield f"{what}: {first_few(said, NAMED, '; ')}"
+    for what, phrases in (("not compared", content.withheld), ("outside the comparison", content.aside)):
+        if phrases:
+            yield f"{what}: {first_few(phrases, NAMED, '; ')}"
 
 
 def _elsewhere(common: Common) -> Iterator[str]:
@@ -134,7 +136,7 @@ def _calls(readings: dict[str, Reading], seen: Sequence[Witness], seed: int) -> 
         if what:
             reading = readings[less.side]
             value, component = _largest_left_out(reading, what, seed)
-            cases = [CASES[each] for each in what if each in CASES]
+            cases = [*filter(None, (PROPERTIES[each].call for each in what))]
             book = f" (casebook: {', '.join(cases)})" if cases else ""
             yield (
                 f"{_CALLS[more.library]} of {more.side} contains {' and '.join(what)}, {_CALLS[less.library]} of "
@@ -150,3 +152,60 @@ def _largest_left_out(reading: Reading, what: Sequence[str], seed: int) -> tuple
     i = int(force.argmax())
     name, unit = components(reading)[i]
     return f"{force[i]:.4g} {unit}", name
+
+
+#: Case of tensors that MuJoCo's compiler turns inexactly, and more than it changes of them.
+AXES, INEXACT = "mj-axes-before-3.14", 1e-6
+
+
+def compiled(models: tuple[Model, Model], differences: Sequence[Difference]) -> list[Difference]:
+    """The differences, those of tensors marked that are no larger than what the installed MuJoCo makes of a file."""
+    small = [each.what == "inertia" and each.kind == "model" and each.size <= INEXACT for each in differences]
+    readers = {model.library for model in models}
+    if not any(small) or "mujoco" not in readers or reproduce(AXES).status != "shown":
+        return list(differences)
+    why = f"as MuJoCo compiles it (casebook: {AXES})"
+    return [
+        replace(each, kind="digits", sentence=f"{each.sentence}: {why}") if of_it else each
+        for each, of_it in zip(differences, small, strict=True)
+    ]
+
+
+def one_file(models: tuple[Model, Model]) -> bool:
+    """Whether both sides are the same file."""
+    return models[0].file is not None and models[0].file == models[1].file
+
+
+def unused(models: tuple[Model, Model], differences: Sequence[Difference]) -> Iterator[str]:
+    """Of one file: what one library reads and the other ignores; a sentence each."""
+    for k, model in enumerate(models if one_file(models) else ()):
+        whats = [
+            each.what for each in differences if each.what in OPTIONAL and _left_out((each.a, each.b), k, each.what)
+        ]
+        if whats:
+            yield does_not_use(model.library, whats)
+
+
+def does_not_use(library: str, whats: Sequence[str]) -> str:
+    """A sentence on properties that a library leaves in a file."""
+    names = ", ".join(dict.fromkeys(word(what) for what in whats))
+    cases = dict.fromkeys(filter(None, (PROPERTIES[what].cases.get(library) for what in whats)))
+    book = f" (casebook: {', '.join(cases)})" if cases else ""
+    return f"{library} does not use what the file says of {names}{book}."
+
+
+def unheard(change: Change, before: Reading, after: Reading) -> bool:
+    """Whether a library reads the same as before from a file that has the change."""
+    owner = PROPERTIES[change.what].owner
+    if change.what not in OPTIONAL or (owner != "model" and change.item not in getattr(after, ROOMS[owner])):
+        return False
+    holders = [r if owner == "model" else getattr(r, ROOMS[owner])[change.item] for r in (before, after)]
+    old, new = (np.asarray(getattr(holder, change.what), dtype=float) for holder in holders)
+    return np.array_equal(old, new) and not np.array_equal(new, change.value)
+
+
+def _left_out(values: tuple[object, object], k: int, what: str) -> bool:
+    """Whether one value is the default, and the other one is not."""
+    default = np.broadcast_to(PROPERTIES[what].default or 0.0, PROPERTIES[what].shape or ())
+    plain = [value is not None and np.array_equal(np.asarray(value), default) for value in values]
+    return plain[k] and not plain[1 - k]

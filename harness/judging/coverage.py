@@ -17,19 +17,20 @@ from screwgauge.judging.assembly_modes import assembly_of
 from screwgauge.judging.identifiability import (
     BRACKET,
     CoveredAccelerations,
-    CoveredMotion,
     compared_forces,
     covered_motion,
     parameters,
     terms,
 )
-from screwgauge.problem import GivenMotion, Problem
+from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import FLOOR, OF_BODIES, OF_JOINTS, QUANTITIES, natural_scales
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
+from screwgauge.reference.reciprocal import normal_of_plane
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution
+from screwgauge.witness.kinematics import unit_twists
 
 Row = dict[str, Any]
 """A row of what a scene can see."""
@@ -41,6 +42,8 @@ NUMBERS, FEWEST = 3_000_000, 3
 NOTHING = 1e-9
 #: Share of inertia in the forces below which a motion tests statics.
 STATICS = 0.01
+#: Poses at which any velocity is tried, and a tolerance that makes every effect visible.
+ANY, TINY = 6, 1e-300
 #: How terms are called that vanish.
 _NAMES = {
     "gravity": "gravity",
@@ -61,12 +64,16 @@ class Coverage:
             The terms of the Lie bracket are what is lost where these are left out.
         parameters: Rows parameter, effect, smallest, tested: largest scaled change of a compared force by a parameter
             that is wrong by its whole size, and the share of that size from which an error is out of tolerance.
+        hidden: Names of those parameters and terms that no motion through these poses shows.
+        planar: Whether all joints move in one plane.
         missing: Why there is nothing to say, empty if there is.
     """
 
     shares: tuple[Row, ...] = ()
     parameters: tuple[Row, ...] = ()
     missing: str = "Coverage was not looked at."
+    hidden: frozenset[str] = frozenset()
+    planar: bool = False
 
     @property
     def untested(self) -> list[str]:
@@ -99,11 +106,14 @@ class Coverage:
         if self.inertia and self.inertia[1] < STATICS:
             name, share = self.inertia
             sentences.append(f"Inertia is {100.0 * share:.2g} % of {name}: this motion tests statics.")
-        if names := self.untested:
-            rest = "" if len(names) == 1 else f" and {len(names) - 1} other{'s' * (len(names) > 2)}"
-            names = [f"{names[0]}{rest}"]
-        if names or self.absent:
-            sentences.append(f"Not tested here: {', '.join([*names, *self.absent])}.")
+        names, terms = [[n for n in some if n not in self.hidden] for some in (self.untested, self.absent)]
+        if names or terms:
+            sentences.append(f"Not tested here: {_counted(names, terms)}.")
+        if self.hidden:
+            names, terms = [[n for n in some if n in self.hidden] for some in (self.untested, self.absent)]
+            why = " (mostly because the mechanism is planar)" * self.planar
+            none = f"No compared quantity depends on {_counted(names, terms)} in any motion through these poses"
+            sentences.append(f"{none}{why}: nothing is wrong.")
         return " ".join(sentences)
 
     @property
@@ -116,6 +126,13 @@ class Coverage:
             return "No inertial parameter is tested: no force is compared."
         tested = f"{n - len(self.untested)} of {n} inertial parameters and points of loads are tested"
         return f"{tested}. {self.poor}".strip()
+
+
+def _counted(parameters: list[str], terms: list[str]) -> str:
+    """The first parameter and how many more there are, then all terms."""
+    more = len(parameters) - 1
+    first = [parameters[0] + f" and {more} other{'s' * (more > 1)}" * (more > 0)] if parameters else []
+    return ", ".join([*first, *terms])
 
 
 def coverage(
@@ -148,23 +165,99 @@ def coverage(
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, min(MOST, room)).astype(np.intp))]
     try:
         with np.errstate(all="ignore"):  # what is not a number at some sample is one at others
-            now = covered_motion(mechanism, problem, motion.part(rows), q[rows])
-            forces, sizes = _forces(now, counted)
-            parts = _parameters(now, counted, sizes, tolerance_of) if sizes else ()
-            return Coverage((*_motions(now), *forces), tuple(parts), "")
+            return _Parts(mechanism, problem, counted, q[rows], motion.part(rows)).coverage(tolerance_of)
     except ScrewgaugeError as error:  # engines met it, too, and say so
         return Coverage(missing=f"Coverage is not known: {error}.")
 
 
-def _motions(now: CoveredMotion) -> Iterator[Row]:
-    """What accelerations lose with the Lie bracket."""
-    scales, units = natural_scales(now.mechanism), now.mechanism.units
-    whole, lost = _by_unit(now.accelerations, units), {term: _by_unit(of, units) for term, of in now.lost.items()}
-    for (quantity, unit), array in whole.items():
-        if quantity in now.problem.wanted:
-            size = max(largest(array), FLOOR * scales[unit])
-            for term in BRACKET:
-                yield _share(quantity, unit, term, largest(lost[term][quantity, unit]) / size)
+_Forces = tuple[tuple[str, ...], list[tuple[str, str, Array]]]
+"""Names of terms or parameters, and what each does to every compared force: quantity, unit, shape (n, m, p)."""
+
+
+class _Parts:
+    """What forces and accelerations consist of: in a motion, and after it at some of its poses in any other motion."""
+
+    def __init__(
+        self, mechanism: Mechanism, problem: Problem, counted: Mobility, q: Array, motion: GivenMotion
+    ) -> None:
+        self.wanted, self.n, self.scales = problem.wanted, len(q), natural_scales(mechanism)
+        any_rows = _any_poses(q[:, mechanism.independent_columns])
+        shaken = _shaken(mechanism, motion.part(any_rows))
+        t, y, yd, ydd = (
+            np.concatenate([getattr(motion, name), getattr(shaken, name)]) for name in ("t", "y", "yd", "ydd")
+        )
+        both = GivenMotion(t, y, yd, ydd)
+        now = covered_motion(mechanism, problem, both, np.concatenate([q, q[any_rows]]))
+        self.whole = _by_unit(now.accelerations, mechanism.units)
+        self.lost = {term: _by_unit(lost, mechanism.units) for term, lost in now.lost.items()}
+        names, needed = terms(now)
+        self.terms: _Forces = names, [*compared_forces(now, needed, counted)]
+        self.parameters: _Forces = (), []
+        if self.terms[1]:
+            names, needed = parameters(now)
+            self.parameters = names, [*compared_forces(now, needed, counted)]
+        self.planar = normal_of_plane(unit_twists(now.motion)[0]) is not None
+
+    def coverage(self, tolerance_of: Callable[[str], float]) -> Coverage:
+        """Of the motion; what stays hidden in any other, too, is named."""
+        motion, other = slice(self.n), slice(self.n, None)
+        shares, sizes = self._shares(motion)
+        parts = tuple(self._effects(motion, sizes, tolerance_of))
+        hidden = frozenset[str]()
+        if any(len(array) > self.n for array in self.whole.values()):
+            shares_then, sizes_then = self._shares(other)
+            then = Coverage(shares_then, tuple(self._effects(other, sizes_then, lambda quantity: TINY)), "")
+            hidden = frozenset([*then.untested, *then.absent])
+        return Coverage(shares, parts, "", hidden, self.planar)
+
+    def _shares(self, rows: slice) -> tuple[tuple[Row, ...], dict[tuple[str, str], float]]:
+        """Shares of all terms at some rows, and the largest magnitude of each force and unit."""
+        (names, forces), found, sizes = self.terms, [*self._accelerations(rows)], dict[tuple[str, str], float]()
+        whole = [i for i, name in enumerate(names) if name not in BRACKET]  # which is a part of inertia
+        for quantity, unit, array in forces:
+            each = array[rows]
+            size = max(largest(each[..., whole].sum(axis=2)), FLOOR * self.scales[unit])
+            sizes[quantity, unit] = size
+            found += [_share(quantity, unit, name, largest(each[..., i]) / size) for i, name in enumerate(names)]
+        return tuple(found), sizes
+
+    def _accelerations(self, rows: slice) -> Iterator[Row]:
+        """What accelerations lose with the Lie bracket."""
+        for (quantity, unit), array in self.whole.items():
+            if quantity in self.wanted:
+                size = max(largest(array[rows]), FLOOR * self.scales[unit])
+                for term in BRACKET:
+                    yield _share(quantity, unit, term, largest(self.lost[term][quantity, unit][rows]) / size)
+
+    def _effects(
+        self, rows: slice, sizes: Mapping[tuple[str, str], float], tolerance_of: Callable[[str], float]
+    ) -> Iterator[Row]:
+        """What each parameter does to the compared forces."""
+        names, forces = self.parameters
+        effect, errors = np.zeros(len(names)), np.full(len(names), np.inf)
+        for quantity, unit, array in forces:
+            columns = np.nanmax(np.abs(array[rows]), axis=(0, 1), initial=0.0)
+            columns[columns < NOTHING * columns.max()] = 0.0
+            scaled = columns / sizes[quantity, unit]
+            effect = np.maximum(effect, scaled)
+            with np.errstate(divide="ignore"):
+                errors = np.minimum(errors, tolerance_of(quantity) / scaled)
+        for name, change, least in zip(names, effect, errors, strict=True):
+            yield {"parameter": name, "effect": float(change), "smallest": float(least), "tested": bool(least < 1.0)}
+
+
+def _any_poses(y: Array) -> Rows:
+    """Rows at which any velocity is tried; none where the poses have a coordinate in common. Shape (k,)."""
+    n = ANY if np.ptp(y, axis=0).all() else 0
+    return np.unique(np.linspace(0, len(y) - 1, n).astype(np.intp))
+
+
+def _shaken(mechanism: Mechanism, motion: GivenMotion) -> GivenMotion:
+    """The same poses with velocities and accelerations drawn at random, as large as gravity makes them."""
+    units, rng = [mechanism.units[i] for i in mechanism.independent_columns], np.random.default_rng(0)
+    scales = natural_scales(mechanism)
+    yd, ydd = (rng.normal(size=motion.y.shape) * [scales[unit + per] for unit in units] for per in ("/s", "/s^2"))
+    return GivenMotion(motion.t, motion.y, yd, ydd)
 
 
 def _by_unit(of: CoveredAccelerations, units: Sequence[str]) -> dict[tuple[str, str], Array]:
@@ -175,38 +268,6 @@ def _by_unit(of: CoveredAccelerations, units: Sequence[str]) -> dict[tuple[str, 
         ("body_angular_acceleration", "rad/s^2"): of.angular,
         ("com_acceleration", "m/s^2"): of.com,
     }
-
-
-def _forces(now: CoveredMotion, counted: Mobility) -> tuple[list[Row], dict[tuple[str, str], float]]:
-    """Shares of the terms of forces, and the largest magnitude of each quantity and unit."""
-    names, needed = terms(now)
-    scales, rows, sizes = natural_scales(now.mechanism), list[Row](), dict[tuple[str, str], float]()
-    whole = [i for i, name in enumerate(names) if name not in BRACKET]  # which is a part of inertia
-    for quantity, unit, array in compared_forces(now, needed, counted):
-        size = max(largest(array[..., whole].sum(axis=2)), FLOOR * scales[unit])
-        sizes[quantity, unit] = size
-        rows += [_share(quantity, unit, name, largest(array[..., i]) / size) for i, name in enumerate(names)]
-    return rows, sizes
-
-
-def _parameters(
-    now: CoveredMotion,
-    counted: Mobility,
-    sizes: Mapping[tuple[str, str], float],
-    tolerance_of: Callable[[str], float],
-) -> Iterator[Row]:
-    """What each parameter does to the compared forces."""
-    names, needed = parameters(now)
-    effect, errors = np.zeros(len(names)), np.full(len(names), np.inf)
-    for quantity, unit, array in compared_forces(now, needed, counted):
-        columns = np.nanmax(np.abs(array), axis=(0, 1), initial=0.0)
-        columns[columns < NOTHING * columns.max()] = 0.0
-        scaled = columns / sizes[quantity, unit]
-        effect = np.maximum(effect, scaled)
-        with np.errstate(divide="ignore"):
-            errors = np.minimum(errors, tolerance_of(quantity) / scaled)
-    for name, change, least in zip(names, effect, errors, strict=True):
-        yield {"parameter": name, "effect": float(change), "smallest": float(least), "tested": bool(least < 1.0)}
 
 
 def _share(quantity: str, unit: str, term: str, share: float) -> Row:

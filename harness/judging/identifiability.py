@@ -75,7 +75,7 @@ class CoveredMotion:
     def lost(self) -> dict[str, CoveredAccelerations]:
         """What accelerations lose where a term of the Lie bracket is left out, in every loop and of every body."""
         products = velocity_products(self.motion, self.states.qd)
-        products = {"bracket": np.sum([*products.values()], axis=0), **products}
+        products["bracket"] = np.sum([*products.values()], axis=0)
         return {term: self._lost(products[term]) for term in BRACKET}
 
     def _lost(self, products: Array) -> CoveredAccelerations:

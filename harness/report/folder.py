@@ -75,17 +75,12 @@ def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
             raise OutputError(what, str(out), f"{_ELSEWHERE}, or overwrite it by --force")
 
 
-def put_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iterable[str]) -> None:
-    """Writes files of a report that has others, too, and first the list of all of them."""
-    write_files(out, files, others)
-
-
 def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iterable[str] | None = None) -> Path:
     """Writes files into a new folder beside their place, then moves them there.
 
     Args:
         files: Path below `out` -> text, or table for Parquet.
-        others: Further files of the report that these belong to; None if they belong to none.
+        others: Further files of the report that these belong to, all of which are listed first; None if none.
 
     Raises:
         OutputError: The folder cannot be written; it is then as it was before.
@@ -145,7 +140,6 @@ def _cannot(out: Path, error: OSError | ValueError) -> OutputError:
 MANIFEST = "report-files.json"
 #: Endings of what reports consist of.
 ENDINGS = (".md", ".html", ".svg", ".csv", ".json", ".parquet", ".pdf")
-_REMEDY = "move it, or choose another folder with --out"
 
 
 def written(out: Path) -> set[str]:
@@ -180,11 +174,11 @@ def _listed(out: Path) -> dict[str, list[Any]]:
     if not os.path.lexists(out / MANIFEST):
         return {}
     try:
-        files = read_json(out / MANIFEST, "list of a report's files", _REMEDY).get("files")
+        files = read_json(out / MANIFEST, "list of a report's files", _ELSEWHERE).get("files")
     except DescriptionError:
         files = None
     if not isinstance(files, dict | list):
-        raise OutputError(f"{MANIFEST} is no list of a report's files", str(out), _REMEDY)
+        raise OutputError(f"{MANIFEST} is no list of a report's files", str(out), _ELSEWHERE)
     # the lists of earlier versions have names only, which prove nothing
     named = files.items() if isinstance(files, dict) else ()
     return {name: digests for name, digests in named if _is_ours(name) and isinstance(digests, list)}

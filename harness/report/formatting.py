@@ -23,10 +23,10 @@ def rows(frame: pd.DataFrame) -> list[Row]:
     return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
 
-def grouped(found: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]]:
+def grouped(table: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]]:
     """Rows by what they have in common, in order of appearance."""
     groups: dict[tuple[Any, ...], list[Row]] = {}
-    for row in found:
+    for row in table:
         groups.setdefault(tuple(row[key] for key in keys), []).append(row)
     return groups
 
@@ -50,13 +50,15 @@ def number(value: Any, figures: int = 6) -> str:
 
 
 def size(value: Any) -> str:
-    """The size of an error, two figures: ``3.1e-13``; ``0`` if there is none."""
+    """The size of an error, two figures: ``3.1e-13``, ``12``; ``0`` if there is none."""
     if missing(value):
         return "NaN"
     if value == 0 or not np.isfinite(value):
         return "0" if value == 0 else "inf"
     mantissa, exponent = f"{value:.1e}".split("e")
-    return f"{mantissa}e{int(exponent)}"
+    if not 0 <= int(exponent) < 3:
+        return f"{mantissa}e{int(exponent)}"
+    return f"{float(f'{value:.1e}'):.{1 if abs(value) < 9.95 else 0}f}"
 
 
 def digits_text(scaled: float) -> str:
@@ -77,6 +79,11 @@ def duration(seconds: float) -> str:
     scales = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("ns", 1e-9))
     unit, scale = next((pair for pair in scales if seconds >= 0.9995 * pair[1]), scales[-1])
     return f"{seconds / scale:.3g} {unit}"
+
+
+def moment(date: str) -> str:
+    """``2026-11-26 08:17:33 UTC`` from ISO 8601; as it is where it is none."""
+    return re.sub(r"^(\d{4}-\d\d-\d\d)T(\d\d:\d\d:\d\d).*(Z|[+]00:00)$", r"\1 \2 UTC", date)
 
 
 def span(low: str, high: str) -> str:
@@ -100,7 +107,7 @@ def words(name: str) -> str:
 
 
 def tick(ok: Any) -> str:
-    """Words beside the sign, so that nothing rests on colour or font."""
+    """Words with the sign, so that nothing rests on colour or font."""
     return "✓ ok" if bool(ok) else "✗ no"
 
 
@@ -129,13 +136,14 @@ FORMS: dict[str, Callable[[Any], str]] = {
     "as_digits": lambda scaled: digits_text(scaled).replace("NaN", "no number"),
     "names": lambda names: ", ".join(names) or "nothing",
     "spaced": " ".join,
-    "clauses": lambda said: "; ".join(said) or "none",
+    "clauses": lambda clauses: "; ".join(clauses) or "none",
     "percent": lambda share: f"{number(100.0 * share, 3)} %",
     "words": words,
     "tolerance": partial(number, figures=2),
     **dict.fromkeys(("expected", "number"), number),
-    "fitted": partial(number, figures=4),
+    **dict.fromkeys(("fitted", "force", "time"), partial(number, figures=4)),
     "unit": unit_text,
+    "date": moment,
     "residual": words,
     "ok": tick,
 }

@@ -10,7 +10,7 @@ from screwgauge.engines.registry import engines
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.quantities import QUANTITIES
 from screwgauge.report.blocks import Banner, Block, Items, Marked, Table
-from screwgauge.report.terminal import terminal
+from screwgauge.report.text import terminal
 from screwgauge.scene.read import load_scene, scene_names
 from screwgauge.study.stress import CASES
 

@@ -1,19 +1,28 @@
-"""A run as plain data: ``summary.json``, and every sample for ``samples.parquet``."""
+"""A run as plain data: scene, files, size of forces, ``summary.json``, and every sample for ``samples.parquet``."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
+from pathlib import PurePath
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from screwgauge.environment import plain
-from screwgauge.report.formatting import Row, rows
+from screwgauge.reference.applied import JointSpring, Load, Motor, Spring
+from screwgauge.reference.rotations import Array
+from screwgauge.report.formatting import Row, number, rows, span, vector
 from screwgauge.report.verdict import first_difference
-from screwgauge.solution import REFERENCE, Timing
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import REFERENCE, Solution, Timing
 from screwgauge.study.comparison import Comparison
+from screwgauge.study.reference_values import TRUTH
 
 JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance", "ok")
+KINDS = {"N": "force", "N m": "moment"}
+NOTHING = 1e-12  # share of the largest force, or moment, below which one is rounding
 FILES = ("models", "scene_file", "scene_sha256", "description", "date", "schema")
 
 
@@ -27,16 +36,63 @@ def samples_table(results: Comparison) -> pd.DataFrame:
     values = {
         f"{engine}/{quantity}/{name}": column
         for engine, solution in results.solutions.items()
-        for quantity, found in solution.values.items()
-        for name, column in zip(found.components, found.array.T, strict=True)
+        for quantity, given in solution.values.items()
+        for name, column in zip(given.components, given.array.T, strict=True)
     }
     return pd.DataFrame({"t": results.times, **values})
 
 
+def forces(results: Comparison) -> list[Row]:
+    """Smallest and largest force over the motion with their times: of actuators, then of the reactions in joints.
+
+    Of a reaction it is the magnitude of the force, and of the moment, from those components that have a unique value.
+    Rows of, what, unit, min, t_min, max, t_max, components, engine.
+    """
+    sized = list[Row]()
+    for quantity, lead in (("actuator_force", "actuator"), ("reaction", "reaction")):
+        if (solution := _measured_by(results, quantity)) is None:
+            continue
+        values, parts = solution.values[quantity], dict[tuple[str, str], list[int]]()
+        for i, name in enumerate(values.components):
+            if name not in results.not_unique.get(quantity, ()):
+                joint = name.rpartition(".")[0] if quantity == "reaction" else name
+                parts.setdefault((joint, values.units[i]), []).append(i)
+        for (joint, unit), columns in parts.items():
+            array = values.array[:, columns]
+            sizes = array[:, 0] if quantity == "actuator_force" else np.linalg.norm(array, axis=1)
+            if not np.isfinite(sizes).any():
+                continue
+            low, high = int(np.nanargmin(sizes)), int(np.nanargmax(sizes))
+            row: Row = {"of": joint, "what": f"{lead} {KINDS[unit]}", "unit": unit}
+            row |= {"min": float(sizes[low]), "t_min": float(results.times[low])}
+            row |= {"max": float(sizes[high]), "t_max": float(results.times[high])}
+            names = [values.components[i].rpartition(".")[2] for i in columns] if quantity == "reaction" else []
+            sized.append({**row, "components": " ".join(names), "engine": solution.engine})
+    return _without_rounding(sized)
+
+
+def _measured_by(results: Comparison, quantity: str) -> Solution | None:
+    """The truth where it knows all samples, else the first engine that has the quantity."""
+    known = [solution for solution in results.solutions.values() if quantity in solution.values]
+    certain = (solution for solution in known if solution.engine == TRUTH and solution.rows is None)
+    return next(certain, known[0] if known else None)
+
+
+def _without_rounding(sized: list[Row]) -> list[Row]:
+    """Rounding is zero: less than a share of the largest of its unit."""
+    largest = dict[str, float]()
+    for row in sized:
+        largest[row["unit"]] = max(largest.get(row["unit"], 0.0), abs(row["min"]), abs(row["max"]))
+    return [
+        {**row, **{key: row[key] if abs(row[key]) > NOTHING * largest[row["unit"]] else 0.0 for key in ("min", "max")}}
+        for row in sized
+    ]
+
+
 def summary(results: Comparison) -> dict[str, Any]:
-    """What ``summary.json`` says, as plain Python values: no NaN, no numpy."""
+    """Content of ``summary.json`` as plain Python values: no NaN, no numpy."""
     cover = results.coverage
-    found = {
+    content = {
         "scene": results.scene.name,
         "ok": results.ok,
         "engines": {name: s.version for name, s in results.solutions.items() if name != REFERENCE},
@@ -59,11 +115,12 @@ def summary(results: Comparison) -> dict[str, Any]:
             "untested": [*cover.untested, *cover.absent],
             "terms": cover.shares,
         },
+        "forces": forces(results),
         "timings": [asdict(timing) for timing in timings(results)],
         "environment": results.environment,
         **{key: results.provenance.get(key) for key in FILES},
     }
-    return dict(plain(found))
+    return dict(plain(content))
 
 
 def _quantity(row: Row) -> Row:
@@ -71,3 +128,93 @@ def _quantity(row: Row) -> Row:
     reason = {"reason": row["reason"]} if row.get("reason") else {}
     first = {key: row[key] for key in ("quantity", "a", "b", "unit", "max_abs", "rms", "max_scaled")}
     return {**first, "worst": worst, **{key: row[key] for key in ("rule", "unique", "tolerance", "ok")}, **reason}
+
+
+def judged(provenance: Mapping[str, Any]) -> dict[str, str]:
+    """Files of scene, description and models, and the date."""
+    files = {
+        "scene file": {"file": provenance.get("scene_file"), "sha256": provenance.get("scene_sha256")},
+        "description": provenance.get("description", {}),
+        **{f"model of {engine}": model for engine, model in provenance.get("models", {}).items()},
+    }
+    named = {what: f"{file['file']}, SHA-256 {file['sha256']}" for what, file in files.items() if file.get("file")}
+    return {**named, "date": provenance.get("date", "")}
+
+
+def short(judged: Mapping[str, str]) -> dict[str, str]:
+    """What was judged, with names of files alone and the beginnings of their hashes."""
+
+    def shortened(text: str) -> str:
+        file, sha, digest = text.rpartition(", SHA-256 ")
+        return f"{PurePath(file).name} (SHA-256 {digest[:8]})" if sha else text
+
+    return {what: shortened(text) for what, text in judged.items() if text}
+
+
+def samples(t: Array) -> str:
+    """``101 samples, t = 0 to 1 s``."""
+    return f"{len(t)} sample{'s' * (len(t) != 1)}, t = {span(number(t[0]), number(t[-1]))} s"
+
+
+def about(scene: Scene, t: Array) -> dict[str, Any]:
+    """What was computed: names and values."""
+    described = {
+        "scene": scene.name,
+        "mechanism": scene.mechanism.title or scene.mechanism.name,
+        "source": scene.mechanism.source,
+        "samples": samples(t),
+        "independent coordinates": ", ".join(f"{k} = {v}" for k, v in scene.mechanism.independent.items()),
+        "gravity": f"{vector(scene.applied.g)} m/s²",
+        "load": [*map(_load, scene.applied.loads)],
+        "motion": [f"{label} = {_inline(table)}" for label, table in scene.text.get("motion", {}).items()],
+        "spring and damper": [*map(_spring, scene.applied.springs)],
+        "motor": [*map(_motor, scene.applied.motors)],
+    }
+    return {**described, **(_simulated(scene) if scene.simulated else {"rule for redundant forces": scene.rule})}
+
+
+def _simulated(scene: Scene) -> dict[str, str]:
+    """How the scene starts and is integrated, what is followed."""
+    names, start = scene.mechanism.independent, scene.start
+    place, rates = (
+        ", ".join(f"{name} = {number(value)}" for name, value in zip(names, values, strict=True))
+        for values in (start.start, start.rates)
+    )
+    method = start.integration
+    return {
+        "start": f"t = {number(start.since)} s, {place}",
+        "velocities there": rates,
+        "integrated by": f"{method.name}, rtol {number(method.rtol)}, atol {number(method.atol)}",
+        "observables": ", ".join(f"{item.name} [{item.unit}]" for item in scene.observables),
+        REFERENCE: "" if scene.known is None else scene.known.source,
+    }
+
+
+def _inline(value: Any) -> str:
+    """A value of a scene file on one line."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_inline(item)}" for key, item in value.items()) + " }"
+    return f"[{', '.join(map(_inline, value))}]" if isinstance(value, list) else f'"{value}"'
+
+
+def _load(load: Load) -> str:
+    point = "its centre of mass" if load.point is None else f"{vector(load.point)} m in its frame"
+    named = (("force", load.force, "N"), ("moment", load.torque, "N·m"))
+    parts = [f"{name} {vector(values)} {unit}" for name, values, unit in named if np.any(values)]
+    return f"on {load.body} at {point}, world axes: {', '.join(parts) or 'none'}"
+
+
+def _spring(spring: Spring) -> str:
+    amounts = f"k = {number(spring.stiffness)}, rest {number(spring.rest)}, c = {number(spring.damping)}"
+    if isinstance(spring, JointSpring):
+        return f"along {spring.coordinate}: {amounts}"
+    first, second = vector(spring.first_point), vector(spring.second_point)
+    return f"from {spring.first} {first} to {spring.second} {second}: {amounts}"
+
+
+def _motor(motor: Motor) -> str:
+    powers = ("", " t", *(f" t^{k}" for k in range(2, len(motor.polynomial))))
+    terms = [f"{number(c)}{power}" for c, power in zip(motor.polynomial.tolist(), powers, strict=False) if c]
+    for omega, cos, sin in motor.harmonics.tolist():
+        terms += (f"{number(c)} {name} {number(omega)} t" for c, name in ((cos, "cos"), (sin, "sin")) if c)
+    return f"along {motor.coordinate}: {' + '.join(terms) or '0'}"

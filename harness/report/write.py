@@ -1,8 +1,11 @@
-"""Writes reports: data first, all of them or none, then pages."""
+"""Writes reports: data first, all of them or none, then pages, on request as PDF."""
 
 from __future__ import annotations
 
 import os
+import shutil
+import subprocess
+import tempfile
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -12,12 +15,16 @@ from typing import Any
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError, ReportError
 from screwgauge.report.blocks import Block, Picture, changed, walk
-from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, put_files, write_files, written
+from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, write_files, written
 from screwgauge.report.formatting import free_name
 from screwgauge.report.html import fragment, page
-from screwgauge.report.markdown import markdown
-from screwgauge.report.pdf import PDF, print_page
-from screwgauge.report.terminal import screenful
+from screwgauge.report.text import markdown, screenful
+from screwgauge.study.lifeline import tied
+
+PDF = "report.pdf"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
+LONGEST = 120.0  # [s]
+FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--no-pdf-header-footer")
 
 
 def write_report(
@@ -49,20 +56,20 @@ def write_report(
     check_writable(out, [*data, *printed], force=force)
     numbers = {name: _text(value, figures) for name, value in data.items() if name != SAMPLES}
     before = written(out)
-    put_files(out, numbers, before)
+    write_files(out, numbers, before)
     for name in before - {*numbers, *WORKING}:  # of an earlier run; beside the new report they would mislead
         (out / name).unlink(missing_ok=True)
     try:
         samples = {name: value for name, value in data.items() if name == SAMPLES}
-        put_files(out, samples, {*numbers})
+        write_files(out, samples, {*numbers})
         safe()
         blocks = _named(tell(), {path.stem for path in out.glob("plots/*")})
         drawn = {f"plots/{block.name}.svg": block.svg for block in walk(blocks) if isinstance(block, Picture)}
         pages = dict(zip(PAGES, (markdown(blocks), page(blocks)), strict=True))
-        put_files(out, {**drawn, **pages}, {*data, *printed})
+        write_files(out, {**drawn, **pages}, {*data, *printed})
         if pdf:
             print_page(out / PAGES[1], out / PDF)
-            put_files(out, {}, {*drawn, *pages, *data, *printed})
+            write_files(out, {}, {*drawn, *pages, *data, *printed})
     except OutputError:  # says itself what is missing
         raise
     except KeyboardInterrupt:
@@ -137,3 +144,41 @@ class Shown:
 
     def _repr_html_(self) -> str:
         return fragment(self._screen())
+
+
+def browser() -> str:
+    """Path of a browser that can print.
+
+    Raises:
+        OutputError: There is none.
+    """
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None:
+        raise OutputError(f"{PDF} needs Chromium or Chrome, and none is found", "", "install one, or leave out --pdf")
+    return path
+
+
+def print_page(html: Path, pdf: Path) -> None:
+    """Prints a page: all of it or nothing.
+
+    Raises:
+        OutputError: No browser, or it fails or takes too long.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / PDF
+        command = [browser(), *FLAGS, f"--user-data-dir={folder}/profile", f"--print-to-pdf={made}"]
+        try:
+            done = subprocess.run(
+                [*command, html.absolute().as_uri()],
+                capture_output=True,
+                timeout=LONGEST,
+                check=False,
+                preexec_fn=tied(),
+            )
+            why = f"status {done.returncode}"
+        except subprocess.TimeoutExpired:
+            why = f"stopped after {LONGEST:g} s"
+        if not made.is_file() or not made.stat().st_size:
+            raise OutputError(f"the browser did not print it ({why})", str(pdf), f"print {html.name} from a browser")
+        shutil.copyfile(made, near := pdf.with_name(f".{PDF}"))
+        os.replace(near, pdf)

@@ -19,9 +19,7 @@ import numpy as np
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.formats import key, lines
 from screwgauge.models.importing import is_model
-from screwgauge.models.importing.convert import Imported
-from screwgauge.models.importing.model import notes
-from screwgauge.models.importing.write import description
+from screwgauge.models.importing.model import Imported, description, notes
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import G0, GIVEN
 from screwgauge.reference import linear

@@ -301,8 +301,9 @@ def differences(expected: Mapping[str, str]) -> list[str]:
 
 @lru_cache(maxsize=4)
 def _differences(expected: tuple[tuple[str, str], ...]) -> list[str]:
-    here = versions()
-    return [f"{name} {here.get(name)} in place of {wanted}" for name, wanted in expected if here.get(name) != wanted]
+    local = versions()
+    odd = {name: wanted for name, wanted in expected if local.get(name) != wanted}
+    return [f"{name} {local.get(name)} in place of {wanted}" for name, wanted in odd.items()]
 
 
 def on_worker(

@@ -17,6 +17,7 @@ from screwgauge.models import catalog
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.files import digest
+from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array
 from screwgauge.scene import read as scenes
 from screwgauge.scene.scene import Scene
@@ -158,6 +159,21 @@ class Comparison:
 
 SCHEMA = 1  #: Of ``summary.json``: raised when a key goes or changes its meaning.
 _BUILT_IN = (scenes.FOLDER, catalog.FOLDER)
+
+
+def facts(counted: Mobility) -> dict[str, object]:
+    """Counts for the report, and which forces are unique whatever the rule."""
+    return {
+        "moving bodies": counted.bodies,
+        "joint freedoms": counted.joint_freedoms,
+        "kutzbach": counted.kutzbach,
+        "mobility": counted.mobility,
+        "constraint components": counted.constraints,
+        "their rank": counted.constraint_rank,
+        "overconstraints": counted.overconstraints,
+        "actuation redundancy": counted.actuation_redundancy,
+        "unique forces": dict(zip(counted.names, counted.unique, strict=True)),
+    }
 
 
 def provenance(

@@ -143,8 +143,8 @@ class _Jobs(Generic[T]):
         while self.waiting and len(self.running) < self.most:
             name = self.waiting.popleft()
             process = self.free.pop() if self.lanes else name
-            own = min(self.limits.seconds + GRACE, LONGEST)
-            work = partial(_limited, name, self.works[name], self.limits, own, _file(self.folder, name))
+            alarm = min(self.limits.seconds + GRACE, LONGEST)
+            work = partial(_limited, name, self.works[name], self.limits, alarm, _file(self.folder, name))
             self.running[_submit(process, work)] = name, process, monotonic()
 
     def collect(self) -> None:
@@ -206,16 +206,16 @@ def _begin(line: Connection) -> None:
         os.dup2(2, 1)
 
 
-def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits, own: float, file: Path) -> T | Failure:
+def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits, end: float, file: Path) -> T | Failure:
     """Runs a job within its limits. Its process ignores the keyboard's interrupt, which is for its parent.
 
     Args:
-        own: Time after which the process ends itself [s].
+        end: Time after which the process ends itself [s].
     """
     faulthandler.disable()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGALRM, signal.SIG_DFL)  # the kernel ends it, whatever it is at
-    signal.setitimer(signal.ITIMER_REAL, own)
+    signal.setitimer(signal.ITIMER_REAL, end)
     hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
     most = int(1e9 * limits.memory)
     resource.setrlimit(resource.RLIMIT_DATA, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))

@@ -63,10 +63,10 @@ def hold(line: Connection) -> None:
     """Ends this process when the one that made the lifeline has ended."""
     with suppress(OSError, AttributeError):  # F_SETSIG and /proc are Linux's; elsewhere the thread has to do
         # opened anew: who is told is a property of an open file, which processes share
-        own = os.open(f"/proc/self/fd/{line.fileno()}", os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        fcntl.fcntl(own, fcntl.F_SETOWN, os.getpid())
-        fcntl.fcntl(own, fcntl.F_SETSIG, signal.SIGKILL)
-        fcntl.fcntl(own, fcntl.F_SETFL, os.O_NONBLOCK | os.O_ASYNC)
+        reopened = os.open(f"/proc/self/fd/{line.fileno()}", os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        fcntl.fcntl(reopened, fcntl.F_SETOWN, os.getpid())
+        fcntl.fcntl(reopened, fcntl.F_SETSIG, signal.SIGKILL)
+        fcntl.fcntl(reopened, fcntl.F_SETFL, os.O_NONBLOCK | os.O_ASYNC)
     Thread(target=_wait, args=(line,), daemon=True, name="lifeline").start()
 
 

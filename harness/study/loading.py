@@ -9,8 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from screwgauge.diagnosis.model import Weighed, weighed
-from screwgauge.models.importing.convert import Imported
-from screwgauge.models.importing.model import Options, import_model, scratch_folder
+from screwgauge.models.importing.model import Imported, Options, import_model, scratch_folder
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import LoaderError, ModelFileError

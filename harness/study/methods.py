@@ -140,10 +140,10 @@ class EngineTask:
 
     def _ordered(self, model: EngineModel) -> Problem:
         """The problem with the independent coordinates in the order of the user's model file."""
-        labels, own, task = list(self.labels), getattr(model, "independent", ()), self.problem.task
-        if list(own) == labels or {*own} != {*labels} or isinstance(task, States):
+        labels, order, task = list(self.labels), getattr(model, "independent", ()), self.problem.task
+        if list(order) == labels or {*order} != {*labels} or isinstance(task, States):
             return self.problem
-        return replace(self.problem, task=task.ordered([labels.index(label) for label in own]))
+        return replace(self.problem, task=task.ordered([labels.index(label) for label in order]))
 
 
 LONG, SHORT, MOST = 2000, 200, 100  # characters of a note, of a name; notes, timings

@@ -232,6 +232,6 @@ def pose_scene(scene: Scene, folder: Path, *, samples: int) -> PreparedScene:
     """
     whole = replace(scene, rule="min_norm", models={})
     motion: GivenMotion = whole.motion
-    here = whole.at(motion.t[spread(len(motion), samples)])
+    compared = whole.at(motion.t[spread(len(motion), samples)])
     write_scene_models(scene, folder)
-    return PreparedScene(whole, here, folder, reference_values(whole, here.t, QUANTITIES))
+    return PreparedScene(whole, compared, folder, reference_values(whole, compared.t, QUANTITIES))

@@ -6,9 +6,10 @@ Of a simulation observables, conditions and the known solution are compared, too
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,7 +38,7 @@ from screwgauge.scene.preflight import beyond_limits, check_actuation, check_sce
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Failure, Solution
-from screwgauge.study.comparison import Comparison, provenance
+from screwgauge.study.comparison import Comparison, facts, provenance
 from screwgauge.study.methods import left_out, without
 from screwgauge.study.solving import ask_engines, description_file, generated, load_engines, model_files
 from screwgauge.study.user_files import check_tables, judge_table, recorded, with_factors
@@ -46,8 +47,27 @@ if TYPE_CHECKING:
     from screwgauge.study.isolation import Limits
 
 
-_Checked = tuple[Mobility, Names, Layout | None, tuple[str, ...], tuple[str, ...]]
-"""Mobility, components and units of a scene; its layout if it is simulated; quantities to compare; warnings."""
+MOTION = SIMULATED[:3]
+#: Loosest tolerance of a further run: beyond it errors go with no tolerance.
+COARSEST = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class _Checked:
+    """What is known of a scene before engines run.
+
+    Attributes:
+        components: Quantity -> names and units of its components.
+        wanted: Quantities to compare.
+        warnings: Sentences on the scene.
+        lay: The layout of a simulated scene.
+    """
+
+    mobility: Mobility
+    components: Names
+    wanted: tuple[str, ...]
+    warnings: tuple[str, ...]
+    lay: Layout | None = None
 
 
 def run(
@@ -74,83 +94,131 @@ def run(
         ScrewgaugeError: Bad input. An engine that fails or stops early is no error but a row of the results.
     """
     check_scene_type(scene, "run")
-    names, wanted = _asked(scene, engines, quantities)
+    names, wanted = _requested(scene, engines, quantities)
     if limits is not None:
         load_engines(names, limits, progress)
     check_engines(names, str(scene.file or scene.name) if engines is None else "", type(scene.task), scene.tables)
     _check_acting(scene, names)
     progress("preflight", 0.0)
-    checked = _check_simulated if scene.simulated else _check_given
-    counted, components, lay, wanted, warnings = checked(scene, wanted)
+    checked = _check_simulated(scene, wanted) if scene.simulated else _check_given(scene, wanted)
     unread, doubted = tuple(_unread(scene, names)), doubts(scene)
-    if scene.changed:
-        whose = scene.mechanism_file.name
-        warnings = (*warnings, f"the mechanism is not that of {whose}: it was changed, and is run as it is now")
-    warnings = (*doubted, *warnings, *unread)
+    warnings = (*doubted, *checked.warnings, *_changed(scene), *unread)
     for sentence in warnings:
         warn(sentence)
-    own = {name: recorded(scene, name, components, wanted) for name in names if name in scene.tables}
-    names = tuple(name for name in names if name not in own)
+    tables = {name: recorded(scene, name, checked.components, checked.wanted) for name in names if name in scene.tables}
+    solving = [name for name in names if name not in tables]
+    one = _Run(scene, checked, progress, limits)
     with generated(scene) as folder:
-        requested = asked_of_engines(wanted) if scene.simulated else wanted
-        expected = {name: named for name, (named, _) in components.items()}
-        units = {} if scene.simulated else {q: dict(zip(*named, strict=True)) for q, named in components.items()}
-        answers, failures = ask_engines(scene, names, requested, folder, progress, expected, limits, units)
-        files = {name: model_files(scene, name, folder).model for name in names}
-        files |= {name: file for name in own if (file := scene.tables[name].file)}
+        answers, one.failures = one.solve(scene, solving, folder)
+        files = {name: model_files(scene, name, folder).model for name in solving}
+        files |= {name: file for name in tables if (file := scene.tables[name].file)}
         judged_files = provenance(scene, files, description=description_file(scene, folder), date=date)
     progress("comparison", 0.0)
-    mechanism, problem = scene.mechanism, scene.problem(wanted)
-    refused = [one for answer in answers.values() for one in refusals(mechanism, problem, answer)]
-    missing = list(_missing(requested, answers, len(scene.t)))
-    answers = {name: _noted(scene, answer, [*refused, *missing]) for name, answer in answers.items()}
-    judging = partial(judge, mechanism, problem, refused=refused, tolerance_of=scene.tolerance)
-    judged = {name: judging(answer) for name, answer in answers.items()}
-    judged |= {name: judge_table(scene, problem, table, components) for name, table in own.items()}
-    answers |= own
-    reasons = [(name, one.engine, f"{one.engine} {one.sentence}") for one in missing for name in one.quantities]
-    solutions, failed = answers, failures
-    if lay is not None:
-        solutions, failed = observed(scene, lay, answers, wanted), {}
-        reasons += ends(scene, wanted, answers, failures)
-    given, solutions = solutions, in_one_chart(mechanism, solutions)
-    binding = scene.tolerances if scene.simulated else ()
-    comparing = partial(compare, mechanism, problem)
-    held = (failed, counted, scene.tolerance, refused, binding)
-    errors, pairs = comparing(solutions, *held)
-    unsure = doubtful(pairs, judged.values()) & {*answers} if lay is not None else set()
-    if lay is not None and unsure:
-        with generated(scene) as folder:  # the error of integration matters now: further runs with looser tolerances
-            ask = partial(ask_engines, names=sorted(unsure), wanted=requested, folder=folder, progress=progress)
-            looser = [ask(each, expected=expected, limits=limits)[0] for each in loosened(scene)]
-        for name in unsure:
-            judged[name] = judging(answers[name], again=[runs[name] for runs in looser if name in runs])
-        seen = [observed(scene, lay, runs, wanted) for runs in looser]
-        for name in unsure:
-            runs = {f"{k}": run[name] for k, run in enumerate(seen) if name in run}
-            first, *again = in_one_chart(mechanism, {"": solutions[name], **runs}).values()
-            solutions[name] = with_estimate(first, again)
-        errors, pairs = comparing(solutions, *held)
-    if lost := list(_lost(scene, reasons, solutions)):
-        pairs = pd.concat([pairs, frame(lost, PAIR_COLUMNS)], ignore_index=True)
+    one.judge_all(answers, tables)
+    errors, pairs = one.compare()
     return Comparison(
         scene=scene,
-        solutions=solutions,
-        failures=failures,
+        solutions=one.solutions,
+        failures=one.failures,
         errors=errors,
-        pairs=with_factors(pairs, own, given) if own else pairs,
-        judge=pd.concat(judged.values(), ignore_index=True) if judged else frame((), JUDGE_COLUMNS),
-        mobility=facts(counted),
+        pairs=pairs,
+        judge=pd.concat(one.judged.values(), ignore_index=True) if one.judged else frame((), JUDGE_COLUMNS),
+        mobility=facts(checked.mobility),
         environment=environment(),
         warnings=warnings,
         doubts=doubted,
         unread=unread,
-        refusals=(*refused, *missing),
-        cover=partial(coverage, mechanism, problem, answers, counted, scene.tolerance),
-        known=[*_known(pairs, solutions)],
+        refusals=(*one.refused, *one.missing),
+        cover=partial(coverage, scene.mechanism, one.problem, one.answers, checked.mobility, scene.tolerance),
+        known=[*_known(pairs, one.solutions)],
         provenance=judged_files,
-        undetermined=counted.undetermined,
+        undetermined=checked.mobility.undetermined,
     )
+
+
+class _Run:
+    """Answers to a checked scene on their way to a comparison.
+
+    Attributes:
+        answers: Engine or table -> its answer, with notes on what it lacks.
+        solutions: What is compared: answers in one chart of joint angles; of a simulation, with its observables.
+        judged: Engine or table -> rows of the judge.
+        refused, missing: Samples, and whole quantities, of which an engine gives no number.
+    """
+
+    def __init__(self, scene: Scene, checked: _Checked, progress: Report, limits: Limits | None) -> None:
+        self.scene, self.checked, self.progress, self.limits = scene, checked, progress, limits
+        self.problem, wanted = scene.problem(checked.wanted), checked.wanted
+        # in a simulation observables and conditions of poses follow from positions
+        motion = tuple(name for name in MOTION if name in wanted or name == "joint_position")
+        self.requested = wanted if checked.lay is None else motion
+        self.answers, self.solutions = dict[str, Solution](), dict[str, Solution]()
+        self.failures, self.judged = dict[str, Failure](), dict[str, pd.DataFrame]()
+        self.tables: Mapping[str, Solution] = {}
+        self.refused, self.missing = list[Refusal](), list[Refusal]()
+
+    def solve(self, scene: Scene, names: Iterable[str], folder: Path) -> tuple[dict[str, Solution], dict[str, Failure]]:
+        """Puts the scene, or the same with other tolerances, to engines."""
+        components = self.checked.components
+        expected = {quantity: named for quantity, (named, _) in components.items()}
+        given = {} if scene.simulated else components
+        units = {quantity: dict(zip(*named, strict=True)) for quantity, named in given.items()}
+        return ask_engines(scene, names, self.requested, folder, self.progress, expected, self.limits, units)
+
+    def judge_all(self, answers: Mapping[str, Solution], tables: Mapping[str, Solution]) -> None:
+        """Judges answers of engines and tables of the user's own."""
+        scene, problem = self.scene, self.problem
+        self.refused = [one for answer in answers.values() for one in refusals(scene.mechanism, problem, answer)]
+        self.missing = list(_missing(self.requested, answers, len(scene.t)))
+        lacking = [*self.refused, *self.missing]
+        self.answers = {name: _noted(scene, answer, lacking) for name, answer in answers.items()}
+        self.judged = {name: self.judge(answer) for name, answer in self.answers.items()}
+        self.judged |= {
+            name: judge_table(scene, problem, each, self.checked.components) for name, each in tables.items()
+        }
+        self.answers |= tables
+        self.tables = dict(tables)
+
+    def judge(self, answer: Solution, again: Sequence[Solution] = ()) -> pd.DataFrame:
+        """Judges an answer. `again`: of the same engine with looser tolerances."""
+        scene, refused = self.scene, self.refused
+        return judge(scene.mechanism, self.problem, answer, refused=refused, again=again, tolerance_of=scene.tolerance)
+
+    def compare(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Errors by component and by pair, the latter with rows of what is missing."""
+        scene, lay, answers = self.scene, self.checked.lay, self.answers
+        given = answers if lay is None else observed(scene, lay, answers, self.checked.wanted)
+        self.solutions = in_one_chart(scene.mechanism, given)
+        errors, pairs = self._compared()
+        if lay is not None and (unsure := sorted(doubtful(pairs, self.judged.values()) & {*answers})):
+            self._estimate_integration(lay, unsure)
+            errors, pairs = self._compared()
+        reasons = [
+            (name, one.engine, f"{one.engine} {one.sentence}") for one in self.missing for name in one.quantities
+        ]
+        if lay is not None:
+            reasons += ends(scene, self.checked.wanted, answers, self.failures)
+        if lost := list(_lost(scene, reasons, self.solutions)):
+            pairs = pd.concat([pairs, frame(lost, PAIR_COLUMNS)], ignore_index=True)
+        return errors, with_factors(pairs, self.tables, given) if self.tables else pairs
+
+    def _compared(self) -> tuple[pd.DataFrame, pd.DataFrame]:
+        scene = self.scene
+        failed, binding = ({}, scene.tolerances) if scene.simulated else (self.failures, ())
+        held = failed, self.checked.mobility, scene.tolerance, self.refused, binding
+        return compare(scene.mechanism, self.problem, self.solutions, *held)
+
+    def _estimate_integration(self, lay: Layout, unsure: Sequence[str]) -> None:
+        """Estimates the error of integration by runs with looser tolerances, for solutions and judgement."""
+        scene = self.scene
+        with generated(scene) as folder:
+            looser = [self.solve(each, unsure, folder)[0] for each in loosened(scene)]
+        seen = [observed(scene, lay, runs, self.checked.wanted) for runs in looser]
+        for name in unsure:
+            self.judged[name] = self.judge(self.answers[name], [runs[name] for runs in looser if name in runs])
+            runs = {f"{k}": run[name] for k, run in enumerate(seen) if name in run}
+            first, *again = in_one_chart(scene.mechanism, {"": self.solutions[name], **runs}).values()
+            self.solutions[name] = with_estimate(first, again)
 
 
 def _known(pairs: pd.DataFrame, solutions: Mapping[str, Solution]) -> Iterator[str]:
@@ -170,19 +238,10 @@ def _noted(scene: Scene, answer: Solution, refused: Sequence[Refusal]) -> Soluti
     return replace(answer, notes=(*answer.notes, *notes))
 
 
-def facts(counted: Mobility) -> dict[str, object]:
-    """Counts for the report, and which forces are unique whatever the rule."""
-    return {
-        "moving bodies": counted.bodies,
-        "joint freedoms": counted.joint_freedoms,
-        "kutzbach": counted.kutzbach,
-        "mobility": counted.mobility,
-        "constraint components": counted.constraints,
-        "their rank": counted.constraint_rank,
-        "overconstraints": counted.overconstraints,
-        "actuation redundancy": counted.actuation_redundancy,
-        "unique forces": dict(zip(counted.names, counted.unique, strict=True)),
-    }
+def _changed(scene: Scene) -> Iterator[str]:
+    if scene.changed:
+        whose = scene.mechanism_file.name
+        yield f"the mechanism is not that of {whose}: it was changed, and is run as it is now"
 
 
 def _unread(scene: Scene, names: Collection[str]) -> Iterator[str]:
@@ -194,10 +253,10 @@ def _unread(scene: Scene, names: Collection[str]) -> Iterator[str]:
         yield f"{file or 'an array'} (tables.{name}) is not compared, as no engine of that name is asked for"
 
 
-def _asked(
+def _requested(
     scene: Scene, engines: Iterable[str] | None, quantities: Iterable[str] | None
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of engines and quantities."""
+    """Names of engines and quantities, checked."""
     where = str(scene.file or scene.name)
     check_tables(scene)
     if scene.models:
@@ -230,14 +289,14 @@ def _check_given(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     # those of a tree are the engine's own
     given = {name: named for name, named in described(mechanism).items() if not name.startswith("tree_force")}
     sampled = scene.drive.doubts([*mechanism.independent]) if isinstance(scene.drive, Sampled) else ()
-    return counted, given, None, wanted, (*left, *far_from_home(scene), *sampled)
+    return _Checked(counted, given, wanted, (*left, *far_from_home(scene), *sampled))
 
 
 def _check_simulated(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     lay, warnings = check_start(scene)
     counted = mobility(lay, pose(lay, scene.mechanism.home[None]))
     given = dict.fromkeys(MOTION, (scene.mechanism.coordinates, scene.mechanism.units))
-    return counted, given, lay, wanted, warnings
+    return _Checked(counted, given, wanted, warnings, lay)
 
 
 def _missing(requested: Sequence[str], answers: Mapping[str, Solution], n: int) -> Iterator[Refusal]:
@@ -256,16 +315,6 @@ def _lost(
         for other in others or [""]:
             a, b = (other, name) if other not in ("", REFERENCE) else (name, other)
             yield nothing(quantity, a, b, reason, scene.tolerance(quantity))
-
-
-MOTION = SIMULATED[:3]
-#: Loosest tolerance of a further run: beyond it errors go with no tolerance.
-COARSEST = 0.1
-
-
-def asked_of_engines(wanted: Sequence[str]) -> tuple[str, ...]:
-    """Quantities requested of engines in a simulation: observables and conditions of poses follow from positions."""
-    return tuple(name for name in MOTION if name in wanted or name == "joint_position")
 
 
 def observed(scene: Scene, lay: Layout, answers: Mapping[str, Solution], wanted: Sequence[str]) -> dict[str, Solution]:

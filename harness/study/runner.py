@@ -6,7 +6,6 @@ What a task does, and what its row is, is for each study to say.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -15,7 +14,7 @@ from typing import Any, Protocol, TypeVar
 import pandas as pd
 
 from screwgauge.problem import Progress, Report, silent
-from screwgauge.reference.errors import DescriptionError, OutputError
+from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import replace_file
 from screwgauge.solution import Failure
 from screwgauge.study import isolation
@@ -92,41 +91,38 @@ class Processes:
 def run_tasks(
     tasks: Iterable[Task],
     execute: Executor,
-    kept: Journal,
     *,
     lost: Callable[[str, str], Row],
-    record: Callable[[Row], Mapping[str, Any]] = dict,  # type: ignore[assignment]
-    restored: Callable[[Mapping[str, Any]], Row] = dict,  # type: ignore[assignment]
+    before: Mapping[str, Row] | None = None,
+    keep: Callable[[str, Row], None] = lambda key, row: None,
     progress: Report = silent,
-    lenient: bool = False,
 ) -> list[Row]:
-    """The rows of all tasks, in their order; those that a journal has are not made again.
+    """The rows of all tasks, in their order.
 
     Args:
         lost: Makes a row of the name of a task that crashed, met a limit or raised something, and of the reason.
-        record: Makes JSON of a row, and `restored` a row of that.
-        progress: Takes what is under way with the rate and the time that is left, and the share that is done.
-        lenient: Rows that cannot be kept are returned all the same.
+        before: Key -> row of tasks that are not done again, see `Journal.rows`.
+        keep: Takes the key of a task and its row as soon as it is done, see `Journal.keep`.
+        progress: Takes what is under way with the rate and the remaining time, and the share that is done.
 
     Raises:
-        ScrewgaugeError: Raised by a task, or a row cannot be kept.
+        ScrewgaugeError: Raised by a task, or by `keep`.
     """
     named = {task.name: task for task in tasks}
     keys = {name: task.key or name for name, task in named.items()}
-    rows = {name: restored(kept.results[key]) for name, key in keys.items() if key in kept.results}
+    rows = {name: before[key] for name, key in keys.items() if before and key in before}
     todo = {name: task for name, task in named.items() if name not in rows}
     pace = TaskRate(len(todo))
 
-    def keep(name: str, result: Row | Failure) -> None:
+    def done(name: str, result: Row | Failure) -> None:
         if isinstance(result, Failure):
             step = f"{result.engine}: " * (result.engine != name)
             result = lost(name, f"{step}{result.reason}")
         rows[name] = result
         pace.done += 1
-        with suppress(*[OutputError] * lenient):
-            kept.keep(keys[name], record(result))
+        keep(keys[name], result)
 
-    execute(todo, keep, lambda step, share: progress(pace.shown(step), share))
+    execute(todo, done, lambda step, share: progress(pace.shown(step), share))
     return [rows[name] for name in named]
 
 
@@ -152,10 +148,9 @@ def grow_table(
     rows = run_tasks(
         [task for task in tasks if task.name not in done],
         execute,
-        kept,
         lost=lambda name, reason: [lost(name, reason)],
-        record=lambda rows: {"rows": rows},
-        restored=lambda record: record["rows"],
+        before={key: record["rows"] for key, record in kept.results.items()},
+        keep=lambda key, rows: kept.keep(key, {"rows": rows}),
         progress=progress,
     )
     frame = pd.DataFrame([*before, *(row for each in rows for row in each)], columns=[*table.columns])

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from screwgauge.engines.registry import engine_names, get_engine, keep, load_entry, not_loaded
 from screwgauge.models.generate import stem, write_models
-from screwgauge.models.importing.write import description
+from screwgauge.models.importing.model import description
 from screwgauge.problem import ModelFiles, Problem, Progress, Report, quiet, silent
 from screwgauge.reference.files import is_file
 from screwgauge.reference.mechanism import Mechanism
@@ -87,13 +87,13 @@ def description_file(scene: Scene, folder: Path) -> Path:
 
 def model_files(scene: Scene, name: str, folder: Path) -> ModelFiles:
     """The model file of an engine, generated in `folder` or the user's own, and its loops file."""
-    engine, own = get_engine(name), scene.models.get(name)
+    engine, given = get_engine(name), scene.models.get(name)
     if not engine.cut:
-        return ModelFiles(own or description_file(scene, folder))
+        return ModelFiles(given or description_file(scene, folder))
     base = stem(scene.mechanism.name, engine.cut)
-    model = own or folder / f"{base}{engine.reads}"
-    beside = model.with_suffix(".loops.toml")
-    return ModelFiles(model, beside if is_file(beside) else folder / f"{base}.loops.toml")
+    model = given or folder / f"{base}{engine.reads}"
+    loops = model.with_suffix(".loops.toml")
+    return ModelFiles(model, loops if is_file(loops) else folder / f"{base}.loops.toml")
 
 
 class TooLongError(Exception):
@@ -151,8 +151,8 @@ def ask_engines(
     questions: dict[str, EngineTask] = {}
     for name in names:
         files, problem = model_files(scene, name, folder), scene.problem(wanted, name)
-        own, labels = scene if name in scene.models else None, tuple(scene.mechanism.independent)
-        questions[name] = EngineTask(get_engine(name), files, problem, folder, labels, own)
+        of_user, labels = scene if name in scene.models else None, tuple(scene.mechanism.independent)
+        questions[name] = EngineTask(get_engine(name), files, problem, folder, labels, of_user)
     if limits is None:
         answers = in_turn(questions, progress)
     else:

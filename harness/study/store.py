@@ -12,18 +12,19 @@ import os
 import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass
 from importlib.util import find_spec
 from io import BytesIO
 from itertools import repeat
 from math import inf
 from pathlib import Path
 from types import UnionType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from screwgauge.reference.errors import DescriptionError, OutputError
 from screwgauge.reference.files import parse_json, read_bytes, read_file, replace_file, why
 
+Row = TypeVar("Row")
 #: Results of a part.
 SEAL = 1000
 _ELSEWHERE = "move it, or choose another --out"
@@ -79,13 +80,17 @@ class Journal:
         taken = f"Resumed: {len(self.results)} results of interrupted work were taken over."
         self.note = taken if self.results else ""
 
-    def keep(self, key: str, result: Mapping[str, Any]) -> None:
-        """Adds the result of a first call.
+    def rows(self, form: type[Row]) -> dict[str, Row]:
+        """Results as rows of a dataclass; those that are no such rows are left out, and made anew."""
+        return {key: from_record(each, form) for key, each in self.results.items() if is_record(each, form)}
+
+    def keep(self, key: str, result: Any) -> None:
+        """Adds a result, a mapping or an instance of a dataclass.
 
         Raises:
             OutputError: There is no room, say; all results before are there.
         """
-        self.results[key] = self._loose[key] = dict(result)
+        self.results[key] = self._loose[key] = _record(result)
         self._write("a", {"key": key, "result": self.results[key]})
         if len(self._loose) >= SEAL and self.path is not None and find_spec("pyarrow"):
             self._seal(self.path)
@@ -180,6 +185,12 @@ def _of_parquet(part: Path, stamp: str) -> Iterator[tuple[str, dict[str, Any]]]:
         raise OutputError(f"is no part of a journal ({error})", str(part), _ELSEWHERE) from None
 
 
+def _record(row: Any) -> dict[str, Any]:
+    if is_dataclass(row) and not isinstance(row, type):
+        return asdict(row)
+    return dict(row)
+
+
 def is_record(value: object, hint: Any) -> bool:
     """Whether a value that was read from JSON is of a type.
 
@@ -200,9 +211,22 @@ def is_record(value: object, hint: Any) -> bool:
     if is_dataclass(hint):
         hints = get_type_hints(hint)
         needed = {each.name for each in fields(hint) if each.default is each.default_factory is MISSING}
-        whole = isinstance(value, dict) and needed <= value.keys() <= hints.keys()
-        return whole and all(is_record(each, hints[name]) for name, each in value.items())
+        if not isinstance(value, dict) or not needed <= value.keys() <= hints.keys():
+            return False
+        return all(is_record(each, hints[name]) for name, each in value.items())
     return isinstance(value, int | float if hint is float else hint)
+
+
+def from_record(value: Any, hint: Any) -> Any:
+    """What `dataclasses.asdict` made a record of, which `is_record` has found to be one; sequences become tuples."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if is_dataclass(hint):
+        form: Any = hint
+        hints = get_type_hints(form)
+        return form(**{name: from_record(each, hints[name]) for name, each in value.items()})
+    if origin in (Sequence, tuple):
+        return tuple(from_record(each, inner[0]) for each in value)
+    return value
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import tempfile
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -26,7 +26,7 @@ from screwgauge.study.cases.question import SILENT, Finding, Question, findings
 from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import missing
 from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
-from screwgauge.study.store import Journal, is_record
+from screwgauge.study.store import Journal
 
 Ask = Callable[[float, bool, Path], Iterable[Question]]
 """(severity, quick, folder for model files) -> the questions of a rung. A function of a module, so that it pickles."""
@@ -96,7 +96,8 @@ def decades(first: int, last: int, step: int = 1) -> tuple[float, ...]:
 
 def _case(ask: str, full: Any, quick: Any, **rest: Any) -> StressCase:
     """An entry of the file."""
-    return StressCase(**rest, full=_rungs(full), quick=_rungs(quick), ask=partial(_questions, *ask.split(":")))
+    module, name = ask.split(":")
+    return StressCase(**rest, full=_rungs(full), quick=_rungs(quick), ask=partial(_questions, module, name))
 
 
 def _questions(module: str, name: str, severity: float, quick: bool, folder: Path) -> Iterable[Question]:
@@ -200,14 +201,13 @@ def stress(
     if severities is not None and len(chosen) != 1:
         raise DescriptionError("severities are given", "--severity", "name the one case that they are of")
     ladders = [(case, severity) for case in chosen for severity in case.rungs(quick=quick, severities=severities)]
-    kept = Journal(journal, json_text([environment(), quick]), lambda record: is_record(record, Rung))
-    rungs: list[Rung] = run_tasks(
+    kept = Journal(journal, json_text([environment(), quick]))
+    rungs = run_tasks(
         [Task(f"{case.name} {severity:g}", partial(_climbed, case, severity, quick)) for case, severity in ladders],
         execute or InTurn(),
-        kept,
         lost=lambda name, reason: Rung([Finding("", a=ALL, reason=reason)]),
-        record=asdict,
-        restored=lambda record: Rung([Finding(**row) for row in record["rows"]], record["seconds"]),
+        before=kept.rows(Rung),
+        keep=kept.keep,
         progress=progress,
     )
     rows, seconds = list[Finding](), dict.fromkeys((case.name for case in chosen), 0.0)

@@ -41,7 +41,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values, common_rows, empty
 
 if TYPE_CHECKING:
-    from screwgauge.diagnosis.differences.change import Difference
+    from screwgauge.diagnosis.differences.difference import Difference
 
 
 #: Share of the largest number that may be left over where one table is a multiple of another.
@@ -200,10 +200,10 @@ def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) 
     return rows if "joint_position" in values else rows[rows["residual"] != "loop_closure"]
 
 
-def with_factors(pairs: pd.DataFrame, own: Iterable[str], solutions: Mapping[str, Solution]) -> pd.DataFrame:
+def with_factors(pairs: pd.DataFrame, tables: Iterable[str], solutions: Mapping[str, Solution]) -> pd.DataFrame:
     """Pairs, with a remark where a table out of tolerance is a multiple of what it is compared with."""
-    own, pairs = {*own}, pairs.copy()
-    for i, row in pairs[~pairs["ok"].astype(bool) & pairs["b"].isin(own) & pairs["max_scaled"].notna()].iterrows():
+    tables, pairs = {*tables}, pairs.copy()
+    for i, row in pairs[~pairs["ok"].astype(bool) & pairs["b"].isin(tables) & pairs["max_scaled"].notna()].iterrows():
         a, b = (solutions[row[side]] for side in "ab")
         factor = _factor(*_shared(a, b, row["quantity"], row["unit"]))
         if abs(factor - 1.0) > ALIKE:
@@ -278,7 +278,7 @@ def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
         name: The engine, which reads a URDF or MJCF of the user's own; of others nothing is changes.
     """
     # a scene without files of the user's own has no use for the diagnosis
-    from screwgauge.diagnosis.differences.digits import ALL, digits_of, marked
+    from screwgauge.diagnosis.differences.difference import ALL, digits_of, marked
     from screwgauge.diagnosis.differences.static import differences, sorted_by_size
     from screwgauge.diagnosis.pairing.branches import missing
     from screwgauge.diagnosis.pairing.common import brought
@@ -332,9 +332,9 @@ def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -
 
 def _of_description(mechanism: Mechanism, path: Path) -> list[CheckRow]:
     """Compares a user's description with that of the scene; their names may differ."""
-    own, out = replace(load_mechanism(path), name=mechanism.name), ModelComparison(path.name, "screw")
-    compare_loops(out, loops_of(mechanism, "full"), loops_of(own, "full"), mechanism)
-    actual, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (own, mechanism))
+    given, out = replace(load_mechanism(path), name=mechanism.name), ModelComparison(path.name, "screw")
+    compare_loops(out, loops_of(mechanism, "full"), loops_of(given, "full"), mechanism)
+    actual, expected = (expected_reading(one, "full", mechanism.home[:0]) for one in (given, mechanism))
     compare_readings(out, expected, replace(actual, gravity=None), mechanism)
     return out.rows
 

@@ -140,9 +140,9 @@ def dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion | None =
     )
 
 
-def inverse_dynamics(tree: SpanningTree, states: TreeStates) -> Array:
-    """`Dynamics.tau` alone. Shape (n, n_freedom)."""
-    motion = move(tree, states)
+def inverse_dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion | None = None) -> Array:
+    """`InverseDynamics.tau` alone. Shape (n, n_freedom)."""
+    motion = motion or move(tree, states)
     return along(motion, _needed(motion).wrenches) + armature_force(tree, states) + passive_force(tree, states)
 
 

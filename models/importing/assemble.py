@@ -1,14 +1,22 @@
-"""A home in which all loops of a reading are closed, within the limits and well conditioned."""
+"""A home in which all loops of a reading are closed, the coordinates that are independent there, and what is driven."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from screwgauge.models.importing.closing import CLOSED, Loops
-from screwgauge.models.importing.homes import OWN, Home, chosen, limits, some
+import numpy as np
+
+from screwgauge.models.importing.homes import CLOSED, OWN, Home, Loops, chosen, limits, some
 from screwgauge.models.kinematics import plant, rehomed
 from screwgauge.models.readings.reading import Reading
+from screwgauge.reference import linear
+from screwgauge.reference.equations.kinematics import pose
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.graph import layout
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.mobility import in_lengths
+from screwgauge.reference.rotations import Array
 
 #: Limits of a joint that has none.
 FREE = (-float("inf"), float("inf"))
@@ -57,3 +65,104 @@ def _said(loops: Loops, chosen: Home, why: tuple[str, ...]) -> tuple[str, ...]:
     if chosen.beyond:
         said.append(f"Loops or couplings keep {some(chosen.beyond)} beyond limits, which are left out.")
     return tuple(said)
+
+
+#: A coordinate that is preferred is taken as long as so much of it is its own.
+PREFERRED = 0.05
+
+
+#: Singular values of the loop equations below this are likely to be zeros that printed digits hide.
+HIDDEN = 1e-4
+
+
+#: What to do about them.
+FULL = "write angles and axes in full, pi/2 as 1.5707963267948966"
+
+
+def rounded(hidden: Array) -> str:
+    """That equations are independent by rounding only."""
+    return f"but for roundings of about {hidden.max():.0e} they would leave {len(hidden)} more"
+
+
+def motions(mechanism: Mechanism) -> tuple[Array, Array]:
+    """What the loops allow at home, without dimension.
+
+    Returns:
+        Orthonormal basis of all joint velocities, shape (n_q, k), and singular values of the equations that are
+        nearly, but not quite, redundant.
+    """
+    lay = layout(replace(mechanism, independent={}))
+    lay, at = in_lengths(lay, pose(lay, mechanism.home[None]))
+    G = at.constraint_matrix[0]
+    K, s = linear.null_space(G), np.linalg.svd(G, compute_uv=False)
+    s = s[: G.shape[1] - K.shape[1]]
+    return K, s[s < HIDDEN * s[0]] if len(s) else s
+
+
+def choose(
+    mechanism: Mechanism, actuated: Sequence[str] | None, independent: Mapping[str, str] | None, where: str
+) -> tuple[Mechanism, str]:
+    """The mechanism with its independent coordinates and actuators, and what is doubtful about its freedoms.
+
+    Args:
+        actuated: Joints that are driven; None are those of independent coordinates that can be.
+        independent: Label -> coordinate that the user chose.
+
+    Raises:
+        DescriptionError: Nothing moves, or the coordinates chosen do not determine the motion.
+    """
+    K, hidden = motions(mechanism)
+    if not K.shape[1]:
+        said = f"; {rounded(hidden)}" if len(hidden) else ""
+        remedy = FULL if said else "check the closures"
+        raise DescriptionError(f"its loops leave no degree of freedom{said}", where, remedy)
+    names = mechanism.coordinates
+    if independent is None:
+        chosen = {names[i]: names[i] for i in pick(K, preferences(mechanism, actuated or ()))}
+    else:
+        for name in independent.values():
+            if name not in names:
+                raise UnknownNameError("coordinate", name, names, f"{where}, --independent")
+        chosen = dict(independent)
+        rank = linear.rank(K[[names.index(name) for name in chosen.values()]])
+        if not rank == len(chosen) == K.shape[1]:
+            what = f"{len(chosen)} coordinates of rank {rank} for {K.shape[1]} degrees of freedom"
+            raise DescriptionError(what, f"{where}, --independent", f"name {K.shape[1]} that determine the motion")
+    driven = {*chosen.values()} if actuated is None else {*actuated}
+    joints = tuple(
+        replace(joint, actuated=len(joint.coordinates) == 1 and joint.name in driven) for joint in mechanism.joints
+    )
+    doubt = f"Its loops leave {K.shape[1]} freedoms; {rounded(hidden)}: {FULL}." if len(hidden) else ""
+    return replace(mechanism, joints=joints, independent=chosen), doubt
+
+
+def preferences(mechanism: Mechanism, actuated: Sequence[str]) -> list[list[int]]:
+    """Columns of coordinates in the order in which they are preferred: free poses, what is driven, simple joints."""
+    tiers: list[list[int]] = [[], [], [], []]
+    coupled = {coupling.coordinate for coupling in mechanism.couplings}
+    for joint in mechanism.joints:
+        simple = len(joint.coordinates) == 1 and joint.name not in coupled
+        rank = 0 if not joint.constrains else 1 if joint.name in actuated else 2 if simple else 3
+        tiers[rank] += mechanism.columns(joint.coordinates)
+    return tiers
+
+
+def pick(K: Array, tiers: Sequence[Sequence[int]]) -> list[int]:
+    """Rows of a basis that determine the rest, as far from dependent as the order of preference lets them be.
+
+    Rank-revealing QR by modified Gram-Schmidt with pivoting, tier by tier. Shape (n, k) -> k rows, ascending.
+    """
+    rest, chosen = K.copy(), list[int]()
+    for i, tier in enumerate(tiers):
+        least = PREFERRED if i < len(tiers) - 1 else 0.0
+        candidates = list(tier) if i < len(tiers) - 1 else list(range(len(K)))
+        while len(chosen) < K.shape[1] and candidates:
+            sizes = np.linalg.norm(rest[candidates], axis=1)
+            best = int(np.argmax(np.round(sizes, 9)))  # of equals the first
+            if not sizes[best] > least:
+                break
+            row = candidates.pop(best)
+            chosen.append(row)
+            along = rest[row] / sizes[best]
+            rest = rest - np.outer(rest @ along, along)
+    return sorted(chosen)

@@ -1,14 +1,18 @@
-"""Links as a library keeps them, merged into the bodies of a `Reading`."""
+"""Links as a library keeps them merged into the bodies of a `Reading`, and again where joints get other types."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
+from numpy.polynomial import polynomial
 
-from screwgauge.models.readings.reading import BodyReading, Matter
-from screwgauge.reference.errors import ModelFileError
+from screwgauge.models.content import Content
+from screwgauge.models.readings.reading import BodyReading, CouplingReading, JointReading, Matter, Reading
+from screwgauge.reference.errors import ModelFileError, UnknownNameError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, rotation
 
@@ -144,3 +148,128 @@ def exponential(kind: str, direction: Array, centre: Array, q: float) -> Array:
 def screw(turns: bool, axis: Array, point: Array) -> Array:
     """Unit screw of a rotation or translation. Shape (6,)."""
     return np.concatenate([axis, np.cross(point, axis)] if turns else [np.zeros(3), axis])
+
+
+SPHERICAL, FIXED = "SPHERICAL", "FIXED"
+#: Universal joints by type -> the axes of the joint's frame about which they turn, the ground side first.
+UNIVERSAL = {f"UJOINT_{one}{two}": (one, two) for one, two in permutations("XYZ", 2)}
+KNOWN = (SPHERICAL, FIXED, *UNIVERSAL)
+#: What a joint has beside its axis. None of it fits the axes of another type.
+_OWN = ("armature", "damping", "friction", "stiffness")
+
+
+def retyped(reading: Reading, types: Mapping[str, str], where: str) -> Reading:
+    """The reading with joints replaced.
+
+    A spherical or universal joint sits where the old one did, is unlimited, and is at zero where the old one was at
+    home. The hinges of a universal joint ``name`` are called ``name_Z`` and ``name_Y``, after the axes of the frame of
+    the link that the old joint carries. A fixed joint is gone, and what it joined is one body. The old names remain
+    names of frames.
+
+    Args:
+        types: Joint -> one of `KNOWN`.
+        where: The file that says so, to blame.
+
+    Raises:
+        ScrewgaugeError: There is no such joint or type, or something else depends on the joint.
+    """
+    for name, kind in types.items():
+        if name not in reading.joints:
+            raise UnknownNameError("joint", name, reading.joints, f"{where}, joint_name")
+        if kind not in KNOWN:
+            raise UnknownNameError(f"type of joint '{name}',", kind, KNOWN, f"{where}, joint_type")
+    frames = {name: link for name in types if (link := reading.carried(name))}
+    lost = (phrase for name, kind in types.items() for phrase in _lost(reading.joints[name], name, kind))
+    content = (Content("read otherwise by the library", phrase, values=()) for phrase in lost)
+    reading = replace(reading, frames={**reading.frames, **frames}, content=(*reading.content, *content))
+    for name, kind in types.items():
+        if kind != FIXED:
+            _check_free(reading, name, kind, where)
+            reading = _replaced(reading, name, _turning(reading, name, kind, where))
+    return _welded(reading, [name for name, kind in types.items() if kind == FIXED], where)
+
+
+def _lost(joint: JointReading, name: str, kind: str) -> Iterator[str]:
+    """What the file says of a joint that does not hold for its new type."""
+    if kind != FIXED:
+        low, high = joint.limits
+        limited = ["limits"] if low < high and not math.isinf(high - low) else []
+        for what in (*limited, *(what for what in _OWN if getattr(joint, what))):
+            yield f"{what} of joint {name}, which is made {kind}"
+
+
+def _check_free(reading: Reading, name: str, kind: str, where: str) -> None:
+    if any(name in (coupling.joint, coupling.of) for coupling in reading.couplings.values()):
+        what = f"joint '{name}' is coupled to another one, and cannot be made {kind}"
+        raise ModelFileError(what, f"{where}, joint_type", "take out its <mimic> or its joint_type")
+
+
+def _turning(reading: Reading, name: str, kind: str, where: str) -> dict[str, JointReading]:
+    """A spherical joint, or the hinges of a universal one, in the place of a joint."""
+    centre = reading.joints[name].centre
+    if kind == SPHERICAL:
+        return {name: JointReading("ball", np.zeros(6), centre)}
+    carried = reading.place(name)
+    if carried is None:
+        raise ModelFileError(f"joint '{name}' is one of several that carry a link", where, "leave out its joint_type")
+    body, T = carried
+    R = (reading.bodies[body].pose @ T)[:3, :3]
+    hinges = {f"{name}_{axis}": R[:, "XYZ".index(axis)] for axis in UNIVERSAL[kind]}
+    if taken := {*hinges} & {*reading.joints}:
+        what = f"joint '{name}' is made of hinges, and '{min(taken)}' is a joint already"
+        raise ModelFileError(what, f"{where}, joint_type", "give that joint another name")
+    return {hinge: JointReading("hinge", screw(True, axis, centre), centre) for hinge, axis in hinges.items()}
+
+
+def _replaced(reading: Reading, name: str, by: Mapping[str, JointReading]) -> Reading:
+    """The reading with other joints, none or several, in the place of one."""
+    body = reading.moved_by(name)
+    joints = dict[str, JointReading]()
+    for each, said in reading.joints.items():
+        joints |= by if each == name else {each: said}
+    chain = tuple(one for each in reading.bodies[body].joints for one in (by if each == name else (each,)))
+    bodies = {**reading.bodies, body: replace(reading.bodies[body], joints=chain)}
+    return replace(reading, joints=joints, bodies=bodies)
+
+
+def _welded(reading: Reading, names: list[str], where: str) -> Reading:
+    """The reading without some joints, whose bodies are one."""
+    if not names:
+        return reading
+    couplings = dict(_kept(reading, names, where))
+    for name in names:
+        reading = _replaced(reading, name, {})
+    assembly = assemble(_links(reading), where)
+    if not reading.joints:
+        raise ModelFileError("fixes all joints", f"{where}, joint_type", "leave one at least")
+    return replace(reading, bodies=assembly.bodies, fixed={**reading.fixed, **assembly.fixed}, couplings=couplings)
+
+
+def _kept(reading: Reading, names: list[str], where: str) -> Iterator[tuple[str, CouplingReading]]:
+    """Couplings; what follows a fixed joint is held."""
+    for key, coupling in reading.couplings.items():
+        if coupling.joint in names:
+            what = f"joint '{coupling.joint}' is coupled to another one, and cannot be made {FIXED}"
+            raise ModelFileError(what, f"{where}, joint_type", "take out its <mimic> or its joint_type")
+        if coupling.of in names:
+            held = polynomial.polyval(reading.joints[coupling.of].home, coupling.polynomial)
+            coupling = replace(coupling, of="", polynomial=np.array([held]))
+        yield key, coupling
+
+
+def _links(reading: Reading) -> Iterator[Link]:
+    """The links of all bodies, the one with the mass of each among them, to be merged again."""
+    for name, body in reading.bodies.items():
+        near = "" if body.near == GROUND else body.near
+        joints = body.joints
+        if body.first:
+            yield _empty(body.first, near, joints, body.pose @ body.fixed[body.first])
+            near, joints = body.first, ()
+        yield Link(name, near, joints, body.mass, body.com, body.inertia, body.pose, body.gravcomp)
+        for link, T in body.fixed.items():
+            if link != body.first:
+                yield _empty(link, name, (), body.pose @ T)
+
+
+def _empty(name: str, near: str, joints: tuple[str, ...], pose: Array) -> Link:
+    return Link(name, near, joints, 0.0, np.zeros(3), np.zeros((3, 3)), pose)

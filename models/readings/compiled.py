@@ -1,17 +1,93 @@
-"""Content of a compiled MuJoCo model that no entry of a reading holds: arrays that are not without effect."""
+"""MuJoCo's compiler, its warnings and refusals in words, and what of its arrays a reading does not hold."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from screwgauge.models.content import Content, Kind, Values, kinds, table
-from screwgauge.models.mjcf import without_stand_ins
+from screwgauge.models.mjcf import POWERS, without_stand_ins
 from screwgauge.models.readings.assemble import Assembly
+from screwgauge.models.readings.reading import CouplingReading
+from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
+
+#: What MuJoCo says of a file that others may take -> what to do.
+_REMEDIES = {
+    "larger than mjMINVAL": "give that link a share of its neighbour's mass (1e-6 of it), or let Pinocchio read it",
+    "positive eigenvalues": "give that link a tensor with three positive principal moments, or let Pinocchio read it",
+    "A + B >= C": "give that link the tensor of a body that can be, or let Pinocchio read it",
+    "top level": "let Pinocchio read it: MuJoCo lets only bodies of the world float",
+}
+
+
+def compiled(
+    text: str, where: str, models: Mapping[str, str] | None = None, meshes: Mapping[str, bytes] | None = None
+) -> Any:
+    """The compiled model; bodies that are fixed to each other stay apart. No file is opened.
+
+    Args:
+        where: The file to blame.
+        models: File that the text names -> text of the model that it attaches.
+        meshes: File that the text names -> what is in it.
+
+    Raises:
+        ModelFileError: MuJoCo refuses it.
+    """
+    import mujoco
+
+    attached = {name: model.encode() for name, model in (models or {}).items()}
+    try:
+        spec = mujoco.MjSpec.from_string(text, include=attached or None, assets=dict(meshes or {}) or None)
+        spec.compiler.fusestatic = False  # bodies keep their names; MuJoCo 4.0.0 merges those of a URDF alike
+        _name_joints(spec)
+        return spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        said = " ".join(str(error).removeprefix("Error: ").split())
+        remedy = next((remedy for sign, remedy in _REMEDIES.items() if sign in said), "mend the file")
+        raise ModelFileError(f"MuJoCo refuses it ({said})", where, remedy) from None
+
+
+def _name_joints(spec: Any) -> None:
+    """Names those that MuJoCo itself makes of a composite or flex, as those of a file are named."""
+    taken = {joint.name for joint in spec.joints}
+    for joint in [joint for joint in spec.joints if not joint.name]:
+        name = f"{joint.parent.name}_joint"
+        k = 1
+        while (wanted := f"{name}_{k}" if k > 1 else name) in taken:
+            k += 1
+        joint.name = wanted
+        taken.add(wanted)
+
+
+@contextmanager
+def warned() -> Iterator[list[str]]:
+    """MuJoCo's warnings as a list: its own handler writes MUJOCO_LOG.TXT into the working directory."""
+    import mujoco
+
+    said: list[str] = []
+    mujoco.set_mju_user_warning(said.append)
+    try:
+        yield said
+    finally:
+        mujoco.set_mju_user_warning(None)
+
+
+@contextmanager
+def heard() -> Iterator[list[str]]:
+    """What MuJoCo and its Python package warn of, as phrases, known after it."""
+    phrases: list[str] = []
+    with warned() as said, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield phrases
+    phrases += [f"what MuJoCo warns of: {text}" for text in (*said, *(warning.message for warning in caught))]
+
 
 #: Flags that change torques, motion under motors or the stiffness of constraints, and are in no reading.
 _OFF, _ON = ("ACTUATION", "CLAMPCTRL", "REFSAFE"), ("OVERRIDE", "INVDISCRETE")
@@ -218,3 +294,30 @@ def _moved_from_outside(model: Any) -> Iterator[Content]:
         at = [model.site_bodyid[e] if site else e for e, site in zip(ends[bodies], sites[bodies], strict=True)]
         if any(i in np.ravel(each) for each in at):
             yield Content("bodies moved from outside", "mocap", f" of body {model.body(i).name}")
+
+
+def coupling_of(model: Any, one: int, other: int, powers: Array) -> CouplingReading:
+    """``y - y0 = P(x - x0)`` in powers of x itself: y of joint `one`; joint `other`, if it is negative, is none."""
+    y0, x0 = (float(model.qpos0[model.jnt_qposadr[joint]]) if joint >= 0 else 0.0 for joint in (one, other))
+    powers = np.array(Polynomial(powers)(Polynomial([-x0, 1.0])).coef if x0 else powers, dtype=float)
+    powers[0] += y0
+    return CouplingReading(model.joint(one).name, model.joint(other).name if other >= 0 else "", powers)
+
+
+def tendon_equality(model: Any, i: int) -> CouplingReading | None:
+    """``L1 - L10 = P(L2 - L20)`` of lengths that are sums of coordinates, if two joints are all that is left in it."""
+    first, second = (shares(model, tendon) for tendon in (model.eq_obj1id[i], model.eq_obj2id[i]))
+    p = model.eq_data[i, : POWERS if model.eq_obj2id[i] >= 0 else 1]
+    if first is None or second is None:
+        return None
+    if not p[2:].any():
+        slope = float(p[1]) if len(p) > 1 else 0.0
+        both = {joint: first.get(joint, 0.0) - slope * second.get(joint, 0.0) for joint in {**first, **second}}
+        moved = [joint for joint, share in both.items() if share]
+        if len(moved) == 2:
+            x, y = moved
+            return coupling_of(model, y, x, np.array([p[0], -both[x]]) / both[y])
+    elif len(first) == len(second) == 1 and {*first} != {*second}:
+        ((y, by),), ((x, per),) = first.items(), second.items()
+        return coupling_of(model, y, x, p * per ** np.arange(len(p)) / by)
+    return None

@@ -12,11 +12,17 @@ import numpy as np
 from screwgauge.models.content import Content
 from screwgauge.models.mjcf import POWERS, without_stand_ins
 from screwgauge.models.readings.assemble import Assembly, Link, assemble, matrix, screw
-from screwgauge.models.readings.compiled import content, other_equality, single_joint
-from screwgauge.models.readings.compiler import compiled, heard
+from screwgauge.models.readings.compiled import (
+    compiled,
+    content,
+    coupling_of,
+    heard,
+    other_equality,
+    single_joint,
+    tendon_equality,
+)
 from screwgauge.models.readings.reading import ClosureReading, CouplingReading, JointReading, Reading
 from screwgauge.models.readings.source import Source
-from screwgauge.models.readings.tendons import coupling_of, tendon_equality
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 

@@ -1,22 +1,219 @@
-"""Reads any URDF or MJCF by any library that reads it."""
+"""Reads any URDF or MJCF by any library that reads it; what the file says beside, and what no machine has."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import copy
+import io
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from importlib.util import find_spec
+from itertools import chain
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from screwgauge.models.content import Content, Extra, Values, beyond_reading, kind_of
+from screwgauge.models.readings.assemble import Link, assemble, screw
 from screwgauge.models.readings.mujoco import read_mujoco
 from screwgauge.models.readings.pinocchio import read_pinocchio
-from screwgauge.models.readings.reading import Reading
+from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.models.readings.source import Source, prepare
-from screwgauge.models.readings.unread import unread
-from screwgauge.models.readings.yourdfpy import read_yourdfpy
-from screwgauge.reference.errors import ModelFileError, UnknownNameError
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.errors import ModelFileError, UnknownNameError, first_few
+from screwgauge.reference.lint import Hinge, Solid, all_too_wide, size_of, too_far
+from screwgauge.reference.rotations import Array, widest
+
+#: Type of a joint in URDF -> kind; `fixed` has none.
+_KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide", "floating": "free"}
+
+
+def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
+    """Reads a URDF by yourdfpy.
+
+    Raises:
+        ModelFileError: yourdfpy refuses it, or it has a planar joint.
+    """
+    import yourdfpy
+
+    where = str(source.path)
+    try:
+        options = {"load_meshes": False, "load_collision_meshes": False}
+        robot = yourdfpy.URDF.load(io.BytesIO(_independent(source.root)), **options)
+        robot.update_cfg({name: home.get(name, 0.0) for name in robot.actuated_joint_names})
+        joints = {j.name: _joint(robot, j, home.get(j.name, 0.0)) for j in robot.joint_map.values() if j.type in _KINDS}
+    except Exception as error:  # it raises what its own parts raise
+        reason = f"{type(error).__name__}: {error}"
+        raise ModelFileError(f"yourdfpy refuses it ({reason})", where, "mend the file") from None
+    if planar := [joint.name for joint in robot.joint_map.values() if joint.type == "planar"]:
+        raise ModelFileError(f"yourdfpy cannot place planar joint {planar[0]}", where, "take another library")
+    assembly = assemble(_links(robot), where)
+    return Reading(
+        name=source.name,
+        library="yourdfpy",
+        bodies=assembly.bodies,
+        joints=joints,
+        fixed=assembly.fixed,
+        couplings=source.mimics,
+    )
+
+
+def _independent(root: ET.Element) -> bytes:
+    """The file without `<mimic>`: yourdfpy would place those joints by others, and couplings are read apart."""
+    root = copy.deepcopy(root)
+    for joint in root.iterfind("joint"):
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)
+    return ET.tostring(root)
+
+
+def _links(robot: Any) -> Iterator[Link]:
+    above = {joint.child: joint for joint in robot.joint_map.values()}
+    below: dict[str, list[str]] = {}
+    for joint in robot.joint_map.values():
+        below.setdefault(joint.parent, []).append(joint.child)
+    waiting = [robot.base_link]
+    while waiting:
+        name = waiting.pop()
+        waiting += below.get(name, [])
+        joint, inertial = above.get(name), robot.link_map[name].inertial
+        mass, com, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+        if inertial:
+            origin = np.eye(4) if inertial.origin is None else inertial.origin
+            mass, com = float(inertial.mass or 0.0), origin[:3, 3]
+            if inertial.inertia is not None:
+                inertia = origin[:3, :3] @ inertial.inertia @ origin[:3, :3].T
+        moving = (joint.name,) if joint and joint.type in _KINDS else ()
+        pose = robot.get_transform(name, robot.base_link)
+        yield Link(name, joint.parent if joint else "", moving, mass, com, inertia, pose)
+
+
+def _joint(robot: Any, joint: Any, home: float) -> JointReading:
+    kind, T = _KINDS[joint.type], robot.get_transform(joint.child, robot.base_link)
+    bounds, dynamics = joint.limit, joint.dynamics
+    limits = (-math.inf, math.inf)
+    if bounds is not None and joint.type in ("revolute", "prismatic"):
+        limits = (float(bounds.lower or 0.0), float(bounds.upper or 0.0))
+    single = kind != "free"
+    return JointReading(
+        kind,
+        screw(kind == "hinge", T[:3, :3] @ joint.axis / np.linalg.norm(joint.axis), T[:3, 3])
+        if single
+        else np.zeros(6),
+        T[:3, 3],
+        home if single else 0.0,
+        limits,
+        damping=float((dynamics and dynamics.damping) or 0.0),
+        friction=float((dynamics and dynamics.friction) or 0.0),
+    )
+
+
+#: Links and joints that are named; the others are counted.
+_NAMED = 3
+
+
+def unread(source: Source, reading: Reading) -> tuple[Content, ...]:
+    """All of it; links and joints that are not there at all come first.
+
+    Of an MJCF that MuJoCo has compiled nothing is looked for in the text: its arrays have all that it says.
+    """
+    known = source.form == "mjcf" and reading.library == "mujoco"
+    roots = () if known else (source.root, *source.attached.values())
+    extras = chain.from_iterable(beyond_reading(root, source.form, reading.library) for root in roots)
+    said = [_content(source, extra) for extra in extras]
+    if source.form == "mjcf" and source.root.find("worldbody//geom") is not None:
+        said.append(Content("contacts of geoms", "contacts of geoms"))
+    own = (each for each in reading.content if source.form == "mjcf" or each.kind != "force limits")
+    return (*dropped(source, reading), *_prepared(source, reading), *own, *said)
+
+
+def _content(source: Source, extra: Extra) -> Content:
+    """With all that a URDF says of it, as classes of an MJCF add to what an element says."""
+    kind = kind_of(extra.what)
+    if source.form == "mjcf" or extra.element is None:
+        return Content(kind, extra.what, extra.whose)
+    joint = extra.whose.removeprefix(" of joint ")
+    of = (("joints", joint, 1.0),) if joint != extra.whose else ()
+    said = extra.element.get(extra.attribute) if extra.attribute else None
+    values: Values = tuple(_canonical(extra.element)) if said is None else ((extra.attribute, _number(said)),)
+    if extra.what == "limit effort" and isinstance(effort := _number(said or ""), float):  # as MuJoCo keeps it
+        values = ("actfrcrange[0]", -effort), ("actfrcrange[1]", effort)
+    return Content(kind, extra.what, extra.whose, of, values)
+
+
+def _canonical(element: ET.Element) -> Iterator[tuple[str, float | str]]:
+    """Numbers and texts of an element with all that is in it, whatever is written around them."""
+    yield "element", element.tag
+    for name, value in sorted(element.attrib.items()):
+        yield from ((name, _number(word)) for word in value.split())
+    yield from ((element.tag, _number(word)) for word in (element.text or "").split())
+    for child in element:
+        yield from _canonical(child)
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _prepared(source: Source, reading: Reading) -> Iterator[Content]:
+    """What was taken out before a library saw it; only MuJoCo would take masses from meshes."""
+    for each in source.content:
+        idle = each.kind == "mass from meshes" and reading.library != "mujoco"
+        yield replace(each, kind="put in place") if idle else each
+
+
+def dropped(source: Source, reading: Reading) -> list[Content]:
+    """Links, moving joints and attached models of the file that the library has not made anything of."""
+    fixed = (name for body in reading.bodies.values() for name in body.fixed)
+    joints = {joint.removesuffix(end) for joint in reading.joints for end in ("", "_TX", "_TY", "_RZ")}
+    lost = source.attached and reading.library != "mujoco"
+    said = [f"attached models, which {reading.library} drops"] if lost else []
+    for what, known in (
+        ("link" if source.form == "urdf" else "body", {*reading.bodies, *reading.fixed, *fixed}),
+        ("joint", joints),
+    ):
+        names = [name for name in source.names(what) if name not in known]
+        if names:
+            said.append(f"{what} {first_few(names, _NAMED)}, which {reading.library} drops")
+    return [Content("dropped by the library", phrase) for phrase in said]
+
+
+def implausible(reading: Reading) -> tuple[str, ...]:
+    """Sentences on bodies and joints."""
+    return (*all_too_wide(_solids(reading)), *too_far(_hinges(reading)))
+
+
+def _solids(reading: Reading) -> Iterator[Solid]:
+    centres = {name: body.pose[:3, :3] @ body.com + body.pose[:3, 3] for name, body in reading.bodies.items()}
+    joints = {name: joint.centre for name, joint in reading.joints.items() if joint.kind != "free"}
+    places: dict[str, list[Array]] = {name: [] for name in reading.bodies}
+    for name, body in reading.bodies.items():
+        at = [joints[joint] for joint in body.joints if joint in joints]
+        places[name] += at[-1:]
+        if body.near in places:
+            places[body.near] += at[:1]
+    for closure in reading.closures.values():
+        for side, frame in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):
+            if side in places:
+                places[side].append((reading.bodies[side].pose @ frame)[:3, 3])
+    heavy = {name: centres[name] for name, body in reading.bodies.items() if body.mass > 0.0}
+    extent = widest([*joints.values(), *heavy.values()])
+    for name, centre in heavy.items():
+        body = reading.bodies[name]
+        if np.isfinite(body.inertia).all():
+            yield Solid(name, body.mass, body.inertia, size_of([*places[name], centre], extent))
+
+
+def _hinges(reading: Reading) -> Iterator[Hinge]:
+    tied = {name for one in reading.couplings.values() for name in (one.joint, one.of)}
+    for name, joint in reading.joints.items():
+        if joint.kind == "hinge" and name not in tied:
+            yield Hinge(name, joint.home, joint.limits)
+
 
 #: Library -> the formats that it reads, its own first, and how.
 LIBRARIES: dict[str, tuple[tuple[str, ...], Callable[[Source, Mapping[str, float]], Reading]]] = {

@@ -8,8 +8,9 @@ the joints before it, from the ground outwards, and of its pose at home (Lynch, 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from itertools import accumulate
 
 import numpy as np
@@ -231,3 +232,65 @@ def slices(joints: Mapping[str, JointReading], sizes: Mapping[str, int]) -> dict
 def couplings_of(couplings: Iterable[Coupling]) -> dict[str, CouplingReading]:
     """Couplings of a description as readings of them, by name."""
     return {one.name: CouplingReading(one.coordinate, one.of, one.polynomial) for one in couplings}
+
+
+def collapsed(reading: Reading, keep: Collection[str] = ()) -> Reading:
+    """The same motion without bodies of no mass and inertia that carry one further body and no closure.
+
+    The joints of such a body come before those of the body that it carries; links fixed to it are gone.
+
+    Args:
+        keep: Bodies that stay all the same.
+    """
+    closed = {name for closure in reading.closures.values() for name in (closure.first, closure.second)}
+    carried = Counter(body.near for body in reading.bodies.values())
+    stays = {*keep, *closed}
+    gone = {
+        name: body
+        for name, body in reading.bodies.items()
+        if not (body.mass or body.inertia.any()) and carried[name] == 1 and name not in stays
+    }
+    bodies = {}
+    for name, body in reading.bodies.items():
+        if name in gone:
+            continue
+        near, joints = body.near, body.joints
+        while near in gone:
+            near, joints = gone[near].near, gone[near].joints + joints
+        bodies[name] = replace(body, near=near, joints=joints)
+    return replace(reading, bodies=bodies)
+
+
+def renamed(reading: Reading, names: Mapping[str, Mapping[str, str]]) -> Reading:
+    """A reading by other names.
+
+    Args:
+        names: ``bodies``, ``joints``, ``closures``, ``couplings``, ``actuators`` -> name -> other name.
+    """
+    bodies, joints, closures, couplings, actuators = (
+        {**{name: name for name in getattr(reading, kind)}, **names.get(kind, {})}
+        for kind in ("bodies", "joints", "closures", "couplings", "actuators")
+    )
+    return replace(
+        reading,
+        bodies={
+            bodies[name]: replace(
+                body,
+                near=bodies.get(body.near, body.near),
+                joints=tuple(joints[joint] for joint in body.joints),
+                copy_of=bodies.get(body.copy_of, body.copy_of),
+            )
+            for name, body in reading.bodies.items()
+        },
+        joints={joints[name]: joint for name, joint in reading.joints.items()},
+        closures={
+            closures[name]: replace(c, first=bodies.get(c.first, c.first), second=bodies.get(c.second, c.second))
+            for name, c in reading.closures.items()
+        },
+        couplings={
+            couplings[name]: replace(c, joint=joints[c.joint], of=joints.get(c.of, ""))
+            for name, c in reading.couplings.items()
+        },
+        actuators={actuators[n]: (joints.get(joint, joint), gear) for n, (joint, gear) in reading.actuators.items()},
+        content=tuple(each.renamed(names) for each in reading.content),
+    )

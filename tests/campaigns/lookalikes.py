@@ -9,9 +9,8 @@ import numpy as np
 from campaigns.changes import CannotError, Random
 from campaigns.marks import inertials, is_urdf
 
-from screwgauge.diagnosis.files.layout import urdf_links
+from screwgauge.diagnosis.files.layout import XmlText, urdf_links
 from screwgauge.diagnosis.files.write_urdf import inertial_text
-from screwgauge.diagnosis.files.xml_text import XmlText
 from screwgauge.models.matter import NOTHING, combined, displaced, relative
 from screwgauge.reference.rotations import rotation
 from support.robots import unit

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.files.layout import compilers, mjcf_pose, numbers, origin
+from screwgauge.diagnosis.files.layout import Element, XmlText, compilers, mjcf_pose, numbers, origin
 from screwgauge.diagnosis.files.write_mjcf import orient, put_tensor
-from screwgauge.diagnosis.files.xml_text import Element, XmlText
 from screwgauge.models.formats import TENSOR, rpy, tensor, vector_text
 from screwgauge.models.urdf import moments
 from screwgauge.reference.rotations import Array

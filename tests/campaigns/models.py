@@ -16,8 +16,7 @@ from campaigns.rows import TEXTS, rows_in_turn
 from campaigns.verdict import judged
 
 from screwgauge.judging.residual import columns_of, frame
-from screwgauge.models.importing.convert import Imported
-from screwgauge.models.importing.model import Options
+from screwgauge.models.importing.model import Imported, Options
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import rows

@@ -11,7 +11,7 @@ import pandas as pd
 
 from screwgauge.families.draw import families
 from screwgauge.study.runner import Executor, InTurn, Processes, Task, grow_table, run_tasks
-from screwgauge.study.store import Journal, TableFile
+from screwgauge.study.store import TableFile
 
 TEXTS = Path(__file__).with_name("texts")
 
@@ -19,9 +19,7 @@ TEXTS = Path(__file__).with_name("texts")
 def rows_in_turn(works: Iterable[tuple[str, Callable[[], Any]]], progress: Callable[[str, float], None]) -> list[Any]:
     """What each of some works returns, in this process. Their names are for the progress alone."""
     tasks = [Task(f"{number}: {name}", partial(_made, work)) for number, (name, work) in enumerate(works, 1)]
-    return run_tasks(
-        tasks, InTurn(), Journal(None, ""), lost=_raised, record=lambda row: {"row": row}, progress=progress
-    )
+    return run_tasks(tasks, InTurn(), lost=_raised, progress=progress)
 
 
 def _made(work: Callable[[], Any], progress: Any) -> Any:

@@ -18,7 +18,7 @@ from campaigns.lookalikes import REWRITES
 from campaigns.mutations import EVERYWHERE, KINDS, LOST, TRANSPOSED, Expected, mutated
 
 from screwgauge.diagnosis.causes.attribution import Cause
-from screwgauge.diagnosis.causes.slips import Value
+from screwgauge.diagnosis.causes.edits import Value
 from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.mjcf import write_mjcf

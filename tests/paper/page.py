@@ -16,7 +16,7 @@ from screwgauge.quantities import MAX_DIGITS
 from screwgauge.report.blocks import Banner
 from screwgauge.report.formatting import Row, number, unit_text
 from screwgauge.report.layout import Report
-from screwgauge.report.pages.scene import judged, short
+from screwgauge.report.record import judged, short
 from screwgauge.scene.read import load_scene
 from screwgauge.study.comparison import provenance
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from screwgauge.report.pdf import browser
+from screwgauge.report.write import browser
 from support.errors import OutputError
 
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]

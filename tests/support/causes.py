@@ -6,7 +6,7 @@ from screwgauge.diagnosis.causes.attribution import Largest, Torques, attribute
 from screwgauge.diagnosis.causes.backfill import backfill, write_fix
 from screwgauge.diagnosis.causes.fitting import SPEEDS, fitted, growth
 from screwgauge.diagnosis.causes.grouping import Group
-from screwgauge.diagnosis.causes.slips import com_slips, gravity_slips, placement_slips, tensor_slips, unit_slip
 from screwgauge.diagnosis.differences.words import vector
+from screwgauge.diagnosis.files.layout import XmlText
 from screwgauge.diagnosis.files.patch import patched
-from screwgauge.diagnosis.files.xml_text import XmlText
+from screwgauge.diagnosis.slips import Pair, com_slips, gravity_slips, mass_slips, placement_slips, tensor_slips

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from screwgauge.diagnosis.compare import STATES
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.differences.change import Change, applied
-from screwgauge.diagnosis.differences.digits import ALL, digits_of, marked
+from screwgauge.diagnosis.diagnose import summary
+from screwgauge.diagnosis.differences.difference import ALL, digits_of, marked
 from screwgauge.diagnosis.differences.static import differences
 from screwgauge.diagnosis.library_dynamics import answers, pairs
 from screwgauge.diagnosis.model import Model, in_process
-from screwgauge.diagnosis.record import summary
+from screwgauge.diagnosis.properties import Change, applied
 from screwgauge.diagnosis.transformations import without
 
 _MATTER = '<inertial pos="0.1 0 0.02" mass="{}" diaginertia="0.01 0.02 0.02"/>'

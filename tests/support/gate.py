@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from screwgauge.judging.residual import Residual
-from screwgauge.report.gate import PAGE, told
+from screwgauge.report.pages.check import PAGE, sentence_of
 from screwgauge.study.gate import run as gate_run
 from screwgauge.study.gate.history import against, history, keep, write_baseline, write_latest
-from screwgauge.study.gate.items import GateRow, Item, items, row_from
+from screwgauge.study.gate.items import GateRow, Item, items
 from screwgauge.study.gate.measure import GateSettings
 from screwgauge.study.gate.run import NAME, check_items
 from screwgauge.study.runner import Processes
-from screwgauge.study.store import TableFile
+from screwgauge.study.store import TableFile, from_record, is_record

@@ -12,9 +12,7 @@ from screwgauge.models.check import (
     joint_transform,
 )
 from screwgauge.models.generate import model_texts, stem, write_models
-from screwgauge.models.importing.convert import Wanted
-from screwgauge.models.importing.model import Options, import_model, notes
-from screwgauge.models.importing.write import description
+from screwgauge.models.importing.model import Options, Wanted, description, import_model, notes
 from screwgauge.models.layout import CUTS, lay_out
 from screwgauge.models.mjcf import PARTS, left_out, write_mjcf
 from screwgauge.models.urdf import loops_of, read_loops, write_loops, write_urdf

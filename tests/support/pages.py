@@ -7,6 +7,7 @@ from screwgauge.report.blocks import (
     Banner,
     Block,
     Folded,
+    Front,
     Heading,
     Items,
     Marked,
@@ -18,8 +19,6 @@ from screwgauge.report.blocks import (
     walk,
 )
 from screwgauge.report.formatting import file_name, number, size
-from screwgauge.report.html import fragment, page
+from screwgauge.report.html import fragment, page, stage_script, three_js
 from screwgauge.report.layout import Report, prose
-from screwgauge.report.libraries import stage, three_js
-from screwgauge.report.markdown import markdown
-from screwgauge.report.terminal import terminal
+from screwgauge.report.text import markdown, terminal

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from screwgauge.models.kinematics import draw, plant, rehomed, residual_at_home
 from screwgauge.models.readings.assemble import matrix, steiner
-from screwgauge.models.readings.collapse import collapsed
-from screwgauge.models.readings.compiler import warned
+from screwgauge.models.readings.compiled import warned
 from screwgauge.models.readings.loops import read_loops_yaml, with_loops
 from screwgauge.models.readings.mujoco import joint_equality
-from screwgauge.models.readings.order import by_name, in_file
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read, read_source
-from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, JointReading, Reading
-from screwgauge.models.readings.renamed import renamed
-from screwgauge.models.readings.source import prepare
+from screwgauge.models.readings.reading import (
+    BodyReading,
+    ClosureReading,
+    CouplingReading,
+    JointReading,
+    Reading,
+    collapsed,
+    renamed,
+)
+from screwgauge.models.readings.source import by_name, in_file, prepare
 from screwgauge.witness.constraints import closure_gaps, closure_rows, equations, stepped
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from screwgauge.report.figures import chart
-from screwgauge.report.figures.bench import _error_and_time, make_plots
 from screwgauge.report.figures.chart import CROSS, SHAPES, by_camp
 from screwgauge.report.figures.renderer import RENDERER, DrawingError, losses
-from screwgauge.report.figures.selection import default_figures
-from screwgauge.report.folder import MANIFEST, put_files
+from screwgauge.report.figures.run import default_figures
+from screwgauge.report.folder import MANIFEST, write_files
 from screwgauge.report.pages import run as run_page
 from screwgauge.report.pages.bench import PAGE as BENCH_PAGE
-from screwgauge.report.pages.bench import SIMULATION
+from screwgauge.report.pages.bench import SIMULATION, _error_and_time, make_plots
 from screwgauge.report.pages.run import estimates, report, summary
 from screwgauge.report.pages.run import terminal as run_in_terminal
-from screwgauge.report.pdf import print_page
-from screwgauge.report.terminal import LINES
+from screwgauge.report.text import LINES
 from screwgauge.report.verdict import first_difference, verdict
-from screwgauge.report.write import write_report
+from screwgauge.report.write import print_page, write_report

@@ -46,4 +46,9 @@ def tasks(n: int, *more: Task) -> list[Task]:
 
 
 def rows(tasks: list[Task], execute: Any, kept: Journal | None = None) -> list[dict[str, Any]]:
-    return run_tasks(tasks, execute, kept or Journal(None, ""), lost=lambda name, reason: {"lost": f"{name}: {reason}"})
+    kept = kept or Journal(None, "")
+
+    def lost(name: str, reason: str) -> dict[str, Any]:
+        return {"lost": f"{name}: {reason}"}
+
+    return run_tasks(tasks, execute, lost=lost, before=kept.results, keep=kept.keep)

@@ -1,1 +1,1 @@
-"""What makes two models differ: thought of, weighed against the torques, proved."""
+"""Causes: differences that one edit would make, each group with its share of the torque difference, and their proof."""

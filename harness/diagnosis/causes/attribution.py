@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from screwgauge.diagnosis.causes.edits import Edit, Value
 from screwgauge.diagnosis.causes.grouping import SEVERAL, Group, titled, together
-from screwgauge.diagnosis.causes.slips import Edit, Value
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.differences.change import Change, Difference, applied
+from screwgauge.diagnosis.differences.difference import Difference
+from screwgauge.diagnosis.properties import CLOSING, PARTS, Change, applied
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array
@@ -26,10 +27,7 @@ SMALL = 1e-2
 #: Where no more than this share is left when the first cause is put right, the others are weighed against that.
 REST = 1e-3
 #: What no torque shows and still is no detail: of closures and couplings, of what is there at all, of the medium.
-WEIGHTY = {
-    *("closure", "first_frame", "second_frame", "coupling", "polynomial", "leading joint", "softness"),
-    *("branch", "link", "kind", "body", "medium", "gravity"),
-}
+WEIGHTY = {*CLOSING, *PARTS, "medium", "gravity"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,7 +113,7 @@ class Cause:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attribution:
-    """What was found.
+    """Shares of causes in the torque difference.
 
     Attributes:
         before: Largest torque difference, scaled, then where and how large: component, value and its unit.
@@ -185,7 +183,7 @@ def attribute(
 
 
 class _Effects:
-    """What changes make of torques, each asked for once.
+    """Effects of changes on torques, each computed once.
 
     Attributes:
         start: Torques of B. Shape (n, m).
@@ -244,7 +242,7 @@ class _Effects:
 
 
 def _rows(
-    rows: Sequence[tuple[Group, Array | None]], effects: _Effects, found: Sequence[Difference], *, agree: bool
+    rows: Sequence[tuple[Group, Array | None]], effects: _Effects, differences: Sequence[Difference], *, agree: bool
 ) -> list[Cause]:
     """Groups as causes, small ones and what no torque shows together with those of their kind."""
     seen, others, digits, unseen = list[Cause](), list[Group](), list[Cause](), list[Group]()
@@ -254,17 +252,17 @@ def _rows(
         hidden = effect is not None and not effects.seen(effect)
         if group.family == "digits":
             digits.append(_cause(group, share, "digits"))
-        elif hidden and not {found[i].what for i in group.differences} & WEIGHTY:
+        elif hidden and not {differences[i].what for i in group.differences} & WEIGHTY:
             unseen.append(group)
         elif math.isnan(share) or hidden:
             others.append(group)
         else:
             seen.append(_cause(group, share))
     seen = _ranked(seen, groups, effects)
-    others.sort(key=lambda group: -max(found[i].size for i in group.differences))
+    others.sort(key=lambda group: -max(differences[i].size for i in group.differences))
     rest = [_cause(group) for group in _few(others)]
     alone = not (seen or rest)
-    folded = _folded(unseen, found, alone=alone)
+    folded = _folded(unseen, differences, alone=alone)
     return [*seen, *rest, *(folded if alone else ()), *digits, *(() if alone else folded)]
 
 
@@ -299,10 +297,10 @@ def _few(groups: Sequence[Group]) -> list[Group]:
     return [each for some in families.values() for each in ([together(some)] if len(some) >= SEVERAL else some)]
 
 
-def _folded(groups: Sequence[Group], found: Sequence[Difference], *, alone: bool) -> list[Cause]:
-    """What no torque shows: in one line beside other rows, else by what it is."""
+def _folded(groups: Sequence[Group], differences: Sequence[Difference], *, alone: bool) -> list[Cause]:
+    """Differences without effect on torques: one line below other rows, else one for each family."""
     if alone or len(groups) < 2:
-        largest_first = sorted(groups, key=lambda group: -max(found[i].size for i in group.differences))
+        largest_first = sorted(groups, key=lambda group: -max(differences[i].size for i in group.differences))
         return [_cause(group, kind="unseen") for group in _few(largest_first)]
     numbers = tuple(i for group in groups for i in group.differences)
     counts: dict[str, int] = {}

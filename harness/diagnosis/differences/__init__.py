@@ -1,1 +1,1 @@
-"""What two readings say otherwise, in physical terms."""
+"""Differences: facts in which two models are unlike, a property of a part each, with the change that mends it."""

@@ -9,8 +9,7 @@ import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from screwgauge.diagnosis.differences.change import Difference
-from screwgauge.diagnosis.differences.stated import differ
+from screwgauge.diagnosis.differences.difference import Difference, differ
 from screwgauge.diagnosis.pairing.common import Common
 from screwgauge.models.content import OTHER, Content, Values, kinds, phrases
 from screwgauge.models.readings.reading import Reading

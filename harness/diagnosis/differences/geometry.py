@@ -14,10 +14,10 @@ from itertools import product
 import numpy as np
 
 from screwgauge.diagnosis.deadline import Deadline
-from screwgauge.diagnosis.differences.change import Change, applied
 from screwgauge.diagnosis.machine.placement import descended
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common, owned
 from screwgauge.diagnosis.pairing.mapping import apart
+from screwgauge.diagnosis.properties import Change, applied
 from screwgauge.diagnosis.transformations import axis, outwards
 from screwgauge.models.kinematics import moved, rehomed, size
 from screwgauge.models.readings.assemble import exponential

@@ -9,26 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import PROPERTIES
+from screwgauge.diagnosis.properties import word
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.rotations import Array
 
 _AXES = "xyz"
-#: Property -> how it is called in a sentence.
-NAMES = {
-    "com": "centre of mass",
-    "gravcomp": "compensated share of weight",
-    "friction": "dry friction",
-    "rest": "rest of the spring",
-    "polynomial": "coupling",
-}
-
-
-def unit_of(what: str, joint: JointReading | None) -> str:
-    """Of a property, by what the joint does."""
-    turns, _, slides = PROPERTIES[what].unit.partition("|")
-    unit = slides if slides and joint is not None and joint.kind == "slide" else turns
-    return "" if unit == "1" else unit
 
 
 def compared(item: str, what: str, a: Array, b: Array, unit: str, own: Array | None = None) -> tuple[float, str]:
@@ -38,7 +23,7 @@ def compared(item: str, what: str, a: Array, b: Array, unit: str, own: Array | N
         own: B's value as its file has it, where that counts the other way.
     """
     shown = b if own is None else own
-    name = NAMES.get(what, what)
+    name = word(what)
     lead = f"{item}: {name}" if item else name
     behind = f" {unit}" if unit else ""
     step = b - a
@@ -68,7 +53,7 @@ def each_in_its_own(item: str, what: str, a: Array, b: Array, unit: str, axes: s
         axes: What each is given in.
         apart: How far apart they are, seen in one frame, in words.
     """
-    said = f"{item}: {NAMES.get(what, what)}" if item else NAMES.get(what, what)
+    said = f"{item}: {word(what)}" if item else word(what)
     ours, theirs = vector(a, b), vector(b, a)
     if ours == theirs:
         return f"{said} {ours} {unit} in both, each {axes} ({apart})"

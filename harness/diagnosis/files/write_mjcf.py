@@ -7,9 +7,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from screwgauge.diagnosis.files.layout import Link, UnpatchableError, compilers, mjcf_links, mjcf_pose
-from screwgauge.diagnosis.files.write_urdf import FRAMES, SAME
-from screwgauge.diagnosis.files.xml_text import Element, XmlText
+from screwgauge.diagnosis.files.layout import Element, Link, UnpatchableError, XmlText, compilers, mjcf_links, mjcf_pose
+from screwgauge.diagnosis.files.write_urdf import SAME
+from screwgauge.diagnosis.properties import attributes
 from screwgauge.models.formats import number_text, quaternion, vector_text
 from screwgauge.models.matter import Matter, relative
 from screwgauge.models.mjcf import of_tensor
@@ -17,17 +17,7 @@ from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.rotations import Array
 
 #: What a joint's reading has -> attribute.
-JOINT = {
-    "armature": "armature",
-    "damping": "damping",
-    "friction": "frictionloss",
-    "stiffness": "stiffness",
-    "rest": "springref",
-    "home": "ref",
-    "limits": "range",
-}
-_PARTS = frozenset({"gravcomp", "gear", "gravity", "medium", "polynomial", "first_frame", "second_frame", "softness"})
-SAYS = frozenset({"mass", "com", "inertia", *FRAMES, *_PARTS, *JOINT})
+JOINT = {name: attribute for name, (_, attribute) in attributes("mjcf").items()}
 #: Attribute -> its part of a constraint's softness.
 SOFTNESS = {"solref": slice(0, 2), "solimp": slice(2, 7), "torquescale": slice(7, 8)}
 #: Settings of the compiler that change mass properties after they were read.

@@ -6,8 +6,8 @@ from collections.abc import Collection
 
 import numpy as np
 
-from screwgauge.diagnosis.files.layout import Link, UnpatchableError, origin, urdf_links
-from screwgauge.diagnosis.files.xml_text import Element, XmlText
+from screwgauge.diagnosis.files.layout import Element, Link, UnpatchableError, XmlText, origin, urdf_links
+from screwgauge.diagnosis.properties import attributes
 from screwgauge.models.formats import number_text, rpy, vector_text
 from screwgauge.models.matter import Matter
 from screwgauge.models.readings.assemble import matrix
@@ -18,9 +18,7 @@ from screwgauge.reference.rotations import Array
 #: Below it a placement or direction is the same [m or 1]: products of frames leave as much.
 SAME = 1e-14
 #: What a joint's reading has -> element and attribute.
-JOINT = {"damping": ("dynamics", "damping"), "friction": ("dynamics", "friction"), "limits": ("limit", "")}
-FRAMES = frozenset({"pose", "placement", "axis", "centre", "zero", "sign", "branch", "link"})
-SAYS = frozenset({"mass", "com", "inertia", "polynomial", *FRAMES, *JOINT})
+JOINT = attributes("urdf")
 
 links = urdf_links
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import Change, applied
 from screwgauge.diagnosis.machine.alignment import Alignment
+from screwgauge.diagnosis.properties import Change, applied
 from screwgauge.diagnosis.transformations import joined
 from screwgauge.models.kinematics import rehomed
 from screwgauge.models.machine import Element, Link, Machine, machine_of

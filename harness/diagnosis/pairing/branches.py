@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import Change, Difference
+from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.pairing.mapping import AGAINST_NAME, CLOSE, Pairing, joints_before
+from screwgauge.diagnosis.properties import Change
 from screwgauge.diagnosis.transformations import outwards, spliced, without
 from screwgauge.models.kinematics import moved
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
@@ -45,11 +46,11 @@ class Side:
 
 
 def _sides(a: Reading, b: Reading, pairing: Pairing) -> tuple[Side, Side]:
-    back = ({other: name for name, other in each.items()} for each in (pairing.joints, pairing.bodies))
+    joints, bodies = ({other: name for name, other in each.items()} for each in (pairing.joints, pairing.bodies))
     T = pairing.placement
     return (
         Side("A", a, pairing.only_a, pairing.joints, pairing.bodies, T),
-        Side("B", b, pairing.only_b, *back, np.asarray(np.linalg.inv(T))),
+        Side("B", b, pairing.only_b, joints, bodies, np.asarray(np.linalg.inv(T))),
     )
 
 
@@ -72,7 +73,7 @@ def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
             )
             yield side.difference(joint, names[0], "kind", sentence)
     for name in _retyped(a, b, pairing):
-        known = {side: {*names, name} for side, names in known.items()}
+        known = {letter: {*names, name} for letter, names in known.items()}
         kinds = a.joints[name].kind, b.joints[name].kind
         sentence = (
             f"{name}: a {kinds[0]} in A, a {kinds[1]} in B; it and all that it carries are compared where it is held"

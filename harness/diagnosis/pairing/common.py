@@ -7,22 +7,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.differences.change import PROPERTIES, ROOMS, Change, applied
 from screwgauge.diagnosis.machine.alignment import assignment
 from screwgauge.diagnosis.pairing.mapping import CLOSE, Pairing, fitting
+from screwgauge.diagnosis.properties import PROPERTIES, ROOMS, Change, applied
 from screwgauge.diagnosis.transformations import held, ordered, outwards, placed
 from screwgauge.models.formats import adjoint
 from screwgauge.models.kinematics import ReadingTree, downwards, rehomed
 from screwgauge.models.matter import Matter, combined, of_body
-from screwgauge.models.readings.collapse import collapsed
-from screwgauge.models.readings.naming import NUMBERED
-from screwgauge.models.readings.reading import ClosureReading, Reading
-from screwgauge.models.readings.renamed import renamed
+from screwgauge.models.readings.files import NUMBERED
+from screwgauge.models.readings.reading import ClosureReading, Reading, collapsed, renamed
 from screwgauge.reference.rotations import Array, quaternion_rotation
 from screwgauge.witness.tree import TreeStates
 
 #: Gravity of a file that cannot say it [m/s^2].
-STANDARD = np.array([0.0, 0.0, -9.81])
+STANDARD = np.array(PROPERTIES["gravity"].default)
 #: Rounding of readers: nothing below counts, relative to 1 rad or to the size of the machine. Readers keep 1e-14. And
 #: that of poses that are brought to each other.
 ROUNDING, BROUGHT = 1e-11, 1e-9
@@ -126,7 +124,7 @@ def _nearest(a: Reading, b: Reading, names: Collection[str]) -> dict[str, str]:
     """
     ends, found = _ends(a, {}), dict[str, str]()
     for pair in {frozenset(ends[name]) for name in names if name in a.closures and name in b.closures}:
-        some = [name for name in names if name in b.closures and ends.get(name) == pair]
+        some = [name for name in names if name in b.closures and frozenset(ends.get(name, ())) == pair]
         points = [[_points(reading, reading.closures[name]) for name in some] for reading in (a, b)]
         cost = np.array([[np.linalg.norm(theirs - ours) for ours in points[0]] for theirs in points[1]])
         found |= {some[i]: some[j] for i, j in assignment(cost) if i != j}

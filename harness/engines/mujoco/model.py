@@ -20,7 +20,7 @@ from screwgauge.engines.tree.closed_tree import ClosedTree, close_tree
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations, TreeDynamics
 from screwgauge.models.mjcf import stood_in
-from screwgauge.models.readings.compiler import warned
+from screwgauge.models.readings.compiled import warned
 from screwgauge.problem import InitialValue, ModelFiles, Problem, Progress, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.applied import JointSpring

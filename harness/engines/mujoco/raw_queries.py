@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from screwgauge.engines.raw_queries import Answers, Carried, Closing, JointStates, carried
-from screwgauge.models.readings.compiler import heard
+from screwgauge.models.readings.compiled import heard
 from screwgauge.models.readings.mujoco import loaded
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.rotations import Array, cross

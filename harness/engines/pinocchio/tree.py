@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
-from screwgauge.models.readings.overheard import overheard
+from screwgauge.models.readings.pinocchio import overheard
 from screwgauge.models.urdf import LoopsFile
 from screwgauge.reference.couplings import bind
 from screwgauge.reference.errors import LoaderError, ModelFileError

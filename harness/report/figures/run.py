@@ -1,10 +1,10 @@
-"""The pictures of a run: what engines say about a quantity, their curves over each other, the differences below."""
+"""The pictures of a run: which components are drawn, what engines say of them, and their differences below."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from fnmatch import fnmatchcase
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,10 @@ from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import CROSS, GREY, PLUS, SHAPES, Curve, Look, Spec, numbered, thin
-from screwgauge.report.figures.selection import Drawing, drawings, short_labels
 from screwgauge.report.formatting import file_name, missing, number, unit_text, words
-from screwgauge.solution import common_rows
-
-if TYPE_CHECKING:
-    from screwgauge.study.comparison import Comparison
+from screwgauge.scene.entries import Figure
+from screwgauge.solution import Solution, Values, common_rows
+from screwgauge.study.comparison import Comparison
 
 MAX_CURVES = 12  # in a panel; more cannot be told apart
 FLOOR = 1e-18  # where a difference of exactly zero is drawn if there is no other
@@ -30,6 +28,7 @@ MARKS = {False: 7, True: 12}  # marks of an engine on a curve
 
 Pair = tuple[str, str]
 Apart = tuple[Array, Array, NDArray[np.object_]]  # times [s], differences of a pair, and the components they are of
+MAX_PANELS = 6  # more side by side cannot be read; they then share one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,8 +55,8 @@ class _Subject:
 
 def make_plots(comparison: Comparison) -> list[Picture]:
     """All pictures of the report, in order."""
-    found = drawings(tuple(comparison.scene.figures), comparison.solutions, comparison.not_unique)
-    plots = [_quantity(f"{i:02d}-{file_name(each.title)}", each, comparison) for i, each in enumerate(found, 1)]
+    drawn = drawings(tuple(comparison.scene.figures), comparison.solutions, comparison.not_unique)
+    plots = [_quantity(f"{i:02d}-{file_name(each.title)}", each, comparison) for i, each in enumerate(drawn, 1)]
     if any(np.isfinite(s.condition).any() for s in comparison.solutions.values()):
         plots.append(_condition(f"{len(plots) + 1:02d}-condition", comparison))
     return plots
@@ -101,11 +100,11 @@ def _curves(
                 kinds = {"line": thin(values[at], stretches)} if not k else {}
                 if k or moving:
                     kinds["mark" if k else "asked"] = sparse(len(at), k, len(shown), MARKS[moving])
-                said = {"panel": panel, "curve": curve, "engine": engine, "colour": looks[curve].colour}
-                series += [({**said, "kind": kind}, subject.t[at[i]], values[at[i]]) for kind, i in kinds.items()]
+                fields = {"panel": panel, "curve": curve, "engine": engine, "colour": looks[curve].colour}
+                series += [({**fields, "kind": kind}, subject.t[at[i]], values[at[i]]) for kind, i in kinds.items()]
     engines = {engine: Look(GREY, shape=SIGNS[k % len(SIGNS)]) for k, engine in enumerate(shown)}
-    told = chart.ways("curve", looks) | chart.ways("engine", engines)
-    more = {**told, **grid, "height": HEIGHTS[grid["columns"]], "title": title, "y_scale": _flat(series)}
+    scales = chart.ways("curve", looks) | chart.ways("engine", engines)
+    more = {**scales, **grid, "height": HEIGHTS[grid["columns"]], "title": title, "y_scale": _flat(series)}
     return {**chart.curves(series, moving, linear=True), **more}
 
 
@@ -119,14 +118,14 @@ def _flat(series: Iterable[Curve]) -> Spec:
     return {"domain": [float(known.mean()) - half, float(known.mean()) + half]}
 
 
-def _differences(found: dict[str, Apart], tolerance: float | None, title: str, moving: bool) -> Spec:
+def _differences(apart_by_pair: dict[str, Apart], tolerance: float | None, title: str, moving: bool) -> Spec:
     """The largest difference of each pair and where it is; grey lines for the tolerance and for zero."""
-    numbers, times = (np.concatenate([columns[k] for columns in found.values()]) for k in (1, 0))
+    numbers, times = (np.concatenate([columns[k] for columns in apart_by_pair.values()]) for k in (1, 0))
     seen, zero = numbers[numbers > 0], bool((numbers == 0).any())
     low, high = (float(seen.min()), float(seen.max())) if len(seen) else (FLOOR, 10 * FLOOR)
     floor = max(10.0 ** (np.floor(np.log10(low)) - (1 if zero and len(seen) else 0)), 1e-300)
-    looks, series = {pair: numbered(i + 1) for i, pair in enumerate(found)}, list[Curve]()
-    for pair, (t, apart, names) in found.items():
+    looks, series = {pair: numbered(i + 1) for i, pair in enumerate(apart_by_pair)}, list[Curve]()
+    for pair, (t, apart, names) in apart_by_pair.items():
         some = thin(apart, PEAKS[moving], lows=False)
         series.append(({"pair": pair, "kind": "line"}, t[some], np.maximum(apart[some], floor)))
         for name in dict.fromkeys(names[some]) if moving else ():
@@ -169,17 +168,17 @@ def _condition(name: str, comparison: Comparison) -> Picture:
     """Condition number of each engine's closure along the path: the largest of each stretch of samples."""
     t, title = comparison.times, "condition number [1]"
     finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in comparison.solutions.items()}
-    found = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
-    low, high = np.nanmin([*found.values()]), np.nanmax([*found.values()])
-    looks, axis = {engine: numbered(i) for i, engine in enumerate(found)}, "log" if high > WIDE * low else "linear"
+    lines = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
+    low, high = np.nanmin([*lines.values()]), np.nanmax([*lines.values()])
+    looks, axis = {engine: numbered(i) for i, engine in enumerate(lines)}, "log" if high > WIDE * low else "linear"
 
     def build(moving: bool) -> Spec:
         series = list[Curve]()
-        for i, (engine, values) in enumerate(found.items()):
+        for i, (engine, values) in enumerate(lines.items()):
             at, look = thin(values, PEAKS[moving], lows=False), looks[engine]
-            some = at[sparse(len(at), i + 1, len(found) + 1, MARKS[moving])]  # marks keep apart lines that coincide
-            said = {"pair": engine, "component": "closure", "colour": look.colour, "shape": look.shape}
-            series += [({**said, "kind": kind}, t[i], values[i]) for kind, i in (("line", at), ("mark", some))]
+            some = at[sparse(len(at), i + 1, len(lines) + 1, MARKS[moving])]  # marks keep apart lines that coincide
+            fields = {"pair": engine, "component": "closure", "colour": look.colour, "shape": look.shape}
+            series += [({**fields, "kind": kind}, t[i], values[i]) for kind, i in (("line", at), ("mark", some))]
         return chart.filled(
             "differences", **_lower(series, looks, title, (low, high, 1.1 * high), moving, axis=axis, marked=1.0)
         )
@@ -191,10 +190,10 @@ def _subject(drawing: Drawing, comparison: Comparison) -> _Subject:
     # an engine that solved only some samples comes last: the first one is drawn as lines
     order = sorted(comparison.solutions.items(), key=lambda item: item[1].rows is not None)
     solutions = {engine: solution for engine, solution in order if drawing.quantity in solution.values}
-    found = {engine: solution.values[drawing.quantity] for engine, solution in solutions.items()}
+    given = {engine: solution.values[drawing.quantity] for engine, solution in solutions.items()}
     n = len(comparison.times)
     nothing = dict.fromkeys(drawing.names, np.full(n, np.nan))
-    values = {engine: nothing | dict(zip(v.components, v.array.T, strict=True)) for engine, v in found.items()}
+    values = {engine: nothing | dict(zip(v.components, v.array.T, strict=True)) for engine, v in given.items()}
     solved = {engine: np.isin(np.arange(n), common_rows(n, solution)) for engine, solution in solutions.items()}
     return _Subject(comparison.times, values, solved, drawing.panels)
 
@@ -210,7 +209,7 @@ def _apart(subject: _Subject, pair: Pair) -> Apart:
     both = subject.solved[pair[0]] & subject.solved[pair[1]]
     first, second = (np.array([subject.values[engine][name][both] for name in subject.names]) for engine in pair)
     apart = np.abs(first - second)
-    apart[~np.isfinite(apart)] = np.inf  # found before any number
+    apart[~np.isfinite(apart)] = np.inf  # larger than any number
     worst, largest = apart.argmax(axis=0), apart.max(axis=0)
     return subject.t[both], np.where(largest < np.inf, largest, np.nan), np.array(subject.names, dtype=object)[worst]
 
@@ -246,3 +245,131 @@ def _warnings(subject: _Subject, shown: Sequence[str], drawn: int) -> Iterable[s
         if len(bad):
             span = f"t = {number(bad[0])} s" + (f" to {number(bad[-1])} s" if len(bad) > 1 else "")
             yield f"Gap: {engine} has no number at {len(bad)} of {solved.sum()} samples ({span})."
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """One picture: components of a figure that all have a unique value, or that all have none.
+
+    Attributes:
+        panels: Labels and names of components.
+        unique: Whether each component has a unique value; else it has no tolerance.
+        others: How many components of the figure are not here, as they are of the other sort.
+    """
+
+    title: str
+    quantity: str
+    unit: str
+    panels: tuple[tuple[str, tuple[str, ...]], ...]
+    unique: bool = True
+    others: int = 0
+
+    @property
+    def names(self) -> list[str]:
+        """All components."""
+        return [name for _, some in self.panels for name in some]
+
+    @property
+    def note(self) -> str:
+        """What a reader has to know about values that are not unique; empty where all are."""
+        n = len(self.names) + self.others
+        if not self.unique:
+            return (
+                f"Not unique: redundant constraints leave these components open ({len(self.names)} of {n}). Any value "
+                "balances, so engines may differ here; they are not compared."
+            )
+        if not self.others:
+            return ""
+        return f"Not here: {self.others} of {n} components that have no unique value. Digits are of those shown."
+
+
+def drawings(
+    figures: tuple[Figure, ...], solutions: Mapping[str, Solution], not_unique: Mapping[str, Collection[str]]
+) -> list[Drawing]:
+    """What is drawn of the figures; what has no unique value is drawn apart.
+
+    Args:
+        not_unique: Quantity -> components without a unique value.
+    """
+    values, selected = _first_values(solutions), list[Drawing]()
+    for figure in drawable(figures, solutions):
+        open_ = not_unique.get(figure.quantity, ())
+        names = [(label, select(values[figure.quantity], figure.unit, some)) for label, some in figure.panels]
+        n = sum(len(some) for _, some in names)
+        for unique in (True, False):
+            picked = [(label, tuple(x for x in some if (x not in open_) is unique)) for label, some in names]
+            if panels := tuple(panel for panel in picked if panel[1]):
+                others = n - sum(len(some) for _, some in panels)
+                title = figure.title if unique else f"{figure.title}: not unique"
+                selected.append(Drawing(title, figure.quantity, figure.unit, panels, unique, others))
+    return selected
+
+
+def select(values: Values, unit: str, patterns: tuple[str, ...]) -> list[str]:
+    """Names of the components that have the unit and match one of the patterns."""
+    names = zip(values.components, values.units, strict=True)
+    return [name for name, has in names if has == unit and any(fnmatchcase(name, pattern) for pattern in patterns)]
+
+
+def drawable(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> tuple[Figure, ...]:
+    """The figures with the panels for which an engine has values; defaults if none is left."""
+    values, kept = _first_values(solutions), []
+    for figure in (figure for figure in figures if figure.quantity in values):
+        has = [panel for panel in figure.panels if select(values[figure.quantity], figure.unit, panel[1])]
+        kept += [replace(figure, panels=tuple(has))] if has else []
+    return tuple(kept) or default_figures(solutions)
+
+
+def unmatched(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> list[str]:
+    """Sentences on figures of quantities that nobody gives, and on patterns that no component matches."""
+    values = _first_values(solutions)
+    missing = [figure for figure in figures if figure.quantity not in values]
+    return [
+        *(f"figure '{each.title}' is left out: {each.quantity} is not asked for, or not given" for each in missing),
+        *_no_component([figure for figure in figures if figure.quantity in values], values),
+    ]
+
+
+def _no_component(figures: Iterable[Figure], values: Mapping[str, Values]) -> list[str]:
+    return [
+        f"figure '{figure.title}': no component of {figure.quantity} in {figure.unit} is called {pattern}"
+        for figure in figures
+        for pattern in dict.fromkeys(pattern for _, patterns in figure.panels for pattern in patterns)
+        if not select(values[figure.quantity], figure.unit, (pattern,))
+    ]
+
+
+def default_figures(solutions: Mapping[str, Solution]) -> tuple[Figure, ...]:
+    """One figure per quantity and unit; a panel per part of the mechanism where the names tell."""
+    figures = []
+    for quantity, values in _first_values(solutions).items():
+        units = dict.fromkeys(values.units)
+        for unit in units:
+            title = words(quantity).capitalize() + f" [{unit_text(unit)}]" * (len(units) > 1)
+            figures.append(Figure(title, quantity, unit, _panels(select(values, unit, ("*",)))))
+    return tuple(figures)
+
+
+def _first_values(solutions: Mapping[str, Solution]) -> dict[str, Values]:
+    """Quantity -> values of the first engine that has it."""
+    values: dict[str, Values] = {}
+    for solution in solutions.values():
+        values |= {quantity: v for quantity, v in solution.values.items() if quantity not in values}
+    return values
+
+
+def _panels(names: list[str]) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """Panels by the part before the first dot (``leg1``), or one panel."""
+    parts = list(dict.fromkeys(name.split(".")[0] for name in names))
+    if not 1 < len(parts) <= MAX_PANELS or len(parts) == len(names):
+        return (("", ("*",)),)
+    return tuple((part, (part, f"{part}.*")) for part in parts)
+
+
+def short_labels(names: list[str]) -> list[str]:
+    """Names without the leading dotted parts that all of them share: ``leg1.q1`` -> ``q1``."""
+    parts = [name.split(".") for name in names]
+    shared = 0
+    while all(len(p) > shared + 1 and p[shared] == parts[0][shared] for p in parts):
+        shared += 1
+    return [".".join(p[shared:]) for p in parts]

@@ -8,18 +8,20 @@ from typing import Any
 
 import pandas as pd
 
-from screwgauge.report.blocks import Banner, Block, Heading, table
-from screwgauge.report.figures.history import make_plots
+from screwgauge.report.blocks import Banner, Block, Heading, Picture, table
+from screwgauge.report.figures import chart
+from screwgauge.report.figures.chart import Spec, numbered
 from screwgauge.report.formatting import Row, digits_text, grouped, rows
 from screwgauge.report.layout import study
 from screwgauge.study.gate.items import EXIT
 
 PASSED = [status for status, ends in EXIT.items() if not ends]
+MOST = 7  # scenes that are drawn; all are in the table
 
 
 def _scenes(checks: pd.DataFrame) -> Iterator[Block]:
     """A table for each scene."""
-    columns = "date | = status | worst | scaled = error | digits | time = seconds:time_s | new"
+    columns = "date | check = status | worst | scaled = error | digits | time = seconds:time_s | new"
     for (name,), of in grouped(rows(checks), "scene").items():
         yield from (Heading(str(name), 3), table(_lines(of), columns))
 
@@ -46,6 +48,22 @@ def _banner(checks: pd.DataFrame) -> Banner:
     lost = f" Not: {', '.join(bad)}." if bad else ""
     text = f"{len(checks)} checks of {len(last)} scenes were kept; {good} passed when last checked.{lost}"
     return Banner.of(text, not bad)
+
+
+def make_plots(checks: pd.DataFrame) -> list[Picture]:
+    """Digits of the worst error above, time below, over the number of the check."""
+    scenes = [str(name) for name in checks["scene"].unique()]
+    looks, panels = chart.ways("name", {name: numbered(i) for i, name in enumerate(scenes[:MOST])}), []
+    table = checks.assign(name=checks["scene"].astype(str), x=checks.groupby("scene").cumcount() + 1)
+    table = table[table["name"].isin(looks["name"])].astype({"digits": float, "seconds": float})
+    across = {"x_title": "check", "x_scale": {}, "x_axis": {"tickMinStep": 1}, "height": 110}
+    scales: tuple[Spec, Spec] = {"y_scale": {}, "y_axis": {}}, chart.logarithm("y", table["seconds"])
+    for column, title, scale in zip(("digits", "seconds"), ("digits", "time [s]"), scales, strict=True):
+        points = table.assign(y=table[column])[["name", "x", "y"]].to_dict("records")
+        panels.append(chart.filled("points", points=points, y_title=title, **across, **scale, **looks))
+    left = [f"{len(scenes) - MOST} other scenes are in the table."] if len(scenes) > MOST else []
+    title = "Digits of the worst error, and run time, check after check"
+    return [chart.picture("history", title, lambda moving: {"vconcat": panels}, left)]
 
 
 PAGE = study("history.csv", "History", _banner, draw=make_plots, scenes=lambda checks: [*_scenes(checks)])

@@ -18,7 +18,7 @@ STATUS = {"shown": "shown", "not_shown": "-", "failed": "failed"}
 
 
 def _banner(table: pd.DataFrame) -> Banner:
-    bad = ["pin {pin}, mujoco {mujoco}".format(**row) for row in rows(table) if row["status"] != "agree"]
+    bad = ["pin {pin} with mujoco {mujoco}".format(**row) for row in rows(table) if row["status"] != "agree"]
     count, lost = f"{len(table) - len(bad)} of {len(table)}", f" Not on {listed(bad)}." * bool(bad)
     text = f"On {count} pairs of versions all built-in scenes pass.{lost}"
     return Banner.of(text, not bad)
@@ -30,10 +30,10 @@ def _pairs(table: pd.DataFrame) -> list[Row]:
 
 def _reasons(table: pd.DataFrame) -> list[Block]:
     """What does not pass, in how many scenes which quantities differ."""
-    where, amount = "pin {pin}, mujoco {mujoco}: ", "scenes out of tolerance in {differing}; the first: "
+    where, amount = "pin {pin} with mujoco {mujoco}: ", "scenes out of tolerance in {differing}; the first: "
     bad = [row for row in rows(table) if row["reason"]]
-    told = tuple((where + amount * bool(row["differing"]) + "{reason}").format(**row) for row in bad)
-    return [Folded("What does not pass", (Items(told),))] if told else []
+    reasons = tuple((where + amount * bool(row["differing"]) + "{reason}").format(**row) for row in bad)
+    return [Folded("What does not pass", (Items(reasons),))] if reasons else []
 
 
 def _lost(table: pd.DataFrame) -> list[tuple[str, str]]:
@@ -54,12 +54,12 @@ def _cases(table: pd.DataFrame) -> Iterator[Row]:
         packages = [package for package, engine in ENGINES.items() if engine in case.engines]
         by: dict[str, set[str]] = {}
         for row in rows(table):
-            status = next((said for column, said in STATUS.items() if name in row[column].split()), None)
+            status = next((word for column, word in STATUS.items() if name in row[column].split()), None)
             if status and not lost & {(package, row[package]) for package in packages}:
                 by.setdefault(" / ".join(row[package] for package in packages), set()).add(status)
         if len(set().union(*by.values())) > 1:
-            said = "; ".join(f"{version}: {' or '.join(sorted(by[version]))}" for version in sorted(by))
-            yield {"case": name, "of": " / ".join(packages), "said": said, "title": case.title}
+            by_version = "; ".join(f"{version}: {' or '.join(sorted(by[version]))}" for version in sorted(by))
+            yield {"case": name, "of": " / ".join(packages), "versions": by_version, "title": case.title}
 
 
 PAGE = study(

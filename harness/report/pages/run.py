@@ -14,8 +14,7 @@ import pandas as pd
 from screwgauge.judging.residual import ERROR_COLUMNS
 from screwgauge.judging.trust import LIMIT, Guarded
 from screwgauge.report.blocks import Banner, Block, Folded, Marked, Picture
-from screwgauge.report.figures.run import make_plots
-from screwgauge.report.figures.selection import drawings, unmatched
+from screwgauge.report.figures.run import drawings, make_plots, unmatched
 from screwgauge.report.folder import SAMPLES
 from screwgauge.report.formatting import (
     FORMS,
@@ -33,8 +32,7 @@ from screwgauge.report.formatting import (
     words,
 )
 from screwgauge.report.layout import Report, Value
-from screwgauge.report.pages.scene import about, judged, samples, short
-from screwgauge.report.record import samples_table, summary, timings
+from screwgauge.report.record import about, forces, judged, samples, samples_table, short, summary, timings
 from screwgauge.report.stage.picture import stage
 from screwgauge.report.verdict import compared, conclusion, verdict
 from screwgauge.scene.observables import Published
@@ -71,7 +69,11 @@ def _worst_three(results: Comparison) -> list[Row]:
     judged = (row for row in rows(results.judge) if row["engine"] not in results.failures)
     errors += [{**row, "what": f"judge: {words(row['residual'])}", "who": row["engine"]} for row in judged]
     order = sorted(errors, key=lambda row: beyond(row["max_scaled"], row["tolerance"]), reverse=True)
-    three = _shown(_least(group) for group in list(grouped(order, "what").values())[:3])
+    groups = dict[str, list[Row]]()
+    for row in order:  # of the open tree, which four rows check, the worst stands for all while it is within tolerance
+        tree = row["ok"] and row["what"].removeprefix("judge: ").startswith("tree force")
+        groups.setdefault("tree" if tree else row["what"], []).append(row)
+    three = _shown(_least(group) for group in list(groups.values())[:3])
     return [{**row, "off": f"{size(row['max_abs'])} {unit_text(row['unit'])}"} for row in three]
 
 
@@ -117,9 +119,11 @@ def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
 
 def _parameters(results: Comparison) -> list[Row]:
     """From which error on parameters show."""
-    parameters = sorted(results.coverage.parameters, key=lambda row: -row["smallest"])
+    parameters, hidden = sorted(results.coverage.parameters, key=lambda row: -row["smallest"]), results.coverage.hidden
+    untested = {row["parameter"]: "by no motion" if row["parameter"] in hidden else "not tested" for row in parameters}
     return [
-        {**row, "shows": FORMS["percent"](row["smallest"]) if row["tested"] else "not tested"} for row in parameters
+        {**row, "shows": FORMS["percent"](row["smallest"]) if row["tested"] else untested[row["parameter"]]}
+        for row in parameters
     ]
 
 
@@ -216,6 +220,9 @@ VALUES: dict[str, Value] = {
     "residuals too large": lambda results: _shown(row for row in rows(results.judge) if not row["ok"]),
     "overview": _overview,
     "differ": lambda results: not all(row["ok"] for row in compared(results)),
+    "forces": forces,
+    "actuators": lambda results: [row for row in forces(results) if row["what"].startswith("actuator")],
+    "forces by": lambda results: listed(dict.fromkeys(row["engine"] for row in forces(results))),
     "parameters": _parameters,
     "estimates": estimates,
     "limit": lambda results: LIMIT,

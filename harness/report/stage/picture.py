@@ -1,4 +1,4 @@
-"""The picture of a mechanism: static by projection, and as data for ``stage.js``."""
+"""The picture of a mechanism: by projection, and as data for ``stage.js``; what constrains it in words."""
 
 from __future__ import annotations
 
@@ -23,18 +23,19 @@ from screwgauge.models.shapes import (
     viewed_from,
 )
 from screwgauge.problem import spread
-from screwgauge.reference.equations.kinematics import length
+from screwgauge.reference.equations.kinematics import Pose, length
+from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.reciprocal import Element, Held, held
+from screwgauge.reference.reciprocal import Element, Held, held, idle_forces, normal_of_plane
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Block, Items, Paragraph, Picture
+from screwgauge.report.formatting import listed
 from screwgauge.report.stage.drawing import WORLD, drawing
 from screwgauge.report.stage.motion import Arrow, DrawnMotion, arrows, drawn_motion, home_pose
-from screwgauge.report.stage.words import kind, sentences
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 
-HELD = 30  # samples at which a platform is asked how it is held, at most
+HELD = 30  # samples at which it is determined how a platform is held, at most
 LONGEST = 0.3  # of all arrows of a group, in lengths of the mechanism
 TONES = {
     "loads": "#D62728",
@@ -45,6 +46,10 @@ TONES = {
     "other": DOUBT,
     "doubts": DOUBT,
 }
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
+#: Names of elements by their `_kind`, words before a line and a direction, and what all six together are called.
+WRENCHES = ("force", "couple", "wrench", "along", "about", "every force and couple")
+TWISTS = ("rotation", "translation", "screw", "about", "along", "all six freedoms")
 
 
 def stage(
@@ -62,30 +67,30 @@ def stage(
     """
     motion = drawn_motion(what, solutions or {}) if isinstance(what, Scene) else home_pose(what)
     mechanism = motion.lay.mechanism
-    beside = differing(mechanism, other, unsigned) if other else []
-    text = json.dumps(data(motion, beside), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+    other_shapes = differing(mechanism, other, unsigned) if other else []
+    text = json.dumps(data(motion, other_shapes), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
     title = f"{mechanism.title or mechanism.name}: home pose{' and what differs in the other' * bool(other)}"
-    return Picture("mechanism", title, drawing(mechanism, beside), stage=text)
+    return Picture("mechanism", title, drawing(mechanism, other_shapes), stage=text)
 
 
-def told(picture: Picture) -> list[Block]:
-    """What stands beside the picture of a mechanism: what differs in another, how it is held, and what looks odd."""
-    found = json.loads(picture.stage)
-    odd: list[Block] = [Paragraph("Suspicious, marked by cages:"), Items(tuple(found["doubts"]))]
-    there = [shape for shape in found["shapes"] if shape["g"] == "other"]
+def remarks(picture: Picture) -> list[Block]:
+    """Remarks on the picture of a mechanism: what differs in another, how it is held, and what looks odd."""
+    shown = json.loads(picture.stage)
+    odd: list[Block] = [Paragraph("Suspicious, marked by cages:"), Items(tuple(shown["doubts"]))]
+    there = [shape for shape in shown["shapes"] if shape["g"] == "other"]
     moved = dict.fromkeys(shape["n"] for shape in there if shape["k"] != "arrow")
     turned = dict.fromkeys(shape["n"] for shape in there if shape["n"] not in moved)
     lines = (("Elsewhere in the other", moved), ("Axis reversed in the other", turned))
     other = [Paragraph(f"{lead}: {', '.join(names)}.") for lead, names in lines if names]
-    return [*other, Items(tuple(found["words"])), *(odd if found["doubts"] else [])]
+    return [*other, Items(tuple(shown["words"])), *(odd if shown["doubts"] else [])]
 
 
-def data(motion: DrawnMotion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
-    """What ``stage.js`` draws, and what is said beside it. Lengths in lengths of the mechanism, from its middle."""
+def data(motion: DrawnMotion, other_shapes: Sequence[Shape] = ()) -> dict[str, Any]:
+    """What ``stage.js`` draws, with remarks. Lengths in lengths of the mechanism, from its middle."""
     mechanism, at, unit = motion.lay.mechanism, motion.at, length(motion.lay)
     middle, columns = at.com[0].mean(axis=0), mechanism.independent_columns
     keys, shown, solids = spread(len(motion.t), HELD), arrows(motion), shapes(mechanism)
-    found = held(motion.lay, at.rows(keys))
+    holding = held(motion.lay, at.rows(keys))
     longest, scales = dict[tuple[str, bool], float](), dict[str, str]()
     for one in shown:
         most, which = float(np.linalg.norm(one.vectors, axis=1).max()), (one.group, one.turns)
@@ -103,16 +108,16 @@ def data(motion: DrawnMotion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
         "units": [mechanism.units[i] for i in columns],
         "bodies": list(mechanism.body_index),
         "poses": _poses(at.R, (at.p - middle) / unit),
-        "shapes": [_shape(one) for one in (*solids, *beside)],
+        "shapes": [_shape(one) for one in (*solids, *other_shapes)],
         "legend": _legend(mechanism, solids),
         "tones": TONES,
         "world": WORLD,
         "arrows": [_arrow(one, unit, longest[one.group, one.turns]) for one in shown],
         "scales": scales,
         "keys": keys.tolist(),
-        "holds": _holds(found, middle, unit),
+        "holds": _holds(holding, middle, unit),
         "doubts": [one.name for one in solids if one.group == "doubts"],
-        "words": [*sentences(motion.lay, at.rows(keys), found, motion.t[keys]), *_loads(shown)],
+        "words": [*_sentences(motion.lay, at.rows(keys), holding, motion.t[keys]), *_loads(shown)],
     }
 
 
@@ -128,9 +133,9 @@ def _legend(mechanism: Mechanism, solids: Sequence[Shape]) -> list[tuple[str, st
     return [*entries, *[(STANDING, "foot: fixed to ground")] * ("foot" in kinds)]
 
 
-def _loads(found: Sequence[Arrow]) -> list[str]:
+def _loads(shown: Sequence[Arrow]) -> list[str]:
     """Loads that the scene puts on bodies, with how large they get; weights are no arrows."""
-    loads = [one for one in found if one.group == "loads"]
+    loads = [one for one in shown if one.group == "loads"]
     each = [
         f"{'a moment' if one.turns else 'a force'} on {one.name.removeprefix('load on ')}, {_range(one)}"
         for one in loads
@@ -166,18 +171,135 @@ def _arrow(one: Arrow, unit: float, longest: float) -> dict[str, Any]:
     return dict(zip("gncmipv", values, strict=True))
 
 
-def _holds(found: Sequence[Held], middle: Array, unit: float) -> list[dict[str, Any]]:
+def _holds(holding: Sequence[Held], middle: Array, unit: float) -> list[dict[str, Any]]:
     """Wrenches of legs and twists left at some samples: point, direction and `kind` of each element, one by one."""
 
     def row(system: Sequence[Element], k: int) -> list[float]:
         if k >= len(system):
             return [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1]
-        return [*_rounded((system[k].point - middle) / unit, 3), *_rounded(system[k].direction, 3), kind(system[k])]
+        return [*_rounded((system[k].point - middle) / unit, 3), *_rounded(system[k].direction, 3), _kind(system[k])]
 
-    first, out = found[0], list[dict[str, Any]]()
+    first, out = holding[0], list[dict[str, Any]]()
     parts = [("wrenches", leg.name, COLOURS[i % len(COLOURS)]) for i, leg in enumerate(first.legs)]
     for i, (group, name, colour) in enumerate([*parts, ("freedoms", first.body, "#777777")]):
-        systems = [(*one.wrenches, one.twists)[i] for one in found]
+        systems = [(*one.wrenches, one.twists)[i] for one in holding]
         for k in range(max(map(len, systems))):
             out.append({"g": group, "n": name, "c": colour, "w": [x for s in systems for x in row(s, k)]})
     return out
+
+
+def _kind(one: Element) -> int:
+    """0 without pitch, 1 with an infinite one, 2 with another."""
+    return 0 if one.pitch == 0.0 else 1 if np.isinf(one.pitch) else 2
+
+
+def _sentences(lay: Layout, at: Pose, holding: Sequence[Held], t: Array) -> list[str]:
+    """Constraints of the legs, remaining freedoms, redundancy of actuators, and whether they change during the motion.
+
+    Args:
+        holding: At each of the samples of `at`; the first is described.
+        t: Their times [s].
+    """
+    first, mechanism = holding[0], lay.mechanism
+    joints = [joint for joint in mechanism.joints if joint.constrains and joint.angles]
+    places = {joint.name: at.joint(joint).p_child[0] for joint in joints}
+    sides = [side for joint in mechanism.joints for side in (joint.parent, joint.child)]
+    tips = sum(sides.count(body.name) == 1 for body in mechanism.bodies)
+    text = [f"An open tree with {tips} ends; {first.body} is the farthest."] if tips > 1 and not lay.cuts else []
+    normal = normal_of_plane(at.S[0])
+    text += filter(None, [_constraints(first, places, normal)])
+    text.append(f"Remaining freedoms of {first.body}: {_screws(first.twists, TWISTS, places)}.")
+    if (n := first.overconstraints) and normal is not None and n == 3 * (len(first.legs) - 1):
+        each = "leg" if _has_legs(first) else "chain"
+        text.append(
+            f"Each {each} by itself keeps {first.body} in the plane, so that {_many(n, 'constraint')} are redundant."
+        )
+    elif n:
+        text.append(f"{_many(n, 'of these', '').capitalize()} constraints {'is' if n == 1 else 'are'} redundant.")
+    if n := idle_forces(lay, at.rows([0])).shape[1]:
+        freedoms = _many(len(mechanism.independent), "degree of freedom", "degrees of freedom", whole=True)
+        idle = "does no work and only preloads" if n == 1 else "do no work and only preload"
+        text.append(
+            f"{len(mechanism.actuators)} actuators for {freedoms}: {_many(n, 'combination')} of their forces"
+            f" {idle} the mechanism, so that a rule has to choose {'it' if n == 1 else 'them'}."
+        )
+    kinds = [[[*map(_kind, system)] for system in (*one.wrenches, one.twists)] for one in holding]
+    if changes := [f"{t[k]:.3g} s" for k in range(1, len(kinds)) if kinds[k] != kinds[k - 1]]:
+        times = ", ".join(changes[:3]) + ", ..." * (len(changes) > 3)
+        text.append(f"This is the first pose; the kind or number of constraints changes near t = {times}.")
+    elif len(kinds) > 1:
+        samples = f"all {len(kinds)} samples tried"
+        text.append(f"Points and directions are those of the first pose; kinds are the same at {samples}.")
+    return text
+
+
+def _constraints(first: Held, places: Mapping[str, Array], normal: Array | None) -> str:
+    """Forces and couples by which each leg, or chain of joints, constrains a body; those alike in one clause.
+
+    Of a planar mechanism (`normal` of its plane) only forces and couples that act in the plane are listed.
+    """
+    if not first.legs:
+        return f"Nothing constrains {first.body}."
+    alike: dict[str, list[str]] = {}
+    for leg, system in zip(first.legs, first.wrenches, strict=True):
+        acting = [one for one in system if normal is None or _acts_in_plane(one, normal)]
+        alike.setdefault(_screws(acting, WRENCHES, places), []).append(leg.name + f" ({leg.kinds})" * bool(leg.kinds))
+    if [*alike] == ["none"] and len(first.legs) == 1:  # a hand at the end of an arm of six joints or more
+        return ""
+    clauses = [f"{listed(names)}: {what}" for what, names in alike.items()]
+    plane = "" if normal is None else f" in the plane normal to {_way(normal)}"
+    lead = f"Forces on {first.body} that each leg constrains{plane}"
+    if not _has_legs(first):
+        lead = f"Constraint forces on {first.body}{plane}" + ", by chain of joints" * (len(first.legs) > 1)
+    return f"{lead}: {'; '.join(clauses)}."
+
+
+def _has_legs(first: Held) -> bool:
+    """Whether it is a platform: what holds it are legs by name, not just the ways to ground of some link."""
+    names = {joint.name for leg in first.legs for joint in leg.joints}
+    return len(first.legs) > 1 and any(leg.name not in names and " to " not in leg.name for leg in first.legs)
+
+
+def _acts_in_plane(one: Element, normal: Array) -> bool:
+    """A force in the plane, or a couple about its normal."""
+    along = abs(float(one.direction @ normal))
+    return along > 0.5 if _kind(one) == 1 else along < 0.5
+
+
+def _screws(system: Sequence[Element], nouns: tuple[str, ...], places: Mapping[str, Array]) -> str:
+    """A system of screws in words, such as ``two rotations through s, about x and y``."""
+    force, couple, wrench, along, about, all_six = nouns
+    lines, ways, screws = ([one for one in system if _kind(one) == k] for k in range(3))
+    parts, many = [], _many(len(lines), force)
+    if len(lines) > 1 and all(np.allclose(one.point, lines[0].point, rtol=0.0, atol=1e-9) for one in lines):
+        directions = f", {along} {listed([_way(one.direction) for one in lines])}" if len(lines) == 2 else ""
+        parts.append(f"{many} through {_place(lines[0], places)}{directions}")
+    elif lines:
+        each = [f"{_way(one.direction)} through {_place(one, places)}" for one in lines]
+        parts.append(f"{many} {along} {listed(each)}")
+    for one in screws:
+        pitch = f"{1e3 * one.pitch:.3g} mm/rad"
+        parts.append(f"a {wrench} about {_way(one.direction)} through {_place(one, places)} of {pitch}")
+    if ways:
+        directions = "every axis" if len(ways) == 3 else listed([_way(one.direction) for one in ways])
+        parts.append(f"{_many(len(ways), couple)} {about} {directions}")
+    return all_six if len(system) == 6 else listed(parts) if parts else "none"
+
+
+def _many(n: int, what: str, plural: str = "s", *, whole: bool = False) -> str:
+    return f"{NUMBERS[n] if n < len(NUMBERS) else n} {what if n == 1 else plural if whole else what + plural}"
+
+
+def _way(direction: Array) -> str:
+    k = int(np.argmax(np.abs(direction)))
+    return "xyz"[k] if abs(direction[k]) > 1.0 - 1e-9 else _vector(direction)
+
+
+def _vector(v: Array) -> str:
+    return f"({', '.join(f'{x:.3g}' if abs(x) > 5e-7 else '0' for x in v)})"
+
+
+def _place(one: Element, places: Mapping[str, Array]) -> str:
+    """The name of a joint at the point, else the point."""
+    near = [name for name, there in places.items() if np.abs(one.point - there).max() < 1e-6]
+    return near[0] if near else f"{_vector(one.point)} m"

@@ -182,7 +182,7 @@ function screwgaugeStage(element, data) {
     loads: ["loads", true],
     actuators: ["actuator forces", true],
     reactions: ["reactions", false],
-    wrenches: ["constraint wrenches of the legs", false],
+    wrenches: ["constraint wrenches", false],
     freedoms: ["remaining freedoms", false],
   };
   const swatch = colour => make("span", {}, `display:inline-block;width:.8em;height:.8em;border-radius:2px;margin-right:.35em;background:${colour}`);
@@ -251,6 +251,7 @@ function screwgaugeStage(element, data) {
   }
   function drawCorner() { // world axes, and a bar of a round length, true in the middle of the picture
     const turn = camera.quaternion.clone().conjugate(), parts = [], tall = pane.clientHeight;
+    if (!tall) return; // on paper, or within a closed fold
     ["x", "y", "z"].forEach((name, i) => {
       const way = vector([i === 0, i === 1, i === 2].map(Number)).applyQuaternion(turn), flat = Math.hypot(way.x, way.y) < 0.2;
       const [tx, ty] = flat ? [24, -22 + tall] : [34 + 31 * way.x, tall - 30 - 31 * way.y];

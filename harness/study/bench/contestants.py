@@ -219,14 +219,14 @@ def simulators(method: str, duration: float, *, quick: bool) -> list[Contestant]
     return [contestant for turn in zip_longest(*families) for contestant in turn if contestant]
 
 
-def _climbing(own: str, quick: bool) -> Iterator[list[Contestant]]:
+def _climbing(usual: str, quick: bool) -> Iterator[list[Contestant]]:
     """Engines by scipy's methods, each a ladder of tolerances."""
     for engine in (name for name, engine in engines().items() if InitialValue in engine.tasks):
         screw = engine == "screw"
-        for method in METHODS if screw else (own,):
+        for method in METHODS if screw else (usual,):
             least = max(0.0 if screw else LEAST_CONSTRAINED, 0.0 if method in EXPLICIT else LEAST_IMPLICIT)
             rungs = [rtol for rtol in (QUICK_LADDER if quick else LADDER) if rtol >= least]
-            if screw and quick and method != own:  # in a quick bench only the scene's own method climbs
+            if screw and quick and method != usual:  # in a quick bench only the scene's own method climbs
                 rungs = rungs[:1]
             family, ladder = f"screw-{method}" if screw else engine, list[Contestant]()
             for rtol in rungs:

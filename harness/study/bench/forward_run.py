@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from time import perf_counter, time
+from time import time
 
 import numpy as np
 
@@ -30,7 +30,6 @@ from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import PreparedScene, Reference, deviation, score, sizes
 from screwgauge.study.runner import Executor, Task, run_tasks
 from screwgauge.study.solving import TooLongError, ask, generated, model_files, within
-from screwgauge.study.store import Journal
 from screwgauge.threads import one_thread
 
 NAN = float("nan")
@@ -67,7 +66,7 @@ def contest(
         ScrewgaugeError: Bad input. A contestant that fails is a row.
     """
     check_generated(scene)
-    begin, t = perf_counter(), scene.start.t
+    end, t = time() + plan.budget, scene.start.t
     if not scene.observables:
         raise DescriptionError("there is no observable to measure errors of", scene.name, "add [[observables]]")
     if plan.share < 1.0:
@@ -77,19 +76,17 @@ def contest(
     if plan.share < 1.0:
         part = f"Only the first {plan.share:.0%} of the motion were integrated; published results are of all of it."
         notes = (*notes, part)
-    waiting = _chosen(short, contestants, quick=plan.quick)
+    chosen = _chosen(short, contestants, quick=plan.quick)
     slow = find_spec("llvmlite") is None and _stiff(short, lay)  # machine code takes very many steps in no time
     late = {f"screw-{name}" for name in EXPLICIT} if slow else set[str]()
-    rows: list[BenchRow] = []
     with generated(scene) as folder:
         progress(REFERENCE, 0.0)
         posed = simulated(short, folder)
-        judged = provenance(short, models_of(waiting, posed))
-        end = begin + plan.budget
+        judged = provenance(short, models_of(chosen, posed))
         if execute is None:
-            _shortest_first(posed, plan, waiting, late, end, rows, progress)
+            rows = _shortest_first(posed, plan, chosen, end, progress, late)
         else:
-            rows += _by_family(posed, plan, waiting, end, execute, progress)
+            rows = _by_family(posed, plan, chosen, end, execute, progress)
             notes = (*notes, BESIDE)
     names = list(dict.fromkeys(row.contestant.family for row in rows))
     rows.sort(key=lambda row: (row.contestant.method.engine != "screw", names.index(row.contestant.family)))
@@ -110,24 +107,24 @@ def contest(
 def _shortest_first(
     posed: PreparedScene,
     plan: Plan,
-    waiting: list[Contestant],
-    late: Collection[str],
+    chosen: Sequence[Contestant],
     end: float,
-    rows: list[BenchRow],
     progress: Report,
-) -> None:
-    """Adds the rows of all contestants, the shortest first, as foreseen from the last one of its family.
+    late: Collection[str] = (),
+) -> list[BenchRow]:
+    """The rows of contestants, the shortest first, as foreseen from the last one of its family.
 
     Args:
+        end: When nothing further begins [s since 1970].
         late: Families that are known to take very long: they come last.
-        end: When nothing further begins, see `perf_counter` [s].
     """
-    n = len(waiting)
+    rows, waiting = list[BenchRow](), [*chosen]
     while waiting:
         contestant = min(waiting, key=lambda one: (one.family in late, _foreseen(one, rows)))
+        progress(contestant.family, 1.0 - len(waiting) / len(chosen))
         waiting.remove(contestant)
-        progress(contestant.family, 1.0 - (len(waiting) + 1) / n)
-        rows += _turn(posed, plan, contestant, rows, end - perf_counter())
+        rows += _turn(posed, plan, contestant, rows, end - time())
+    return rows
 
 
 def _by_family(
@@ -137,28 +134,21 @@ def _by_family(
     families: dict[str, list[Contestant]] = {}
     for contestant in chosen:
         families.setdefault(contestant.family, []).append(contestant)
-    until = time() + end - perf_counter()
+    works = {name: partial(_of_family, posed, plan, some, end) for name, some in families.items()}
     rows: list[list[BenchRow]] = run_tasks(
-        [
-            Task(name, partial(_family, posed, plan, some, until), files=posed.written)
-            for name, some in families.items()
-        ],
+        [Task(name, work, files=posed.written) for name, work in works.items()],
         execute,
-        Journal(None, ""),
         lost=lambda name, reason: [row for one in families[name] for row in _lost(one, reason, FAILED)],
-        record=lambda rows: {},
         progress=progress,
     )
     return [row for family in rows for row in family]
 
 
-def _family(
-    posed: PreparedScene, plan: Plan, family: Sequence[Contestant], until: float, progress: Progress
+def _of_family(
+    posed: PreparedScene, plan: Plan, family: Sequence[Contestant], end: float, progress: Progress
 ) -> list[BenchRow]:
-    rows = list[BenchRow]()
-    for contestant in family:
-        rows += _turn(posed, plan, contestant, rows, until - time())
-    return rows
+    """The rows of a family as the work of a task."""
+    return _shortest_first(posed, plan, family, end, silent)
 
 
 def _lost(contestant: Contestant, reason: str, status: str = CUT) -> tuple[BenchRow, BenchRow]:

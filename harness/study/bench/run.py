@@ -201,16 +201,15 @@ def _elsewhere(
     def lost(name: str, reason: str) -> Measurements:
         return {c.key: {"status": FAILED, "reason": reason} for c in groups[name]}, {}
 
-    def record(measured: Measurements) -> dict[str, Any]:
+    def keep(name: str, measured: Measurements) -> None:
         for key, result in measured[0].items():
             if key not in kept.results:
                 kept.keep(key, result)
         for key, times in measured[1].items():
             for seconds in times[len(kept.times.get(key, [])) :]:
                 kept.time(key, seconds)
-        return {}  # what is kept is kept by contestants
 
-    run_tasks(tasks, execute, Journal(None, ""), lost=lost, record=record, progress=progress)
+    run_tasks(tasks, execute, lost=lost, keep=keep, progress=progress)
 
 
 def _measured(

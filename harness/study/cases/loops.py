@@ -159,9 +159,9 @@ def softness(dt: float, quick: bool, folder: Path) -> Iterator[Question]:
     scene = load_scene(SCENE)
     write_models(scene.mechanism, folder, gravity=scene.applied.g)
     right = held(QUICK_DURATION if quick else DURATION, SAMPLES)
-    own = replace(right, files=files_of(scene, folder, (SCREW, Method("mujoco"))))
-    yield integrated(own, Integration(rtol=OWN, atol=OWN))
-    soft = replace(own, right=in_tree(own))
+    exact = replace(right, files=files_of(scene, folder, (SCREW, Method("mujoco"))))
+    yield integrated(exact, Integration(rtol=OWN, atol=OWN))
+    soft = replace(exact, right=in_tree(exact))
     for label, settings in SETTINGS.items():
         method = Method("mujoco", {"dt": dt, "work": False, **settings}, f"mujoco {label}")
         yield replace(soft, methods=(method,), cause=_STIFF if "passes" in settings else _SOFT)

@@ -12,13 +12,12 @@ import numpy as np
 
 from screwgauge import __version__
 from screwgauge.models.generate import write_models
-from screwgauge.problem import ModelFiles, Problem, Progress, States, quiet
+from screwgauge.problem import Problem, Progress, States, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.graph import layout, spanning_tree
-from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
@@ -29,6 +28,7 @@ from screwgauge.study.cases.question import (
     JUDGED,
     SCENE,
     SCREW,
+    CaseMethod,
     Question,
     closure_residuals,
     files_of,
@@ -67,13 +67,13 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
     for name in ENGINES:
         yield replace(given, methods=(Method(name, label=name if name == SCREW.engine else f"{name} projected"),))
     # an engine that is missing closes nothing, but its rows are to be there
-    own = {name: _at(solutions.get(name, solutions[exact]).values, names) for name in ENGINES}
+    closed = {name: _at(solutions.get(name, solutions[exact]).values, names) for name in ENGINES}
     raw, right = pulled_apart(scene, names, gap), _at(true.values, names)
-    projected, every = Projected("screw", mechanism=mechanism), mechanism.coordinates
-    yield _accelerations(given, projected, _at(solutions["screw"].values, every))
+    reduced, every = ReducedEquations("screw", scene=scene), mechanism.coordinates
+    yield _accelerations(given, reduced, _at(solutions["screw"].values, every))
     yield _forces(given, Method("pinocchio", label="pinocchio raw"), raw)
     for label, states, more, cause in (
-        ("projected", own["pinocchio"], {}, ""),
+        ("projected", closed["pinocchio"], {}, ""),
         ("raw", raw, {}, _TAKEN),
         ("raw Baumgarte", raw, {"gains": GAINS}, _SPRINGS),
     ):
@@ -85,7 +85,7 @@ def closure_violation(gap: float, quick: bool, folder: Path) -> Iterator[Questio
         at_rest, error = (next(findings(one)).error for one in (floor, question))
         yield replace(question, cause=_SOFT if at_rest > 0.5 * error else _SPRINGS)
     method = Method("mujoco", {"solimp": HARD, "passes": PASSES}, "mujoco projected")
-    yield _accelerations(given, method, own["mujoco"])
+    yield _accelerations(given, method, closed["mujoco"])
 
 
 def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
@@ -165,17 +165,12 @@ def _accelerations(given: Question, method: Method, states: States, cause: str =
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Projected(Method):
+class ReducedEquations(CaseMethod):
     """Accelerations of closed states by the equations of the independent coordinates, not by those of all bodies."""
-
-    mechanism: Mechanism
-
-    def load(self, files: ModelFiles) -> Projected:
-        return self
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         """``joint_acceleration`` for the given forces along all joint coordinates."""
-        clock, mechanism, task = Stopwatch(), self.mechanism, problem.task
+        clock, mechanism, task = Stopwatch(), self.scene.mechanism, problem.task
         if not isinstance(task, States):
             raise TypeError("the task gives no states")
         yd = task.v[:, mechanism.independent_columns]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from decimal import Decimal
 from pathlib import Path
 from textwrap import shorten
+from typing import Self
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from screwgauge.judging.residual import Residual
 from screwgauge.judging.trust import refusals
 from screwgauge.models.generate import write_models
 from screwgauge.models.urdf import loops_of
-from screwgauge.problem import GivenMotion, InitialValue, Integration, ModelFiles, Problem
+from screwgauge.problem import GivenMotion, InitialValue, Integration, ModelFiles, Problem, Progress, quiet
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
@@ -91,6 +92,24 @@ LONGEST = 500  # letters of a reason: some errors name a whole state
 
 
 UNKNOWN = Reference("", {}, "", {})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CaseMethod(Method):
+    """A method of one case alone, which solves problems itself: there is no model to load.
+
+    Attributes:
+        scene: That of the case.
+    """
+
+    scene: Scene
+
+    def load(self, files: ModelFiles) -> Self:
+        return self
+
+    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
+        """Answers a problem of the case."""
+        raise NotImplementedError
 
 
 def answered(question: Question, solution: Solution) -> Mapping[str, Values]:
@@ -210,8 +229,8 @@ def _measured(
     """The error of a quantity, the admitted one, and why."""
     quantity, right = blank.quantity, question.right
     error = scaled_error(values, right.values[quantity], right.scales[quantity])
-    scales, own = right.scales[quantity], solution.tolerances.get(quantity, {})
-    bound = max([_estimated(solution, quantity), *(own.get(unit, 0.0) / scales[unit] for unit in scales)])
+    scales, admitted = right.scales[quantity], solution.tolerances.get(quantity, {})
+    bound = max([_estimated(solution, quantity), *(admitted.get(unit, 0.0) / scales[unit] for unit in scales)])
     bound = max(GOOD, question.admitted.get(quantity, bound))
     condition = float(np.max(solution.condition)) if question.condition is None else question.condition
     finding = replace(blank, error=error, tolerance=bound, condition=condition)

@@ -25,10 +25,8 @@ from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import KINDS
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
-from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Stopwatch, Values, empty
-from screwgauge.study.cases.question import SCENE, Question, compare, exactly, moving, still
-from screwgauge.study.methods import Method
+from screwgauge.study.cases.question import SCENE, CaseMethod, Question, compare, exactly, moving, still
 from screwgauge.study.reference_values import joined, reference_values
 from screwgauge.study.stream import stream, times
 from screwgauge.study.stress import Ask
@@ -147,14 +145,10 @@ def _checked(count: int) -> Array:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Streamed(Method):
+class Streamed(CaseMethod):
     """An engine on all samples of a scene, part by part, with answers at the times of the problem."""
 
-    scene: Scene
     count: int
-
-    def load(self, files: ModelFiles) -> Streamed:
-        return self
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         """Values at the times of the problem, which are some of the samples."""
@@ -172,13 +166,8 @@ class Streamed(Method):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PaperScheme(Method):
+class PaperScheme(CaseMethod):
     """The paper's own scheme, its twist set right, in steps of `SCHEME_STEP`."""
-
-    scene: Scene
-
-    def load(self, files: ModelFiles) -> PaperScheme:
-        return self
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         """Joint positions at the times of the problem, at which steps end."""

@@ -16,19 +16,29 @@ import tomli_w
 from screwgauge import __version__
 from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.models.generate import write_models
-from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
+from screwgauge.problem import GivenMotion, Problem, Progress, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import closed_form_positions, positions
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.forward import NewtonEuler, force_matrix
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.graph import Layout, layout
-from screwgauge.reference.mechanism import Mechanism, in_precision
+from screwgauge.reference.mechanism import in_precision
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Stopwatch, Values
-from screwgauge.study.cases.question import ENGINES, QUANTITIES, SCENE, UNKNOWN, Question, compare, put, still
+from screwgauge.study.cases.question import (
+    ENGINES,
+    QUANTITIES,
+    SCENE,
+    UNKNOWN,
+    CaseMethod,
+    Question,
+    compare,
+    put,
+    still,
+)
 from screwgauge.study.linkages import PlanarLinkage, Tables, five_bar, four_bar, slider_crank
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import Reference
@@ -55,12 +65,11 @@ _RATE, _ACCELERATION = np.array([0.7, 0.4]), np.array([-0.3, 0.9])
 def upu_singularity(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
     """The tilt b at which leg 1, at right angles to the line from O to its wrist, lets the platform turn."""
     a = np.array([0.1] if quick else [0.05, 0.1, 0.3])
-    question = compare(
-        _passing(SCENE, np.stack([a, np.full_like(a, SINGULAR_B - distance)], axis=1)), folder, cause=_IMPLICIT
-    )
+    scene = _passing(SCENE, np.stack([a, np.full_like(a, SINGULAR_B - distance)], axis=1))
+    question = compare(scene, folder, cause=_IMPLICIT)
     yield question
     if question.known:
-        methods = tuple(WholeSystem("screw", mechanism=question.mechanism, refined=each) for each in (False, True))
+        methods = tuple(WholeSystem("screw", scene=scene, refined=each) for each in (False, True))
         problem = replace(question.problem, wanted=frozenset((_FORCE,)))
         yield replace(question, methods=methods, quantities=(_FORCE,), problem=problem)
 
@@ -100,26 +109,22 @@ def assembly(distance: float, quick: bool, folder: Path) -> Iterator[Question]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WholeSystem(Method):
+class WholeSystem(CaseMethod):
     """Actuator forces of smallest norm from eqs. (57)-(58) of all bodies at once, in place of virtual power.
 
     Attributes:
         refined: One step of iterative refinement, its residual from a wider matrix; see `wide_force_matrix`.
     """
 
-    mechanism: Mechanism
     refined: bool = False
 
     @property
     def name(self) -> str:
         return "screw whole system" + " refined" * self.refined
 
-    def load(self, files: ModelFiles) -> WholeSystem:
-        return self
-
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         """``actuator_force`` alone, and as estimate of its error the rounding times the condition of the system."""
-        clock, lay, task = Stopwatch(), layout(self.mechanism), problem.task
+        clock, lay, task = Stopwatch(), layout(self.scene.mechanism), problem.task
         if not isinstance(task, GivenMotion):
             raise TypeError("the task is no given motion")
         q = positions(lay, task.y, task.t, (task.yd, task.ydd))
@@ -130,7 +135,7 @@ class WholeSystem(Method):
         return Solution(
             self.engine,
             __version__,
-            {_FORCE: Values(self.mechanism.actuator_names, self.mechanism.actuator_units, f)},
+            {_FORCE: Values(lay.mechanism.actuator_names, lay.mechanism.actuator_units, f)},
             system.condition,
             estimate={_FORCE: linear.EPS * system.condition},
             conditions={_FORCE: system.condition},

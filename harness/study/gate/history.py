@@ -342,8 +342,9 @@ def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, A
 def _sound(known: Mapping[str, Any]) -> bool:
     """Whether all entries are what `state` makes them."""
     scenes = known.get("scenes")
-    whole = is_record(known.get("environment"), TEXTS) and isinstance(scenes, dict)
-    return whole and all(map(_sound_scene, scenes.values()))
+    if not is_record(known.get("environment"), TEXTS) or not isinstance(scenes, dict):
+        return False
+    return all(map(_sound_scene, scenes.values()))
 
 
 def _sound_scene(entry: object) -> bool:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import nan
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from screwgauge.judging.residual import JUDGE, Residual
 from screwgauge.models.importing import SUFFIXES, is_model
@@ -18,7 +17,6 @@ from screwgauge.reference.files import is_file, is_path, why
 from screwgauge.reference.tables import check_keys, positive, read_toml
 from screwgauge.scene.default import SUFFIX
 from screwgauge.scene.read import scene_names
-from screwgauge.study.store import is_record
 
 #: Keys that only scenes have: a file that misses one of them is no other file but a scene that is refused.
 _OF_SCENES = frozenset(("mechanism", "motion", "time", "forward"))
@@ -201,15 +199,3 @@ class GateRow:
     def worst(self) -> Residual | None:
         """The largest error by its tolerance; those that are out of it first, and those of two engines."""
         return max(self.errors, key=lambda one: (not one.ok, one.b != JUDGE, one.share), default=None)
-
-
-def row_from(record: Mapping[str, Any]) -> GateRow:
-    """A row from its record by `dataclasses.asdict`, which may have been on disk.
-
-    Raises:
-        ValueError: It is no row.
-    """
-    if not is_record(record, GateRow):
-        raise ValueError("is no row")
-    errors = [Residual(**{**one, "values": tuple(one.get("values", (nan, nan)))}) for one in record.get("errors", ())]
-    return GateRow(**{**record, "errors": tuple(errors)})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from screwgauge.diagnosis.diagnose import diagnose
-from screwgauge.diagnosis.differences.change import Difference
-from screwgauge.diagnosis.differences.digits import ALL, digits_of
-from screwgauge.diagnosis.known import INEXACT
+from screwgauge.diagnosis.differences.difference import ALL, Difference, digits_of
+from screwgauge.diagnosis.notes import INEXACT
 from screwgauge.diagnosis.verdict import SAME
 from screwgauge.engines.registry import ENGINES
 from screwgauge.environment import environment
@@ -99,20 +98,15 @@ def compared(
     scene = replace(scene, tolerances={**usual, **scene.tolerances})
     results = run(scene, progress=lambda step, share: progress(share, step))
     errors = tuple(_errors(results, given))
-    agree = bool(errors) and all(one.ok for one in errors) and not (results.failures or results.refusals)
-    status: Status = "agree" if agree else "failed" if results.failures else "differ"
-    if agree and all(one.b == JUDGE for one in errors):
-        agree, status = len(results.solutions) == 1, "judged" if len(results.solutions) == 1 else "differ"
-    if agree and results.unread:
-        status = "unread"
-    sentence = settings.tell(results)
+    status = _status(results, errors)
+    agree, sentence = status not in ("failed", "differ"), settings.tell(results)
     if agree and not results.ok:
         sentence = "all is within tolerances that are wider than the usual ones for the reasons given"
     file, line = str(scene.file or ""), 0
-    for name, own in scene.models.items():
-        differences = [] if agree else physical(scene, name, own)
+    for name, model in scene.models.items():
+        differences = [] if agree else physical(scene, name, model)
         if differences or not line:
-            file, line = str(own), _line(own, differences)
+            file, line = str(model), _line(model, differences)
     record = results.provenance
     files = {**record["models"], "description": record["description"], "scene": {"sha256": record.get("scene_sha256")}}
     hashes = {name: str(entry["sha256"] or "") for name, entry in files.items()}
@@ -122,14 +116,23 @@ def compared(
     return replace(row, doubts=results.doubts, unread=results.unread, read=read), results
 
 
+def _status(results: Comparison, errors: Sequence[Residual]) -> Status:
+    if results.failures:
+        return "failed"
+    judged = all(one.b == JUDGE for one in errors)
+    if not errors or results.refusals or not all(one.ok for one in errors) or (judged and len(results.solutions) != 1):
+        return "differ"
+    return "unread" if results.unread else "judged" if judged else "agree"
+
+
 def files_of(scene: Scene, engines: Iterable[str] | None = None) -> list[Path]:
     """Files that a scene is made of, those that its description extends included.
 
     Args:
         engines: Those that ran: models and tables of others count only without.
     """
-    own = {**scene.models, **{name: table.file for name, table in scene.tables.items()}}
-    used = [file for name, file in own.items() if engines is None or name in engines]
+    files = {**scene.models, **{name: table.file for name, table in scene.tables.items()}}
+    used = [file for name, file in files.items() if engines is None or name in engines]
     described = description_files(scene.mechanism_file)
     return [file for file in (scene.file, *described, *used) if file is not None]
 
@@ -167,24 +170,36 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
     reason = f"from {given[quantity]}" if quantity in given else usual
     solutions = [results.solutions[name] for name in row["of"] if name in results.solutions]
     if quantity in QUANTITIES and tolerance > scene.tolerance(quantity):
-        stated = [f"the error that {one.engine} states" for one in solutions if quantity in one.stated]
-        soft = "softness of constraints" if quantity == "tree_force_soft" else "rounding of its largest summands"
-        grown = ["what integration leaves"] * any(quantity in one.integration for one in solutions)
-        reason += f", {[*stated, *grown, soft][0]}"
+        reason = f"{reason}, {_admitted(quantity, solutions)}"
     if quantity in given or row["max_scaled"] <= tolerance:
         return tolerance, reason
+    tolerance, reason = _conditioned(quantity, solutions, tolerance, reason)
+    for solution in solutions:
+        model = scene.models.get(solution.engine)
+        differences = physical(scene, solution.engine, model) if model else []
+        if model and differences and all(each.kind == "digits" for each in differences):
+            n = digits_of(read_file(model))
+            tolerance, reason = tolerance + DIGITS * 10.0 ** (1 - n), f"{reason}, {n} digits of {model.name}"
+    return tolerance, reason
+
+
+def _admitted(quantity: str, solutions: Sequence[Solution]) -> str:
+    """What makes the tolerance of a quantity wider than that of the scene."""
+    if stated := [one.engine for one in solutions if quantity in one.stated]:
+        return f"the error that {stated[0]} states"
+    if any(quantity in one.integration for one in solutions):
+        return "what integration leaves"
+    return "softness of constraints" if quantity == "tree_force_soft" else "rounding of its largest summands"
+
+
+def _conditioned(quantity: str, solutions: Sequence[Solution], tolerance: float, reason: str) -> tuple[float, str]:
+    """A tolerance and its reason, or the largest error that an engine estimates by its condition, up to `LIMIT`."""
     for solution in solutions:
         # a residual is of all that an engine gives
         of = [name for name in solution.estimate if name == quantity or quantity not in QUANTITIES]
         estimate, condition = (largest(*(by[name] for name in of)) for by in (solution.estimate, solution.conditions))
         if tolerance < estimate <= LIMIT:
             tolerance, reason = estimate, f"rounding times the condition {condition:.1g} of {solution.engine}"
-    for solution in solutions:
-        own = scene.models.get(solution.engine)
-        differences = physical(scene, solution.engine, own) if own else []
-        if own and differences and all(each.kind == "digits" for each in differences):
-            n = digits_of(read_file(own))
-            tolerance, reason = tolerance + DIGITS * 10.0 ** (1 - n), f"{reason}, {n} digits of {own.name}"
     return tolerance, reason
 
 

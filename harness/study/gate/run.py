@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -16,14 +16,14 @@ from screwgauge.models.importing import is_model
 from screwgauge.models.readings.loops import loops_for
 from screwgauge.models.readings.source import prepare
 from screwgauge.problem import GivenMotion
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError
 from screwgauge.reference.files import digest, files_read, is_file
 from screwgauge.scene.read import load_scene
 from screwgauge.study.comparison import built_in
-from screwgauge.study.gate.items import GateRow, Item, row_from
+from screwgauge.study.gate.items import GateRow, Item
 from screwgauge.study.gate.measure import GateSettings, files_of, measured
 from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
-from screwgauge.study.store import Journal, is_record
+from screwgauge.study.store import Journal
 
 NAME = "check.partial.jsonl"
 
@@ -43,20 +43,23 @@ def check_items(
         journal: File of rows that an interrupted gate goes on from; it goes away when all are there.
     """
     stamp = json_text([environment(), settings.smoke, settings.tolerances])
-    kept = Journal(journal, hashlib.sha256(stamp.encode()).hexdigest(), lambda record: is_record(record, GateRow))
+    kept = Journal(journal, hashlib.sha256(stamp.encode()).hexdigest())
     tasks = [
         Task(item.name, partial(_timed, item, settings), fingerprint(item) if journal else "", partial(files_in, item))
         for item in items
     ]
+
+    def keep(key: str, row: GateRow) -> None:
+        with suppress(OutputError):  # the report meets the full disk again
+            kept.keep(key, row)
+
     rows = run_tasks(
         tasks,
         execute or InTurn(),
-        kept,
         lost=lambda name, reason: GateRow(name, "failed", f"{name}: {reason}"),
-        record=asdict,
-        restored=row_from,
+        before=kept.rows(GateRow),
+        keep=keep,
         progress=progress,
-        lenient=True,  # the report meets the full disk again
     )
     kept.remove()
     return rows

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from screwgauge.engines.pinocchio.discrepancies.probe import inverse, load_urdf, mass
 from screwgauge.engines.toy_models import ARM, INERTIA, MASS, WEIGHT, Evidence, joint, link, robot
-from screwgauge.models.readings.overheard import overheard
+from screwgauge.models.readings.pinocchio import overheard
 
 _BAR = robot(link("a"), joint("a"))
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED

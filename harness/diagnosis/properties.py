@@ -1,0 +1,251 @@
+"""Properties of the parts of a model, each one entry of one table; a change gives one another value."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+from screwgauge.diagnosis.slips import (
+    GRAVITY,
+    INERTIA,
+    LENGTH,
+    MASS,
+    Pair,
+    angle_slips,
+    com_slips,
+    gravity_slips,
+    mass_slips,
+    placement_slips,
+    tensor_slips,
+)
+from screwgauge.diagnosis.transformations import axis, carried, counted_back, spliced, turned, without
+from screwgauge.models.readings.reading import JointReading, Reading
+from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.rotations import Array
+
+Owner = Literal["body", "joint", "closure", "coupling", "actuator", "model"]
+#: What small differences of bodies and of joints are called together.
+BODIES, JOINTS = "mass properties of bodies", "places of joints"
+#: Case of the casebook on springs that Pinocchio does not read.
+SPRINGS = "pin-mjcf-springs"
+#: Owner -> where a reading has all of its kind.
+ROOMS = {
+    "body": "bodies",
+    "joint": "joints",
+    "closure": "closures",
+    "coupling": "couplings",
+    "actuator": "actuators",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Property:
+    """A property that parts of a model have.
+
+    Attributes:
+        owner: What has it.
+        shape: Of its value; None of what no value changes.
+        unit: SI; of a joint that turns, then, behind a bar, of one that slides.
+        noun: What it is called, if not by its name; `nouns`: several of them; `row`: small differences with others.
+        part: Whether it is a part of the machine that is there or not.
+        scales: Whether one factor may change it in many parts.
+        default: Value where a file does not state it; None where every file does.
+        urdf, mjcf: Element, and attribute behind an ``@``, that hold it; empty where that format cannot.
+        entry: What a reading calls it, if not by its name.
+        write: Makes the reading with another value of a part, where that is more than an entry of the part.
+        units: Factor by which B is too large -> unit that may have been mixed up.
+        slips: What B's value would be made from A's by, in words behind the noun.
+        cases: Library that does not use it -> case of the casebook.
+        call: Case of the casebook where one library's call for inverse dynamics contains it and another one's does not.
+    """
+
+    owner: Owner
+    shape: tuple[int, ...] | None = None
+    unit: str = "1"
+    noun: str = ""
+    nouns: str = ""
+    row: str = ""
+    part: bool = False
+    scales: bool = False
+    default: tuple[float, ...] | float | None = None
+    urdf: str = ""
+    mjcf: str = ""
+    entry: str = ""
+    write: Callable[[Reading, str, Any], Reading] | None = None
+    units: Mapping[float, str] = field(default_factory=dict)
+    slips: Callable[[Pair], Iterable[str]] = lambda pair: ()
+    cases: Mapping[str, str] = field(default_factory=dict)
+    call: str = ""
+
+
+def _turned(reading: Reading, name: str, direction: Array | None, centre: Array | None) -> Reading:
+    joint = reading.joints[name]
+    new = turned(joint, axis(joint) if direction is None else direction, joint.centre if centre is None else centre)
+    return replace(reading, joints={**reading.joints, name: new})
+
+
+def _geared(reading: Reading, name: str, gear: float) -> Reading:
+    return replace(reading, actuators={**reading.actuators, name: (reading.actuators[name][0], gear)})
+
+
+def _matter(shape: tuple[int, ...], unit: str, **more: Any) -> Property:
+    return Property(owner="body", shape=shape, unit=unit, row=BODIES, urdf="inertial", mjcf="inertial", **more)
+
+
+def _place(shape: tuple[int, ...], unit: str = "1", mjcf: str = "joint", **more: Any) -> Property:
+    return Property(owner="joint", shape=shape, unit=unit, row=JOINTS, urdf="origin", mjcf=mjcf, **more)
+
+
+def _passive(unit: str, **more: Any) -> Property:
+    return Property(owner="joint", shape=(), unit=unit, scales=True, default=0.0, **more)
+
+
+def _hanging(nouns: str, less: Callable[[Reading, str], Reading]) -> Property:
+    def write(reading: Reading, name: str, there: float) -> Reading:
+        return reading if there else less(reading, name)
+
+    return Property(owner="joint", shape=(), nouns=nouns, part=True, urdf="joint", mjcf="body", write=write)
+
+
+#: Name -> property. Poses, axes and points are those in the world at home, as everywhere in a reading.
+#: ``pose`` of a body is that of its own frame alone, its matter with it; ``placement`` of a joint is the displacement
+#: of the joint and of all outwards of it; ``axis`` and ``centre`` move the screw alone; ``zero`` is the coordinate at
+#: home; ``sign`` -1 counts the coordinate the other way, limits and rest with it; ``branch`` 0 takes a joint away and
+#: all outwards of it, ``link`` 0 a joint and the body that it moves: what hangs on that hangs on what is before it.
+#: ``inertia`` is about the centre of mass in the axes of the body. ``softness`` is also that of a coupling.
+PROPERTIES: dict[str, Property] = {
+    "mass": _matter((), "kg", nouns="masses", scales=True, units=MASS, slips=mass_slips),
+    "com": _matter((3,), "m", noun="centre of mass", nouns="centres of mass", units=LENGTH, slips=com_slips),
+    "inertia": _matter((3, 3), "kg m^2", nouns="inertias", scales=True, units=INERTIA, slips=tensor_slips),
+    "gravcomp": Property(
+        owner="body",
+        shape=(),
+        noun="compensated share of weight",
+        scales=True,
+        default=0.0,
+        mjcf="body@gravcomp",
+        cases={"pinocchio": "pin-mjcf-gravcomp"},
+    ),
+    "pose": Property(owner="body", shape=(4, 4), unit="m", urdf="origin", mjcf="body"),
+    "placement": _place((4, 4), "m", "body", write=carried, units=LENGTH, slips=placement_slips),
+    "axis": _place((3,), write=lambda reading, name, axis_: _turned(reading, name, axis_, None)),
+    "centre": _place((3,), "m", write=lambda reading, name, centre: _turned(reading, name, None, centre)),
+    "zero": _place((), "rad|m", "joint@ref", entry="home", slips=angle_slips),
+    "sign": _place((), write=lambda reading, name, sign: reading if sign > 0 else counted_back(reading, name)),
+    "limits": Property(owner="joint", shape=(2,), unit="rad|m", urdf="limit@", mjcf="joint@range", slips=angle_slips),
+    "armature": _passive("kg m^2|kg", mjcf="joint@armature"),
+    "damping": _passive("N m s/rad|N s/m", urdf="dynamics@damping", mjcf="joint@damping", call="urdf-damping-one-side"),
+    "friction": _passive("N m|N", noun="dry friction", urdf="dynamics@friction", mjcf="joint@frictionloss"),
+    "stiffness": _passive(
+        "N m/rad|N/m", nouns="stiffnesses", mjcf="joint@stiffness", cases={"pinocchio": SPRINGS}, call=SPRINGS
+    ),
+    "rest": Property(
+        owner="joint",
+        shape=(),
+        unit="rad|m",
+        noun="rest of the spring",
+        default=0.0,
+        mjcf="joint@springref",
+        slips=angle_slips,
+        cases={"pinocchio": SPRINGS},
+    ),
+    "branch": _hanging("subtrees", without),
+    "link": _hanging("links", spliced),
+    "kind": Property(owner="joint", nouns="kinds of joints", part=True),
+    "body": Property(owner="body", part=True),
+    "closure": Property(owner="closure"),
+    "first_frame": Property(owner="closure", shape=(4, 4), unit="m", mjcf="equality"),
+    "second_frame": Property(owner="closure", shape=(4, 4), unit="m", mjcf="equality"),
+    "softness": Property(owner="closure", shape=(-1,), mjcf="equality"),
+    "coupling": Property(owner="coupling"),
+    "leading joint": Property(owner="coupling"),
+    "polynomial": Property(owner="coupling", shape=(-1,), noun="coupling", urdf="mimic", mjcf="equality"),
+    "gear": Property(owner="actuator", shape=(), nouns="gears", scales=True, mjcf="actuator@gear", write=_geared),
+    "gravity": Property(
+        owner="model",
+        shape=(3,),
+        unit="m/s^2",
+        default=(0.0, 0.0, -9.81),
+        mjcf="option@gravity",
+        units=GRAVITY,
+        slips=gravity_slips,
+        cases={"pinocchio": "pin-mjcf-gravity"},
+    ),
+    "medium": Property(owner="model", shape=(2,), unit="kg/m^3, Pa s", default=0.0, mjcf="option"),
+}
+#: Of bodies; where joints are and how they count; what joints exert by themselves; what files need not state.
+INERTIAL, PLACES = (tuple(n for n, p in PROPERTIES.items() if p.row == row) for row in (BODIES, JOINTS))
+PASSIVE = tuple(name for name, each in PROPERTIES.items() if each.owner == "joint" and each.scales)
+OPTIONAL = tuple(name for name, each in PROPERTIES.items() if each.default is not None)
+#: Of closures and couplings, which hold a tree together and are not in its own torques; parts of a machine.
+CLOSING = frozenset(name for name, each in PROPERTIES.items() if each.owner in ("closure", "coupling"))
+PARTS = frozenset(name for name, each in PROPERTIES.items() if each.part)
+
+
+def word(what: str) -> str:
+    """What a property is called."""
+    return (PROPERTIES[what].noun if what in PROPERTIES else "") or what
+
+
+def words(what: str) -> str:
+    """What several of them are called."""
+    return (PROPERTIES[what].nouns if what in PROPERTIES else "") or word(what)
+
+
+def unit_of(what: str, joint: JointReading | None = None) -> str:
+    """Of a property, by what the joint does."""
+    turns, _, slides = PROPERTIES[what].unit.partition("|")
+    unit = slides if slides and joint is not None and joint.kind == "slide" else turns
+    return "" if unit == "1" else unit
+
+
+def attributes(form: Literal["urdf", "mjcf"]) -> dict[str, tuple[str, str]]:
+    """What readings call numbers of joints -> element and attribute of a format that hold them."""
+    said = {each.entry or name: getattr(each, form) for name, each in PROPERTIES.items() if each.owner == "joint"}
+    return {name: (text.partition("@")[0], text.partition("@")[2]) for name, text in said.items() if "@" in text}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Change:
+    """A property and the value that it should have.
+
+    Attributes:
+        item: Body, joint, closure, coupling or actuator of the reading; empty for the model.
+        what: One of `PROPERTIES`.
+        value: Its value, of the shape that the property has.
+    """
+
+    item: str
+    what: str
+    value: Array
+
+
+def applied(reading: Reading, changes: Iterable[Change]) -> Reading:
+    """A reading with changes made, one after the other.
+
+    Raises:
+        UnknownNameError: The reading has no such item, or an item no such property.
+    """
+    for change in changes:
+        if change.what not in PROPERTIES or PROPERTIES[change.what].shape is None:
+            raise UnknownNameError("property", change.what, [n for n, p in PROPERTIES.items() if p.shape is not None])
+        reading = _changed(reading, change)
+    return reading
+
+
+def _changed(reading: Reading, change: Change) -> Reading:
+    what, each = change.what, PROPERTIES[change.what]
+    value: Any = float(change.value) if each.shape == () else change.value
+    if what in ("limits", "softness", "medium"):  # which a reading has as tuples
+        value = tuple(map(float, value))
+    if each.owner == "model":
+        return replace(reading, **{what: value})
+    room = "couplings" if what == "softness" and change.item in reading.couplings else ROOMS[each.owner]
+    items = getattr(reading, room)
+    if change.item not in items:
+        raise UnknownNameError(each.owner, change.item, items)
+    if each.write is not None:
+        return each.write(reading, change.item, value)
+    entries: dict[str, Any] = {room: {**items, change.item: replace(items[change.item], **{each.entry or what: value})}}
+    return replace(reading, **entries)
