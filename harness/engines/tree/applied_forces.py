@@ -14,7 +14,7 @@ import numpy as np
 from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.cut_joints import SURE, read_chart
 from screwgauge.engines.tree.protocol import BodyAt, BodyPoses, OpenTree
-from screwgauge.reference.applied import Applied, JointSpring, Motor, PointSpring
+from screwgauge.reference.applied import Applied, JointSpring, PointSpring
 from screwgauge.reference.equations.joint_types import dual_wrenches
 from screwgauge.reference.equations.kinematics import coordinates, joint_screws, joint_values
 from screwgauge.reference.equations.ops import NUMPY
@@ -165,11 +165,9 @@ class TreeForces:
         for name in bodies:
             if name not in closed.loops.index:
                 raise UnknownNameError("body", name, closed.loops.index, "load or spring")
-        along: list[Motor | JointSpring] = [
-            *applied.motors,
-            *(spring for spring in springs if isinstance(spring, JointSpring)),
-        ]
-        self.readers = {one.coordinate: _reader(closed, one.coordinate, start) for one in along}
+        along = [motor.coordinate for motor in applied.motors]
+        along += [spring.coordinate for spring in springs if isinstance(spring, JointSpring)]
+        self.readers = {name: _reader(closed, name, start) for name in along}
 
     def act(self, t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
         """Writes the force along the coordinates into `tau`, shape (n_v,); returns the power put in [W]."""

@@ -67,8 +67,7 @@ class TreeModel:
             self._check_mass()
         if not isinstance(task, InitialValue):
             return solve_states(closed, dynamics, problem, task)
-        from screwgauge.engines.tree.fixed_steps import ProjectedStepper, step_through
-        from screwgauge.engines.tree.integrate import simulate
+        from screwgauge.engines.tree.simulation import ProjectedStepper, simulate, step_through
 
         if dynamics.dt is None:
             return simulate(closed, dynamics.mover(), problem, task, progress)

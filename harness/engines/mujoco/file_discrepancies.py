@@ -7,7 +7,7 @@ import math
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.discrepancies.probe import inverse, load, mass, measured, moment
+from screwgauge.engines.mujoco.discrepancies import inverse, load, mass, measured, moment
 from screwgauge.engines.toy_models import (
     ARM,
     INERTIA,
