@@ -10,7 +10,6 @@ from screwgauge.engines.chunks import Simulated
 from screwgauge.engines.tree.applied_forces import TreeForces
 from screwgauge.engines.tree.closed_states import Path, project, read_path
 from screwgauge.engines.tree.closed_tree import ClosedTree
-from screwgauge.engines.tree.integrate import start_state
 from screwgauge.engines.tree.protocol import Mover, Stepper
 from screwgauge.problem import InitialValue, Problem, Progress
 from screwgauge.reference.errors import SingularPoseError
@@ -35,6 +34,8 @@ def step_through(
         States as the stepper leaves them: open loops stay open. Work by the trapezoidal rule over the steps, not known
         where the steps are better than that rule, or where it is not wanted.
     """
+    from screwgauge.engines.tree.integrate import start_state  # with scipy, which given motions do without
+
     times, forces = task.grid, TreeForces(closed, problem.applied, task.start)
     # every step is looked at where something does work that is not stored
     known = stepper.work and (forces.stores_only or stepper.order < KNOWN)
