@@ -17,7 +17,7 @@ import screwgauge
 from screwgauge import Limits
 from support import bad_engines
 from support.command import main
-from support.gate import NAME, GateSettings, Item, Processes, check_items, gate_run, told
+from support.gate import NAME, GateSettings, Item, Processes, check_items, gate_run, sentence_of
 from support.repository import edited, scene, tell
 
 pytestmark = pytest.mark.slow
@@ -204,7 +204,7 @@ def test_the_command_leaves_files_for_ci(theirs, monkeypatch, capsys):
 
 def test_an_interrupted_check_goes_on_where_it_stopped(theirs, monkeypatch):
     (theirs / "again.toml").write_text(scene())
-    items, settings = [Item(name, (f"{name}.toml",)) for name in ("turn", "again")], GateSettings(told)
+    items, settings = [Item(name, (f"{name}.toml",)) for name in ("turn", "again")], GateSettings(sentence_of)
     asked, measured = [], gate_run.measured
 
     def stops(item, settings, progress):
@@ -251,7 +251,7 @@ def test_an_engine_that_crashes_or_eats_memory_costs_its_row_and_is_named(theirs
         text = scene(quantities='["joint_position"]').replace('"mujoco"', f'"{name}"')
         (theirs / f"with-{name}.toml").write_text(text)
     items = [Item(f"with-{name}", (f"{theirs}/with-{name}.toml",)) for name in names]
-    rows = check_items(items, GateSettings(told), execute=Processes(2, Limits(memory=0.75)))
+    rows = check_items(items, GateSettings(sentence_of), execute=Processes(2, Limits(memory=0.75)))
     assert [row.status for row in rows] == ["failed", "failed", "agree"], [row.sentence for row in rows]
     assert rows[0].sentence == "with-segfault: segfault: crashed: its process got SIGSEGV"
     assert "An engine failed: hog: MemoryError: nothing more is said." in rows[1].sentence

@@ -15,7 +15,7 @@ import screwgauge
 from screwgauge.models.shapes import across, differing, facing, shapes, viewed_from
 from screwgauge.report.stage.drawing import drawing, labels
 from screwgauge.report.stage.motion import FRAMES
-from screwgauge.report.stage.picture import stage, told
+from screwgauge.report.stage.picture import remarks, stage
 from support.mechanism import Mechanism, load_mechanism, mechanism_names
 from support.pages import Items, Picture
 from support.solve import layout, length, pose, positions
@@ -173,7 +173,7 @@ def test_a_tree_with_several_ends_is_called_one() -> None:
 def test_what_is_suspicious_is_marked_and_listed() -> None:
     picture = stage(load_mechanism("screw-press"))
     (sentence,) = data_of(picture)["doubts"]
-    assert any(isinstance(block, Items) and block.texts == (sentence,) for block in told(picture))
+    assert any(isinstance(block, Items) and block.texts == (sentence,) for block in remarks(picture))
     assert any(s["g"] == "doubts" and s["n"] == sentence for s in data_of(picture)["shapes"])
     assert "!" in words_of(picture.svg)
 
@@ -245,7 +245,7 @@ def test_a_base_that_is_elsewhere_is_drawn_beside_the_right_one() -> None:
     picture = stage(mechanism, other=other)
     assert "the other" in words_of(picture.svg)
     assert any(s["g"] == "other" for s in data_of(picture)["shapes"])
-    assert "leg1.base" in told(picture)[0].text
+    assert "leg1.base" in remarks(picture)[0].text
 
 
 def test_an_ellipsoid_is_that_of_a_homogeneous_body(paper: Mechanism) -> None:

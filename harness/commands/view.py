@@ -95,7 +95,7 @@ def _unsigned(name: str, mechanism: Mechanism) -> set[str]:
 def _page(what: Scene | Mechanism, other: Mechanism | None, unsigned: Collection[str] = ()) -> str:
     from screwgauge.report.blocks import Heading, Paragraph
     from screwgauge.report.html import page
-    from screwgauge.report.stage.picture import stage, told
+    from screwgauge.report.stage.picture import remarks, stage
     from screwgauge.scene.scene import Scene
 
     mechanism = what.mechanism if isinstance(what, Scene) else what
@@ -105,7 +105,7 @@ def _page(what: Scene | Mechanism, other: Mechanism | None, unsigned: Collection
     else:
         picture = stage(mechanism, other=other, unsigned=unsigned)
     about = [Paragraph(what.description)] if isinstance(what, Scene) and what.description else []
-    return page([Heading(mechanism.title or mechanism.name, 1), *about, picture, *told(picture)])
+    return page([Heading(mechanism.title or mechanism.name, 1), *about, picture, *remarks(picture)])
 
 
 def _solved(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:

@@ -45,7 +45,7 @@ class Paragraph:
 
 @dataclass(frozen=True, slots=True)
 class Banner:
-    """A sentence set apart: what was found, or a warning. `status` decides its colour, `word` says the same."""
+    """A sentence set apart: a result, or a warning. `status` decides its colour, `word` says the same."""
 
     text: str
     word: str = ""
@@ -105,7 +105,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Folded:
-    """Blocks behind their title, and what that says of them in a few words."""
+    """Blocks behind their title, with a note of a few words."""
 
     title: str
     blocks: tuple[Block, ...]
@@ -154,8 +154,8 @@ def changed(blocks: Iterable[Block], change: Callable[[Block], Block]) -> list[B
     ]
 
 
-def told(block: Block) -> Block:
-    """A block, or what is said in the place of a picture that could not be drawn."""
+def or_reason(block: Block) -> Block:
+    """A block, or why it could not be drawn in place of a picture."""
     if isinstance(block, Picture) and block.lost:
         return Paragraph(f"Not drawn: {block.title} ({block.lost}).")
     return block
@@ -211,16 +211,16 @@ def facts(mapping: Mapping[str, Any]) -> Block:
     for key, value in mapping.items():
         name = words(key)
         if isinstance(value, Mapping) and all(isinstance(v, (bool, np.bool_)) for v in value.values()):
-            sides = {_said(side): [k for k, v in value.items() if bool(v) is side] for side in (True, False)}
+            sides = {_value_text(side): [k for k, v in value.items() if bool(v) is side] for side in (True, False)}
             body.append((name, "; ".join(f"{word}: {', '.join(keys)}" for word, keys in sides.items() if keys)))
         elif isinstance(value, Mapping):
-            body += [(f"{name}: {k}", _said(v)) for k, v in value.items()]
+            body += [(f"{name}: {k}", _value_text(v)) for k, v in value.items()]
         else:
-            body += [(name, _said(v)) for v in (value if isinstance(value, list) else [value]) if v != ""]
+            body += [(name, _value_text(v)) for v in (value if isinstance(value, list) else [value]) if v != ""]
     return Table(("", ""), tuple(body)) if body else Paragraph("Not recorded.")
 
 
-def _said(value: Any) -> str:
+def _value_text(value: Any) -> str:
     if isinstance(value, (bool, np.bool_)):
         return "yes" if value else "no"
     return number(value) if isinstance(value, float) else str(value)

@@ -19,7 +19,7 @@ from typing import TextIO
 from screwgauge.reference.errors import OutputError, ScrewgaugeError, printable
 from screwgauge.reference.files import why
 
-#: What a stream says that does not know a sign: as long as the sign, so that columns stay where they are.
+#: What stands for a sign that a stream cannot encode: as long as the sign, so that columns stay where they are.
 SIGNS = {"✓": "+", "✗": "x", "·": ".", "²": "2", "³": "3", "µ": "u", "†": "*", "→": ">"}
 STOPS = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 BROKEN = 3  # exit status of what nobody foresaw
@@ -62,7 +62,7 @@ def _stop(number: int, frame: FrameType | None) -> None:
 
 
 def stopped() -> bool:
-    """Whether a signal has asked the command to end, even if a library has swallowed what that raised."""
+    """Whether a signal ends the command, even if a library has swallowed what that raised."""
     return bool(_stopped_by)
 
 
@@ -121,7 +121,7 @@ class Progress:
     def __init__(self, stream: TextIO, clock: Callable[[], float] = monotonic) -> None:
         self.stream, self.clock, self.terminal = stream, clock, stream.isatty()
         self.shown, self.began = "", clock()
-        self.said = self.began
+        self.last = self.began
 
     def show(self, step: str, share: float) -> None:
         """Takes the name of a step and its share done, 0 to 1."""
@@ -130,8 +130,8 @@ class Progress:
             if text != self.shown:
                 self._write(f"\r{text}")
                 self.shown = text
-        elif (now := self.clock()) - self.said > QUIET:
-            self.said = now
+        elif (now := self.clock()) - self.last > QUIET:
+            self.last = now
             self._write(f"screwgauge: {printable(step)}, {share:.0%} done after {now - self.began:.0f} s\n")
 
     def _write(self, text: str) -> None:

@@ -23,10 +23,10 @@ def rows(frame: pd.DataFrame) -> list[Row]:
     return [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
 
-def grouped(found: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]]:
+def grouped(table: Iterable[Row], *keys: str) -> dict[tuple[Any, ...], list[Row]]:
     """Rows by what they have in common, in order of appearance."""
     groups: dict[tuple[Any, ...], list[Row]] = {}
-    for row in found:
+    for row in table:
         groups.setdefault(tuple(row[key] for key in keys), []).append(row)
     return groups
 
@@ -107,7 +107,7 @@ def words(name: str) -> str:
 
 
 def tick(ok: Any) -> str:
-    """Words beside the sign, so that nothing rests on colour or font."""
+    """Words with the sign, so that nothing rests on colour or font."""
     return "✓ ok" if bool(ok) else "✗ no"
 
 
@@ -136,7 +136,7 @@ FORMS: dict[str, Callable[[Any], str]] = {
     "as_digits": lambda scaled: digits_text(scaled).replace("NaN", "no number"),
     "names": lambda names: ", ".join(names) or "nothing",
     "spaced": " ".join,
-    "clauses": lambda said: "; ".join(said) or "none",
+    "clauses": lambda clauses: "; ".join(clauses) or "none",
     "percent": lambda share: f"{number(100.0 * share, 3)} %",
     "words": words,
     "tolerance": partial(number, figures=2),

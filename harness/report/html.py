@@ -120,7 +120,7 @@ def _linked_section(body: str, every: re.Pattern[str], left: dict[str, str]) -> 
 
 def fragment(blocks: Iterable[Block]) -> str:
     """The blocks alone, to stand within a page."""
-    return "\n".join(_block(b.told(block)) for block in blocks)
+    return "\n".join(_block(b.or_reason(block)) for block in blocks)
 
 
 def _block(block: Block) -> str:
@@ -261,8 +261,7 @@ def three_js() -> str:
         return ""
     with ZipFile(archive) as viewer:
         pages = [viewer.read(name).decode() for name in viewer.namelist() if name.endswith(".html.template")]
-    found = [match[0] for match in map(THREE.search, pages) if match]
-    return found[0] if found else ""
+    return next((match[0] for match in map(THREE.search, pages) if match), "")
 
 
 def viewer_archive() -> Path:

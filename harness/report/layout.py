@@ -29,8 +29,8 @@ from screwgauge.report.blocks import (
     Table,
     changed,
     facts,
+    or_reason,
     table,
-    told,
 )
 from screwgauge.report.figures.renderer import RENDERER, losses
 from screwgauge.report.text import markdown
@@ -45,7 +45,7 @@ MACHINE = ("screwgauge", "pin", "mujoco", "python", "platform", "cpu", "commit")
 Value = Callable[[Any], Any]
 
 
-def folds(found: Any, pictures: Sequence[Picture]) -> list[Block]:
+def folds(results: Any, pictures: Sequence[Picture]) -> list[Block]:
     """Each picture behind its title."""
     return [Folded(picture.title, (picture,)) for picture in pictures]
 
@@ -56,21 +56,21 @@ class Report:
 
     Its text has level-1 headings for sections, before them the first screen, after ``# Appendix`` what is folded; one
     with ``?`` is left out if all its places are empty. A line ``{name}`` is a place for what the value of that name is:
-    text, list, facts, blocks. ``{name: columns; else}`` is a table of rows, see `table`, with what is said if there are
+    text, list, facts, blocks. ``{name: columns; else}`` is a table of rows, see `table`, or that text if there are
     none; ``{name+ lines: columns}`` shows `LONG` rows and folds the rest. A paragraph or an item may begin with
     ``{?name}`` or ``{!name}``: it is there only if the value is true, or is not. Names within them are filled in.
-    ``{# Title}`` stands for what the section of that title says.
+    ``{# Title}`` stands for the text of the section of that title.
 
     Attributes:
         text: Name of the file in ``texts/``, or the path of another one, without its ``.md``.
         banner: Verdict in a sentence, then warnings.
-        data: File name -> what it holds. The record of the machine is added: of what was found, else of now.
-        values: Name -> value; computed when a text asks for it. Other names are attributes of what was found (``a.b``:
+        data: File name -> what it holds. The record of the machine is added: that of the results, else of now.
+        values: Name -> value; computed when a text asks for it. Other names are attributes of the results (``a.b``:
             of these, nothing where there is no a). All texts know ``title``, ``verdict`` (the banners),
             ``environment``, ``about`` (facts of the first screen, those of the machine added), ``plots`` and
-            ``beside`` (the first picture).
+            ``picture remarks`` (on the first picture).
         draw: Pictures, that of the first screen first.
-        plots: How all others are told.
+        plots: How all others are shown.
         figures: Significant figures of numbers in CSV; every bit by default.
         grown: Rows of earlier runs are kept in it, perhaps of other versions and machines.
     """
@@ -79,7 +79,7 @@ class Report:
     banner: Callable[[Any], Banner | Sequence[Banner]]
     data: Mapping[str, Value]
     values: Mapping[str, Value]
-    draw: Callable[[Any], Sequence[Picture]] = lambda found: ()
+    draw: Callable[[Any], Sequence[Picture]] = lambda results: ()
     plots: Callable[[Any, Sequence[Picture]], list[Block]] = folds
     figures: int | None = None
     grown: bool = False
@@ -96,7 +96,7 @@ class Report:
 
     def write(
         self,
-        found: Any,
+        results: Any,
         out: Path,
         *,
         more: Mapping[str, Any] | None = None,
@@ -116,11 +116,11 @@ class Report:
         """
         with suppress(OSError):
             RENDERER.start()  # it takes a moment, in which the data are written
-        record = getattr(found, "environment", None) or environment()
-        data = {**{name: make(found) for name, make in self.data.items()}, RECORD: record, **(more or {})}
+        record = getattr(results, "environment", None) or environment()
+        data = {**{name: make(results) for name, make in self.data.items()}, RECORD: record, **(more or {})}
 
         def tell() -> list[Block]:
-            return self.blocks(found, self.draw(found), record)
+            return self.blocks(results, self.draw(results), record)
 
         with losses() as lost:
             write_report(out, tell, data, self.figures, pdf=pdf, safe=safe, force=force)
@@ -130,12 +130,12 @@ class Report:
         return out
 
     def blocks(
-        self, found: Any, pictures: Iterable[Picture] = (), record: Mapping[str, Any] | None = None
+        self, results: Any, pictures: Iterable[Picture] = (), record: Mapping[str, Any] | None = None
     ) -> list[Block]:
         """The blocks of ``report.md`` and ``report.html``."""
         drawn = [*pictures]
         first, others = drawn[0] if drawn else None, drawn[1:]
-        filled = _Filled(self, found, record or getattr(found, "environment", {}), first, others)
+        filled = _Filled(self, results, record or getattr(results, "environment", {}), first, others)
         front, sections, appendix = _parts(self.text)
         screen = [*filled["verdict"], *filled.section("", front), *([first] if first else [])]
         blocks: list[Block] = [Heading(filled["title"], 1), Front(tuple(screen))]
@@ -143,11 +143,11 @@ class Report:
         last = [block for title, text in appendix for block in filled.section(title, text)]
         words = _used(markdown([*blocks, *last]))
         last += [Heading("Glossary"), Glossary(words)] if words else []
-        return changed([*blocks, Appendix(tuple(last))], told)
+        return changed([*blocks, Appendix(tuple(last))], or_reason)
 
-    def terminal(self, found: Any) -> list[Block]:
+    def terminal(self, results: Any) -> list[Block]:
         """What is printed: the section "On a terminal"."""
-        filled, (_, sections, _) = _Filled(self, found, {}, None, ()), _parts(self.text)
+        filled, (_, sections, _) = _Filled(self, results, {}, None, ()), _parts(self.text)
         return [block for title, text in sections if title == TERMINAL for block in filled.section("", text)]
 
 
@@ -169,7 +169,7 @@ class _Filled(Mapping[str, Any]):
     """Values of one report, each computed once."""
 
     report: Report
-    found: Any
+    results: Any
     record: Mapping[str, Any]
     first: Picture | None
     others: Sequence[Picture]
@@ -187,40 +187,40 @@ class _Filled(Mapping[str, Any]):
         return len(self.report.values)
 
     def _value(self, name: str) -> Any:
-        own = self.report.values
+        values = self.report.values
         if name == "verdict":
-            said = self.report.banner(self.found)
-            return [said] if isinstance(said, Banner) else said
+            banners = self.report.banner(self.results)
+            return [banners] if isinstance(banners, Banner) else banners
         if name == "plots":
-            return self.report.plots(self.found, self.others)
-        if name == "beside":
-            from screwgauge.report.stage.picture import told
+            return self.report.plots(self.results, self.others)
+        if name == "picture remarks":
+            from screwgauge.report.stage.picture import remarks
 
-            return told(self.first) if self.first and self.first.stage else []
+            return remarks(self.first) if self.first and self.first.stage else []
         if name == "environment":
             whose = {"of": "the run that made this page; rows that were there were kept"} if self.report.grown else {}
-            return facts({**whose, **(own["files"](self.found) if "files" in own else {}), **self.record})
+            return facts({**whose, **(values["files"](self.results) if "files" in values else {}), **self.record})
         if name == "about":
             known, made_by = {**self.record.get("packages", {}), **self.record}, () if self.report.grown else MACHINE
-            return {**own["about"](self.found), **{key: known[key] for key in made_by if key in known}}
-        if name in own:
-            return own[name](self.found)
+            return {**values["about"](self.results), **{key: known[key] for key in made_by if key in known}}
+        if name in values:
+            return values[name](self.results)
         path = name.replace(" ", "_").split(".")
-        return reduce(lambda found, part: None if found is None else getattr(found, part), path, self.found)
+        return reduce(lambda value, part: None if value is None else getattr(value, part), path, self.results)
 
     def section(self, title: str, text: str) -> list[Block]:
         """Heading and blocks; nothing where it may be left out and has nothing to say."""
-        told, asked, got = list[Block](), 0, 0
+        shown, places, filled = list[Block](), 0, 0
         text = _WHEN.sub(lambda x: f"{x[1] or ''}{x[4]}\n" if bool(self[x[3]]) is (x[2] == "?") else "", text)
         for part in filter(None, re.split(r"\n{2,}", text.strip())):
             if part.startswith("{") and all(map(_PLACE.fullmatch, part.splitlines())):
                 blocks = [block for line in part.splitlines() for block in self._place(line)]
-                told, asked, got = [*told, *blocks], asked + 1, got + bool(blocks)
+                shown, places, filled = [*shown, *blocks], places + 1, filled + bool(blocks)
             else:
-                told += prose(part.format_map(self))
-        if title.endswith("?") and asked and not got:
+                shown += prose(part.format_map(self))
+        if title.endswith("?") and places and not filled:
             return []
-        return [*([Heading(title.rstrip("?").format_map(self))] if title else []), *told]
+        return [*([Heading(title.rstrip("?").format_map(self))] if title else []), *shown]
 
     def _place(self, line: str) -> list[Block]:
         name, columns, empty = (text or "" for text in _PLACE.findall(line)[0])
@@ -275,7 +275,7 @@ def study(
     title: str,
     banner: Callable[[pd.DataFrame], Banner],
     kept: Collection[str] = (),
-    draw: Callable[[pd.DataFrame], Sequence[Picture]] = lambda found: (),
+    draw: Callable[[pd.DataFrame], Sequence[Picture]] = lambda results: (),
     grown: bool = True,
     texts: Path = TEXTS,
     **values: Value,
@@ -288,10 +288,10 @@ def study(
     return Report(
         text=str(texts / Path(file).stem),
         banner=banner,
-        data={file: lambda found: found[[*kept]] if kept else found},
+        data={file: lambda results: results[[*kept]] if kept else results},
         values={
-            "title": lambda found: title,
-            "about": lambda found: {"table": f"{file}, {len(found)} rows"},
+            "title": lambda results: title,
+            "about": lambda results: {"table": f"{file}, {len(results)} rows"},
             **values,
         },
         draw=draw,

@@ -36,8 +36,8 @@ def samples_table(results: Comparison) -> pd.DataFrame:
     values = {
         f"{engine}/{quantity}/{name}": column
         for engine, solution in results.solutions.items()
-        for quantity, found in solution.values.items()
-        for name, column in zip(found.components, found.array.T, strict=True)
+        for quantity, given in solution.values.items()
+        for name, column in zip(given.components, given.array.T, strict=True)
     }
     return pd.DataFrame({"t": results.times, **values})
 
@@ -48,7 +48,7 @@ def forces(results: Comparison) -> list[Row]:
     Of a reaction it is the magnitude of the force, and of the moment, from those components that have a unique value.
     Rows of, what, unit, min, t_min, max, t_max, components, engine.
     """
-    found = list[Row]()
+    sized = list[Row]()
     for quantity, lead in (("actuator_force", "actuator"), ("reaction", "reaction")):
         if (solution := _measured_by(results, quantity)) is None:
             continue
@@ -63,12 +63,12 @@ def forces(results: Comparison) -> list[Row]:
             if not np.isfinite(sizes).any():
                 continue
             low, high = int(np.nanargmin(sizes)), int(np.nanargmax(sizes))
-            row: dict[str, str | float] = {"of": joint, "what": f"{lead} {KINDS[unit]}", "unit": unit}
+            row: Row = {"of": joint, "what": f"{lead} {KINDS[unit]}", "unit": unit}
             row |= {"min": float(sizes[low]), "t_min": float(results.times[low])}
             row |= {"max": float(sizes[high]), "t_max": float(results.times[high])}
             names = [values.components[i].rpartition(".")[2] for i in columns] if quantity == "reaction" else []
-            found.append({**row, "components": " ".join(names), "engine": solution.engine})
-    return _without_rounding(found)
+            sized.append({**row, "components": " ".join(names), "engine": solution.engine})
+    return _without_rounding(sized)
 
 
 def _measured_by(results: Comparison, quantity: str) -> Solution | None:
@@ -78,21 +78,21 @@ def _measured_by(results: Comparison, quantity: str) -> Solution | None:
     return next(certain, known[0] if known else None)
 
 
-def _without_rounding(found: list[Row]) -> list[Row]:
-    """What is zero but for rounding beside the largest of its unit is zero."""
+def _without_rounding(sized: list[Row]) -> list[Row]:
+    """Rounding is zero: less than a share of the largest of its unit."""
     largest = dict[str, float]()
-    for row in found:
+    for row in sized:
         largest[row["unit"]] = max(largest.get(row["unit"], 0.0), abs(row["min"]), abs(row["max"]))
     return [
         {**row, **{key: row[key] if abs(row[key]) > NOTHING * largest[row["unit"]] else 0.0 for key in ("min", "max")}}
-        for row in found
+        for row in sized
     ]
 
 
 def summary(results: Comparison) -> dict[str, Any]:
-    """What ``summary.json`` says, as plain Python values: no NaN, no numpy."""
+    """Content of ``summary.json`` as plain Python values: no NaN, no numpy."""
     cover = results.coverage
-    found = {
+    content = {
         "scene": results.scene.name,
         "ok": results.ok,
         "engines": {name: s.version for name, s in results.solutions.items() if name != REFERENCE},
@@ -120,7 +120,7 @@ def summary(results: Comparison) -> dict[str, Any]:
         "environment": results.environment,
         **{key: results.provenance.get(key) for key in FILES},
     }
-    return dict(plain(found))
+    return dict(plain(content))
 
 
 def _quantity(row: Row) -> Row:
@@ -137,8 +137,8 @@ def judged(provenance: Mapping[str, Any]) -> dict[str, str]:
         "description": provenance.get("description", {}),
         **{f"model of {engine}": model for engine, model in provenance.get("models", {}).items()},
     }
-    found = {what: f"{file['file']}, SHA-256 {file['sha256']}" for what, file in files.items() if file.get("file")}
-    return {**found, "date": provenance.get("date", "")}
+    named = {what: f"{file['file']}, SHA-256 {file['sha256']}" for what, file in files.items() if file.get("file")}
+    return {**named, "date": provenance.get("date", "")}
 
 
 def short(judged: Mapping[str, str]) -> dict[str, str]:

@@ -68,10 +68,10 @@ class Results(Shown, Comparison):
             UnknownNameError: None has; it lists the names there are.
         """
         every = self.plot()
-        found = [picture for picture in every if name in (picture.of, picture.name, picture.name.partition("-")[2])]
-        if not found:
+        pictures = [picture for picture in every if name in (picture.of, picture.name, picture.name.partition("-")[2])]
+        if not pictures:
             raise UnknownNameError("figure", name, [picture.name for picture in every])
-        return Pictures(found)
+        return Pictures(pictures)
 
     def _page(self) -> Iterable[Block]:
         return run_page.report(self, self.plot())

@@ -49,8 +49,8 @@ def conclusion(results: Comparison) -> tuple[Banner, list[str]]:
 
 def _conclusion(results: Comparison) -> tuple[list[str], str, Status]:
     refused = _refused(results)
-    difference = _difference(results, beside=bool(refused))
-    wrong = [*refused, *difference, *_fault(results, beside=bool(difference))]
+    difference = _difference(results, explained=bool(refused))
+    wrong = [*refused, *difference, *_fault(results, explained=bool(difference))]
     if results.failures:
         failed = "; ".join(f"{name}: {f.reason.rstrip('.')}" for name, f in results.failures.items())
         head = "An engine failed" if len(results.failures) == 1 else f"{len(results.failures)} engines failed"
@@ -76,10 +76,10 @@ def _refused(results: Comparison) -> list[str]:
     return [f"{listed(names)}: {sentence}." for sentence, names in engines_by_sentence.items()]
 
 
-def _difference(results: Comparison, *, beside: bool) -> list[str]:
-    """The first difference; `beside`: other than by missing numbers, which are explained already."""
+def _difference(results: Comparison, *, explained: bool) -> list[str]:
+    """The first difference; `explained`: missing numbers are already, and passed over."""
     pairs = compared(results)
-    bad = [row for row in pairs if not row["ok"] and not (beside and missing(row["max_scaled"]))]
+    bad = [row for row in pairs if not row["ok"] and not (explained and missing(row["max_scaled"]))]
     if not bad:
         return []
     row = bad[0]
@@ -87,29 +87,29 @@ def _difference(results: Comparison, *, beside: bool) -> list[str]:
     where = f"{row['quantity']}" + (f" at {row['worst_component']}" if row["worst_component"] else "")
     if missing(row["max_scaled"]):
         reason = str(row.get("reason") or "not a number").rstrip(".")
-        if not row["b"]:  # an engine that stopped, and nobody beside it
+        if not row["b"]:  # an engine that stopped, with no other engine
             return [f"{reason}.", *more]
         return [f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).", *more]
     at = f" at t = {number(row['worst_t'])} s"
     differ = f"{row['a']} and {row['b']} differ: first in {where}, by {_amount(row)}{at}{_because(row)}."
-    return [differ, *_otherwise(results, row["a"], row["b"]), *more, *results.known]
+    return [differ, *_model_differences(results, row["a"], row["b"]), *more, *results.known]
 
 
-def _otherwise(results: Comparison, *engines: str) -> list[str]:
+def _model_differences(results: Comparison, *engines: str) -> list[str]:
     """Differences between the engines' model files and the description."""
     differences = dict.fromkeys(text for name in engines for text in results.solutions[name].otherwise)
     return [f"The models differ, too: {first_few(differences, DOUBTS, '; ')}."] if differences else []
 
 
-def _fault(results: Comparison, *, beside: bool) -> list[str]:
-    """The first judge residual out of tolerance; `beside`: of a difference, which says how models differ."""
+def _fault(results: Comparison, *, explained: bool) -> list[str]:
+    """The first judge residual out of tolerance; `explained`: how models differ stands already with a difference."""
     bad = [row for row in rows(results.judge) if not row["ok"] and row["engine"] not in results.failures]
     if not bad:
         return []
     row = bad[0]
     at = f" at {row['worst_component']}, t = {number(row['worst_t'])} s" if row.get("worst_component") else ""
     sentence = f"The judge faults {row['engine']}: {words(row['residual'])} residual {_amount(row)}{at}{_because(row)}."
-    return [sentence] if beside else [sentence, *_otherwise(results, row["engine"])]
+    return [sentence] if explained else [sentence, *_model_differences(results, row["engine"])]
 
 
 def _amount(row: Row) -> str:
@@ -122,15 +122,15 @@ def _because(row: Row) -> str:
 
 
 def _alone(results: Comparison) -> Iterator[str]:
-    """What an engine gives and no other one beside it."""
-    beside = {(row[side], row["quantity"]) for row in rows(results.pairs) for side in ("a", "b")}
+    """What one engine alone gives."""
+    compared_with = {(row[side], row["quantity"]) for row in rows(results.pairs) for side in ("a", "b")}
     engines = {name: one for name, one in results.solutions.items() if name not in results.scene.tables}
-    for engine, solution in engines.items() if len(engines) > 1 else ():  # what a table leaves out it says itself
+    for engine, solution in engines.items() if len(engines) > 1 else ():  # a table has remarks of its own
         names = [
             name
             for name, values in solution.values.items()
             if values.array.size
-            and (engine, name) not in beside
+            and (engine, name) not in compared_with
             and not {*values.components} <= {*results.not_unique.get(name, ())}
         ]
         if names:

@@ -152,10 +152,10 @@ def browser() -> str:
     Raises:
         OutputError: There is none.
     """
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None:
         raise OutputError(f"{PDF} needs Chromium or Chrome, and none is found", "", "install one, or leave out --pdf")
-    return found
+    return path
 
 
 def print_page(html: Path, pdf: Path) -> None:

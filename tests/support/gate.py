@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from screwgauge.judging.residual import Residual
-from screwgauge.report.pages.check import PAGE, told
+from screwgauge.report.pages.check import PAGE, sentence_of
 from screwgauge.study.gate import run as gate_run
 from screwgauge.study.gate.history import against, history, keep, write_baseline, write_latest
 from screwgauge.study.gate.items import GateRow, Item, items

@@ -113,7 +113,7 @@ class Cause:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attribution:
-    """What was found.
+    """Shares of causes in the torque difference.
 
     Attributes:
         before: Largest torque difference, scaled, then where and how large: component, value and its unit.
@@ -183,7 +183,7 @@ def attribute(
 
 
 class _Effects:
-    """What changes make of torques, each asked for once.
+    """Effects of changes on torques, each computed once.
 
     Attributes:
         start: Torques of B. Shape (n, m).
@@ -242,7 +242,7 @@ class _Effects:
 
 
 def _rows(
-    rows: Sequence[tuple[Group, Array | None]], effects: _Effects, found: Sequence[Difference], *, agree: bool
+    rows: Sequence[tuple[Group, Array | None]], effects: _Effects, differences: Sequence[Difference], *, agree: bool
 ) -> list[Cause]:
     """Groups as causes, small ones and what no torque shows together with those of their kind."""
     seen, others, digits, unseen = list[Cause](), list[Group](), list[Cause](), list[Group]()
@@ -252,17 +252,17 @@ def _rows(
         hidden = effect is not None and not effects.seen(effect)
         if group.family == "digits":
             digits.append(_cause(group, share, "digits"))
-        elif hidden and not {found[i].what for i in group.differences} & WEIGHTY:
+        elif hidden and not {differences[i].what for i in group.differences} & WEIGHTY:
             unseen.append(group)
         elif math.isnan(share) or hidden:
             others.append(group)
         else:
             seen.append(_cause(group, share))
     seen = _ranked(seen, groups, effects)
-    others.sort(key=lambda group: -max(found[i].size for i in group.differences))
+    others.sort(key=lambda group: -max(differences[i].size for i in group.differences))
     rest = [_cause(group) for group in _few(others)]
     alone = not (seen or rest)
-    folded = _folded(unseen, found, alone=alone)
+    folded = _folded(unseen, differences, alone=alone)
     return [*seen, *rest, *(folded if alone else ()), *digits, *(() if alone else folded)]
 
 
@@ -297,10 +297,10 @@ def _few(groups: Sequence[Group]) -> list[Group]:
     return [each for some in families.values() for each in ([together(some)] if len(some) >= SEVERAL else some)]
 
 
-def _folded(groups: Sequence[Group], found: Sequence[Difference], *, alone: bool) -> list[Cause]:
-    """What no torque shows: in one line beside other rows, else by what it is."""
+def _folded(groups: Sequence[Group], differences: Sequence[Difference], *, alone: bool) -> list[Cause]:
+    """Differences without effect on torques: one line below other rows, else one for each family."""
     if alone or len(groups) < 2:
-        largest_first = sorted(groups, key=lambda group: -max(found[i].size for i in group.differences))
+        largest_first = sorted(groups, key=lambda group: -max(differences[i].size for i in group.differences))
         return [_cause(group, kind="unseen") for group in _few(largest_first)]
     numbers = tuple(i for group in groups for i in group.differences)
     counts: dict[str, int] = {}

@@ -123,17 +123,17 @@ class ProjectedStepper:
 
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
         for i in range(n):
-            found = project(self.mover, *self.once(t + i * h, h))
-            self.q, self.v = found.q, found.v
+            closed = project(self.mover, *self.once(t + i * h, h))
+            self.q, self.v = closed.q, closed.v
         return self.q.copy(), self.v.copy()
 
     def accelerations(self, t: float) -> tuple[Array, Array]:
         return self._slope(t, self.q, self.v), np.zeros(0)
 
     def _slope(self, t: float, q: Array, v: Array) -> Array:
-        """Accelerations on the closed loops: beside them redundant rows contradict each other."""
-        found = project(self.mover, q, v)
-        self.forces.act(t, found.q, found.v, self.mover.body, self.tau)
+        """Accelerations on the closed loops: off them redundant rows contradict each other."""
+        closed = project(self.mover, q, v)
+        self.forces.act(t, closed.q, closed.v, self.mover.body, self.tau)
         return self.mover.accelerate(self.tau)
 
     def _euler(self, t: float, h: float) -> tuple[Array, Array]:

@@ -60,8 +60,8 @@ class _TreeRun:
         q, v = state[:n], state[n:-1]
         out[:n] = v
         if self.closed:
-            found = project(self.mover, q, v)
-            q, v = found.q, found.v
+            closed = project(self.mover, q, v)
+            q, v = closed.q, closed.v
         else:
             self.mover.place(q, v)
         out[-1] = self.forces.act(t, q, v, self.mover.body, self.tau)
@@ -85,13 +85,15 @@ class _TreeRun:
 
     def back(self, state: Array) -> Array:
         """A state brought back onto the closed loops."""
-        found = project(self.mover, state[: self.n], state[self.n : -1])
-        if not found.left < OPEN:
+        closed = project(self.mover, state[: self.n], state[self.n : -1])
+        if not closed.left < OPEN:
             raise ClosureError(
-                f"the loops stay open by {found.left:.3g}", self.mover.tree.engine, "integrate with a smaller tolerance"
+                f"the loops stay open by {closed.left:.3g}",
+                self.mover.tree.engine,
+                "integrate with a smaller tolerance",
             )
-        self.drift = [max(self.drift[0], found.gap), max(self.drift[1], found.rate)]
-        return np.concatenate([found.q, found.v, state[-1:]])
+        self.drift = [max(self.drift[0], closed.gap), max(self.drift[1], closed.rate)]
+        return np.concatenate([closed.q, closed.v, state[-1:]])
 
     def forget(self, t: float) -> None:
         """Forgets the states after a time [s]."""

@@ -260,7 +260,7 @@ class TreeDynamics(Protocol):
     Attributes:
         setting: In words.
         integrator, dt: Method at a fixed step and that step [s]; None for scipy's methods on its accelerations.
-        naive: What the engine says of the actuated joints is taken for the actuator forces.
+        naive: The engine's forces along the actuated joints are taken for the actuator forces.
     """
 
     setting: str

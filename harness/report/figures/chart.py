@@ -42,11 +42,11 @@ def _text(name: str) -> str:
 
 def filled(name: str, /, **values: Any) -> Spec:
     """A specification with a value for each ``"$key"``, however deep; a facet of one panel becomes that panel."""
-    found: Spec = _filled(json.loads(_text(name)), _COMMON | values)
-    if found.get("columns") == 1:
-        panel = found.pop("spec")
-        found = {key: value for key, value in found.items() if key not in ("facet", "columns")} | panel
-    return found
+    spec: Spec = _filled(json.loads(_text(name)), _COMMON | values)
+    if spec.get("columns") == 1:
+        panel = spec.pop("spec")
+        spec = {key: value for key, value in spec.items() if key not in ("facet", "columns")} | panel
+    return spec
 
 
 def _filled(node: Any, values: Spec) -> Any:
@@ -71,12 +71,12 @@ def ways(field: str, looks: Mapping[str, Look]) -> Spec:
 
 
 def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Spec:
-    """Values ``data`` and ``lookup``: what a curve is is said once, its points are numbers or gaps.
+    """Values ``data`` and ``lookup``: each curve is described once, its points are numbers or gaps.
 
     Args:
         linear: Whether they share a linear axis: then a still picture needs no points that are on lines between others.
     """
-    rows, said, digits = ["s,t,v"], list[Spec](), 6 if moving else 4
+    rows, described, digits = ["s,t,v"], list[Spec](), 6 if moving else 4
     series = [(fields, t, np.where(np.isfinite(v), v, np.nan)) for fields, t, v in series]
     known = (v[np.isfinite(v)] for _, _, v in series)
     off = UNSEEN * max((float(np.ptp(v)) for v in known if v.size), default=0.0)
@@ -86,10 +86,10 @@ def curves(series: Sequence[Curve], moving: bool, *, linear: bool = False) -> Sp
         numbers = np.column_stack([t, v]).ravel().tolist()
         lines = "\n".join([f"{i},%.7g,%.{digits}g"] * len(t)) % tuple(numbers)  # at once: half the time
         rows += [lines.replace(",nan", ",")] if lines else []
-        said.append({"s": i, **fields})
-    names = list(dict.fromkeys(name for fields in said for name in fields))
+        described.append({"s": i, **fields})
+    names = list(dict.fromkeys(name for fields in described for name in fields))
     parse = {"type": "csv", "parse": dict.fromkeys("stv", "number")}
-    look_up = {"lookup": "s", "from": {"data": {"values": said}, "key": "s", "fields": names}}
+    look_up = {"lookup": "s", "from": {"data": {"values": described}, "key": "s", "fields": names}}
     alone = any(len(t) == 1 for fields, t, _ in series if fields.get("kind", "line") == "line")
     return {"data": {"values": "\n".join(rows), "format": parse}, "lookup": look_up, "alone": alone}
 
@@ -122,7 +122,7 @@ def columns(panels: int) -> Spec:
 
 
 def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterable[str] = ()) -> Picture:
-    """Draws a specification, or says why it cannot be drawn.
+    """Draws a specification, or gives the reason why it cannot be drawn.
 
     Args:
         build: Specification without a title; ``True``: with more points than can be seen at once.
@@ -180,11 +180,11 @@ def thin(values: Array, bins: int, *, lows: bool = True) -> NDArray[np.intp]:
     edges = np.arange(bins + 1) * n // bins
     at = np.minimum(edges[:-1, None] + np.arange(np.diff(edges).max()), edges[1:, None] - 1)
     gap = ~np.isfinite(values[at])
-    found = [np.where(gap, -np.inf, values[at]).argmax(axis=1)]
-    found += [np.where(gap, np.inf, values[at]).argmin(axis=1)] if lows else []
+    extremes = [np.where(gap, -np.inf, values[at]).argmax(axis=1)]
+    extremes += [np.where(gap, np.inf, values[at]).argmin(axis=1)] if lows else []
     missing, each = gap.any(axis=1) if lows else gap.all(axis=1), np.arange(bins)
     gaps = at[each, gap.argmax(axis=1)][missing]
-    return np.unique(np.concatenate([[0, n - 1], *(at[each, one] for one in found), gaps]))
+    return np.unique(np.concatenate([[0, n - 1], *(at[each, one] for one in extremes), gaps]))
 
 
 def straight(t: Array, v: Array, off: float) -> NDArray[np.intp]:

@@ -59,20 +59,20 @@ class Renderer:
         """What a function of vl_convert gives: a text, bytes, or plain data.
 
         Raises:
-            DrawingError: It cannot; the message says why.
+            DrawingError: It cannot; the message has the reason.
         """
         with self.lock:
             try:
-                found = self._asked({"call": call, "arguments": arguments, "named": named})
+                answer = self._exchange({"call": call, "arguments": arguments, "named": named})
             except BaseException as error:
                 if not isinstance(error, DrawingError):
                     self.end()  # an answer that nobody has read would be taken for the next
                 else:
                     self.lost.append(error.what)
                 raise
-        return base64.b64decode(found["bytes"]) if "bytes" in found else found["text"]
+        return base64.b64decode(answer["bytes"]) if "bytes" in answer else answer["text"]
 
-    def _asked(self, question: dict[str, Any]) -> dict[str, Any]:
+    def _exchange(self, question: dict[str, Any]) -> dict[str, Any]:
         if self.process is None or (self.able and self.process.poll() is not None):
             self._begin()
         process = self.process
@@ -92,10 +92,10 @@ class Renderer:
         if not line:
             raise _error(_ending(process))
         self.able = True
-        found: dict[str, Any] = json.loads(line)
-        if "error" in found:
-            raise _error(found["error"])
-        return found
+        answer: dict[str, Any] = json.loads(line)
+        if "error" in answer:
+            raise _error(answer["error"])
+        return answer
 
     def _begin(self) -> None:
         try:
@@ -137,6 +137,6 @@ os.register_at_fork(after_in_child=RENDERER.__init__)  # type: ignore[misc]  # a
 @contextmanager
 def losses() -> Iterator[list[str]]:
     """What could not be drawn meanwhile: why not, once for each drawing; complete when the context ends."""
-    found, before = list[str](), len(RENDERER.lost)
-    yield found
-    found += RENDERER.lost[before:]
+    reasons, before = list[str](), len(RENDERER.lost)
+    yield reasons
+    reasons += RENDERER.lost[before:]

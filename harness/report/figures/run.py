@@ -55,8 +55,8 @@ class _Subject:
 
 def make_plots(comparison: Comparison) -> list[Picture]:
     """All pictures of the report, in order."""
-    found = drawings(tuple(comparison.scene.figures), comparison.solutions, comparison.not_unique)
-    plots = [_quantity(f"{i:02d}-{file_name(each.title)}", each, comparison) for i, each in enumerate(found, 1)]
+    drawn = drawings(tuple(comparison.scene.figures), comparison.solutions, comparison.not_unique)
+    plots = [_quantity(f"{i:02d}-{file_name(each.title)}", each, comparison) for i, each in enumerate(drawn, 1)]
     if any(np.isfinite(s.condition).any() for s in comparison.solutions.values()):
         plots.append(_condition(f"{len(plots) + 1:02d}-condition", comparison))
     return plots
@@ -100,11 +100,11 @@ def _curves(
                 kinds = {"line": thin(values[at], stretches)} if not k else {}
                 if k or moving:
                     kinds["mark" if k else "asked"] = sparse(len(at), k, len(shown), MARKS[moving])
-                said = {"panel": panel, "curve": curve, "engine": engine, "colour": looks[curve].colour}
-                series += [({**said, "kind": kind}, subject.t[at[i]], values[at[i]]) for kind, i in kinds.items()]
+                fields = {"panel": panel, "curve": curve, "engine": engine, "colour": looks[curve].colour}
+                series += [({**fields, "kind": kind}, subject.t[at[i]], values[at[i]]) for kind, i in kinds.items()]
     engines = {engine: Look(GREY, shape=SIGNS[k % len(SIGNS)]) for k, engine in enumerate(shown)}
-    told = chart.ways("curve", looks) | chart.ways("engine", engines)
-    more = {**told, **grid, "height": HEIGHTS[grid["columns"]], "title": title, "y_scale": _flat(series)}
+    scales = chart.ways("curve", looks) | chart.ways("engine", engines)
+    more = {**scales, **grid, "height": HEIGHTS[grid["columns"]], "title": title, "y_scale": _flat(series)}
     return {**chart.curves(series, moving, linear=True), **more}
 
 
@@ -118,14 +118,14 @@ def _flat(series: Iterable[Curve]) -> Spec:
     return {"domain": [float(known.mean()) - half, float(known.mean()) + half]}
 
 
-def _differences(found: dict[str, Apart], tolerance: float | None, title: str, moving: bool) -> Spec:
+def _differences(apart_by_pair: dict[str, Apart], tolerance: float | None, title: str, moving: bool) -> Spec:
     """The largest difference of each pair and where it is; grey lines for the tolerance and for zero."""
-    numbers, times = (np.concatenate([columns[k] for columns in found.values()]) for k in (1, 0))
+    numbers, times = (np.concatenate([columns[k] for columns in apart_by_pair.values()]) for k in (1, 0))
     seen, zero = numbers[numbers > 0], bool((numbers == 0).any())
     low, high = (float(seen.min()), float(seen.max())) if len(seen) else (FLOOR, 10 * FLOOR)
     floor = max(10.0 ** (np.floor(np.log10(low)) - (1 if zero and len(seen) else 0)), 1e-300)
-    looks, series = {pair: numbered(i + 1) for i, pair in enumerate(found)}, list[Curve]()
-    for pair, (t, apart, names) in found.items():
+    looks, series = {pair: numbered(i + 1) for i, pair in enumerate(apart_by_pair)}, list[Curve]()
+    for pair, (t, apart, names) in apart_by_pair.items():
         some = thin(apart, PEAKS[moving], lows=False)
         series.append(({"pair": pair, "kind": "line"}, t[some], np.maximum(apart[some], floor)))
         for name in dict.fromkeys(names[some]) if moving else ():
@@ -168,17 +168,17 @@ def _condition(name: str, comparison: Comparison) -> Picture:
     """Condition number of each engine's closure along the path: the largest of each stretch of samples."""
     t, title = comparison.times, "condition number [1]"
     finite = {e: np.where(np.isfinite(s.condition), s.condition, np.nan) for e, s in comparison.solutions.items()}
-    found = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
-    low, high = np.nanmin([*found.values()]), np.nanmax([*found.values()])
-    looks, axis = {engine: numbered(i) for i, engine in enumerate(found)}, "log" if high > WIDE * low else "linear"
+    lines = {engine: line for engine, line in finite.items() if not np.isnan(line).all()}
+    low, high = np.nanmin([*lines.values()]), np.nanmax([*lines.values()])
+    looks, axis = {engine: numbered(i) for i, engine in enumerate(lines)}, "log" if high > WIDE * low else "linear"
 
     def build(moving: bool) -> Spec:
         series = list[Curve]()
-        for i, (engine, values) in enumerate(found.items()):
+        for i, (engine, values) in enumerate(lines.items()):
             at, look = thin(values, PEAKS[moving], lows=False), looks[engine]
-            some = at[sparse(len(at), i + 1, len(found) + 1, MARKS[moving])]  # marks keep apart lines that coincide
-            said = {"pair": engine, "component": "closure", "colour": look.colour, "shape": look.shape}
-            series += [({**said, "kind": kind}, t[i], values[i]) for kind, i in (("line", at), ("mark", some))]
+            some = at[sparse(len(at), i + 1, len(lines) + 1, MARKS[moving])]  # marks keep apart lines that coincide
+            fields = {"pair": engine, "component": "closure", "colour": look.colour, "shape": look.shape}
+            series += [({**fields, "kind": kind}, t[i], values[i]) for kind, i in (("line", at), ("mark", some))]
         return chart.filled(
             "differences", **_lower(series, looks, title, (low, high, 1.1 * high), moving, axis=axis, marked=1.0)
         )
@@ -190,10 +190,10 @@ def _subject(drawing: Drawing, comparison: Comparison) -> _Subject:
     # an engine that solved only some samples comes last: the first one is drawn as lines
     order = sorted(comparison.solutions.items(), key=lambda item: item[1].rows is not None)
     solutions = {engine: solution for engine, solution in order if drawing.quantity in solution.values}
-    found = {engine: solution.values[drawing.quantity] for engine, solution in solutions.items()}
+    given = {engine: solution.values[drawing.quantity] for engine, solution in solutions.items()}
     n = len(comparison.times)
     nothing = dict.fromkeys(drawing.names, np.full(n, np.nan))
-    values = {engine: nothing | dict(zip(v.components, v.array.T, strict=True)) for engine, v in found.items()}
+    values = {engine: nothing | dict(zip(v.components, v.array.T, strict=True)) for engine, v in given.items()}
     solved = {engine: np.isin(np.arange(n), common_rows(n, solution)) for engine, solution in solutions.items()}
     return _Subject(comparison.times, values, solved, drawing.panels)
 
@@ -209,7 +209,7 @@ def _apart(subject: _Subject, pair: Pair) -> Apart:
     both = subject.solved[pair[0]] & subject.solved[pair[1]]
     first, second = (np.array([subject.values[engine][name][both] for name in subject.names]) for engine in pair)
     apart = np.abs(first - second)
-    apart[~np.isfinite(apart)] = np.inf  # found before any number
+    apart[~np.isfinite(apart)] = np.inf  # larger than any number
     worst, largest = apart.argmax(axis=0), apart.max(axis=0)
     return subject.t[both], np.where(largest < np.inf, largest, np.nan), np.array(subject.names, dtype=object)[worst]
 
@@ -253,7 +253,7 @@ class Drawing:
 
     Attributes:
         panels: Labels and names of components.
-        unique: Whether each component has a unique value; else nothing is said of tolerances.
+        unique: Whether each component has a unique value; else it has no tolerance.
         others: How many components of the figure are not here, as they are of the other sort.
     """
 
@@ -291,7 +291,7 @@ def drawings(
     Args:
         not_unique: Quantity -> components without a unique value.
     """
-    values, found = _first_values(solutions), list[Drawing]()
+    values, selected = _first_values(solutions), list[Drawing]()
     for figure in drawable(figures, solutions):
         open_ = not_unique.get(figure.quantity, ())
         names = [(label, select(values[figure.quantity], figure.unit, some)) for label, some in figure.panels]
@@ -301,8 +301,8 @@ def drawings(
             if panels := tuple(panel for panel in picked if panel[1]):
                 others = n - sum(len(some) for _, some in panels)
                 title = figure.title if unique else f"{figure.title}: not unique"
-                found.append(Drawing(title, figure.quantity, figure.unit, panels, unique, others))
-    return found
+                selected.append(Drawing(title, figure.quantity, figure.unit, panels, unique, others))
+    return selected
 
 
 def select(values: Values, unit: str, patterns: tuple[str, ...]) -> list[str]:

@@ -31,12 +31,12 @@ def main() -> None:
         print(json.dumps(_answer(vl_convert, json.loads(line))), file=answers, flush=True)
 
 
-def _answer(library: Any, asked: dict[str, Any]) -> dict[str, Any]:
+def _answer(library: Any, question: dict[str, Any]) -> dict[str, Any]:
     try:
-        found = getattr(library, asked["call"])(*asked["arguments"], **asked["named"])
-    except Exception as error:  # of any kind: it is told where the picture would be
+        result = getattr(library, question["call"])(*question["arguments"], **question["named"])
+    except Exception as error:  # of any kind: it is shown in place of the picture
         return {"error": f"{type(error).__name__}: {error}"[:1000]}
-    return {"bytes": base64.b64encode(found).decode()} if isinstance(found, bytes) else {"text": found}
+    return {"bytes": base64.b64encode(result).decode()} if isinstance(result, bytes) else {"text": result}
 
 
 if __name__ == "__main__":

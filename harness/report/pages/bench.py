@@ -248,8 +248,8 @@ def _of_simulation(bench: Bench) -> Iterator[Picture]:
     looks = by_camp(row.contestant.family for row in done)
     for measure, title in MEASURES.items():
         errors = [(row, max(row.largest.values(), default=np.nan)) for row in done if row.quantity == measure]
-        found = [(row, _point(row, row.contestant.family, row.work_s, e)) for row, e in errors if np.isfinite(e)]
-        points = [point | {"hollow": row.status != OK, "joined": True} for row, point in found]
+        placed = [(row, _point(row, row.contestant.family, row.work_s, e)) for row, e in errors if np.isfinite(e)]
+        points = [point | {"hollow": row.status != OK, "joined": True} for row, point in placed]
         theirs = [item for item in bench.scene.published if item.measure == measure or np.isnan(item.accuracy)]
         others = [(item.cpu_s, item.accuracy, item.who.split(",")[0].split(":")[0]) for item in theirs]
         axes = f"Error against processor time: {measure}", "processor time of the integration", title
@@ -258,8 +258,8 @@ def _of_simulation(bench: Bench) -> Iterator[Picture]:
 
 
 def _point(row: BenchRow, family: str, seconds: float, error: float) -> Spec:
-    told = {"family": family, "contestant": row.contestant.name, "setting": row.contestant.setting}
-    return {**told, "x": seconds, "y": max(error, ZERO), "label": row.contestant.label}
+    fields = {"family": family, "contestant": row.contestant.name, "setting": row.contestant.setting}
+    return {**fields, "x": seconds, "y": max(error, ZERO), "label": row.contestant.label}
 
 
 def _error_and_time(

@@ -109,8 +109,8 @@ class Check:
         rows = [{**asdict(row), "ok": row.ok} for row in self.rows]
         for row in rows:  # names of files as they are given are in `files`; where those lie is this machine's own
             del row["read"]
-        said = {"schema": SCHEMA, "ok": self.ok, "smoke": self.smoke, "rows": rows, "baseline": known}
-        return {**said, "unread": [*self.unread]}
+        content = {"schema": SCHEMA, "ok": self.ok, "smoke": self.smoke, "rows": rows, "baseline": known}
+        return {**content, "unread": [*self.unread]}
 
     @property
     def json(self) -> str:
@@ -127,10 +127,10 @@ class Check:
         suite = ET.Element("testsuite", name="screwgauge", tests=str(len(cases)))
         for name, kind in (("failures", "failure"), ("errors", "error")):
             suite.set(name, str(kinds[kind]))
-        for name, seconds, status, said in cases:
+        for name, seconds, status, reason in cases:
             case = ET.SubElement(suite, "testcase", classname="screwgauge", name=printable(name), time=f"{seconds:.3f}")
             if status in _KINDS:
-                ET.SubElement(case, _KINDS[status], message=printable(said))
+                ET.SubElement(case, _KINDS[status], message=printable(reason))
         if self.unread:
             ET.SubElement(suite, "system-out").text = printable(_left_alone(self))
         return ET.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
@@ -224,24 +224,24 @@ class _Page(Report):
     """With the files that services for CI read."""
 
     def write(
-        self, found: Check, out: Path, *, junit: Path | None = None, baseline: Path | None = None, **writing: Any
+        self, results: Check, out: Path, *, junit: Path | None = None, baseline: Path | None = None, **writing: Any
     ) -> Path:
         """Writes ``check.json``, the report and ``environment.json``; JUnit and baseline where they are asked for.
 
         The summary of a job is added to the file that ``GITHUB_STEP_SUMMARY`` names.
         """
         if junit is not None:
-            replace_file(junit, stamped(found.junit()))
+            replace_file(junit, stamped(results.junit()))
         if summary := os.environ.get("GITHUB_STEP_SUMMARY"):
             try:
                 with Path(summary).open("a", encoding="utf-8") as file:
-                    file.write(found.markdown())
+                    file.write(results.markdown())
             except OSError as error:
                 what = f"cannot be written ({why(error)})"
                 raise OutputError(what, f"GITHUB_STEP_SUMMARY, {summary}", "unset it, or name a file") from error
-        super().write(found, out, **writing)
+        super().write(results, out, **writing)
         if baseline is not None:
-            found.write_baseline(baseline)
+            results.write_baseline(baseline)
         return out
 
 
@@ -278,7 +278,7 @@ def message(row: GateRow) -> str:
     )
 
 
-def told(results: Comparison) -> str:
+def sentence_of(results: Comparison) -> str:
     """The verdict of a comparison."""
     banner = verdict(results)
     return f"{banner.word}: {banner.text}"
@@ -313,12 +313,12 @@ def check_with(
 ) -> Check:
     """What `screwgauge.check` does, wherever scenes are to be checked."""
     requested = items(what)
-    settings = GateSettings(told, smoke, read_tolerances(tolerances))
+    settings = GateSettings(sentence_of, smoke, read_tolerances(tolerances))
     if baseline is not None:
         read_baseline(Path(baseline), smoke, [item.name for item in requested])
     rows = check_items(requested, settings, execute=execute, progress=progress, journal=journal)
-    beside = [name for name in (tolerances, baseline) if isinstance(name, str | Path)]
+    others = [name for name in (tolerances, baseline) if isinstance(name, str | Path)]
     read = [*(name for row in rows for name in row.read), *(name for item in requested for name in item.files)]
-    left = unread(what, [*read, *map(str, beside)])
+    left = unread(what, [*read, *map(str, others)])
     date = datetime.now(UTC).isoformat(timespec="seconds")
     return Check(rows, smoke, None if baseline is None else against(Path(baseline), rows, smoke), left, date)

@@ -32,8 +32,8 @@ def _reasons(table: pd.DataFrame) -> list[Block]:
     """What does not pass, in how many scenes which quantities differ."""
     where, amount = "pin {pin} with mujoco {mujoco}: ", "scenes out of tolerance in {differing}; the first: "
     bad = [row for row in rows(table) if row["reason"]]
-    told = tuple((where + amount * bool(row["differing"]) + "{reason}").format(**row) for row in bad)
-    return [Folded("What does not pass", (Items(told),))] if told else []
+    reasons = tuple((where + amount * bool(row["differing"]) + "{reason}").format(**row) for row in bad)
+    return [Folded("What does not pass", (Items(reasons),))] if reasons else []
 
 
 def _lost(table: pd.DataFrame) -> list[tuple[str, str]]:
@@ -54,12 +54,12 @@ def _cases(table: pd.DataFrame) -> Iterator[Row]:
         packages = [package for package, engine in ENGINES.items() if engine in case.engines]
         by: dict[str, set[str]] = {}
         for row in rows(table):
-            status = next((said for column, said in STATUS.items() if name in row[column].split()), None)
+            status = next((word for column, word in STATUS.items() if name in row[column].split()), None)
             if status and not lost & {(package, row[package]) for package in packages}:
                 by.setdefault(" / ".join(row[package] for package in packages), set()).add(status)
         if len(set().union(*by.values())) > 1:
-            said = "; ".join(f"{version}: {' or '.join(sorted(by[version]))}" for version in sorted(by))
-            yield {"case": name, "of": " / ".join(packages), "said": said, "title": case.title}
+            by_version = "; ".join(f"{version}: {' or '.join(sorted(by[version]))}" for version in sorted(by))
+            yield {"case": name, "of": " / ".join(packages), "versions": by_version, "title": case.title}
 
 
 PAGE = study(

@@ -44,7 +44,7 @@ def _worst(stress: Stress) -> Iterator[Row]:
         cases = grouped(group, "case").values()
         worst = [max((row["verdict"] for row in case), key=VERDICTS.index) for case in cases]
         counts = {"kept": worst.count(OK), "silent": worst.count(SILENT)}
-        counts["said"] = len(worst) - sum(counts.values())
+        counts["reported"] = len(worst) - sum(counts.values())
         yield {"engine": engine, **{k: f"{n} of {len(worst)} cases" if n else "none" for k, n in counts.items()}}
 
 
@@ -168,8 +168,8 @@ def _panel(case: StressCase, rows: Sequence[Finding], looks: dict[str, Look]) ->
         kept, look = digits(row.error), looks[row.engine]
         below = NO_NUMBER - APART * (camps.index(look.colour) % 3)
         drawn = {"x": row.severity or zero, "y": below if np.isnan(kept) else kept, "kept": kept}
-        said = {name: getattr(row, name) for name in ("engine", "severity", "verdict", "reason")}
-        points.append({**said, **drawn, "colour": look.colour, "dash": look.dash})
+        fields = {name: getattr(row, name) for name in ("engine", "severity", "verdict", "reason")}
+        points.append({**fields, **drawn, "colour": look.colour, "dash": look.dash})
     scales = chart.logarithm("x", severities, most=5)
     scales["x_scale"]["reverse"] = case.falling
     if severities[0] == 0.0:

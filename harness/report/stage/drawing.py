@@ -69,7 +69,7 @@ def frames(motion: DrawnMotion) -> list[str]:
     mechanism, poses = motion.lay.mechanism, [motion.at.rows([k]) for k in range(len(motion.t))]
     cloud = np.concatenate([_cloud(mechanism, placed(mechanism, at), joint_marks(mechanism, at)) for at in poses])
     return [
-        drawing(mechanism, at=at, cloud=cloud, said=f"t = {t:.3f} s")
+        drawing(mechanism, at=at, cloud=cloud, caption=f"t = {t:.3f} s")
         for at, t in zip(poses, motion.t.tolist(), strict=True)
     ]
 
@@ -88,25 +88,25 @@ def _view(mechanism: Mechanism) -> Array:
 
 def drawing(
     mechanism: Mechanism,
-    beside: Sequence[Shape] = (),
+    others: Sequence[Shape] = (),
     *,
     at: Pose | None = None,
     cloud: Array | None = None,
-    said: str = "home pose",
+    caption: str = "home pose",
 ) -> str:
     """Bodies as lines, joints as marks by kind, hatching where they stand on ground; at home with names and a legend.
 
     Args:
-        beside: Of another mechanism, in the world.
-        at: Pose of one sample, with what is within the picture, shape (n, 2), and what is said of it.
+        others: Of another mechanism, in the world.
+        at: Pose of one sample, with what is within the picture, shape (n, 2), and its caption.
     """
-    direction, view, solids = viewed_from(mechanism), _view(mechanism), [*placed(mechanism, at), *beside]
+    direction, view, solids = viewed_from(mechanism), _view(mechanism), [*placed(mechanism, at), *others]
     marks = joint_marks(mechanism, at)
     joints = [(joint, view @ place, axis) for joint, place, axis in marks]
     cloud = _cloud(mechanism, solids, marks) if cloud is None else cloud
     low, size = cloud.min(axis=0), np.maximum(np.ptp(cloud, axis=0), 1e-9)
     scale = min((WIDE - 2 * EDGE) / size[0], (TALL - 2 * EDGE) / size[1])
-    legend, head = _legend(mechanism, bool(beside))
+    legend, head = _legend(mechanism, bool(others))
     shift = np.array([(WIDE - scale * size[0]) / 2.0, head + EDGE]) - scale * low
     tall = head + scale * size[1] + 2 * EDGE + CORNER
     joints = [(joint, scale * place + shift, axis) for joint, place, axis in joints]
@@ -135,7 +135,7 @@ def drawing(
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="drawn" viewBox="0 0 {WIDE:.0f} {tall:.0f}" width="{WIDE:.0f}" '
         f'height="{tall:.0f}"><style>{LOOK}</style><rect width="100%" height="100%" fill="#fff"/>'
-        f'<text x="8" y="18">{escape(mechanism.title or mechanism.name)}: {said}</text>'
+        f'<text x="8" y="18">{escape(mechanism.title or mechanism.name)}: {caption}</text>'
         f"{legend}{''.join(out)}</svg>\n"
     )
 
@@ -227,7 +227,7 @@ def _legend(mechanism: Mechanism, compared: bool) -> tuple[str, float]:
 def labels(
     wanted: Sequence[tuple[str, str, Array]], busy: Array, wide: float, tall: float, left: float = 0.0
 ) -> list[str]:
-    """Texts, each where it covers least, with a line to what it names if that is not beside it; none upon another.
+    """Texts, each where it covers least, with a line to what it names if that is not near; no two overlap.
 
     One for which there is no room is left out.
 

@@ -1,4 +1,4 @@
-"""Two machines of a diagnosis beside each other, at home, with what differs marked."""
+"""Two machines of a diagnosis side by side, at home, with what differs marked."""
 
 from __future__ import annotations
 
@@ -72,15 +72,15 @@ class Side:
         }
 
 
-def machines(found: Diagnosis) -> Picture:
+def machines(diagnosis: Diagnosis) -> Picture:
     """Both of them; bodies and joints that differ in colour, the first ones named."""
-    order = [found.differences[i] for cause in found.causes for i in cause.differences if cause.kind == "cause"]
+    order = [diagnosis.differences[i] for cause in diagnosis.causes for i in cause.differences if cause.kind == "cause"]
     ours, theirs = (
         tuple(dict.fromkeys(filter(None, (getattr(each, side) for each in order)))) for side in ("item_a", "item_b")
     )
     sides = (
-        Side("A", found.a.reading, np.eye(4), ours),
-        Side("B", found.b.reading, found.pairing.placement, theirs),
+        Side("A", diagnosis.a.reading, np.eye(4), ours),
+        Side("B", diagnosis.b.reading, diagnosis.pairing.placement, theirs),
     )
     points = [np.array([*side.joints().values(), *(p for p, _ in side.masses().values())]) for side in sides]
     view = across(_seen(np.concatenate(points), sides)) * [[1.0], [-1.0]]

@@ -35,7 +35,7 @@ from screwgauge.report.stage.motion import Arrow, DrawnMotion, arrows, drawn_mot
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 
-HELD = 30  # samples at which a platform is asked how it is held, at most
+HELD = 30  # samples at which it is determined how a platform is held, at most
 LONGEST = 0.3  # of all arrows of a group, in lengths of the mechanism
 TONES = {
     "loads": "#D62728",
@@ -47,7 +47,7 @@ TONES = {
     "doubts": DOUBT,
 }
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
-#: What elements are called by their `kind`, how a line and a direction are told, and all six of them.
+#: Names of elements by their `_kind`, words before a line and a direction, and what all six together are called.
 WRENCHES = ("force", "couple", "wrench", "along", "about", "every force and couple")
 TWISTS = ("rotation", "translation", "screw", "about", "along", "all six freedoms")
 
@@ -67,30 +67,30 @@ def stage(
     """
     motion = drawn_motion(what, solutions or {}) if isinstance(what, Scene) else home_pose(what)
     mechanism = motion.lay.mechanism
-    beside = differing(mechanism, other, unsigned) if other else []
-    text = json.dumps(data(motion, beside), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+    other_shapes = differing(mechanism, other, unsigned) if other else []
+    text = json.dumps(data(motion, other_shapes), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
     title = f"{mechanism.title or mechanism.name}: home pose{' and what differs in the other' * bool(other)}"
-    return Picture("mechanism", title, drawing(mechanism, beside), stage=text)
+    return Picture("mechanism", title, drawing(mechanism, other_shapes), stage=text)
 
 
-def told(picture: Picture) -> list[Block]:
-    """What stands beside the picture of a mechanism: what differs in another, how it is held, and what looks odd."""
-    found = json.loads(picture.stage)
-    odd: list[Block] = [Paragraph("Suspicious, marked by cages:"), Items(tuple(found["doubts"]))]
-    there = [shape for shape in found["shapes"] if shape["g"] == "other"]
+def remarks(picture: Picture) -> list[Block]:
+    """Remarks on the picture of a mechanism: what differs in another, how it is held, and what looks odd."""
+    shown = json.loads(picture.stage)
+    odd: list[Block] = [Paragraph("Suspicious, marked by cages:"), Items(tuple(shown["doubts"]))]
+    there = [shape for shape in shown["shapes"] if shape["g"] == "other"]
     moved = dict.fromkeys(shape["n"] for shape in there if shape["k"] != "arrow")
     turned = dict.fromkeys(shape["n"] for shape in there if shape["n"] not in moved)
     lines = (("Elsewhere in the other", moved), ("Axis reversed in the other", turned))
     other = [Paragraph(f"{lead}: {', '.join(names)}.") for lead, names in lines if names]
-    return [*other, Items(tuple(found["words"])), *(odd if found["doubts"] else [])]
+    return [*other, Items(tuple(shown["words"])), *(odd if shown["doubts"] else [])]
 
 
-def data(motion: DrawnMotion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
-    """What ``stage.js`` draws, and what is said beside it. Lengths in lengths of the mechanism, from its middle."""
+def data(motion: DrawnMotion, other_shapes: Sequence[Shape] = ()) -> dict[str, Any]:
+    """What ``stage.js`` draws, with remarks. Lengths in lengths of the mechanism, from its middle."""
     mechanism, at, unit = motion.lay.mechanism, motion.at, length(motion.lay)
     middle, columns = at.com[0].mean(axis=0), mechanism.independent_columns
     keys, shown, solids = spread(len(motion.t), HELD), arrows(motion), shapes(mechanism)
-    found = held(motion.lay, at.rows(keys))
+    holding = held(motion.lay, at.rows(keys))
     longest, scales = dict[tuple[str, bool], float](), dict[str, str]()
     for one in shown:
         most, which = float(np.linalg.norm(one.vectors, axis=1).max()), (one.group, one.turns)
@@ -108,16 +108,16 @@ def data(motion: DrawnMotion, beside: Sequence[Shape] = ()) -> dict[str, Any]:
         "units": [mechanism.units[i] for i in columns],
         "bodies": list(mechanism.body_index),
         "poses": _poses(at.R, (at.p - middle) / unit),
-        "shapes": [_shape(one) for one in (*solids, *beside)],
+        "shapes": [_shape(one) for one in (*solids, *other_shapes)],
         "legend": _legend(mechanism, solids),
         "tones": TONES,
         "world": WORLD,
         "arrows": [_arrow(one, unit, longest[one.group, one.turns]) for one in shown],
         "scales": scales,
         "keys": keys.tolist(),
-        "holds": _holds(found, middle, unit),
+        "holds": _holds(holding, middle, unit),
         "doubts": [one.name for one in solids if one.group == "doubts"],
-        "words": [*_sentences(motion.lay, at.rows(keys), found, motion.t[keys]), *_loads(shown)],
+        "words": [*_sentences(motion.lay, at.rows(keys), holding, motion.t[keys]), *_loads(shown)],
     }
 
 
@@ -133,9 +133,9 @@ def _legend(mechanism: Mechanism, solids: Sequence[Shape]) -> list[tuple[str, st
     return [*entries, *[(STANDING, "foot: fixed to ground")] * ("foot" in kinds)]
 
 
-def _loads(found: Sequence[Arrow]) -> list[str]:
+def _loads(shown: Sequence[Arrow]) -> list[str]:
     """Loads that the scene puts on bodies, with how large they get; weights are no arrows."""
-    loads = [one for one in found if one.group == "loads"]
+    loads = [one for one in shown if one.group == "loads"]
     each = [
         f"{'a moment' if one.turns else 'a force'} on {one.name.removeprefix('load on ')}, {_range(one)}"
         for one in loads
@@ -171,7 +171,7 @@ def _arrow(one: Arrow, unit: float, longest: float) -> dict[str, Any]:
     return dict(zip("gncmipv", values, strict=True))
 
 
-def _holds(found: Sequence[Held], middle: Array, unit: float) -> list[dict[str, Any]]:
+def _holds(holding: Sequence[Held], middle: Array, unit: float) -> list[dict[str, Any]]:
     """Wrenches of legs and twists left at some samples: point, direction and `kind` of each element, one by one."""
 
     def row(system: Sequence[Element], k: int) -> list[float]:
@@ -179,10 +179,10 @@ def _holds(found: Sequence[Held], middle: Array, unit: float) -> list[dict[str, 
             return [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, -1]
         return [*_rounded((system[k].point - middle) / unit, 3), *_rounded(system[k].direction, 3), _kind(system[k])]
 
-    first, out = found[0], list[dict[str, Any]]()
+    first, out = holding[0], list[dict[str, Any]]()
     parts = [("wrenches", leg.name, COLOURS[i % len(COLOURS)]) for i, leg in enumerate(first.legs)]
     for i, (group, name, colour) in enumerate([*parts, ("freedoms", first.body, "#777777")]):
-        systems = [(*one.wrenches, one.twists)[i] for one in found]
+        systems = [(*one.wrenches, one.twists)[i] for one in holding]
         for k in range(max(map(len, systems))):
             out.append({"g": group, "n": name, "c": colour, "w": [x for s in systems for x in row(s, k)]})
     return out
@@ -193,14 +193,14 @@ def _kind(one: Element) -> int:
     return 0 if one.pitch == 0.0 else 1 if np.isinf(one.pitch) else 2
 
 
-def _sentences(lay: Layout, at: Pose, found: Sequence[Held], t: Array) -> list[str]:
+def _sentences(lay: Layout, at: Pose, holding: Sequence[Held], t: Array) -> list[str]:
     """Constraints of the legs, remaining freedoms, redundancy of actuators, and whether they change during the motion.
 
     Args:
-        found: At each of the samples of `at`; the first is described.
+        holding: At each of the samples of `at`; the first is described.
         t: Their times [s].
     """
-    first, mechanism = found[0], lay.mechanism
+    first, mechanism = holding[0], lay.mechanism
     joints = [joint for joint in mechanism.joints if joint.constrains and joint.angles]
     places = {joint.name: at.joint(joint).p_child[0] for joint in joints}
     sides = [side for joint in mechanism.joints for side in (joint.parent, joint.child)]
@@ -223,7 +223,7 @@ def _sentences(lay: Layout, at: Pose, found: Sequence[Held], t: Array) -> list[s
             f"{len(mechanism.actuators)} actuators for {freedoms}: {_many(n, 'combination')} of their forces"
             f" {idle} the mechanism, so that a rule has to choose {'it' if n == 1 else 'them'}."
         )
-    kinds = [[[*map(_kind, system)] for system in (*one.wrenches, one.twists)] for one in found]
+    kinds = [[[*map(_kind, system)] for system in (*one.wrenches, one.twists)] for one in holding]
     if changes := [f"{t[k]:.3g} s" for k in range(1, len(kinds)) if kinds[k] != kinds[k - 1]]:
         times = ", ".join(changes[:3]) + ", ..." * (len(changes) > 3)
         text.append(f"This is the first pose; the kind or number of constraints changes near t = {times}.")
@@ -270,20 +270,20 @@ def _screws(system: Sequence[Element], nouns: tuple[str, ...], places: Mapping[s
     """A system of screws in words, such as ``two rotations through s, about x and y``."""
     force, couple, wrench, along, about, all_six = nouns
     lines, ways, screws = ([one for one in system if _kind(one) == k] for k in range(3))
-    said, many = [], _many(len(lines), force)
+    parts, many = [], _many(len(lines), force)
     if len(lines) > 1 and all(np.allclose(one.point, lines[0].point, rtol=0.0, atol=1e-9) for one in lines):
         directions = f", {along} {listed([_way(one.direction) for one in lines])}" if len(lines) == 2 else ""
-        said.append(f"{many} through {_place(lines[0], places)}{directions}")
+        parts.append(f"{many} through {_place(lines[0], places)}{directions}")
     elif lines:
         each = [f"{_way(one.direction)} through {_place(one, places)}" for one in lines]
-        said.append(f"{many} {along} {listed(each)}")
+        parts.append(f"{many} {along} {listed(each)}")
     for one in screws:
         pitch = f"{1e3 * one.pitch:.3g} mm/rad"
-        said.append(f"a {wrench} about {_way(one.direction)} through {_place(one, places)} of {pitch}")
+        parts.append(f"a {wrench} about {_way(one.direction)} through {_place(one, places)} of {pitch}")
     if ways:
         directions = "every axis" if len(ways) == 3 else listed([_way(one.direction) for one in ways])
-        said.append(f"{_many(len(ways), couple)} {about} {directions}")
-    return all_six if len(system) == 6 else listed(said) if said else "none"
+        parts.append(f"{_many(len(ways), couple)} {about} {directions}")
+    return all_six if len(system) == 6 else listed(parts) if parts else "none"
 
 
 def _many(n: int, what: str, plural: str = "s", *, whole: bool = False) -> str:

@@ -86,13 +86,13 @@ def gear() -> Evidence:
     wanted, ratio = 2.0, 50.0
     motor = f'<actuator><motor joint="a" gear="{ratio}"/></actuator>'
     model = load(mjcf(body("a"), after=motor))
-    found = []
+    torques = []
     for control in (wanted, wanted / model.actuator_gear[0, 0]):
         data = state(model)
         data.ctrl[0] = control
         mujoco.mj_forward(model, data)
-        found.append(float(data.qfrc_actuator[0]))
-    return Evidence(found[0], wanted, found[1], "N m")
+        torques.append(float(data.qfrc_actuator[0]))
+    return Evidence(torques[0], wanted, torques[1], "N m")
 
 
 def inverse_of_a_step() -> Evidence:
@@ -129,8 +129,8 @@ def differentiated_motion() -> Evidence:
     right = INERTIA * a + WEIGHT * np.cos(q)
 
     def error(accelerations: np.ndarray) -> float:
-        found = [inverse(model, *at)[0] for at in zip(q, v, accelerations, strict=True)]
-        return float(abs(found - right).max())
+        torques = [inverse(model, *at)[0] for at in zip(q, v, accelerations, strict=True)]
+        return float(abs(torques - right).max())
 
     return Evidence(error(np.gradient(np.gradient(q, t), t)), 0.0, error(a), "N m")
 

@@ -38,12 +38,12 @@ def inverted(model: mujoco.MjModel, q: Any = None, v: Any = 0.0, a: Any = 0.0) -
 
 
 def inverse(model: mujoco.MjModel, q: Any = None, v: Any = 0.0, a: Any = 0.0) -> Array:
-    """What `mj_inverse` says. Shape (n_v,)."""
+    """Forces of `mj_inverse`. Shape (n_v,)."""
     return np.array(inverted(model, q, v, a).qfrc_inverse)
 
 
 def measured(text: str, measure: Callable[[mujoco.MjModel], float]) -> tuple[float, str]:
-    """A number of a model; or, where MuJoCo does not load it, NaN and the first line of what it says."""
+    """A number of a model; or, where MuJoCo does not load it, NaN and the first line of its message."""
     try:
         model = load(text)
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""What Pinocchio counts among forces and masses, and in which frame it says velocities."""
+"""What Pinocchio counts among forces and masses, and in which frame it gives velocities."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def damping_ignored() -> Evidence:
 
 
 def rotor_ignored() -> Evidence:
-    """Moment of inertia at a hinge with a rotor behind a gear: rotor and gear told, and their armature."""
+    """Moment of inertia at a hinge with a rotor behind a gear: by rotor and gear, and by their armature."""
     rotor, ratio = 1e-4, 50.0
     model = load_urdf(_BAR)
 
@@ -38,7 +38,7 @@ def rotor_ignored() -> Evidence:
 
 
 def mimic_ignored() -> Evidence:
-    """Degrees of freedom of two joints of which one mimics the other, and asked to be read so."""
+    """Degrees of freedom of two joints of which one mimics the other, and read with mimic joints."""
     follower = joint("b", inside='<mimic joint="a" multiplier="2" offset="0"/>')
     text = robot(link("a"), link("b"), joint("a"), follower)
     return Evidence(load_urdf(text).nv, 1, pin.buildModelFromXML(text, mimic=True).nv, "")
@@ -46,12 +46,12 @@ def mimic_ignored() -> Evidence:
 
 def massless_tip() -> Evidence:
     """Acceleration of a level bar that falls, with a link without mass on a joint at its end, and on a fixed one."""
-    found = []
+    accelerations = []
     for kind in ("revolute", "fixed"):
         model = load_urdf(robot(link("a"), joint("a"), '<link name="tip"/>', joint("tip", "a", kind=kind)))
         zero = np.zeros(model.nv)
-        found.append(float(pin.aba(model, model.createData(), zero, zero, zero)[0]))
-    return Evidence(found[0], -WEIGHT / INERTIA, found[1], "rad/s^2")
+        accelerations.append(float(pin.aba(model, model.createData(), zero, zero, zero)[0]))
+    return Evidence(accelerations[0], -WEIGHT / INERTIA, accelerations[1], "rad/s^2")
 
 
 def frame_mass() -> Evidence:
@@ -77,8 +77,8 @@ def continuous_joint() -> Evidence:
     """Torque of the weight of a bar that hangs 0.5 rad below level on a continuous joint: the angle as the first of
     its coordinates, and as cosine and sine."""
     model = load_urdf(robot(link("a"), joint("a", kind="continuous")))
-    found = [float(inverse(model, q)[0]) for q in ([0.5, 0.0], [math.cos(0.5), math.sin(0.5)])]
-    return Evidence(found[0], WEIGHT * math.cos(0.5), found[1], "N m")
+    torques = [float(inverse(model, q)[0]) for q in ([0.5, 0.0], [math.cos(0.5), math.sin(0.5)])]
+    return Evidence(torques[0], WEIGHT * math.cos(0.5), torques[1], "N m")
 
 
 def _turning() -> tuple[pin.Model, pin.Data, int]:
@@ -94,20 +94,20 @@ def _turning() -> tuple[pin.Model, pin.Data, int]:
 def local_velocity() -> Evidence:
     """Velocity along the world's x of a point of a turning bar: as `getFrameVelocity` has it, and in world axes."""
     model, data, frame = _turning()
-    found = [float(pin.getFrameVelocity(model, data, frame, *axes).linear[0]) for axes in ((), (_ALIGNED,))]
-    return Evidence(found[0], -2.0 * ARM, found[1], "m/s")
+    velocities = [float(pin.getFrameVelocity(model, data, frame, *axes).linear[0]) for axes in ((), (_ALIGNED,))]
+    return Evidence(velocities[0], -2.0 * ARM, velocities[1], "m/s")
 
 
 def spatial_acceleration() -> Evidence:
     """Upward acceleration of a point of a turning bar that hangs: spatial, and classical."""
     model, data, frame = _turning()
     calls = (pin.getFrameAcceleration, pin.getFrameClassicalAcceleration)
-    found = [float(call(model, data, frame, _ALIGNED).linear[2]) for call in calls]
-    return Evidence(found[0], 2.0**2 * ARM, found[1], "m/s^2")
+    accelerations = [float(call(model, data, frame, _ALIGNED).linear[2]) for call in calls]
+    return Evidence(accelerations[0], 2.0**2 * ARM, accelerations[1], "m/s^2")
 
 
 def error_goes_on() -> Evidence:
     """Torque of the weight of a bar in a URDF with a misprint, which Pinocchio loads, and corrected."""
-    with overheard() as said:
+    with overheard() as messages:
         value = float(inverse(load_urdf(_BAR.replace(f'xyz="{ARM} 0 0"', f'xyz="{ARM} 0 O"')))[0])
-    return Evidence(value, WEIGHT, float(inverse(load_urdf(_BAR))[0]), "N m", next(iter(said), ""))
+    return Evidence(value, WEIGHT, float(inverse(load_urdf(_BAR))[0]), "N m", next(iter(messages), ""))

@@ -62,14 +62,14 @@ def default_settings() -> Evidence:
 
 def two_arguments() -> Evidence:
     """The same with constraints initialised as Pinocchio 3 wants it, without their data, and with them."""
-    closed, said = _Closed(), ""
+    closed, message = _Closed(), ""
     value = math.nan
     try:
         pin.initConstraintDynamics(closed.model, closed.data, closed.contacts)
         value = closed.error(*_SAFE)
     except Exception as error:  # Boost's ArgumentError, which has no name to import
-        said = f"{type(error).__name__} of {pin.initConstraintDynamics.__name__}"
-    return Evidence(value, 0.0, closed.error(*_SAFE), "rad/s^2", said)
+        message = f"{type(error).__name__} of {pin.initConstraintDynamics.__name__}"
+    return Evidence(value, 0.0, closed.error(*_SAFE), "rad/s^2", message)
 
 
 def one_iteration() -> Evidence:
@@ -106,15 +106,15 @@ def _on_coupler(bar: FourBar) -> Array:
 
 def force_sign() -> Evidence:
     """Force along x on the coupler, of a constraint that names the rocker first; and turned round."""
-    found, expected = _force(swapped=True)
-    return Evidence(float(found[0]), float(expected[0]), float(-found[0]), "N")
+    force, expected = _force(swapped=True)
+    return Evidence(float(force[0]), float(expected[0]), float(-force[0]), "N")
 
 
 def force_frame() -> Evidence:
     """The same of a constraint whose frames are turned by 0.5 rad, and rotated into the world."""
-    found, expected = _force(turn=0.5)
-    turned = pin.rpy.rpyToMatrix(0.0, 0.0, 0.5) @ found
-    return Evidence(float(found[0]), float(expected[0]), float(turned[0]), "N")
+    force, expected = _force(turn=0.5)
+    turned = pin.rpy.rpyToMatrix(0.0, 0.0, 0.5) @ force
+    return Evidence(float(force[0]), float(expected[0]), float(turned[0]), "N")
 
 
 def redundant_force() -> Evidence:

@@ -23,14 +23,14 @@ def load_urdf(text: str, *more: Any) -> pin.Model:
     return pin.buildModelFromXML(text, *more)
 
 
-def load_mjcf(text: str, beside: Mapping[str, str] | None = None) -> pin.Model:
+def load_mjcf(text: str, files: Mapping[str, str] | None = None) -> pin.Model:
     """Loads an MJCF, which has to be a file.
 
     Args:
-        beside: Name -> text of files in the same folder.
+        files: Name -> text of files in the same folder.
     """
     with tempfile.TemporaryDirectory() as folder:
-        return pin.buildModelFromMJCF(_written(Path(folder), text, beside or {}))
+        return pin.buildModelFromMJCF(_written(Path(folder), text, files or {}))
 
 
 def load_closed(text: str) -> tuple[pin.Model, Any]:
@@ -58,18 +58,18 @@ def gaps(*texts: str) -> list[float]:
         folders = [Path(stack.enter_context(tempfile.TemporaryDirectory())) for _ in texts]
         files = [_written(folder, text, {}) for folder, text in zip(folders, texts, strict=True)]
         done = subprocess.run([sys.executable, "-c", _GAPS, *files], capture_output=True, text=True, check=False)
-    found = [float(line) for line in done.stdout.split()]
-    return found + [math.nan] * (len(texts) - len(found))
+    sizes = [float(line) for line in done.stdout.split()]
+    return sizes + [math.nan] * (len(texts) - len(sizes))
 
 
-def _written(folder: Path, text: str, beside: Mapping[str, str]) -> str:
-    for name, content in {"model.xml": text, **beside}.items():
+def _written(folder: Path, text: str, files: Mapping[str, str]) -> str:
+    for name, content in {"model.xml": text, **files}.items():
         (folder / name).write_text(content, encoding="utf-8")
     return str(folder / "model.xml")
 
 
 def inverse(model: pin.Model, q: Any = None, v: Any = 0.0, a: Any = 0.0) -> Array:
-    """What `rnea` says, in the neutral pose by default. Shape (n_v,)."""
+    """Forces of `rnea`, in the neutral pose by default. Shape (n_v,)."""
     full = [np.zeros(model.nv) + x for x in (v, a)]
     q = pin.neutral(model) if q is None else np.asarray(q, dtype=float)
     return np.array(pin.rnea(model, model.createData(), q, *full))
