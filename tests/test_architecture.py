@@ -123,6 +123,14 @@ def test_a_library_is_imported_in_its_engine_s_room_only(modules, library):
         assert any(path.startswith(room) for path in users), f"nothing in {room} needs {library}"
 
 
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_an_engine_loads_scipy_for_simulations_alone(laid, engine):
+    """Its import takes longer than a small given motion."""
+    pytest.importorskip(engine)
+    done = run(laid, "-c", f"import sys, screwgauge.engines.{engine}.model; print('scipy.integrate' in sys.modules)")
+    assert done.stdout.strip() == "False", done.stderr
+
+
 def test_few_modules_stand_outside_rooms():
     assert len([*FOLDERS["screwgauge"].glob("*.py")]) <= MOST_MODULES
 

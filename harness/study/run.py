@@ -107,36 +107,36 @@ def run(
         warn(sentence)
     tables = {name: recorded(scene, name, checked.components, checked.wanted) for name in names if name in scene.tables}
     solving = [name for name in names if name not in tables]
-    one = _Run(scene, checked, progress, limits)
+    steps = _RunSteps(scene, checked, progress, limits)
     with generated(scene) as folder:
-        answers, one.failures = one.solve(scene, solving, folder)
+        answers, steps.failures = steps.solve(scene, solving, folder)
         files = {name: model_files(scene, name, folder).model for name in solving}
         files |= {name: file for name in tables if (file := scene.tables[name].file)}
         judged_files = provenance(scene, files, description=description_file(scene, folder), date=date)
     progress("comparison", 0.0)
-    one.judge_all(answers, tables)
-    errors, pairs = one.compare()
+    steps.judge_all(answers, tables)
+    errors, pairs = steps.compare()
     return Comparison(
         scene=scene,
-        solutions=one.solutions,
-        failures=one.failures,
+        solutions=steps.solutions,
+        failures=steps.failures,
         errors=errors,
         pairs=pairs,
-        judge=pd.concat(one.judged.values(), ignore_index=True) if one.judged else frame((), JUDGE_COLUMNS),
+        judge=pd.concat(steps.judged.values(), ignore_index=True) if steps.judged else frame((), JUDGE_COLUMNS),
         mobility=facts(checked.mobility),
         environment=environment(),
         warnings=warnings,
         doubts=doubted,
         unread=unread,
-        refusals=(*one.refused, *one.missing),
-        cover=partial(coverage, scene.mechanism, one.problem, one.answers, checked.mobility, scene.tolerance),
-        known=[*_known(pairs, one.solutions)],
+        refusals=(*steps.refused, *steps.missing),
+        cover=partial(coverage, scene.mechanism, steps.problem, steps.answers, checked.mobility, scene.tolerance),
+        known=[*_known(pairs, steps.solutions)],
         provenance=judged_files,
         undetermined=checked.mobility.undetermined,
     )
 
 
-class _Run:
+class _RunSteps:
     """Answers to a checked scene on their way to a comparison.
 
     Attributes:
