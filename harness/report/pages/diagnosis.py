@@ -70,7 +70,7 @@ def _scale(diagnosis: Diagnosis) -> str:
     rows = (row for row in diagnosis.rows if row.quantity == TORQUES)
     most = next((f", at most {number(row.max_abs, 3)} {unit_text(row.unit)}" for row in rows), "")
     rests = any(not math.isnan(cause.of_rest) for cause in diagnosis.causes)
-    rest = "; those of the rest are of what is left when the first cause is put right" if rests else ""
+    rest = "; those of the rest are of what is left when the causes before are put right" if rests else ""
     return (
         f"Shares are of the torque difference at {STATES} random states{most}, torques of each unit over the largest "
         f"of it; a negative one makes up for others{rest}."
