@@ -113,8 +113,6 @@ def test_five_methods_make_an_open_tree():
 
 
 def test_engines_load_no_integrator_before_they_integrate() -> None:
-    code = (
-        "import sys, screwgauge.engines.screw.model, screwgauge.engines.pinocchio.model, screwgauge.engines.mujoco.model\n"
-        "print({'scipy', 'pandas'} & set(sys.modules))"
-    )
+    models = ", ".join(f"screwgauge.engines.{engine}.model" for engine in ("screw", "pinocchio", "mujoco"))
+    code = f"import sys, {models}\nprint({{'scipy', 'pandas'}} & set(sys.modules))"
     assert printed_by(code).strip() == "set()"
