@@ -21,7 +21,7 @@ import pandas as pd
 import screwgauge
 from screwgauge.report.folder import MANIFEST
 from support.bench import Journal
-from support.gate import PAGE, GateSettings, items, keep, told
+from support.gate import PAGE, GateSettings, items, keep, sentence_of
 from support.gate import gate_run as gate
 from support.mechanism import load_mechanism, mechanism_path
 from support.models import model_texts
@@ -158,7 +158,7 @@ def _left() -> dict[str, bytes]:
     remove = Journal.remove
     Journal.remove = lambda self: kept.update({JOURNAL: self.path.read_bytes()})  # type: ignore[method-assign]
     try:
-        rows = gate.check_items(items(["scene.toml"]), GateSettings(told), journal=Path("journal"))
+        rows = gate.check_items(items(["scene.toml"]), GateSettings(sentence_of), journal=Path("journal"))
     finally:
         Journal.remove = remove  # type: ignore[method-assign]
     found = screwgauge.check("scene.toml")
