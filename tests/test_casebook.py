@@ -221,10 +221,10 @@ def test_torque_of_the_sample_is_the_change_of_its_energy() -> None:
             ]
         )
         ends = [
-            lengths[0] / 2 * omega[0] * bar.beside[0],
-            lengths[0] * omega[0] * bar.beside[0] + lengths[1] / 2 * omega[1] * bar.beside[1],
+            lengths[0] / 2 * omega[0] * bar.across[0],
+            lengths[0] * omega[0] * bar.across[0] + lengths[1] / 2 * omega[1] * bar.across[1],
         ]
-        v = np.array([*ends, lengths[2] / 2 * omega[2] * bar.beside[2]])
+        v = np.array([*ends, lengths[2] / 2 * omega[2] * bar.across[2]])
         kinetic = (masses @ np.sum(v**2, axis=1) + bar.moments @ omega**2) / 2
         return float(kinetic - masses @ (centres @ bar.gravity))
 

@@ -7,6 +7,7 @@ import pytest
 
 import screwgauge
 from support import toy_engine as toy
+from support.command import printed_by
 from support.engines import ENGINES, ModelFiles, check_engines, engines, further_engines, get_engine, model_files
 from support.errors import DescriptionError, UnknownNameError
 from support.scene import InitialValue
@@ -109,3 +110,11 @@ def test_five_methods_make_an_open_tree():
         if name != "tree_force_soft":  # nothing is soft by default
             size = np.abs(values.array).max()
             assert small.values[name].array == pytest.approx(values.array, rel=0, abs=1e-12 * size), name
+
+
+def test_engines_load_no_integrator_before_they_integrate() -> None:
+    code = (
+        "import sys, screwgauge.engines.screw.model, screwgauge.engines.pinocchio.model, screwgauge.engines.mujoco.model\n"
+        "print({'scipy', 'pandas'} & set(sys.modules))"
+    )
+    assert printed_by(code).strip() == "set()"

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.engines.mujoco.discrepancies import probe as mujoco
-from screwgauge.engines.pinocchio.discrepancies import probe as pinocchio
+from screwgauge.engines.mujoco import discrepancies as mujoco
+from screwgauge.engines.pinocchio import discrepancies as pinocchio
 from screwgauge.engines.toy_models import ARM, INERTIAL, MASS, WEIGHT, Evidence, FourBar, body, joint, link, mjcf, robot
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +13,10 @@ from screwgauge.diagnosis.causes.attribution import Torques
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, Common, brought, states_of_b, velocity_map, weighed
 from screwgauge.diagnosis.pairing.mapping import Pairing
+from screwgauge.diagnosis.properties import INERTIAL
 from screwgauge.models.check import expected_reading
 from screwgauge.models.importing.model import Imported
-from screwgauge.models.kinematics import draw, plant
+from screwgauge.models.kinematics import ReadingTree, draw, plant
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import by_name, in_file, prepare
 from screwgauge.reference.errors import ScrewgaugeError, first_few
@@ -22,7 +24,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import closure_rows
 from screwgauge.witness.dynamics import dynamics, inverse_dynamics
 from screwgauge.witness.kinematics import TreeMotion, move
-from screwgauge.witness.tree import FixedFrames, TreeStates
+from screwgauge.witness.tree import FixedFrames, MassProperties, TreeStates
 
 #: How many states are drawn: more than the ten inertial parameters of a body need to be told apart.
 STATES = 40
@@ -59,17 +61,91 @@ def components(reading: Reading) -> list[tuple[str, str]]:
 
 def torques(common: Common, pairing: Pairing, states: TreeStates) -> Torques:
     """Inverse dynamics of A, and of whatever B becomes, at the same states."""
-    a = plant(common.a)
+    a, known = plant(common.a), list[_Moved]()
 
     def of(b: Reading) -> Array:
+        if known and (tree := known[0].changed(b)) is not None:
+            return known[0].torques(tree)
         try:
-            tree = plant(brought(common.a, b, pairing).b)
-            return inverse_dynamics(tree, states_of_b(a, tree, states)) @ velocity_map(a, tree)
+            there = brought(common.a, b, pairing)
+            tree = plant(there.b)
+            theirs = states_of_b(a, tree, states)
+            moved = _Moved(b, there.own, tree, theirs, velocity_map(a, tree), move(tree, theirs))
         except (KeyError, ScrewgaugeError):  # a joint is gone that A has
             return np.full((len(states.q), len(a.before)), np.nan)
+        known.append(moved)
+        return moved.torques(tree)
 
     names, units = zip(*components(common.a), strict=True)
     return Torques(inverse_dynamics(a, states), of, names, units)
+
+
+def at_speeds(common: Common, states: TreeStates, speeds: Sequence[float]) -> tuple[list[Array], list[Array]]:
+    """Inverse dynamics of A and of B at states with velocities times each factor. Shape (n, m) each."""
+    a, b = plant(common.a), plant(common.b)
+    faster = [replace(states, qd=speed * states.qd) for speed in speeds]
+    theirs = [inverse_dynamics(b, states_of_b(a, b, each)) @ velocity_map(a, b) for each in faster]
+    return [inverse_dynamics(a, each) for each in faster], theirs
+
+
+#: What of bodies and joints their motion is of.
+_MOVING = {"bodies": ("near", "joints", "pose"), "joints": ("kind", "screw", "centre", "home")}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Moved:
+    """B in motion, which changes of mass properties and of what joints exert leave as it is.
+
+    Attributes:
+        reading: B's, as it was read; `own`: common names -> B's.
+        states: Those of B; `C`: velocities of A -> those of B.
+    """
+
+    reading: Reading
+    own: Mapping[str, Mapping[str, str]]
+    tree: ReadingTree
+    states: TreeStates
+    C: Array
+    motion: TreeMotion
+
+    def torques(self, tree: ReadingTree) -> Array:
+        """Of a tree that moves alike."""
+        return inverse_dynamics(tree, self.states, replace(self.motion, tree=tree)) @ self.C
+
+    def changed(self, b: Reading) -> ReadingTree | None:
+        """The tree of a reading that differs in mass properties and passive forces alone; None of others."""
+        if not self._moves_as(b):
+            return None
+        tree, matter = self.tree, self.tree.matter
+        mass, com, inertia, weight = (x.copy() for x in (matter.mass, matter.com, matter.inertia, tree.weight))
+        for i, (name, body) in enumerate(tree.reading.bodies.items()):
+            new, old = self._both(b, "bodies", name)
+            if new is old:
+                continue
+            if any(not np.array_equal(getattr(body, entry), getattr(old, entry)) for entry in (*INERTIAL, "gravcomp")):
+                return None  # it is not counted as the file has it
+            mass[i], com[i], inertia[i], weight[i] = new.mass, new.com, new.inertia, 1.0 - new.gravcomp
+        passive = {what: values.copy() for what, values in tree.passive.items()}
+        for name, part in tree.freedoms.items():
+            new, old = self._both(b, "joints", name)
+            for what in passive if new is not old else ():
+                passive[what][part] = getattr(new, what)
+        return replace(tree, matter=MassProperties(mass, com, inertia), weight=weight, passive=passive)
+
+    def _both(self, b: Reading, room: str, name: str) -> tuple[Any, Any]:
+        """A body or joint of B after and before."""
+        one = self.own[room].get(name, name)
+        return getattr(b, room)[one], getattr(self.reading, room)[one]
+
+    def _moves_as(self, b: Reading) -> bool:
+        """Whether a reading is of the same parts that move alike; changes keep what they do not change."""
+        for room, entries in _MOVING.items():
+            new, old = getattr(b, room), getattr(self.reading, room)
+            if new.keys() != old.keys():
+                return False
+            if any(getattr(new[name], entry) is not getattr(old[name], entry) for name in old for entry in entries):
+                return False
+        return b.gravity is self.reading.gravity
 
 
 def table(common: Common, states: TreeStates) -> list[Row]:
@@ -182,7 +258,7 @@ def order_of(models: tuple[Model, Model], pairing: Pairing, seed: int) -> Order 
 
 
 def indexed(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[str, ...]:
-    """That libraries order the joints of a model file otherwise, which its description cannot show; nothing if not.
+    """A sentence where libraries order the joints of a model file differently, which its description cannot show.
 
     Args:
         meshes: It was imported with mass from meshes.
@@ -199,8 +275,8 @@ def indexed(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[st
         f"pinocchio indexes the joints of a URDF of it as {first_few(first[k:], _NAMED)}{_from_joint(k)}",
         f"mujoco those of the file as {first_few(second[k:], _NAMED)}",
     )
-    found = _order(reading, (first, second), phrases, 0)
-    return () if found is None else (found.sentence,)
+    order = _order(reading, (first, second), phrases, 0)
+    return () if order is None else (order.sentence,)
 
 
 def _first_other(first: Sequence[str], second: Sequence[str]) -> int:
@@ -230,7 +306,7 @@ def _order(
     ours, theirs = ([i for name in order for i in places[reading.freedoms[name]]] for order in orders)
     units = [(entries[i][1], entries[j][1]) for i, j in zip(ours, theirs, strict=True)]
     off = np.abs(tau[:, ours] - tau[:, theirs]).max(axis=0)
-    alike = np.array([one == other for one, other in units])  # a force beside a torque has no difference
+    alike = np.array([one == other for one, other in units])  # a force and a torque cannot be subtracted
     k = int(np.where(alike, off, -1.0).argmax())
     (one, unit), (other, _) = entries[ours[k]], entries[theirs[k]]
     largest = float(max(np.abs(tau[:, i]).max() for i, (_, of) in enumerate(entries) if of == unit))

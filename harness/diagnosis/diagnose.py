@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.attribution import Attribution, Cause, Torques
+from screwgauge.diagnosis.causes.attribution import Attribution, Cause
 from screwgauge.diagnosis.causes.backfill import Backfill, write_fix
 from screwgauge.diagnosis.causes.explanation import explained, softness
 from screwgauge.diagnosis.causes.fitting import SPEEDS, Growth, growth
-from screwgauge.diagnosis.compare import STATES, Order, Row, order_of, table, torques
+from screwgauge.diagnosis.compare import STATES, Order, Row, at_speeds, order_of, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.differences.content import beyond
 from screwgauge.diagnosis.differences.difference import Difference, marked
@@ -33,18 +33,17 @@ from screwgauge.diagnosis.together import ELSEWHERE, Together, elsewhere, togeth
 from screwgauge.diagnosis.verdict import BINDING, RESTATED, SAME, partly, stopped, strange, verdict
 from screwgauge.models.kinematics import draw
 from screwgauge.models.readings.read import implausible
-from screwgauge.models.readings.reading import Reading
 from screwgauge.models.urdf import WIDE
 from screwgauge.reference.errors import DescriptionError, OutputError, check_seed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagnosis:
-    """What was found.
+    """Why two models differ, or that they do not.
 
     Attributes:
         headline: What differs, or that nothing does, in one sentence of at most `verdict.WORDS` words.
-        explanation: In further sentences: what that explains, what is left, and what else is to be said.
+        explanation: Further sentences: the share that causes explain, the rest, and what else matters.
         same: Whether nothing differs.
         pairing: Of joints and bodies; `differences`: static ones, from the ground outwards.
         rows: Differences at `seed`'s random states by quantity; none between different machines.
@@ -52,9 +51,9 @@ class Diagnosis:
         attribution: Of the torque difference; `proof`: by backfill. None where the torques agree.
         soft: Attribution of forces of soft equalities to their softness; None where that does not differ.
         growth: Of the torque difference with speed; None where it does not vanish at rest.
-        fix: B's file with all changes that it can say, what no torque shows among them; None where there are none.
-        witnesses: Each library's own torques beside the dynamics of what it has read.
-        matrix: All readings of both files, if asked for.
+        fix: B's file with all changes that it can hold, also those without effect on torques; None if there are none.
+        witnesses: Each library's own torques, compared with the dynamics of its reading.
+        matrix: All readings of both files, if wanted.
         notes: What was taken for granted, or not compared.
         left_out: What there was no time for.
         order: In which the two libraries index the joints; None where it is the same, or a description has none.
@@ -102,7 +101,7 @@ class Diagnosis:
         return f"{self.headline} {self.explanation}".strip()
 
     def __bool__(self) -> bool:
-        """So that an assertion of it alone says what it seems to."""
+        """`assert diagnosis` passes only if the two are the same."""
         return self.exit_status == 0
 
     @property
@@ -164,26 +163,26 @@ def diagnose(
     sides = at_home(alike(loaded(a, load, first), loaded(b, load, second), load))
     one, two, pairing = cut_alike(*sides, given)
     if not pairing.alike:
-        found = Diagnosis(one, two, seed, *strange((one, two), pairing), False, pairing, ())
+        diagnosis = Diagnosis(one, two, seed, *strange((one, two), pairing), False, pairing, ())
     else:
-        found = _compared(one, two, pairing, seed, load, deadline)
+        diagnosis = _compared(one, two, pairing, seed, load, deadline)
         if order := order_of((one, two), pairing, seed):
-            found = replace(_and(found, order.sentence), order=order)
+            diagnosis = replace(_and(diagnosis, order.sentence), order=order)
         if not pairing.one_machine:
-            found = replace(found, explanation=f"{partly((one, two), pairing)} {found.explanation}".strip())
+            diagnosis = replace(diagnosis, explanation=f"{partly((one, two), pairing)} {diagnosis.explanation}".strip())
         if elsewhere(one) or elsewhere(two):
-            found = replace(found, notes=(*found.notes, ELSEWHERE))
-    found = replace(found, matrix=matrix_of(one, two, given, seed, load, deadline)) if matrix else found
-    found = replace(found, date=datetime.now(UTC).isoformat(timespec="seconds"))
+            diagnosis = replace(diagnosis, notes=(*diagnosis.notes, ELSEWHERE))
+    diagnosis = replace(diagnosis, matrix=matrix_of(one, two, given, seed, load, deadline)) if matrix else diagnosis
+    diagnosis = replace(diagnosis, date=datetime.now(UTC).isoformat(timespec="seconds"))
     if not deadline.left_out:
-        return found
-    said = _and(found, stopped(limit, deadline.left_out))
-    return replace(said, same=False, left_out=tuple(deadline.left_out))
+        return diagnosis
+    stopped_early = _and(diagnosis, stopped(limit, deadline.left_out))
+    return replace(stopped_early, same=False, left_out=tuple(deadline.left_out))
 
 
-def _and(found: Diagnosis, sentence: str) -> Diagnosis:
+def _and(diagnosis: Diagnosis, sentence: str) -> Diagnosis:
     """With another sentence at the end of its explanation."""
-    return replace(found, explanation=f"{found.explanation} {sentence}".strip())
+    return replace(diagnosis, explanation=f"{diagnosis.explanation} {sentence}".strip())
 
 
 def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadline: Deadline) -> Diagnosis:
@@ -192,31 +191,33 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     ours, theirs = bare(a.reading, b.reading, lost)
     # what B has beyond A shows in its torques and can be taken away; without what A has beyond B both are compared
     common = brought(ours, b.reading, pairing)
-    found, content = [*lost, *differences(brought(ours, theirs, pairing), deadline)[0]], beyond(common)
+    both_have = common if theirs is b.reading else brought(ours, theirs, pairing)
+    facts, content = [*lost, *differences(both_have, deadline)[0]], beyond(common)
     states = draw(common.a, STATES, seed)
-    asked = torques(common, pairing, states)
+    tau = torques(common, pairing, states)
     rows = [] if deadline.over("motion at random states") else table(common, states)
-    counts = [each.change for each in found if each.kind == "convention" and each.what in COUNTED and each.change]
+    counts = [each.change for each in facts if each.kind == "convention" and each.what in COUNTED and each.change]
     counted = brought(ours, applied(b.reading, counts), pairing) if counts else common
     bound, of_loops = loops(counted, pairing, seed, deadline)
-    found += cut_joints((a, b))
-    stated = _stated(found, (a, b), bound)
-    restated = bound is not None and bound.alike and any(each.what in BINDING for each in found)
-    found = [*compiled((a, b), marked(stated, (a.digits, b.digits))), *content.differences]
+    facts += cut_joints((a, b))
+    stated = _stated(facts, (a, b), bound)
+    restated = bound is not None and bound.alike and any(each.what in BINDING for each in facts)
+    facts = [*compiled((a, b), marked(stated, (a.digits, b.digits))), *content.differences]
     paths = [None if model.library == "screwgauge" else model.file for model in (a, b)]
     read = (a.reading, b.reading), (paths[0], paths[1])
     written = b.as_read if b.cut is not None else None
-    why = explained(asked, *read, found, lambda file: b.read_again(file, load), deadline, written)
-    cause, faster = why.attribution, [replace(states, qd=times * states.qd) for times in SPEEDS]
+    why = explained(tau, *read, facts, lambda file: b.read_again(file, load), deadline, written)
+    cause = why.attribution
     if cause.before.scaled > SAME and not deadline.over("growth of the torque difference with speed"):
-        why = replace(why, growth=_grown([torques(common, pairing, each) for each in faster], b.reading))
-    why = replace(why, soft=softness((a, b), pairing, found, seed, deadline))
+        ours_at, theirs_at = at_speeds(common, states, SPEEDS)
+        why = replace(why, growth=growth(theirs_at, ours_at))
+    why = replace(why, soft=softness((a, b), pairing, facts, seed, deadline))
     seen = tuple(witnesses((a, b), seed, deadline))
     both, why_not = None, ""
     if not lost and cause.before.scaled <= SAME and not deadline.over("torques of the libraries as loaded"):
         both, why_not = together((a, b), common, seed)
     late = bool(deadline.left_out)
-    alike = not found and cause.before.scaled <= SAME and (bound is None or bound.closes_alike)
+    alike = not facts and cause.before.scaled <= SAME and (bound is None or bound.closes_alike)
     alike = alike and not (a.never_closed or b.never_closed)
     alike = alike and all(witness.agrees for witness in seen) and (both is None or both.agrees)
     withheld = (*content.withheld, *([f"torques of the libraries as loaded: {why_not}"] if why_not else []))
@@ -225,13 +226,13 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         a,
         b,
         seed,
-        *verdict((a, b), found, why, seen, (bound, restated), replace(content, withheld=withheld), both, late=late),
+        *verdict((a, b), facts, why, seen, (bound, restated), replace(content, withheld=withheld), both, late=late),
         alike and not withheld,
         pairing,
-        tuple(distinct(found)),
+        tuple(distinct(facts)),
         rows=(*rows, *([bound.row] if bound else [])),
         loops=bound,
-        attribution=_numbered(cause, found),
+        attribution=_numbered(cause, facts),
         growth=why.growth,
         soft=why.soft,
         proof=why.proof,
@@ -245,31 +246,26 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     )
 
 
-def _numbered(attribution: Attribution, found: Sequence[Difference]) -> Attribution:
+def _numbered(attribution: Attribution, facts: Sequence[Difference]) -> Attribution:
     """With numbers of distinct differences."""
-    numbers = {each.sentence: i for i, each in enumerate(distinct(found))}
+    numbers = {each.sentence: i for i, each in enumerate(distinct(facts))}
 
     def distinctly(some: Sequence[int]) -> tuple[int, ...]:
-        return tuple(dict.fromkeys(numbers[found[i].sentence] for i in some))
+        return tuple(dict.fromkeys(numbers[facts[i].sentence] for i in some))
 
     causes = (replace(cause, differences=distinctly(cause.differences)) for cause in attribution.causes)
     return replace(attribution, causes=tuple(causes), seen=distinctly(attribution.seen))
 
 
-def _grown(asked: Sequence[Torques], b: Reading) -> Growth | None:
-    """Of torques at `SPEEDS`."""
-    return growth([each.of(b) for each in asked], [each.a for each in asked])
-
-
-def _stated(found: Sequence[Difference], models: tuple[Model, Model], bound: Loops | None) -> list[Difference]:
-    """Without limits that a description or a model file beside it does not say; and without closures that one alone
+def _stated(facts: Sequence[Difference], models: tuple[Model, Model], bound: Loops | None) -> list[Difference]:
+    """Without limits that a description, or a model file compared with it, lacks; and without closures that one alone
     has, and places of closures that are made to cut it elsewhere, where these leave the same motions.
     """
     if bound is not None and bound.alike and bound.mobility[0]:
         recut = any(model.cut is not None for model in models)
-        found = [each for each in found if each.what not in (BINDING if recut else RESTATED)]
+        facts = [each for each in facts if each.what not in (BINDING if recut else RESTATED)]
     described = "screwgauge" in (model.library for model in models)
-    return [each for each in found if not (described and each.what == "limits" and _of_one_alone(each))]
+    return [each for each in facts if not (described and each.what == "limits" and _of_one_alone(each))]
 
 
 def _of_one_alone(limits: Difference) -> bool:
@@ -283,37 +279,39 @@ SCHEMA = 2
 SCALE = "projection on the torque difference at random states, torques of each unit over the largest of it"
 
 
-def summary(found: Diagnosis) -> dict[str, Any]:
+def summary(diagnosis: Diagnosis) -> dict[str, Any]:
     """What ``diagnosis.json`` has."""
-    why, proof = found.attribution, found.proof
+    why, proof = diagnosis.attribution, diagnosis.proof
     return {
         "schema": SCHEMA,
-        "date": found.date,
-        "headline": found.headline,
-        "verdict": found.verdict,
-        "same": found.same,
-        "not_all_compared": found.undecided,
-        "not_compared": found.not_compared,
-        "seed": found.seed,
-        "models": {side: _facts(model) for side, model in (("A", found.a), ("B", found.b))},
-        "map": {"joints": found.pairing.joints, "how": found.pairing.how, "bodies": found.pairing.bodies},
-        "missing": {"in_b": found.pairing.only_a, "in_a": found.pairing.only_b},
-        "differences": [_difference(each) for each in found.differences],
-        "causes": [_cause(cause) for cause in found.causes],
-        "dynamics": [asdict(row) for row in found.rows],
-        "loops": found.loops and asdict(found.loops),
-        "order": found.order and asdict(found.order),
-        "growth": found.growth and asdict(found.growth),
+        "date": diagnosis.date,
+        "headline": diagnosis.headline,
+        "verdict": diagnosis.verdict,
+        "same": diagnosis.same,
+        "not_all_compared": diagnosis.undecided,
+        "not_compared": diagnosis.not_compared,
+        "seed": diagnosis.seed,
+        "models": {side: _facts(model) for side, model in (("A", diagnosis.a), ("B", diagnosis.b))},
+        "map": {"joints": diagnosis.pairing.joints, "how": diagnosis.pairing.how, "bodies": diagnosis.pairing.bodies},
+        "missing": {"in_b": diagnosis.pairing.only_a, "in_a": diagnosis.pairing.only_b},
+        "differences": [_difference(each) for each in diagnosis.differences],
+        "causes": [_cause(cause) for cause in diagnosis.causes],
+        "dynamics": [asdict(row) for row in diagnosis.rows],
+        "loops": diagnosis.loops and asdict(diagnosis.loops),
+        "order": diagnosis.order and asdict(diagnosis.order),
+        "growth": diagnosis.growth and asdict(diagnosis.growth),
         "attribution": why and _attribution(why),
-        "torque_by_joint": [dict(zip(("component", "before", "after"), each, strict=True)) for each in found.by_joint],
-        "soft_equalities": found.soft and _attribution(found.soft),
+        "torque_by_joint": [
+            dict(zip(("component", "before", "after"), each, strict=True)) for each in diagnosis.by_joint
+        ],
+        "soft_equalities": diagnosis.soft and _attribution(diagnosis.soft),
         "backfill": proof and {"on": proof.on, "left": asdict(proof.left), "why_not": proof.why_not},
-        "libraries_together": found.together and asdict(found.together),
-        "libraries": [asdict(witness) for witness in found.witnesses],
-        "matrix": found.matrix and asdict(found.matrix),
-        "notes": found.notes,
-        "doubts": found.doubts,
-        "left_out": found.left_out,
+        "libraries_together": diagnosis.together and asdict(diagnosis.together),
+        "libraries": [asdict(witness) for witness in diagnosis.witnesses],
+        "matrix": diagnosis.matrix and asdict(diagnosis.matrix),
+        "notes": diagnosis.notes,
+        "doubts": diagnosis.doubts,
+        "left_out": diagnosis.left_out,
     }
 
 

@@ -1,4 +1,4 @@
-"""The dynamics of a library beside those of what it has read: where they differ an engine does, and not a model."""
+"""Each library's dynamics compared with those of its own reading: a difference is one of the engine, not the model."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from screwgauge.witness.tree import TreeStates
 
 #: Libraries that have dynamics, and what asks them.
 ASKED = {"pinocchio": "screwgauge.engines.pinocchio.raw_queries", "mujoco": "screwgauge.engines.mujoco.raw_queries"}
-#: Those of them that are asked for their loops, too.
+#: Those of them that answer for loops, too.
 CLOSING = ("mujoco",)
 #: Content with passive forces that cannot be switched off where a library is asked without what no reading holds.
 _UNKNOWN = {"flexible bodies", "plugins"}
@@ -66,14 +66,14 @@ class Pair:
         least: What differences are scaled by where `ours` is smaller.
     """
 
-    said: Array
+    theirs: Array
     ours: Array
     least: float = 0.0
 
     @property
     def off(self) -> float:
         """The largest difference."""
-        return float(np.abs(self.said - self.ours).max(initial=0.0))
+        return float(np.abs(self.theirs - self.ours).max(initial=0.0))
 
     @property
     def scaled(self) -> float:
@@ -82,20 +82,20 @@ class Pair:
         return self.off / scale if scale else self.off
 
 
-def pairs(said: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, Pair]:
+def pairs(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, Pair]:
     """Quantities of the open tree."""
     ours, parts = dynamics(tree, states), passive_parts(tree, states)
     force = float(np.abs(ours.tau).max())  # forces that vanish are compared with others
-    expected = ours.tau - sum(force for name, force in parts.items() if name not in said.covers)
-    found = {"tau": Pair(said.tau, expected, force)}
+    expected = ours.tau - sum(force for name, force in parts.items() if name not in theirs.covers)
+    by_name = {"tau": Pair(theirs.tau, expected, force)}
     for name, least in (("mass_matrix", 0.0), ("bias", force), ("gravity", force), ("velocity", 0.0)):
-        found[name] = Pair(getattr(said, name), getattr(ours, name), least)
-    found["acceleration"] = Pair(said.acceleration, ours.acceleration)
-    if tree.reading.medium != (0.0, 0.0) and "medium" in said.covers:
-        del found["tau"], found["bias"]  # own dynamics know no medium
+        by_name[name] = Pair(getattr(theirs, name), getattr(ours, name), least)
+    by_name["acceleration"] = Pair(theirs.acceleration, ours.acceleration)
+    if tree.reading.medium != (0.0, 0.0) and "medium" in theirs.covers:
+        del by_name["tau"], by_name["bias"]  # own dynamics know no medium
     elif {each.kind for each in tree.reading.content} & _UNKNOWN:
-        del found["tau"]
-    return found
+        del by_name["tau"]
+    return by_name
 
 
 def loop_pairs(
@@ -109,19 +109,19 @@ def loop_pairs(
     soft += [each.softness for each in tree.reading.couplings.values()]
     if library not in CLOSING or not soft or not all(soft):  # loops of another file are not the library's
         return {}
-    drawn = float(np.abs(states.qdd).max())  # where loops leave no motion, what is left of it is rounding
+    drawn = float(np.abs(states.qdd).max())  # where loops leave no motion, it is rounding
     states, fits = closed(tree, states)
     states = states.at(clear(equations(tree, states).rows))
     if not fits.any() or not len(states.q):
         return {}
-    said: Closing = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
+    theirs: Closing = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
     own, slides = equations(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])
-    if said.rows.shape != own.rows.shape:  # it keeps others besides, which no reading has
+    if theirs.rows.shape != own.rows.shape:  # it keeps others besides, which no reading has
         return {}
-    (one, _), (two, sure) = (admissible_projector(rows, slides, size(tree.reading)) for rows in (said.rows, own.rows))
-    # least squares amplify rounding, of rows and of what is left open, by the square of the condition number
+    (one, _), (two, sure) = (admissible_projector(rows, slides, size(tree.reading)) for rows in (theirs.rows, own.rows))
+    # least squares amplify rounding, of rows and of gaps, by the square of the condition number
     weight = sure[:, None, None] ** 2
-    here, there = (weight * (np.linalg.pinv(e.rows, rcond=DEPENDENT) @ e.bias[..., None]) for e in (said, own))
+    here, there = (weight * (np.linalg.pinv(e.rows, rcond=DEPENDENT) @ e.bias[..., None]) for e in (theirs, own))
     return {
         "constraint Jacobian": Pair(sure[:, None, None] * one, sure[:, None, None] * two, 1.0),
         "Jdot v": Pair(here, there, drawn),
@@ -130,7 +130,7 @@ def loop_pairs(
 
 #: Scaled differences of an engine from the dynamics of its reading beyond this are no rounding: 1e-14 is usual.
 ROUNDING = 1e-11
-#: States at which a library is asked.
+#: States at which a library is compared.
 STATES = 10
 
 
@@ -141,9 +141,9 @@ class Witness:
     Attributes:
         side: ``A`` or ``B``.
         scaled: Quantity -> largest difference from the dynamics of the reading, over the largest magnitude.
-        omits: What its inverse dynamics do not contain; `adds`: what they do beside inertia and weight.
-        failed: Why it could not say; empty if it did.
-        fits: What the model would have to say otherwise for torques like the library's, and the share of their
+        omits: What its inverse dynamics do not contain; `adds`: what they contain besides inertia and weight.
+        failed: Why it has no answer; empty if it has.
+        fits: Changes of the model that would give torques like the library's, and the share of their
             difference that this explains; the best, and those that cannot be told from it.
         growth: Of the largest difference with speed; None where there is none, or not at speed alone.
     """
@@ -159,7 +159,7 @@ class Witness:
 
     @property
     def agrees(self) -> bool:
-        """Whether the engine computes what its reading says."""
+        """Whether the engine computes the dynamics of its reading."""
         return not self.failed and all(value <= ROUNDING for value in self.scaled.values())
 
 
@@ -172,38 +172,38 @@ def witnesses(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterato
         tree = plant(weighed(reading))
         states = draw(reading, STATES, seed)
         try:
-            said, found = _asked(model, tree, states)
+            theirs, by_name = _asked(model, tree, states)
         except (ScrewgaugeError, ValueError, LookupError) as error:
             yield Witness(side, model.library, {}, failed=str(error))
             continue
-        scaled = {name: pair.scaled for name, pair in found.items()}
+        scaled = {name: pair.scaled for name, pair in by_name.items()}
         acts = {entry for joint in reading.joints.values() for entry in PASSIVE if getattr(joint, entry)}
-        omits = (*sorted(acts - said.covers), *not_modelled(reading))
-        adds = tuple(sorted(acts & said.covers))
+        omits = (*sorted(acts - theirs.covers), *not_modelled(reading))
+        adds = tuple(sorted(acts & theirs.covers))
         worst = max(scaled, key=lambda name: scaled[name])
         differs = ROUNDING < scaled[worst] < np.inf and not deadline.over(f"fits to the torques of {model.library}")
         grown = _grown(model, tree, states, worst) if differs else None
-        fits = _fits(tree, states, said, scaled.get("tau", 0.0)) if differs and not (grown and grown.products) else ()
+        fits = _fits(tree, states, theirs, scaled.get("tau", 0.0)) if differs and not (grown and grown.products) else ()
         yield Witness(side, model.library, scaled, omits, adds, fits=fits, growth=grown)
 
 
 def _asked(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers, dict[str, Pair]]:
     assert model.file is not None
-    said = answers(model.file, model.library, tree, states, floating=model.floating)
+    theirs = answers(model.file, model.library, tree, states, floating=model.floating)
     loops = loop_pairs(model.file, model.library, tree, states, floating=model.floating)
-    return said, {**pairs(said, tree, states), **loops}
+    return theirs, {**pairs(theirs, tree, states), **loops}
 
 
 def _grown(model: Model, tree: ReadingTree, states: TreeStates, name: str) -> Growth | None:
     """How the difference of a quantity grows with speed."""
-    found = [_asked(model, tree, replace(states, qd=times * states.qd))[1][name] for times in SPEEDS]
-    return growth([each.said for each in found], [each.ours for each in found])
+    by_speed = [_asked(model, tree, replace(states, qd=times * states.qd))[1][name] for times in SPEEDS]
+    return growth([each.theirs for each in by_speed], [each.ours for each in by_speed])
 
 
-def _fits(tree: ReadingTree, states: TreeStates, said: Answers, off: float) -> tuple[tuple[str, float], ...]:
+def _fits(tree: ReadingTree, states: TreeStates, theirs: Answers, off: float) -> tuple[tuple[str, float], ...]:
     """Single causes that a library's torques look like."""
     if not ROUNDING < off < np.inf:
         return ()
-    left_out = [force for name, force in passive_parts(tree, states).items() if name not in said.covers]
-    best = fitted(tree.reading, states, said.tau + sum(left_out, np.zeros_like(said.tau)))[:1]
+    left_out = [force for name, force in passive_parts(tree, states).items() if name not in theirs.covers]
+    best = fitted(tree.reading, states, theirs.tau + sum(left_out, np.zeros_like(theirs.tau)))[:1]
     return tuple((name, fit.share) for fit in best for name in (fit.name, *fit.alike))

@@ -48,7 +48,7 @@ class Between:
 
     Attributes:
         kind: ``model`` (two files, one library), ``loader`` (one file, two libraries) or ``both``.
-        differences: In words; none if they say the same.
+        differences: In words; none if they are the same.
     """
 
     first: tuple[str, str]
@@ -120,21 +120,23 @@ def _between(
     one, two = models[first].reading, models[second].reading
     # names of A are given with those of B; the other way round they are the same file's
     pairing = paired(one, two, given if first[0] != second[0] else None)
-    said = [each.sentence for each in differences_between(one, two, pairing, deadline)]
+    sentences = [each.sentence for each in differences_between(one, two, pairing, deadline)]
     kind = "loader" if first[0] == second[0] else "model" if first[1] == second[1] else "both"
     if kind == "loader":
-        said = [with_sides(sentence, f"as {first[1]} reads it", f"as {second[1]} reads it") for sentence in said]
-    return Between(first, second, kind, tuple(said))
+        sentences = [
+            with_sides(sentence, f"as {first[1]} reads it", f"as {second[1]} reads it") for sentence in sentences
+        ]
+    return Between(first, second, kind, tuple(sentences))
 
 
 def differences_between(
     one: Reading, two: Reading, pairing: Pairing, deadline: Deadline | None = None
 ) -> list[Difference]:
-    """What two readings say otherwise: what one of them has not, then the largest first."""
-    found = [*missing(one, two, pairing)]
+    """Differences of two readings: parts that one of them lacks, then the largest first."""
+    lost = [*missing(one, two, pairing)]
     if not pairing.joints:
-        return found
-    return found + sorted_by_size(distinct(differences(brought(one, two, pairing), deadline)[0]))
+        return lost
+    return lost + sorted_by_size(distinct(differences(brought(one, two, pairing), deadline)[0]))
 
 
 def _sentences(

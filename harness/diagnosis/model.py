@@ -47,15 +47,15 @@ class Model:
         floating: Whether the base of a URDF is read as moving freely.
         digits: That its numbers are cut to.
         sha256: Of the file; empty without one.
-        loops: File that says what closes the loops of a URDF; `loops_sha256` of it.
+        loops: File with the closures of a URDF; `loops_sha256` of it.
         cut: Where its loops are cut to be compared; None where its file does so.
-        own: The user's file, where `file` is a copy of it that says mass and inertia of meshes.
+        own: The user's file, where `file` is a copy of it with mass and inertia of meshes.
         as_read: What the library itself has of the file, without these and without joints of which a file beside it
             changes the types; None where that is the reading.
         retyped: Whether a file beside it changes types of joints, of which the library knows nothing.
         open_by: How far its loops are open at home as written, in words; empty where they are closed.
         never_closed: Which loops close from no start, in words; empty where all do.
-        says_closures: Whether its files can say what closes loops; a URDF alone cannot.
+        says_closures: Whether its files can hold closures; a URDF alone cannot.
     """
 
     label: str
@@ -77,10 +77,10 @@ class Model:
 
     @property
     def home(self) -> dict[str, float]:
-        """Coordinates of home that the file of its loops says, which a URDF cannot [rad or m]."""
+        """Coordinates of home in the file of its loops, which a URDF cannot hold [rad or m]."""
         own = self.loops is not None and self.loops.name.endswith(OWN)
-        said = read_loops(self.loops).home if own and self.loops else {}
-        return {name: q for name, q in said.items() if name in self.reading.joints}
+        home = read_loops(self.loops).home if own and self.loops else {}
+        return {name: q for name, q in home.items() if name in self.reading.joints}
 
     def read_again(self, file: Path, load: Read) -> Reading:
         """What its library reads from a file in its place."""
@@ -96,7 +96,7 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Weighed:
-    """A side of a diagnosis beside a copy of it that says mass and inertia of meshes.
+    """A side of a diagnosis, and a copy of it with mass and inertia of meshes.
 
     Attributes:
         given: What the user gave.
@@ -130,10 +130,10 @@ def in_process(file: Path, library: str, floating: bool) -> Reading:
 
 
 def loaded(given: str | Path | Weighed, load: Read = in_process, loops: Path | None = None) -> Model:
-    """Loads one side: a file, with what lies beside it, ``FILE@library``, or a description.
+    """Loads one side: a file, with its loops file in the same folder, ``FILE@library``, or a description.
 
     Args:
-        loops: Says what closes the loops of a URDF, in place of what lies beside it.
+        loops: Closures of a URDF, in place of the file in its folder.
 
     Raises:
         ScrewgaugeError: It cannot be read.
@@ -185,7 +185,7 @@ def each_loops(
 
 
 def _asked(given: str | Path | Weighed) -> tuple[str, str]:
-    """File or name of a side, and the library that is asked for; empty where none is."""
+    """File or name of a side, and the library that is wanted; empty where none is."""
     text, library = str(given), ""
     if "@" in text and not os.path.exists(text):
         text, _, library = text.rpartition("@")
@@ -218,7 +218,7 @@ def _described(name: str) -> Model:
 def _expected(mechanism: Mechanism, cut: str, gravity: Array | None) -> Reading:
     reading = expected_reading(mechanism, cut, STANDARD)
     limits = {
-        name: said for joint in mechanism.joints for name, said in zip(joint.coordinates, joint.limits, strict=True)
+        name: bounds for joint in mechanism.joints for name, bounds in zip(joint.coordinates, joint.limits, strict=True)
     }
     joints = {name: replace(joint, limits=limits.get(name, joint.limits)) for name, joint in reading.joints.items()}
     return replace(reading, joints=joints, gravity=gravity)

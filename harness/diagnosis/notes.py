@@ -38,14 +38,14 @@ def notes(
     """All of them, a sentence each.
 
     Args:
-        of_loops: What is to be said of loops; `compared`: they are, at closed states.
+        of_loops: What is to be sides_of of loops; `compared`: they are, at closed states.
     """
-    (a, b), said = models, dict[str, list[str]]()
+    (a, b), sides_of = models, dict[str, list[str]]()
     looped = bool(common.a.closures or common.b.closures)
     for side, model, reading in (("A", a, common.a), ("B", b, common.b)):
         for sentence in _of_side(model, reading, models, looped=looped, compared=compared):
-            said.setdefault(sentence, []).append(side)
-    texts = [_with_sides(sentence, sides) for sentence, sides in said.items()]
+            sides_of.setdefault(sentence, []).append(side)
+    texts = [_with_sides(sentence, sides) for sentence, sides in sides_of.items()]
     return (
         *([of_loops] if of_loops else []),
         *texts,
@@ -93,9 +93,9 @@ def _of_side(
 
 def outside(content: Beyond) -> Iterator[str]:
     """What is not compared."""
-    for what, said in (("not compared", content.withheld), ("outside the comparison", content.aside)):
-        if said:
-            yield f"{what}: {first_few(said, NAMED, '; ')}"
+    for what, phrases in (("not compared", content.withheld), ("outside the comparison", content.aside)):
+        if phrases:
+            yield f"{what}: {first_few(phrases, NAMED, '; ')}"
 
 
 def _elsewhere(common: Common) -> Iterator[str]:
@@ -158,16 +158,16 @@ def _largest_left_out(reading: Reading, what: Sequence[str], seed: int) -> tuple
 AXES, INEXACT = "mj-axes-before-3.14", 1e-6
 
 
-def compiled(models: tuple[Model, Model], found: Sequence[Difference]) -> list[Difference]:
+def compiled(models: tuple[Model, Model], differences: Sequence[Difference]) -> list[Difference]:
     """The differences, those of tensors marked that are no larger than what the installed MuJoCo makes of a file."""
-    small = [each.what == "inertia" and each.kind == "model" and each.size <= INEXACT for each in found]
+    small = [each.what == "inertia" and each.kind == "model" and each.size <= INEXACT for each in differences]
     readers = {model.library for model in models}
     if not any(small) or "mujoco" not in readers or reproduce(AXES).status != "shown":
-        return list(found)
+        return list(differences)
     why = f"as MuJoCo compiles it (casebook: {AXES})"
     return [
         replace(each, kind="digits", sentence=f"{each.sentence}: {why}") if of_it else each
-        for each, of_it in zip(found, small, strict=True)
+        for each, of_it in zip(differences, small, strict=True)
     ]
 
 
@@ -176,10 +176,12 @@ def one_file(models: tuple[Model, Model]) -> bool:
     return models[0].file is not None and models[0].file == models[1].file
 
 
-def unused(models: tuple[Model, Model], found: Sequence[Difference]) -> Iterator[str]:
-    """Of one file: what one library reads and the other leaves as if the file did not say it; a sentence each."""
+def unused(models: tuple[Model, Model], differences: Sequence[Difference]) -> Iterator[str]:
+    """Of one file: what one library reads and the other ignores; a sentence each."""
     for k, model in enumerate(models if one_file(models) else ()):
-        whats = [each.what for each in found if each.what in OPTIONAL and _left_out((each.a, each.b), k, each.what)]
+        whats = [
+            each.what for each in differences if each.what in OPTIONAL and _left_out((each.a, each.b), k, each.what)
+        ]
         if whats:
             yield does_not_use(model.library, whats)
 
@@ -203,7 +205,7 @@ def unheard(change: Change, before: Reading, after: Reading) -> bool:
 
 
 def _left_out(values: tuple[object, object], k: int, what: str) -> bool:
-    """Whether one value is that of a file that does not say it, and the other one is not."""
+    """Whether one value is the default, and the other one is not."""
     default = np.broadcast_to(PROPERTIES[what].default or 0.0, PROPERTIES[what].shape or ())
     plain = [value is not None and np.array_equal(np.asarray(value), default) for value in values]
     return plain[k] and not plain[1 - k]

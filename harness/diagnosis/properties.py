@@ -1,4 +1,4 @@
-"""What a model says of its parts: a property is one entry of one table, and a change gives it another value."""
+"""Properties of the parts of a model, each one entry of one table; a change gives one another value."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ ROOMS = {
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Property:
-    """What a model says of a part of itself.
+    """A property that parts of a model have.
 
     Attributes:
         owner: What has it.
@@ -50,8 +50,8 @@ class Property:
         noun: What it is called, if not by its name; `nouns`: several of them; `row`: small differences with others.
         part: Whether it is a part of the machine that is there or not.
         scales: Whether one factor may change it in many parts.
-        default: Value of a file that does not say it; None where every file does.
-        urdf, mjcf: Element, and attribute behind an ``@``, that say it; empty where that format cannot.
+        default: Value where a file does not state it; None where every file does.
+        urdf, mjcf: Element, and attribute behind an ``@``, that hold it; empty where that format cannot.
         entry: What a reading calls it, if not by its name.
         write: Makes the reading with another value of a part, where that is more than an entry of the part.
         units: Factor by which B is too large -> unit that may have been mixed up.
@@ -174,7 +174,7 @@ PROPERTIES: dict[str, Property] = {
     ),
     "medium": Property(owner="model", shape=(2,), unit="kg/m^3, Pa s", default=0.0, mjcf="option"),
 }
-#: Of bodies; where joints are and how they count; what joints exert by themselves; what files need not say.
+#: Of bodies; where joints are and how they count; what joints exert by themselves; what files need not state.
 INERTIAL, PLACES = (tuple(n for n, p in PROPERTIES.items() if p.row == row) for row in (BODIES, JOINTS))
 PASSIVE = tuple(name for name, each in PROPERTIES.items() if each.owner == "joint" and each.scales)
 OPTIONAL = tuple(name for name, each in PROPERTIES.items() if each.default is not None)
@@ -201,7 +201,7 @@ def unit_of(what: str, joint: JointReading | None = None) -> str:
 
 
 def attributes(form: Literal["urdf", "mjcf"]) -> dict[str, tuple[str, str]]:
-    """What readings call numbers of joints -> element and attribute of a format that say them."""
+    """What readings call numbers of joints -> element and attribute of a format that hold them."""
     said = {each.entry or name: getattr(each, form) for name, each in PROPERTIES.items() if each.owner == "joint"}
     return {name: (text.partition("@")[0], text.partition("@")[2]) for name, text in said.items() if "@" in text}
 

@@ -1,4 +1,4 @@
-"""The libraries' own torques of both models, as loaded, beside each other: what no reading holds is in them, too.
+"""The libraries' own torques of both models, as loaded, compared: they contain also what no reading holds.
 
 Inverse dynamics of each library with its passive forces, at states that close the loops; contacts and limits off;
 constraints projected out, so that it does not matter which torques hold the loops. A description has the dynamics of
@@ -36,7 +36,7 @@ from screwgauge.witness.constraints import (
 from screwgauge.witness.dynamics import dynamics, passive_parts
 from screwgauge.witness.tree import TreeStates
 
-#: States at which libraries are asked.
+#: States at which libraries are compared.
 STATES = 12
 #: Scaled differences beyond this are no rounding: libraries leave 1e-14, MuJoCo's principal axes 5e-14.
 ROUNDING = 1e-11
@@ -89,12 +89,12 @@ class _Side:
 
     @property
     def looped(self) -> bool:
-        """Whether it says what closes loops, or couples joints."""
+        """Whether it has closures or couplings."""
         return bool(self.common.reading.closures or self.common.reading.couplings)
 
 
 def together(models: tuple[Model, Model], common: Common, seed: int) -> tuple[Together | None, str]:
-    """Compares them, or says why not.
+    """Compares them, or gives the reason why not.
 
     Args:
         common: Both with all of their joints.
@@ -102,7 +102,7 @@ def together(models: tuple[Model, Model], common: Common, seed: int) -> tuple[To
     if any(map(elsewhere, models)):
         return None, ""
     a, b = (_side(model, common, side) for side, model in zip("AB", models, strict=True))
-    # one that says the loops leads
+    # one that has the loops leads
     first, second = (b, a) if b.looped and not a.looped else (a, b)
     try:
         found = _torques(first, second, seed)

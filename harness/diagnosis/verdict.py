@@ -1,4 +1,4 @@
-"""The verdict of a diagnosis in words: its first sentence is the headline, the rest says how sure that is."""
+"""The verdict of a diagnosis in words: a headline, then how much it explains and how sure that is."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from screwgauge.reference.errors import first_few
 
 #: Scaled torques that differ by no more are the same, whatever the readers' rounding.
 SAME = 1e-11
-#: Of closures and couplings, what says which motions they leave.
+#: Of closures and couplings, what decides which motions they leave.
 BINDING = CLOSING - {"softness"}
 #: Of that, what two models may state in different ways: a hinge by two points or, in a plane, by one.
 RESTATED = {"closure"}
@@ -48,7 +48,7 @@ _NAMED = 3
 
 def verdict(
     models: tuple[Model, Model],
-    found: Sequence[Difference],
+    differences: Sequence[Difference],
     why: Explanation,
     seen: Iterable[Witness],
     loops: tuple[Loops | None, bool],
@@ -57,7 +57,7 @@ def verdict(
     *,
     late: bool = False,
 ) -> tuple[str, str]:
-    """The headline, and further sentences: what the causes explain, and what is left.
+    """The headline, and further sentences: the share that causes explain, and the rest.
 
     Args:
         loops: What loops leave, and whether the two state the same in different ways.
@@ -68,30 +68,30 @@ def verdict(
     cause, proof, (bound, restated) = why.attribution, why.proof, loops
     apart = [_witness(witness) for witness in seen if not witness.agrees]
     unlike = any(model.never_closed for model in models) or (bound is not None and not bound.closes_alike)
-    if found:
-        said = [headline(cause.causes)]
+    if differences:
+        sentences = [headline(cause.causes)]
         if both is None or both.agrees:
-            said += _explains(found, why, both, late=late)
+            sentences += _explains(differences, why, both, late=late)
         else:
-            said.append(_as_loaded(both))
+            sentences.append(_as_loaded(both))
     elif cause.before.scaled > SAME:
         unexplained = "there was no time to explain" if late else "nothing that the two say explains"
-        said = [f"Torques differ by {_largest(cause.before)}, which {unexplained}."]
-        said += [_as_growth(why)] if why.growth else []
+        sentences = [f"Torques differ by {_largest(cause.before)}, which {unexplained}."]
+        sentences += [_as_growth(why)] if why.growth else []
     elif late:
-        said = ["Nothing differs in what was compared."]
+        sentences = ["Nothing differs in what was compared."]
     else:
-        said = _alike(models, cause, beyond, both, alone=not (apart or unlike))
+        sentences = _alike(models, cause, beyond, both, alone=not (apart or unlike))
     first, second = models
-    if first.file is not None and one_file(models) and found:
-        said.append(f"{first.file.name} is read differently by {first.library} (A) and {second.library} (B).")
-        said += unused(models, found)
+    if first.file is not None and one_file(models) and differences:
+        sentences.append(f"{first.file.name} is read differently by {first.library} (A) and {second.library} (B).")
+        sentences += unused(models, differences)
     elif proof is not None and proof.unheard:
-        said.append(does_not_use(second.library, [change.what for change in proof.unheard]))
-    said += [_soft(why.soft)] if why.soft else []
-    said += _bound(bound, restated=restated) if bound else []
-    said += [f"In {side} {m.never_closed}." for side, m in zip("AB", models, strict=True) if m.never_closed]
-    return said[0], " ".join([*said[1:], *apart])
+        sentences.append(does_not_use(second.library, [change.what for change in proof.unheard]))
+    sentences += [_soft(why.soft)] if why.soft else []
+    sentences += _bound(bound, restated=restated) if bound else []
+    sentences += [f"In {side} {m.never_closed}." for side, m in zip("AB", models, strict=True) if m.never_closed]
+    return sentences[0], " ".join([*sentences[1:], *apart])
 
 
 def headline(causes: Sequence[Cause]) -> str:
@@ -119,7 +119,7 @@ def _shorter(text: str) -> Iterator[str]:
 
 
 def _bound(bound: Loops, *, restated: bool) -> list[str]:
-    """What loops leave, where that differs, or where the same is said otherwise."""
+    """Motions that loops leave, where these differ, or where the same ones are stated in different ways."""
     a, b = bound.mobility
     if a != b:
         return [f"Closures and couplings leave {a} degree{'s' * (a != 1)} of freedom in A, {b} in B."]
@@ -204,24 +204,24 @@ def _as_loaded(both: Together) -> str:
     )
 
 
-def _explains(found: Sequence[Difference], of: Explanation, both: Together | None, *, late: bool) -> list[str]:
-    """What the causes explain of the torque difference, what is left, and what no torque shows."""
+def _explains(differences: Sequence[Difference], of: Explanation, both: Together | None, *, late: bool) -> list[str]:
+    """Share of the torque difference that causes explain, the rest, and differences without effect on torques."""
     why, proof = of.attribution, of.proof
     if why.before.scaled <= SAME:
         unseen = sum(len(cause.differences) for cause in why.causes[1:] if cause.kind == "unseen")
         further = [f"{_others(unseen)} not affect torques."] if unseen else []
-        return [f"{_capital(_unseen(found, why.before.scaled, both))}.", *further]
+        return [f"{_capital(_unseen(differences, why.before.scaled, both))}.", *further]
     if not why.seen:
-        said = "there was no time to explain" if late else "nothing that the two say explains"
-        return [f"Torques differ by {_largest(why.before)}, which {said}.", *([_as_growth(of)] if of.growth else [])]
+        why_not = "there was no time to explain" if late else "nothing that the two say explains"
+        return [f"Torques differ by {_largest(why.before)}, which {why_not}.", *([_as_growth(of)] if of.growth else [])]
     many = sum({*cause.differences} & {*why.seen} != set() for cause in why.causes) > 1
     share = 1.0 if proof is not None and proof.agrees else why.share
     explains = f"{'Together they explain' if many else 'It explains'} {_percent(share)} of the torque difference"
-    beside = distinct(each for i, each in enumerate(found) if i not in why.seen and each.what not in PARTS)
+    beside = distinct(each for i, each in enumerate(differences) if i not in why.seen and each.what not in PARTS)
     apart = sum(each.what in APART for each in beside)
     others, more = len(beside) - apart, list[str]()
     if others:
-        more.append(f"{_others(others)} not affect torques{_of_tree(found, why.seen)}.")
+        more.append(f"{_others(others)} not affect torques{_of_tree(differences, why.seen)}.")
     if apart:
         which = f"other difference{'s are' if apart > 1 else ' is'}"
         more.append(f"{apart} {which} in forces that these torques leave out.")
@@ -240,24 +240,24 @@ def _as_growth(why: Explanation) -> str:
     return f"{_capital(why.growth.sentence)}." if why.growth else ""
 
 
-def _of_tree(found: Sequence[Difference], seen: Sequence[int]) -> str:
+def _of_tree(differences: Sequence[Difference], seen: Sequence[int]) -> str:
     """Where closures or couplings are among what is not seen."""
-    closed = any(each.what in CLOSING for i, each in enumerate(found) if i not in seen)
+    closed = any(each.what in CLOSING for i, each in enumerate(differences) if i not in seen)
     return " of the open tree" if closed else ""
 
 
-def _unseen(found: Sequence[Difference], off: float, both: Together | None) -> str:
+def _unseen(differences: Sequence[Difference], off: float, both: Together | None) -> str:
     """Why torques agree all the same.
 
     Args:
         both: Those of the libraries, where they agree, too.
     """
-    closed = [each.what in CLOSING for each in found]
-    if any(each.what in ("branch", "link", "kind") for each in found):
+    closed = [each.what in CLOSING for each in differences]
+    if any(each.what in ("branch", "link", "kind") for each in differences):
         return f"torques of all else agree ({off:.1g})"
-    if any(each.what in RESISTING for each in found):
+    if any(each.what in RESISTING for each in differences):
         return f"torques, which leave out friction of tendons, stops and contacts, agree ({off:.1g})"
-    if both is None and any(each.what in APART for each in found):
+    if both is None and any(each.what in APART for each in differences):
         return f"torques of bodies and joints, which leave it out, agree ({off:.1g})"
     if not any(closed):
         return f"no torque shows it ({off:.1g})"
@@ -275,11 +275,11 @@ def _left(why: Attribution, proof: Backfill | None) -> str:
     return f"after backfill{where} {_largest(left)} are left"
 
 
-def _largest(found: Largest) -> str:
+def _largest(largest: Largest) -> str:
     return (
-        f"{found.value:.1g} {found.unit}"
-        if found.scaled < 1e-9
-        else f"{found.value:.4g} {found.unit} ({found.component})"
+        f"{largest.value:.1g} {largest.unit}"
+        if largest.scaled < 1e-9
+        else f"{largest.value:.4g} {largest.unit} ({largest.component})"
     )
 
 

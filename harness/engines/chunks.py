@@ -44,8 +44,8 @@ def check_fits(problem: Problem, mechanism: Mechanism, where: str) -> None:
         given = {"start": len(task.start)}
     for what, n in given.items():
         if n != k:
-            said = f"has {k} independent coordinates, the {what} {n}"
-            raise ModelFileError(said, where, "name a description of the same mechanism")
+            differs = f"has {k} independent coordinates, the {what} {n}"
+            raise ModelFileError(differs, where, "name a description of the same mechanism")
     for load in problem.applied.loads:
         if load.body not in mechanism.body_index:
             raise ModelFileError(f"has no body '{load.body}'", where, "keep the names of the scene")

@@ -83,9 +83,9 @@ class Trust:
         """The same, with that of another solution at some samples."""
 
         def merged(mine: Array | float, others: Array | float) -> Array:
-            found = mine + np.zeros(len(self.condition))
-            found[rows] = others
-            return found
+            both = mine + np.zeros(len(self.condition))
+            both[rows] = others
+            return both
 
         numbers = {
             one.name: merged(getattr(self, one.name), getattr(other, one.name))
@@ -98,8 +98,8 @@ class Trust:
 
     def of(self, quantity: str) -> Array:
         """Condition number of all that a quantity was solved from."""
-        found = np.maximum(self.condition, self.forces.get(quantity, 0.0))
-        return np.maximum(found, self.charts) if quantity in OF_JOINTS else found
+        condition = np.maximum(self.condition, self.forces.get(quantity, 0.0))
+        return np.maximum(condition, self.charts) if quantity in OF_JOINTS else condition
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,7 +174,7 @@ def examined(
 
 
 def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: float) -> Rows:
-    """Samples to solve again on behalf of all at which a unit of a quantity is zero beside its summands.
+    """Samples to solve again on behalf of all at which a unit of a quantity is zero against its summands.
 
     What cancels is measured by its summands, which may be a million times the measure of the comparison; powers of the
     gain, which know nothing of what cancels, would then admit far too much. One sample stands for all that have smaller
@@ -185,15 +185,15 @@ def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: f
         units: Quantity -> unit of each component.
         length: Length of the mechanism [m].
     """
-    found = set[int]()
+    again = set[int]()
     for name, array in values.items():
         powers = ROUNDED * linear.EPS * amplified(name, trust) + np.zeros(len(array))
         if not array.size or not (powers > SHARE * QUANTITIES[name].tolerance).any():
             continue
         for _, _, size, _, most in _by_unit(array, units[name], trust, length):
             if (size <= FLOOR * most).all() and most.max() > 0.0:
-                found.add(int(np.argmax(powers * most)))
-    return np.array(sorted(found), dtype=np.intp)
+                again.add(int(np.argmax(powers * most)))
+    return np.array(sorted(again), dtype=np.intp)
 
 
 def _by_unit(
@@ -206,8 +206,8 @@ def _by_unit(
     whole = np.abs(array / [arm(unit, length) for unit in units]).max(axis=1, initial=0.0)
     for unit in dict.fromkeys(units):
         columns = [i for i, has in enumerate(units) if has == unit]
-        size, beside = np.abs(array[:, columns]).max(axis=1, initial=0.0), summand(unit, trust)
-        yield unit, columns, size, size + beside * arm(unit, length), (whole + beside) * arm(unit, length)
+        size, summands = np.abs(array[:, columns]).max(axis=1, initial=0.0), summand(unit, trust)
+        yield unit, columns, size, size + summands * arm(unit, length), (whole + summands) * arm(unit, length)
 
 
 def errors(name: str, parts: Sequence[Part], has: Values, length: float, mass: float) -> tuple[Array, dict[str, float]]:
@@ -225,7 +225,7 @@ def errors(name: str, parts: Sequence[Part], has: Values, length: float, mass: f
         infinite where there is no number, or not one digit of it is right. And by unit the largest of these errors as
         it is, at most the tolerance of the largest summand.
     """
-    lost, found, rounding = np.isnan(has.array).any(axis=1), np.zeros(len(has.array)), dict[str, float]()
+    lost, worst, rounding = np.isnan(has.array).any(axis=1), np.zeros(len(has.array)), dict[str, float]()
     natural, numbers = scales_of(length, mass), [np.nan_to_num(x.values[name], posinf=np.inf) for x in parts]
     by_part = [[*_by_unit(x, has.units, part.trust, length)] for x, part in zip(numbers, parts, strict=True)]
     for each in zip(*by_part, strict=True):
@@ -246,8 +246,8 @@ def errors(name: str, parts: Sequence[Part], has: Values, length: float, mass: f
         if scale <= FLOOR * most_of_all and largest <= bound:
             error, scale = most, most_of_all
         scale = max(scale or float(size.max(initial=0.0)), FLOOR * natural[unit])
-        found = np.maximum(found, error / scale)
-    return np.where(lost | ~(found < DIGIT), np.inf, found), rounding
+        worst = np.maximum(worst, error / scale)
+    return np.where(lost | ~(worst < DIGIT), np.inf, worst), rounding
 
 
 def absolute(name: str, part: Part, local: Array, columns: Sequence[int], *, zero: bool = False) -> Array:
@@ -255,8 +255,8 @@ def absolute(name: str, part: Part, local: Array, columns: Sequence[int], *, zer
 
     Args:
         local: Size of their summands. Shape (n,).
-        zero: Whether they are zero beside these: samples with smaller powers than those that were solved again are then
-            off by no more than these.
+        zero: Whether they are zero against these: samples with smaller powers than those that were solved again are
+            then off by no more than these.
 
     Returns:
         Shape (n,).

@@ -34,10 +34,10 @@ class JointStates:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answers:
-    """What the library says, along the velocities of the reading.
+    """The library's answers, along the velocities of the reading.
 
     Attributes:
-        covers: What `tau` contains beside inertia and gravity: ``armature``, ``damping``, ``stiffness``, ``medium``.
+        covers: What `tau` contains besides inertia and gravity: ``armature``, ``damping``, ``stiffness``, ``medium``.
         tau: Inverse dynamics. Shape (n, n_freedom).
         mass_matrix: Shape (n, n_freedom, n_freedom).
         bias: At zero accelerations. Shape (n, n_freedom).

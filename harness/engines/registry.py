@@ -54,7 +54,7 @@ class Engine:
         package: Distribution that has to be installed.
         reads: Ending of its model file.
         cut: Which generated model it reads, ``minimal`` or ``full``; empty if it reads the description.
-        lacks: Quantity that it cannot give -> why not. Whatever else it is asked for, it has to give.
+        lacks: Quantity that it cannot give -> why not. All other quantities it has to give.
         sprung: Whether it knows springs and motors.
     """
 
@@ -154,7 +154,7 @@ def engines() -> dict[str, Engine]:
 
 
 def get_engine(name: str) -> Engine:
-    """An engine by name; one of another package that cannot be loaded says why when it is asked.
+    """An engine by name; one of another package that cannot be loaded gives the reason when it is loaded.
 
     Raises:
         UnknownNameError: There is none of that name.
@@ -178,30 +178,38 @@ def load_entry(entry: EntryPoint) -> Engine | None:
     """The engine of another package; None if it cannot be loaded, or is not described as an engine is."""
     try:
         with redirect_stdout(sys.stderr):
-            found = entry.load()
-        return _described(found)
+            loaded = entry.load()
+        return _described(loaded)
     except (Exception, SystemExit):
         return None
 
 
-def _described(found: object) -> Engine:
+def _described(engine: object) -> Engine:
     """An engine whose description has what it must have, and texts that can be shown.
 
     Raises:
         TypeError, ValueError: It has not.
     """
-    if not isinstance(found, Engine):
-        raise TypeError(f"{type(found).__name__} is no Engine")
-    texts = (found.name, found.meaning, found.source, found.package, found.reads, *found.lacks, *found.lacks.values())
+    if not isinstance(engine, Engine):
+        raise TypeError(f"{type(engine).__name__} is no Engine")
+    texts = (
+        engine.name,
+        engine.meaning,
+        engine.source,
+        engine.package,
+        engine.reads,
+        *engine.lacks,
+        *engine.lacks.values(),
+    )
     if not all(isinstance(text, str) and len(text) <= TEXT for text in texts):
         raise ValueError("a text of it is none, or too long")
-    if found.cut not in CUTS or not found.tasks <= _ALL:
+    if engine.cut not in CUTS or not engine.tasks <= _ALL:
         raise ValueError("its cut, or a task, is none that there is")
-    return found
+    return engine
 
 
 def keep(entry: EntryPoint, engine: Engine | None) -> None:
-    """Remembers an engine that was loaded; what could not be is loaded again, and fails, when it is asked."""
+    """Remembers an engine that was loaded; what could not be is loaded again, and fails, when it is used."""
     package = entry.dist.name if entry.dist else entry.module
     broken = Engine(entry.name, "cannot be loaded", entry.value, _ALL, package)
     engine = engine or broken
@@ -209,20 +217,20 @@ def keep(entry: EntryPoint, engine: Engine | None) -> None:
 
 
 def check_engines(
-    names: Iterable[str], where: str = "", task: type[Task] | None = None, beside: Collection[str] = ()
+    names: Iterable[str], where: str = "", task: type[Task] | None = None, others: Collection[str] = ()
 ) -> tuple[str, ...]:
     """The names, once each, in the order given.
 
     Args:
         task: A kind of task that all of them have to take.
-        beside: Names of what is no engine and stands beside them.
+        others: Names of what is no engine and may stand with them.
 
     Raises:
         ScrewgaugeError: There is none, one of them is no engine, or it does not take such tasks.
     """
-    wanted = tuple(dict.fromkeys(check_choice("engine", names, (*engine_names(), *beside), where)))
+    wanted = tuple(dict.fromkeys(check_choice("engine", names, (*engine_names(), *others), where)))
     for name in wanted:
-        if task is not None and name not in beside and task not in get_engine(name).tasks:
+        if task is not None and name not in others and task not in get_engine(name).tasks:
             able = ", ".join(other for other, engine in engines().items() if task in engine.tasks)
             raise DescriptionError(f"engine '{name}' does not {_WORDS[task]}", where, f"choose from {able}")
     return wanted

@@ -20,7 +20,7 @@ class Evidence:
         expected: As it should be, from a formula, from equations solved here, or from the other engine.
         mended: As users get it after the remedy.
         unit: Of all three; empty of a plain number.
-        said: What the engine says where it refuses or warns.
+        said: The engine's message where it refuses or warns.
     """
 
     symptom: float
@@ -130,14 +130,14 @@ class FourBar:
         rocker = np.arctan2(*(tip - self.base)[::-1])
         self.elbow, self.tip = elbow, tip
         self.along = np.array([[np.cos(angle), np.sin(angle)] for angle in (crank, coupler, rocker)])
-        self.beside = self.along[:, ::-1] * [-1.0, 1.0]
+        self.across = self.along[:, ::-1] * [-1.0, 1.0]
 
     @cached_property
     def _rates(self) -> tuple[Array, Array]:
         """Angular velocities and accelerations of the links. Shape (3,) each."""
         lengths = self.lengths
-        closing = np.column_stack([lengths[1] * self.beside[1], -lengths[2] * self.beside[2]])
-        omega = np.array([self.speed, *np.linalg.solve(closing, -lengths[0] * self.beside[0] * self.speed)])
+        closing = np.column_stack([lengths[1] * self.across[1], -lengths[2] * self.across[2]])
+        omega = np.array([self.speed, *np.linalg.solve(closing, -lengths[0] * self.across[0] * self.speed)])
         inwards = (lengths * omega**2 * [1.0, 1.0, -1.0]) @ self.along
         return omega, np.array([0.0, *np.linalg.solve(closing, inwards)])
 
@@ -156,8 +156,8 @@ class FourBar:
         """Of the motor at the crank [N m]: power of inertia and weight per speed of the crank."""
         omega, alpha = self._rates
         arms = np.array([[0.5, 0.0, 0.0], [1.0, 0.5, 0.0], [0.0, 0.0, 0.5]]) * self.lengths
-        v = (arms * omega) @ self.beside
-        a = (arms * alpha) @ self.beside - (arms * omega**2) @ self.along
+        v = (arms * omega) @ self.across
+        a = (arms * alpha) @ self.across - (arms * omega**2) @ self.along
         power = self.masses @ np.sum((a - self.gravity) * v, axis=1) + self.moments @ (alpha * omega)
         return float(power / self.speed)
 

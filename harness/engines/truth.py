@@ -36,7 +36,7 @@ from screwgauge.truth.kinematics import LoopsOpen, NotCertified
 from screwgauge.truth.linkage import Linkage
 from screwgauge.truth.samples import Balls, Sampler, SampleTable, centred, enclosed, enclosures, ruled
 
-BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are asked for
+BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are wanted
 MOST = 201
 
 
@@ -101,19 +101,19 @@ def _kept(stored: cache.Arrays, problem: Problem, mechanism: Mechanism, y: Array
         table = SampleTable.unpack(stored)
     except (KeyError, TypeError, ValueError):
         return None
-    sizes, wanted = {name: len(found[0]) for name, found in described(mechanism).items()}, _certifiable(problem)
+    sizes, wanted = {name: len(columns[0]) for name, columns in described(mechanism).items()}, _certifiable(problem)
     return table if table.answers(wanted, sizes, y, mechanism.independent_columns) else None
 
 
 def _key(file: Path, problem: Problem, whole: GivenMotion, rows: Rows, depth: str) -> str:
     """Hash of all input: text where there is any, else the bytes of the doubles."""
-    said, motion, applied = problem.wording, whole.part(rows), problem.applied
+    wording, motion, applied = problem.wording, whole.part(rows), problem.applied
     gravity = None if applied.gravity is None else applied.gravity.tolist()
     return cache.digest(
         mechanism_tables(file),
-        said.motion or [array.tolist() for array in (motion.y, motion.yd, motion.ydd)],
-        [said.gravity, gravity],
-        [said.loads, [load.numbers() for load in applied.loads]],
+        wording.motion or [array.tolist() for array in (motion.y, motion.yd, motion.ydd)],
+        [wording.gravity, gravity],
+        [wording.loads, [load.numbers() for load in applied.loads]],
         motion.t.tobytes(),
         [problem.rule, depth, ruled(problem), BITS],
     )
@@ -153,25 +153,25 @@ def _table(
         sample = partial(enclosed, [sampler(bits) for bits in (BITS, 2 * BITS)], motion)
     # a guess, nothing more
     start = positions(layout(mechanism), motion.y, motion.t, (motion.yd, motion.ydd))[rows].tolist()
-    found: list[Balls | None] = []
+    balls: list[Balls | None] = []
     reasons: list[str] = []
     remedy = ""
     for i, row in enumerate(rows.tolist()):
         try:
-            found.append(sample(row, start[i]))
+            balls.append(sample(row, start[i]))
         except RoutesDisagree as error:
             raise RoutesDisagree(error.what, _where(mechanism, motion.t[row], motion.y[row]), error.remedy) from None
         except NotCertified as error:
             if isinstance(error, LoopsOpen) and not rounded:
                 raise
-            found.append(None)
+            balls.append(None)
             remedy = remedy or error.remedy
             reasons.append(f"{_where(mechanism, motion.t[row], motion.y[row])}: {error.what}")
         progress((i + 1) / len(rows))
-    if all(one is None for one in found):
+    if all(one is None for one in balls):
         where, _, what = reasons[0].partition(": ")
         raise NotCertified(f"no sample can be certified: {what}", where, remedy)
-    return SampleTable(*enclosures(found, rounded), reasons, dict(clock.spent), rounded)
+    return SampleTable(*enclosures(balls, rounded), reasons, dict(clock.spent), rounded)
 
 
 def _where(mechanism: Mechanism, t: float, y: Array) -> str:

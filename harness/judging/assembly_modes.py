@@ -75,8 +75,8 @@ def other_assemblies(
         if isinstance(problem.task, InitialValue):  # where both have come to, in two assemblies or not
             columns = mechanism.independent_columns
             rows = rows[(np.abs(q_a[rows] - q_b[rows])[:, columns] < APART).all(axis=1)]
-        if said := _apart(mechanism, problem.task.t[rows], (q_a[rows], q_b[rows])):
-            apart[frozenset((a.engine, b.engine))] = f"{b.engine} is in another assembly than {a.engine} {said}"
+        if when := _apart(mechanism, problem.task.t[rows], (q_a[rows], q_b[rows])):
+            apart[frozenset((a.engine, b.engine))] = f"{b.engine} is in another assembly than {a.engine} {when}"
     return apart
 
 
@@ -89,21 +89,21 @@ def _away_from_home(
     """
     if isinstance(task, InitialValue) or any(one.engine == "screw" for one, _ in known):
         return {}
-    mode, found = AssemblyMode(layout(mechanism), strict=True), dict[frozenset[str], str]()
+    mode, sentences = AssemblyMode(layout(mechanism), strict=True), dict[frozenset[str], str]()
     try:
         home = mode.motion(task.y, task.t, (task.yd, task.ydd), task.scaled(mode.unit))
-    except ScrewgaugeError:  # no question of preflight, which says so
+    except ScrewgaugeError:  # preflight reports it
         return {}
     for one, q in known:
         rows = np.arange(len(task)) if one.rows is None else one.rows
-        if said := _apart(mechanism, task.t[rows], (home[rows], q[rows])):
-            told = f"{one.engine} is in another assembly than home's {said}"
-            found |= {frozenset((one.engine, other.engine)): told for other, _ in known if other is not one}
-    return found
+        if when := _apart(mechanism, task.t[rows], (home[rows], q[rows])):
+            sentence = f"{one.engine} is in another assembly than home's {when}"
+            sentences |= {frozenset((one.engine, other.engine)): sentence for other, _ in known if other is not one}
+    return sentences
 
 
 def _apart(mechanism: Mechanism, t: Array, pair: tuple[Array, Array]) -> str:
-    """When and where two engines' joints are held otherwise; empty if they are held alike."""
+    """When and where two engines' joints are held differently; empty if they are held alike."""
     lay = layout(mechanism)
     length, turns = loop_equations(lay).length, lay.turns
     difference = np.where(turns, within_half_turn(pair[1] - pair[0]), (pair[1] - pair[0]) / length)
@@ -147,7 +147,7 @@ def in_one_chart(mechanism: Mechanism, solutions: Mapping[str, Solution]) -> dic
     The reference is the first that has all joint positions, the truth before others.
 
     Args:
-        solutions: Name -> solution, in the order asked for.
+        solutions: Name -> solution, in the order of the run.
 
     Returns:
         The same in the same order. Where an engine's angles were the other triple, its notes say so.
@@ -196,10 +196,10 @@ def _coordinates(mechanism: Mechanism, one: Solution) -> Array:
     if given is None and one.assembly is not None:
         return one.assembly
     some = given or next(iter(one.values.values()))
-    found = np.full((len(some.array), len(mechanism.coordinates)), np.nan)
+    coordinates = np.full((len(some.array), len(mechanism.coordinates)), np.nan)
     if given is not None:
-        found[:, mechanism.columns(given.components)] = given.array
-    return found
+        coordinates[:, mechanism.columns(given.components)] = given.array
+    return coordinates
 
 
 def _angles(joint: Joint) -> list[str]:

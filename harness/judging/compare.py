@@ -43,7 +43,7 @@ def compare(
         mobility: Which forces are unique, and which are determined at all.
         tolerance_of: Quantity -> scaled error up to which two engines agree.
         refusals: Samples without numbers, and why.
-        binding: Quantities of which the scene itself says the tolerance: no error of integration is admitted besides.
+        binding: Quantities of which the scene itself states the tolerance: no error of integration is admitted besides.
 
     Returns:
         One row per component, and one row per quantity and unit (see `Results`).
@@ -69,19 +69,19 @@ def compare(
             # measured by the first engine of the run that has these components: one scale for all pairs
             reference = next(v for s in having if {*(v := s.values[quantity]).components} >= {*names} & {*others})
             for unit in dict.fromkeys(reference.units):
-                scale, asked = reference_scale(reference, unit, scales[unit]), tolerance_of(quantity)
-                limit, why = _limit(quantity, unit, (a, b), scale, asked)
-                limits = np.maximum(limit, _conditioned(quantity, (a, b), asked, len(t)))
+                scale, tolerance = reference_scale(reference, unit, scales[unit]), tolerance_of(quantity)
+                limit, why = _limit(quantity, unit, (a, b), scale, tolerance)
+                limits = np.maximum(limit, _conditioned(quantity, (a, b), tolerance, len(t)))
                 grown = left(quantity, unit, (a, b), scale, binding=quantity in binding)
                 rows = [_held(row, rules) for row in _components(quantity, unit, a, b, t, limits, grown)]
                 errors += rows
                 if compared := [row for row in rows if row.ok is not None]:
-                    pairs.append(_explained(_within(_pair(compared), asked, limit, why), a, b, refusals))
+                    pairs.append(_explained(_within(_pair(compared), tolerance, limit, why), a, b, refusals))
     for solution in solutions.values():
         for failure in failures.values():
             for name in solution.values:
                 pairs.append(nothing(name, solution.engine, failure.engine, failure.reason, tolerance_of(name)))
-    # of what has no unique value nothing is said, neither true nor false
+    # of what has no unique value there is no verdict
     return frame(errors, ERROR_COLUMNS).astype({"ok": "boolean", "tolerance": float}), frame(pairs, PAIR_COLUMNS)
 
 
@@ -92,13 +92,13 @@ def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
     return not (names < others or others < names) if quantity.startswith("tree_force") else bool(names & others)
 
 
-def _within(row: SizedResidual, asked: float, limit: float, why: str) -> SizedResidual:
-    """A pair that agrees, with the reason where that is by more than what was asked for."""
+def _within(row: SizedResidual, tolerance: float, limit: float, why: str) -> SizedResidual:
+    """A pair that agrees, with the reason where that is by more than the tolerance of the scene."""
     if not row.ok:
         return row
     conditioned = f"within {row.tolerance:.2g}, rounding times the condition there"
     reason = row.reason or (conditioned if row.error > limit else why)
-    return replace(row, reason=reason if row.error > asked else "")
+    return replace(row, reason=reason if row.error > tolerance else "")
 
 
 def reference_scale(values: Values, unit: str, natural: float) -> float:
@@ -114,27 +114,29 @@ def _rules(quantity: str, rule: str, mobility: Mobility) -> dict[str, tuple[str,
     return {"": (rule, True), **{name: (rule if fixed else UNDETERMINED, unique) for name, unique, fixed in named}}
 
 
-def _limit(quantity: str, unit: str, pair: tuple[Solution, Solution], scale: float, asked: float) -> tuple[float, str]:
-    """Scaled error up to which two agree, and why that is more than what is asked for."""
+def _limit(
+    quantity: str, unit: str, pair: tuple[Solution, Solution], scale: float, tolerance: float
+) -> tuple[float, str]:
+    """Scaled error up to which two agree, and why that is more than the tolerance of the scene."""
     # a scene that asks for less than the usual tolerance asks for less of what rounding makes, too
-    strict = min(1.0, asked / QUANTITIES[quantity].tolerance)
+    strict = min(1.0, tolerance / QUANTITIES[quantity].tolerance)
     admitted = strict * max(one.tolerances.get(quantity, {}).get(unit, 0.0) for one in pair)
     stated = sum(one.stated.get(quantity, 0.0) for one in pair)
     why = f"zero within {admitted:.1g} {unit}, the rounding of its largest summands"
     if stated > admitted:
         why = f"within {stated:.3g} {unit}, the error that {pair[1].engine} states"
-    return max(asked, admitted / scale, stated / scale), "" if quantity == "tree_force_soft" else why
+    return max(tolerance, admitted / scale, stated / scale), "" if quantity == "tree_force_soft" else why
 
 
-def _conditioned(quantity: str, pair: tuple[Solution, Solution], asked: float, n: int) -> Array:
+def _conditioned(quantity: str, pair: tuple[Solution, Solution], tolerance: float, n: int) -> Array:
     """Scaled error that the condition of what two solutions were solved from explains, by their own estimates. (n,)
 
     Of a sample that is flagged, or of a scene that asks for more than is usual, it explains none.
     """
     usual = QUANTITIES[quantity].tolerance
     estimates = [one.estimate.get(quantity, np.zeros(n)) for one in pair]
-    known = np.all([each <= LIMIT for each in estimates], axis=0) & (asked <= usual)
-    return np.where(known, asked / usual * np.sum(estimates, axis=0), 0.0)
+    known = np.all([each <= LIMIT for each in estimates], axis=0) & (tolerance <= usual)
+    return np.where(known, tolerance / usual * np.sum(estimates, axis=0), 0.0)
 
 
 def _held(row: SizedResidual, rules: Mapping[str, tuple[str, bool]]) -> SizedResidual:

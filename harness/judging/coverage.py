@@ -16,7 +16,7 @@ from screwgauge.judging.answer import largest
 from screwgauge.judging.assembly_modes import assembly_of
 from screwgauge.judging.identifiability import (
     BRACKET,
-    Accelerations,
+    CoveredAccelerations,
     compared_forces,
     covered_motion,
     parameters,
@@ -45,7 +45,7 @@ STATICS = 0.01
 #: Poses at which any velocity is tried, and a tolerance that makes every effect visible.
 ANY, TINY = 6, 1e-300
 #: How terms are called that vanish.
-_SAID = {
+_NAMES = {
     "gravity": "gravity",
     "inertial": "inertial forces",
     "gyroscopic": "gyroscopic moments",
@@ -82,12 +82,12 @@ class Coverage:
 
     @property
     def absent(self) -> list[str]:
-        """Kinds of terms that vanish in all that is compared; nothing is said of those that the scene has not."""
+        """Kinds of terms that vanish in all that is compared; those that the scene has not are left out."""
         there = {row["term"] for row in self.shares if row["share"]}
         lost = dict.fromkeys(row["term"] for row in self.shares if row["term"] not in there)
         products = [term for term in BRACKET[1:] if term in lost and "bracket" not in lost]
         part = [f"{' and '.join(products)} of the Lie bracket"] if products else []
-        return [said for term, said in _SAID.items() if term in lost] + part
+        return [name for term, name in _NAMES.items() if term in lost] + part
 
     @property
     def inertia(self) -> tuple[str, float] | None:
@@ -102,19 +102,19 @@ class Coverage:
     @property
     def poor(self) -> str:
         """What the motion does not test, in a sentence or two; empty if nothing is known to be left out."""
-        said = list[str]()
+        sentences = list[str]()
         if self.inertia and self.inertia[1] < STATICS:
             name, share = self.inertia
-            said.append(f"Inertia is {100.0 * share:.2g} % of {name}: this motion tests statics.")
+            sentences.append(f"Inertia is {100.0 * share:.2g} % of {name}: this motion tests statics.")
         names, terms = [[n for n in some if n not in self.hidden] for some in (self.untested, self.absent)]
         if names or terms:
-            said.append(f"Not tested here: {_counted(names, terms)}.")
+            sentences.append(f"Not tested here: {_counted(names, terms)}.")
         if self.hidden:
             names, terms = [[n for n in some if n in self.hidden] for some in (self.untested, self.absent)]
             why = " (mostly because the mechanism is planar)" * self.planar
             none = f"No compared quantity depends on {_counted(names, terms)} in any motion through these poses"
-            said.append(f"{none}{why}: nothing is wrong.")
-        return " ".join(said)
+            sentences.append(f"{none}{why}: nothing is wrong.")
+        return " ".join(sentences)
 
     @property
     def sentence(self) -> str:
@@ -145,7 +145,7 @@ def coverage(
     """What a given motion can see of mistakes, in the quantities that it asks for.
 
     Args:
-        solutions: Of which the first that says its joint coordinates gives the poses.
+        solutions: Of which the first that has its joint coordinates gives the poses.
         counted: Which reactions are determined.
         tolerance_of: Quantity -> scaled error up to which two engines agree.
     """
@@ -260,7 +260,7 @@ def _shaken(mechanism: Mechanism, motion: GivenMotion) -> GivenMotion:
     return GivenMotion(motion.t, motion.y, yd, ydd)
 
 
-def _by_unit(of: Accelerations, units: Sequence[str]) -> dict[tuple[str, str], Array]:
+def _by_unit(of: CoveredAccelerations, units: Sequence[str]) -> dict[tuple[str, str], Array]:
     """(quantity, unit) -> values."""
     has = np.array(units)
     return {

@@ -36,7 +36,7 @@ _Table = dict[str, tuple[tuple[str, ...], Array]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Accelerations:
+class CoveredAccelerations:
     """Of joints and bodies.
 
     Attributes:
@@ -62,9 +62,9 @@ class CoveredMotion:
     admissible: AdmissibleMotion
 
     @property
-    def accelerations(self) -> Accelerations:
+    def accelerations(self) -> CoveredAccelerations:
         """All of them."""
-        return Accelerations(self.states.qdd, self.motion.com.b, self.motion.com.a)
+        return CoveredAccelerations(self.states.qdd, self.motion.com.b, self.motion.com.a)
 
     @property
     def axial(self) -> tuple[str, Array] | None:
@@ -72,12 +72,13 @@ class CoveredMotion:
         return self.mechanism.axial if self.problem.rule == "spherical_axial" else None
 
     @cached_property
-    def lost(self) -> dict[str, Accelerations]:
+    def lost(self) -> dict[str, CoveredAccelerations]:
         """What accelerations lose where a term of the Lie bracket is left out, in every loop and of every body."""
         products = velocity_products(self.motion, self.states.qd)
-        return {term: self._lost(sum(products.values()) if term == "bracket" else products[term]) for term in BRACKET}
+        products["bracket"] = np.sum([*products.values()], axis=0)
+        return {term: self._lost(products[term]) for term in BRACKET}
 
-    def _lost(self, products: Array) -> Accelerations:
+    def _lost(self, products: Array) -> CoveredAccelerations:
         """By some of the products of `velocity_products`. Shape (n, n_freedom, 6)."""
         tree, motion, m = self.tree, self.motion, len(self.tree.closures)
         first, second = tree.carries[tree.ends.link[:m]], tree.carries[tree.ends.link[m:]]
@@ -88,7 +89,7 @@ class CoveredMotion:
         joints = self.admissible.joints(np.zeros((len(self.t), len(self.admissible.columns))), gaps)
         bodies = tree.moves @ (products + unit_twists(motion) * joints[..., None])
         angular = bodies[..., :3]
-        return Accelerations(joints, angular, bodies[..., 3:] + cross(angular, motion.com.p))
+        return CoveredAccelerations(joints, angular, bodies[..., 3:] + cross(angular, motion.com.p))
 
 
 def covered_motion(mechanism: Mechanism, problem: Problem, motion: GivenMotion, q: Array) -> CoveredMotion:
@@ -130,7 +131,7 @@ def compared_forces(at: CoveredMotion, needed: Needed, counted: Mobility) -> Ite
     """
     wanted, table = at.problem.wanted, _Table()
     if trees := [name for name in ("tree_force", "tree_force_soft") if name in wanted]:
-        table[trees[0]] = _tree_forces(at, needed.own)  # the second says no more
+        table[trees[0]] = _tree_forces(at, needed.own)  # the second adds nothing
     if wanted & _SOLVED:
         table |= _solved(at, needed.own + needed.applied, counted)
     for name, (units, array) in table.items():
@@ -222,7 +223,7 @@ _Column = tuple[str, int, _Wrench, _Wrench]
 def parameters(now: CoveredMotion) -> tuple[tuple[str, ...], Needed]:
     """Names of the inertial parameters and load points, and the derivatives of what bodies need by each.
 
-    By mass, centre of mass and inertia about it, all else that the description says being kept, each as large as the
+    By mass, centre of mass and inertia about it, all else of the description being kept, each as large as the
     body's own: its mass (that of the mechanism where it has none), the length of the mechanism, its largest moment of
     inertia. A body without mass has neither centre nor inertia.
     """

@@ -43,7 +43,7 @@ def judge(
     and unit.
 
     Args:
-        problem: What was asked; its gravity is what counts, whatever a model file says.
+        problem: The problem; its gravity counts, whatever a model file has.
         refused: Samples without numbers: what an engine does not say cannot be judged.
         tolerance_of: Quantity -> scaled error that is admitted of a given motion: residuals of a quantity of which the
             scene admits more than `tolerance` may be as large.
@@ -86,7 +86,7 @@ def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals:
 
     Args:
         whole, some: The answer at all samples and at a few. The first is judged if it has what is needed.
-        motion: What was asked at these few.
+        motion: The given motion at these few.
     """
     tree, forces = (any(some.has(name) for name in names) for names in (residuals.TREE_FORCES, _FORCES))
     lacking = not some.has(*_MOTION)
@@ -104,7 +104,7 @@ def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals:
 
 
 def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Residuals:
-    """Residuals of forces of the closed mechanism; where some of them were not asked for, of a few samples."""
+    """Residuals of forces of the closed mechanism; where some of them were not wanted, of a few samples."""
     required = residuals.required_wrenches(some)
     full = residuals.balanced(some, required[0])
     every, needed = (whole, residuals.required_wrenches(whole)) if some.has("actuator_force") else (full, required)
@@ -118,17 +118,17 @@ def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Residu
         yield from residuals.virtual_work(some, admissible, *required)
 
 
-def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[int] = range(3)) -> Residuals:
-    """Closure of every loop and coupling in position, velocity and acceleration, and whether y is what was asked for.
+def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[int] = range(3)) -> Residuals:
+    """Closure of every loop and coupling in position, velocity and acceleration, and whether y is that of the motion.
 
     Args:
-        asked: The given motion, if there is one.
+        given: The motion, if there is one.
         orders: Of the derivatives, as far as the answer has them.
     """
     mechanism = answer.mechanism
     names = [f"{joint}.{axis}" for joint in answer.tree.closures for axis in "xyz"]
     tied = [one.column for one in answer.tree.couplings.values()]
-    given = () if asked is None else (asked.y, asked.yd, asked.ydd)
+    y = () if given is None else (given.y, given.yd, given.ydd)
     for order in orders:
         name, quantity, per = _CLOSURE[order]
         if order and not answer.has(quantity):
@@ -143,9 +143,9 @@ def closure(answer: Answer, asked: GivenMotion | None = None, orders: Sequence[i
                     components.append(f"{coupling.name}.coupling")
                     columns.append(coupled[:, [k]])
             for k, (label, column) in enumerate(zip(mechanism.independent, mechanism.independent_columns, strict=True)):
-                if given and f"{mechanism.units[column]}{per}" == unit:
+                if y and f"{mechanism.units[column]}{per}" == unit:
                     components.append(f"{label} as asked")
-                    columns.append(values[:, [column]] - given[order][:, [k]])
+                    columns.append(values[:, [column]] - y[order][:, [k]])
             if components:
                 # velocities and accelerations are measured against the largest of the motion
                 size = _largest(answer, order, unit) if order else answer.scales[unit]
@@ -176,13 +176,13 @@ def admitted_by(answer: Answer) -> AdmissibleMotion:
     return admissible_motion(answer.motion, answer.q, mechanism.units, mechanism.independent_columns)
 
 
-def completed(answer: Answer, admissible: AdmissibleMotion, asked: GivenMotion) -> Answer:
+def completed(answer: Answer, admissible: AdmissibleMotion, given: GivenMotion) -> Answer:
     """The answer with the joint velocities and accelerations that it lacks, as its poses and the motion have them."""
     joints = answer.joints.copy()
     if not answer.has("joint_velocity"):
-        joints[1] = admissible.joints(asked.yd)
+        joints[1] = admissible.joints(given.yd)
     if not answer.has("joint_acceleration"):
         joints[2] = 0.0
         still = answer.moving(joints)
-        joints[2] = admissible.joints(asked.ydd, residual(still.tree, still.states, still.motion, 2))
+        joints[2] = admissible.joints(given.ydd, residual(still.tree, still.states, still.motion, 2))
     return answer.moving(joints)

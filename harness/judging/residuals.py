@@ -71,9 +71,9 @@ def required_wrenches(answer: Answer, *, loaded: bool = True) -> tuple[Array, Ar
 
 def _vectors(array: Array) -> Array:
     """Three numbers of each body, as `lanes`. Shape (n, 3 n_body) -> (n, n_body, 3)."""
-    found = lanes(len(array), array.shape[1] // 3, 3)
-    found[:] = array.reshape(found.shape)
-    return found
+    vectors = lanes(len(array), array.shape[1] // 3, 3)
+    vectors[:] = array.reshape(vectors.shape)
+    return vectors
 
 
 def unit_wrenches_of(answer: Answer, *quantities: str) -> Iterator[tuple[str, UnitWrench]]:
@@ -210,7 +210,7 @@ def balanced(answer: Answer, required: Array) -> Answer:
 
 
 def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
-    """The answer with a quantity that is what the balance of all bodies leaves open beside the other."""
+    """The answer with a quantity from the balance of all bodies, the other one known."""
     other = {"reaction": "actuator_force", "actuator_force": "reaction"}[quantity]
     right, unknown = required.copy(), [unit for _, unit in unit_wrenches_of(answer, quantity)]
     tree, com = answer.tree, answer.motion.com
@@ -218,8 +218,8 @@ def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
         for body, wrench in unit.on_bodies(tree, com):
             right[:, body] -= amount(answer, other, unit) * wrench
     columns, no_rule = wrench_columns(unknown, tree, com), np.zeros((len(right), 0, len(unknown)))
-    found = balancing(unknown, columns, right[..., None], answer.scales["m"], no_rule)[..., 0]
-    solved = Values(tuple(unit.name for unit in unknown), tuple(unit.unit for unit in unknown), found)
+    amounts = balancing(unknown, columns, right[..., None], answer.scales["m"], no_rule)[..., 0]
+    solved = Values(tuple(unit.name for unit in unknown), tuple(unit.unit for unit in unknown), amounts)
     return replace(answer, values={**answer.values, quantity: solved})
 
 
@@ -273,9 +273,9 @@ def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Residuals:
     Args:
         looser: The same motion integrated with looser tolerances: what of the balance that changes is integration.
     """
-    if (found := _balance(answer)) is None:
+    if (balance := _balance(answer)) is None:
         return
-    missing, size = found
+    missing, size = balance
     others = [other[0] for one in looser if (other := _balance(one)) is not None]
     reason = ""
     if others:

@@ -123,24 +123,24 @@ def with_estimate(solution: Solution, looser: Sequence[Solution]) -> Solution:
     Args:
         looser: The same quantities from those runs; none where they failed.
     """
-    found = estimated(solution, looser)
-    if not found:
+    estimate = estimated(solution, looser)
+    if not estimate:
         return replace(solution, notes=(*solution.notes, "the error of its integration is not known"))
-    sizes = found.get("joint_position") or next(iter(found.values()))
-    said = ", ".join(f"{np.nanmax(error):.1e} {unit}" for unit, error in sizes.items())
+    sizes = estimate.get("joint_position") or next(iter(estimate.values()))
+    largest = ", ".join(f"{np.nanmax(error):.1e} {unit}" for unit, error in sizes.items())
     times = " and ".join(f"{factor:g}" for factor in LOOSER)
-    note = f"error that integration leaves, from further runs with {times} times the tolerances: at most {said}"
-    return replace(solution, integration=found, notes=(*solution.notes, note))
+    note = f"error that integration leaves, from further runs with {times} times the tolerances: at most {largest}"
+    return replace(solution, integration=estimate, notes=(*solution.notes, note))
 
 
 def estimated(solution: Solution, looser: Sequence[Solution]) -> dict[str, dict[str, Array]]:
     """Estimated error of what all runs reached, never less than at an earlier sample; NaN where one has no number."""
-    found: dict[str, dict[str, Array]] = {}
+    errors: dict[str, dict[str, Array]] = {}
     for name, has in solution.values.items() if looser else ():
         runs = [has, *(one.values[name] for one in looser)]
         apart = {unit: [_apart(*pair, unit) for pair in combinations(runs, 2)] for unit in dict.fromkeys(has.units)}
-        found[name] = {unit: SAFETY * np.max(each, axis=0) for unit, each in apart.items()}
-    return found
+        errors[name] = {unit: SAFETY * np.max(each, axis=0) for unit, each in apart.items()}
+    return errors
 
 
 def _apart(a: Values, b: Values, unit: str) -> Array:
@@ -159,7 +159,7 @@ class Left:
     Attributes:
         scale: Of the scaled errors.
         errors: Engine -> its estimated error, scaled. Shape (n,).
-        binding: The scene says how large the difference may be, whatever integration leaves.
+        binding: The scene states how large the difference may be, whatever integration leaves.
     """
 
     scale: float
@@ -178,14 +178,14 @@ class Left:
         sizes = {engine: float(error[row]) for engine, error in self.errors.items() if np.isfinite(error[row])}
         if not sizes or (ok and size <= usual):
             return ""
-        said = " and ".join(f"{error:.1g} by {engine}" for engine, error in sizes.items())
+        shares = " and ".join(f"{error:.1g} by {engine}" for engine, error in sizes.items())
         whole = sum(sizes.values())
         if ok:
-            return f"{WITHIN}: at most {said}"
+            return f"{WITHIN}: at most {shares}"
         if size > usual + whole:
-            return f"integration makes at most {said}; at least {size - whole:.2g} of it is none"
+            return f"integration makes at most {shares}; at least {size - whole:.2g} of it is none"
         why = "the tolerance is that of the scene" if self.binding else f"more than {MOST:g} is not put down to it"
-        return f"{WITHIN} that its engines admit: at most {said}; {why}"
+        return f"{WITHIN} that its engines admit: at most {shares}; {why}"
 
 
 def left(quantity: str, unit: str, pair: tuple[Solution, Solution], scale: float, *, binding: bool) -> Left:
@@ -224,7 +224,7 @@ def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tupl
     groups: dict[tuple[tuple[int, ...], tuple[str, ...]], list[str]] = {}
     for quantity in (name for name in QUANTITIES if name in solution.values):
         lost = ~np.isfinite(solution.values[quantity].array)
-        # an engine that says nothing of its conditioning has refused nothing: what it lacks is its own fault
+        # an engine that estimates no conditioning has refused nothing: what it lacks is its own fault
         lost &= ~(solution.conditions.get(quantity, np.zeros(1)) <= linear.SINGULAR)[:, None]
         if lost.any():
             some = [bool(column.any()) for column in lost.T]

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from screwgauge.diagnosis.diagnose import Diagnosis
 from screwgauge.reference.errors import OutputError
 from screwgauge.report.blocks import Block
 from screwgauge.report.folder import locked
-from screwgauge.report.pages.diagnosis import PAGE
 from screwgauge.report.write import Shown
+
+if TYPE_CHECKING:
+    from screwgauge.report.layout import Report
 
 
 class DiagnosisReport(Shown, Diagnosis):
@@ -32,10 +35,17 @@ class DiagnosisReport(Shown, Diagnosis):
         if out == "":
             raise OutputError("is empty, which would be the current folder", "out", "name a folder")
         with locked(Path(out)):
-            return PAGE.write(self, Path(out), force=force)
+            return _report().write(self, Path(out), force=force)
 
     def _page(self) -> Iterable[Block]:
-        return PAGE.blocks(self, PAGE.draw(self))
+        return _report().blocks(self, _report().draw(self))
 
     def _screen(self) -> Iterable[Block]:
-        return PAGE.terminal(self)
+        return _report().terminal(self)
+
+
+def _report() -> Report:
+    """Imported where a page is made: pages and figures take a tenth of the time of a diagnosis."""
+    from screwgauge.report.pages.diagnosis import PAGE
+
+    return PAGE

@@ -266,7 +266,7 @@ def _requested(
             what = f"model file of {engine} does not exist, or is no regular file ('{file}')"
             raise DescriptionError(what, f"{where}, models", "check the path")
     named, where = (scene.engines, where) if engines is None else (engines, "")
-    names = check_engines(named, where, beside=scene.tables)
+    names = check_engines(named, where, others=scene.tables)
     known = SIMULATED if scene.simulated else GIVEN
     wanted = check_quantities(scene.quantities if quantities is None else quantities, known=known)
     if scene.simulated and not scene.observables:

@@ -191,7 +191,7 @@ def newton_step(rows: Array, gap: Array) -> Array:
 def clear(rows: Array) -> NDArray[np.bool_]:
     """States at which the rank of the rows is clear; shape (n, m, n_freedom) -> (n,).
 
-    Newton's method ends beside a singular pose with half the digits, and with singular values that are neither.
+    Newton's method ends next to a singular pose with half the digits, and with singular values that are neither.
     """
     s = np.linalg.svd(rows, compute_uv=False)
     s = s / np.maximum(s.max(axis=1, initial=0.0, keepdims=True), 1e-300)
@@ -251,8 +251,8 @@ class AdmissibleMotion:
         right[:, m:] = y / self.size[self.columns, None]
         if gaps is not None:
             right[:, :m] = -(gaps / self.gap_size)[..., None]
-        found = linear.solve(self.equations, right) * self.size[:, None]
-        return np.asarray(found[..., 0] if single else found)
+        solution = linear.solve(self.equations, right) * self.size[:, None]
+        return np.asarray(solution[..., 0] if single else solution)
 
     @cached_property
     def partial(self) -> Array:
@@ -271,7 +271,7 @@ def admissible_motion(motion: TreeMotion, q: Array, units: Sequence[str], column
 
     Args:
         units: rad or m, of each velocity.
-        columns: Velocities by which a motion is told.
+        columns: Velocities by which a motion is given.
     """
     tree, length = motion.tree, motion.tree.length
     size = np.array([1.0 if unit == "rad" else length for unit in units])

@@ -28,10 +28,10 @@ class NewtonEulerTerms:
     @property
     def wrenches(self) -> Array:
         """All of it. Shape (n, m, 6)."""
-        found = self.inertial.copy("K")
-        found[..., :3] += self.gravity
-        found[..., 3:] += self.gyroscopic
-        return found
+        total = self.inertial.copy("K")
+        total[..., :3] += self.gravity
+        total[..., 3:] += self.gyroscopic
+        return total
 
 
 def newton_euler(matter: MassProperties, R: Array, w: Array, b: Array, a: Array, g: Array) -> NewtonEulerTerms:
@@ -107,7 +107,7 @@ class InverseDynamics:
     """What a tree needs to move as it does; forces are those along its velocities [N m or N].
 
     Attributes:
-        tau: All that is asked of motors. Shape (n, n_freedom).
+        tau: All that motors exert. Shape (n, n_freedom).
         mass_matrix: With armature. Shape (n, n_freedom, n_freedom).
         bias: Of gravity and velocities, without what joints add. Shape (n, n_freedom).
         gravity: Of weights alone. Shape (n, n_freedom).
@@ -140,9 +140,9 @@ def dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion | None =
     )
 
 
-def inverse_dynamics(tree: SpanningTree, states: TreeStates) -> Array:
-    """`Dynamics.tau` alone. Shape (n, n_freedom)."""
-    motion = move(tree, states)
+def inverse_dynamics(tree: SpanningTree, states: TreeStates, motion: TreeMotion | None = None) -> Array:
+    """`InverseDynamics.tau` alone. Shape (n, n_freedom)."""
+    motion = motion or move(tree, states)
     return along(motion, _needed(motion).wrenches) + armature_force(tree, states) + passive_force(tree, states)
 
 

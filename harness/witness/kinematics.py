@@ -108,10 +108,10 @@ class TreeMotion:
         moved = self.tree.carries[frames.link][:, None]
         e = np.broadcast_to(self.axes[:, None], (*points.shape[:2], *self.axes.shape[1:]))
         lever = cross(e, points[:, :, None] - self.links.p[:, None, number])
-        found = np.empty((*points.shape[:2], 6, len(number)))
-        found[:, :, :3] = np.where(turns, np.swapaxes(e, 2, 3), 0.0) * moved
-        found[:, :, 3:] = np.swapaxes(np.where(turns[:, None], lever, e), 2, 3) * moved
-        return found
+        J = np.empty((*points.shape[:2], 6, len(number)))
+        J[:, :, :3] = np.where(turns, np.swapaxes(e, 2, 3), 0.0) * moved
+        J[:, :, 3:] = np.swapaxes(np.where(turns[:, None], lever, e), 2, 3) * moved
+        return J
 
 
 def move(tree: SpanningTree, states: TreeStates) -> TreeMotion:

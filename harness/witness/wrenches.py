@@ -181,10 +181,10 @@ def _directions(what: str, joint: Joint, near: Array, far: Array) -> dict[str, A
         return {name: np.broadcast_to(axis, (len(far), 3)) for name, axis in zip("xyz", np.eye(3), strict=True)}
     if what == "normal":
         return {"": cross(times(near, joint.axes[0]), times(far, joint.axes[1]))}
-    frame, beside = {name: far[..., i] for i, name in enumerate("xyz")}, across(joint.axes[0])
+    frame, sideways = {name: far[..., i] for i, name in enumerate("xyz")}, across(joint.axes[0])
     if what == "across":
-        return {name: times(far, direction) for name, direction in beside.items()}
-    along = {name: axis for name, axis in frame.items() if name not in beside}
+        return {name: times(far, direction) for name, direction in sideways.items()}
+    along = {name: axis for name, axis in frame.items() if name not in sideways}
     return frame if what == "frame" else along if len(along) == 1 else {"": times(far, joint.axes[0])}
 
 

@@ -47,24 +47,26 @@ def assemble(
 def _said(loops: Loops, chosen: Home, why: tuple[str, ...]) -> tuple[str, ...]:
     home = loops.values(loops.home)
     moved = {name: value - home[name] for name, value in loops.values(chosen.q).items() if value != home[name]}
-    said, opened = [], loops.gaps(loops.home, CLOSED)
+    sentences, opened = [], loops.gaps(loops.home, CLOSED)
     if moved:
         most = max(moved, key=lambda name: abs(moved[name]))
         near = " nearest to that of the file" if chosen.start == OWN else ""
         aim = f"closed loops{near}" if opened else "room to the limits"
         what = f"{len(moved)} coordinates are moved, '{most}' most, by {moved[most]:.3g}"
-        said.append(f"Home is a pose with {aim}: {what}.")
-    said += why
+        sentences.append(f"Home is a pose with {aim}: {what}.")
+    sentences += why
     if opened:
-        said.append(f"At the file's own home loops are open: {some(opened)}.")
+        sentences.append(f"At the file's own home loops are open: {some(opened)}.")
     if chosen.error > CLOSED:
         rounding = some(loops.gaps(chosen.q, CLOSED))
-        said.append(f"By the rounding of the file loops close nearly only; frames are moved to close them: {rounding}.")
+        sentences.append(
+            f"By the rounding of the file loops close nearly only; frames are moved to close them: {rounding}."
+        )
     if tight := [f"'{name}'" for name, (low, high) in limits(loops) if not low < high]:
-        said.append(f"Limits of {some(tight)} leave no room, and are left out.")
+        sentences.append(f"Limits of {some(tight)} leave no room, and are left out.")
     if chosen.beyond:
-        said.append(f"Loops or couplings keep {some(chosen.beyond)} beyond limits, which are left out.")
-    return tuple(said)
+        sentences.append(f"Loops or couplings keep {some(chosen.beyond)} beyond limits, which are left out.")
+    return tuple(sentences)
 
 
 #: A coordinate that is preferred is taken as long as so much of it is its own.
@@ -113,9 +115,9 @@ def choose(
     """
     K, hidden = motions(mechanism)
     if not K.shape[1]:
-        said = f"; {rounded(hidden)}" if len(hidden) else ""
-        remedy = FULL if said else "check the closures"
-        raise DescriptionError(f"its loops leave no degree of freedom{said}", where, remedy)
+        hint = f"; {rounded(hidden)}" if len(hidden) else ""
+        remedy = FULL if hint else "check the closures"
+        raise DescriptionError(f"its loops leave no degree of freedom{hint}", where, remedy)
     names = mechanism.coordinates
     if independent is None:
         chosen = {names[i]: names[i] for i in pick(K, preferences(mechanism, actuated or ()))}

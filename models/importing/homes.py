@@ -80,39 +80,41 @@ def chosen(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], where: st
     Raises:
         ClosureError: Some loops do not close from any start.
     """
-    found, nearest, tried = list[Home](), (loops.home, np.inf), 0
+    homes, nearest, tried = list[Home](), (loops.home, np.inf), 0
     for start, begin in _starts(loops, keyframes):
         tried += 1
         q, error = loops.newton(begin)
         nearest = min(nearest, (q, error), key=lambda pair: pair[1])
         if not error <= ROUNDING:
             continue
-        found.append(one := _home(loops, start, *_centred(loops, q, error)))
+        homes.append(one := _home(loops, start, *_centred(loops, q, error)))
         kept = begin is loops.home and q is begin  # closed as it is
-        fine = [each for each in found if not each.beyond and each.least > REGULAR]
+        fine = [each for each in homes if not each.beyond and each.least > REGULAR]
         if one.good or (kept and one in fine) or len(fine) == ENOUGH:
             break
-    if not found:
+    if not homes:
         open_by = some(loops.gaps(nearest[0], ROUNDING))
         what = f"loops do not close from any of {tried} starts: nearest are {open_by}"
         raise ClosureError(what, where, "check the frames that they join, or name fewer loops")
-    best = min(found, key=Home.key)
-    return best, tuple(_why(best, found))
+    best = min(homes, key=Home.key)
+    return best, tuple(_why(best, homes))
 
 
-def _why(best: Home, found: Sequence[Home]) -> Iterator[str]:
+def _why(best: Home, homes: Sequence[Home]) -> Iterator[str]:
     """Why it is the best one, if it is not the one that is found from the file's own home."""
     if best.start == OWN:
         return
     what = "nearest well-conditioned" if best.least > WELL else "best-conditioned"
     inside = "" if best.beyond else " within the limits"
-    said = f"Of {len(found)} closed poses it is the {what} one{inside}, found from {best.start}: the smallest singular"
-    said = f"{said} value of its loop equations is {best.least:.2g}."
-    if (own := found[0]).start != OWN:
-        yield f"{said} From {OWN} loops do not close."
+    reason = (
+        f"Of {len(homes)} closed poses it is the {what} one{inside}, found from {best.start}: the smallest singular"
+    )
+    reason = f"{reason} value of its loop equations is {best.least:.2g}."
+    if (own := homes[0]).start != OWN:
+        yield f"{reason} From {OWN} loops do not close."
         return
     kept = f", with {some(own.beyond)} beyond limits" if own.beyond else ""
-    yield f"{said} From {OWN} they close where it is {own.least:.2g}{kept}."
+    yield f"{reason} From {OWN} they close where it is {own.least:.2g}{kept}."
 
 
 def _starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, Array]]:
@@ -289,18 +291,18 @@ class Loops:
 
     def gaps(self, q: Array, least: float) -> list[str]:
         """How far closures and couplings that are open are so, in words, the widest first."""
-        found = {name: r for name, r in self.residuals(q).items() if np.abs(r).max() > least}
-        return [self._gap(name, found[name]) for name in sorted(found, key=lambda name: -np.abs(found[name]).max())]
+        widest_first = sorted(self.residuals(q).items(), key=lambda entry: -np.abs(entry[1]).max())
+        return [self._gap(name, r) for name, r in widest_first if np.abs(r).max() > least]
 
     def _gap(self, name: str, r: Array) -> str:
         if len(r) > 1:
             gaps = {"rad": float(np.linalg.norm(r[:-3])), "m": float(np.linalg.norm(r[-3:]))}
-            said = [
+            sizes = [
                 f"{gap * (self.length if unit == 'm' else 1.0):.2g} {unit}"
                 for unit, gap in gaps.items()
                 if gap > CLOSED
             ]
-            return f"'{name}' by {' and '.join(said)}"
+            return f"'{name}' by {' and '.join(sizes)}"
         slides = self.reading.joints[self.reading.couplings[name].joint].kind == "slide"
         return f"'{name}' by {abs(r[0]) * self.length:.2g} m" if slides else f"'{name}' by {abs(r[0]):.2g} rad"
 

@@ -269,7 +269,7 @@ def springs_of(reading: Reading, mechanism: Mechanism) -> tuple[JointSpring, ...
 def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
     """Phrases, each with the names that it is about."""
     joints, springs = reading.joints.items(), {spring.coordinate for spring in springs_of(reading, mechanism)}
-    found = {
+    names_by = {
         "armature of": [name for name, joint in joints if joint.armature],
         "friction of": [name for name, joint in joints if joint.friction],
         "stiffness and damping of": [
@@ -281,7 +281,7 @@ def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
         ],
         "gear (not 1) of actuator": [name for name, (_, gear) in reading.actuators.items() if gear != 1.0],
     }
-    phrases = [f"{what} {listed(names)}" for what, names in found.items() if names]
+    phrases = [f"{what} {listed(names)}" for what, names in names_by.items() if names]
     density, viscosity = reading.medium
     if density or viscosity:
         phrases.append(f"medium of density {density:g} kg/m^3 and viscosity {viscosity:g} Pa s")

@@ -225,8 +225,8 @@ def _replaced(reading: Reading, name: str, by: Mapping[str, JointReading]) -> Re
     """The reading with other joints, none or several, in the place of one."""
     body = reading.moved_by(name)
     joints = dict[str, JointReading]()
-    for each, said in reading.joints.items():
-        joints |= by if each == name else {each: said}
+    for each, joint in reading.joints.items():
+        joints |= by if each == name else {each: joint}
     chain = tuple(one for each in reading.bodies[body].joints for one in (by if each == name else (each,)))
     bodies = {**reading.bodies, body: replace(reading.bodies[body], joints=chain)}
     return replace(reading, joints=joints, bodies=bodies)

@@ -49,9 +49,9 @@ def compiled(
         _name_joints(spec)
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
-        said = " ".join(str(error).removeprefix("Error: ").split())
-        remedy = next((remedy for sign, remedy in _REMEDIES.items() if sign in said), "mend the file")
-        raise ModelFileError(f"MuJoCo refuses it ({said})", where, remedy) from None
+        message = " ".join(str(error).removeprefix("Error: ").split())
+        remedy = next((remedy for sign, remedy in _REMEDIES.items() if sign in message), "mend the file")
+        raise ModelFileError(f"MuJoCo refuses it ({message})", where, remedy) from None
 
 
 def _name_joints(spec: Any) -> None:
@@ -71,10 +71,10 @@ def warned() -> Iterator[list[str]]:
     """MuJoCo's warnings as a list: its own handler writes MUJOCO_LOG.TXT into the working directory."""
     import mujoco
 
-    said: list[str] = []
-    mujoco.set_mju_user_warning(said.append)
+    messages: list[str] = []
+    mujoco.set_mju_user_warning(messages.append)
     try:
-        yield said
+        yield messages
     finally:
         mujoco.set_mju_user_warning(None)
 
@@ -83,10 +83,10 @@ def warned() -> Iterator[list[str]]:
 def heard() -> Iterator[list[str]]:
     """What MuJoCo and its Python package warn of, as phrases, known after it."""
     phrases: list[str] = []
-    with warned() as said, warnings.catch_warnings(record=True) as caught:
+    with warned() as messages, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         yield phrases
-    phrases += [f"what MuJoCo warns of: {text}" for text in (*said, *(warning.message for warning in caught))]
+    phrases += [f"what MuJoCo warns of: {text}" for text in (*messages, *(warning.message for warning in caught))]
 
 
 #: Flags that change torques, motion under motors or the stiffness of constraints, and are in no reading.
@@ -120,12 +120,12 @@ def content(model: Any, assembly: Assembly) -> Iterator[Content]:
 
 def _entries(model: Any, arrays: Iterable[str], i: int) -> dict[str, Array]:
     """Entries of one joint, tendon, actuator or pair in arrays that this MuJoCo has; ranges out of force are zero."""
-    found = {name: np.ravel(getattr(model, name)[i]).astype(float) for name in arrays if hasattr(model, name)}
-    for name in found:
+    entries = {name: np.ravel(getattr(model, name)[i]).astype(float) for name in arrays if hasattr(model, name)}
+    for name in entries:
         limited = getattr(model, f"{name.removesuffix('range')}limited", None) if name.endswith("range") else None
         if limited is not None and not limited[i]:
-            found[name] = np.zeros(len(found[name]))
-    return found
+            entries[name] = np.zeros(len(entries[name]))
+    return entries
 
 
 def _numbers(model: Any, arrays: Iterable[str], i: int) -> Values:
@@ -194,13 +194,13 @@ def other_equality(model: Any, i: int, name: str) -> Content:
     """An equality that no closure or coupling is: of one fixed tendon with its joints, else by name alone."""
     import mujoco
 
-    said, tendon = f"equality {name}, which is not of bodies or joints", model.eq_obj1id[i]
+    phrase, tendon = f"equality {name}, which is not of bodies or joints", model.eq_obj1id[i]
     single = model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON) and model.eq_obj2id[i] < 0
     if not single or shares(model, tendon) is None:
-        return Content("other equalities", said)
+        return Content("other equalities", phrase)
     length = float(model.tendon_length0[tendon] + model.eq_data[i, 0])
     values = (("length", length), *_numbers(model, ("eq_solref", "eq_solimp"), i))
-    return Content("equalities of fixed tendons", said, "", _along(model, tendon), values)
+    return Content("equalities of fixed tendons", phrase, "", _along(model, tendon), values)
 
 
 def single_joint(model: Any, actuator: int) -> int | None:
@@ -270,15 +270,16 @@ def _options(model: Any) -> Iterator[Content]:
 
 def _uneven(model: Any, assembly: Assembly) -> Iterator[Content]:
     """Bodies of which parts have their weight compensated otherwise than others."""
-    found: dict[str, set[float]] = {}
+    shares_of_weight: dict[str, set[float]] = {}
     masses, _ = without_stand_ins(model.body_mass, model.body_inertia)
     for i in range(1, model.nbody):
         if masses[i]:
-            found.setdefault(assembly.places[model.body(i).name][0], set()).add(float(model.body_gravcomp[i]))
-    for name, values in found.items():
+            body = assembly.places[model.body(i).name][0]
+            shares_of_weight.setdefault(body, set()).add(float(model.body_gravcomp[i]))
+    for name, values in shares_of_weight.items():
         if len(values) > 1 and name != GROUND:
-            said = f"where the gravcomp of body {name} acts: it is not the same in all parts"
-            yield Content("parts compensated otherwise", said)
+            phrase = f"where the gravcomp of body {name} acts: it is not the same in all parts"
+            yield Content("parts compensated otherwise", phrase)
 
 
 def _moved_from_outside(model: Any) -> Iterator[Content]:

@@ -77,14 +77,14 @@ def name_all(root: ET.Element, taken: set[str | None]) -> None:
 
 def joints_in(body: ET.Element) -> list[ET.Element]:
     """Joints of a body itself, those in frames included, in their order."""
-    found, waiting = list[ET.Element](), [*body]
+    joints, waiting = list[ET.Element](), [*body]
     while waiting:
         element = waiting.pop(0)
         if element.tag in ("joint", "freejoint"):
-            found.append(element)
+            joints.append(element)
         elif element.tag == "frame":
             waiting = [*element, *waiting]
-    return found
+    return joints
 
 
 #: What makes bodies of an MJCF without naming them.
@@ -152,8 +152,8 @@ def check_names(root: ET.Element, form: str, where: str) -> None:
             if not name:
                 raise ModelFileError(f"a {what} has no name", where, "give it one")
             if count > 1:
-                said = f"'{name}' is the name of {count} {tags[0]} elements"
-                raise ModelFileError(said, where, "give each a name of its own")
+                shared = f"'{name}' is the name of {count} {tags[0]} elements"
+                raise ModelFileError(shared, where, "give each a name of its own")
 
 
 def check_tree(root: ET.Element, where: str) -> None:
@@ -223,13 +223,13 @@ def parts(root: ET.Element, path: Path) -> list[Part]:
     Raises:
         ScrewgaugeError: A file lies outside the folder, cannot be read, is no MJCF, or includes or attaches itself.
     """
-    found: dict[Path, Part] = {}
-    _collect(root, path, path.parent.resolve(), (), found)
-    _check_size(found)
-    return list(found.values())
+    collected: dict[Path, Part] = {}
+    _collect(root, path, path.parent.resolve(), (), collected)
+    _check_size(collected)
+    return list(collected.values())
 
 
-def _collect(root: ET.Element, path: Path, folder: Path, above: tuple[Path, ...], found: dict[Path, Part]) -> None:
+def _collect(root: ET.Element, path: Path, folder: Path, above: tuple[Path, ...], collected: dict[Path, Part]) -> None:
     """Adds a file after those that it attaches.
 
     Args:
@@ -243,22 +243,22 @@ def _collect(root: ET.Element, path: Path, folder: Path, above: tuple[Path, ...]
         file = inside(path, model.get("file", ""), folder, "attaches")
         if file in above:
             raise ModelFileError(f"attaches itself by '{model.get('file')}'", str(path), "take that model out")
-        if file not in found:
+        if file not in collected:
             child = parse(file)
             if child.tag != "mujoco":
                 what = f"attaches '{model.get('file')}', which is no MJCF"
                 raise ModelFileError(what, str(path), "give the MJCF of that model")
-            _collect(child, file, folder, above, found)
+            _collect(child, file, folder, above, collected)
         part.models[model.get("name", "")] = file
-    found[path] = part
+    collected[path] = part
 
 
-def _check_size(found: Mapping[Path, Part]) -> None:
+def _check_size(collected: Mapping[Path, Part]) -> None:
     """Refuses files that attach each other so often that there would be too many bodies."""
     counts = dict[Path, int]()
-    for path, part in found.items():
+    for path, part in collected.items():
         own = sum(element.tag == "body" for element in part.root.iter())
-        names = {name or found[file].root.get("model", ""): file for name, file in part.models.items()}
+        names = {name or collected[file].root.get("model", ""): file for name, file in part.models.items()}
         attached = [names.get(element.get("model", "")) for element in part.root.iter("attach")]
         counts[path] = own + sum(counts[file] for file in attached if file is not None)
         check_count(counts[path], "links", str(path))

@@ -176,19 +176,19 @@ def _frame(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
 
 
 def _place(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
-    found = reading.place(name)
-    if found is None:
+    place = reading.place(name)
+    if place is None:
         links = [*reading.bodies, *reading.fixed, *(link for body in reading.bodies.values() for link in body.fixed)]
         joints = [body.joints[-1] for body in reading.bodies.values()]
         known = dict.fromkeys([*links, *joints, *reading.frames])
         raise UnknownNameError("link or joint", name, known, str(path))
-    return found
+    return place
 
 
 def _motors(reading: Reading, driven: Mapping[str, str], path: Path) -> dict[str, tuple[str, float]]:
     """Actuator -> joint and gear ratio."""
     for name in driven.values():
-        single = [joint for joint, said in reading.joints.items() if said.kind in ("hinge", "slide")]
+        single = [joint for joint, each in reading.joints.items() if each.kind in ("hinge", "slide")]
         if name not in single:
             raise UnknownNameError("hinge or slide", name, single, str(path))
     return {actuator: (joint, 1.0) for actuator, joint in driven.items()}
@@ -291,17 +291,17 @@ class _Composer:
 
     def mapping(self, event: yaml.MappingStartEvent, depth: int) -> dict[str, Any]:
         """Names with their values, each name once."""
-        found: dict[str, Any] = {}
+        entries: dict[str, Any] = {}
         for key in self.inside("MappingEndEvent"):
             name = self.value(key, depth + 1)
             if name == "<<":
                 raise self.refusal(key, "the merge <<", "write the entries themselves")
             if not isinstance(name, str):
                 raise self.refusal(key, f"{name!r:.60} in place of a name", "write a text before the colon")
-            if name in found:
+            if name in entries:
                 raise self.refusal(key, f"{name!r:.60} twice", "remove one")
-            found[name] = self.value(next(self.events), depth + 1)
-        return found
+            entries[name] = self.value(next(self.events), depth + 1)
+        return entries
 
     def inside(self, end: str) -> Iterator[yaml.Event]:
         """Events up to the end of a list or mapping, as far as nobody else takes them."""

@@ -50,14 +50,14 @@ def _urdf(root: ET.Element) -> list[Content]:
     for material in root.findall("material"):
         root.remove(material)
     weightless = {link.get("name", "") for link in root.iterfind("link") if link.find("inertial") is None}
-    said = "mesh of link {}, from which MuJoCo would take its mass"
+    phrase = "mesh of link {}, from which MuJoCo would take its mass"
     names = dict.fromkeys(touching)
-    found = [Content("mass from meshes", said.format(name)) for name in names if name in weightless]
-    return found + [Content("contacts of geoms", "collision", f" of link {name}") for name in names]
+    content = [Content("mass from meshes", phrase.format(name)) for name in names if name in weightless]
+    return content + [Content("contacts of geoms", "collision", f" of link {name}") for name in names]
 
 
 def _mjcf(root: ET.Element, where: str, moving: Collection[str]) -> list[Content]:
-    said = list[Content]()
+    content = list[Content]()
     for name in _SECTIONS:
         for section in root.findall(name):
             root.remove(section)
@@ -67,20 +67,20 @@ def _mjcf(root: ET.Element, where: str, moving: Collection[str]) -> list[Content
             remedy = "give the body an <inertial>, or have meshes read (--meshes of import and diagnose)"
             raise ModelFileError(f"{what} comes from meshes, which are not read", where, remedy)
         if shape.body.tag == "body":
-            said.append(Content("put in place", f"{what}, which is fixed and has it from meshes"))
+            content.append(Content("put in place", f"{what}, which is fixed and has it from meshes"))
     classes = classes_of(root)
     for shape in [shape for shape in shapes(root) if shape.from_file(classes)]:
         shape.parent.remove(shape.geom)
-        said.append(Content("contacts of geoms", "contacts of geoms"))
+        content.append(Content("contacts of geoms", "contacts of geoms"))
     for default in root.iter("default"):
         _without_files(default)
     for element in root.iter():
         element.attrib.pop("material", None)
         for child in [child for child in element if "file" in child.attrib or child.tag in _READERS]:
             element.remove(child)
-            said.append(Content(kind_of(child.tag), f"{child.tag} {child.get('name', '')}".rstrip()))
-    said += _pairs(root)
-    return list(dict.fromkeys(said))
+            content.append(Content(kind_of(child.tag), f"{child.tag} {child.get('name', '')}".rstrip()))
+    content += _pairs(root)
+    return list(dict.fromkeys(content))
 
 
 def _without_files(default: ET.Element) -> None:
@@ -160,19 +160,19 @@ def shapes(root: ET.Element) -> Iterator[MeshShape]:
 
 def classes_of(root: ET.Element) -> dict[str, dict[str, str]]:
     """Class -> attributes that its geoms have by default; the outermost one is also called by the empty name."""
-    found: dict[str, dict[str, str]] = {}
+    classes: dict[str, dict[str, str]] = {}
     outermost = root.findall("default")
     waiting: list[tuple[ET.Element, dict[str, str]]] = [(default, {}) for default in outermost]
     while waiting:
         default, above = waiting.pop(0)
-        values = {**above, **found.get(default.get("class", ""), {})}
+        values = {**above, **classes.get(default.get("class", ""), {})}
         for geom in default.iterfind("geom"):
             values |= geom.attrib
-        found[default.get("class", "")] = values
+        classes[default.get("class", "")] = values
         if default in outermost:
-            found[""] = {**found.get("", {}), **values}
+            classes[""] = {**classes.get("", {}), **values}
         waiting += [(child, values) for child in default.iterfind("default")]
-    return found
+    return classes
 
 
 #: Sections that say what bodies weigh.
@@ -273,13 +273,13 @@ def _meshes(bare: ET.Element, used: Iterable[str], path: Path, folder: Path) -> 
 
 def _directory(bare: ET.Element) -> str:
     """Folder of the meshes; the compiler then looks for none."""
-    found, strip = {"meshdir": "", "assetdir": ""}, False
+    folders, strip = {"meshdir": "", "assetdir": ""}, False
     for compiler in bare.iterfind("compiler"):
-        found |= {key: compiler.attrib.pop(key) for key in found if key in compiler.attrib}
+        folders |= {key: compiler.attrib.pop(key) for key in folders if key in compiler.attrib}
         strip = compiler.attrib.pop("strippath", str(strip).lower()) == "true"
         for key in ("texturedir", "settotalmass"):  # what all bodies weigh together is not known here
             compiler.attrib.pop(key, None)
     if strip:
         for mesh in bare.iterfind("asset/mesh[@file]"):
             mesh.set("file", Path(mesh.get("file", "")).name)
-    return found["meshdir"] or found["assetdir"]
+    return folders["meshdir"] or folders["assetdir"]

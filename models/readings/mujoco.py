@@ -42,7 +42,7 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
     """
     import mujoco
 
-    with heard() as said:
+    with heard() as warnings:
         model = loaded(source)
         data = mujoco.MjData(model)
         for i in range(model.njnt):
@@ -51,9 +51,9 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
                 data.qpos[at] = home.get(model.joint(i).name, model.qpos0[at])
         mujoco.mj_kinematics(model, data)
     assembly = assemble(_links(model, data, source.root_link), str(source.path))
-    found = [Content("warnings of the library", text, values=()) for text in said]
-    found += content(model, assembly)
-    closures, couplings = _equalities(model, assembly, found)
+    unread = [Content("warnings of the library", text, values=()) for text in warnings]
+    unread += content(model, assembly)
+    closures, couplings = _equalities(model, assembly, unread)
     says_gravity = source.form == "mjcf" or source.root.find("mujoco/option") is not None
     gravity = np.zeros(3) if _disabled(model, "GRAVITY") else model.opt.gravity.copy()
     return Reading(
@@ -67,7 +67,7 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
         actuators=_actuators(model),
         gravity=gravity if says_gravity else None,
         medium=(float(model.opt.density), float(model.opt.viscosity)),
-        content=tuple(found),
+        content=tuple(unread),
     )
 
 
@@ -143,16 +143,16 @@ def _joint(model: Any, data: Any, i: int) -> JointReading:
 
 
 def _equalities(
-    model: Any, assembly: Assembly, found: list[Content]
+    model: Any, assembly: Assembly, unread: list[Content]
 ) -> tuple[dict[str, ClosureReading], dict[str, CouplingReading]]:
-    """Closures and couplings; what is neither is added to `found`."""
+    """Closures and couplings; what is neither is added to `unread`."""
     closures, couplings = {}, {}
     off = _disabled(model, "EQUALITY")
     for i in range(model.neq):
         # those that MuJoCo makes of a URDF's <mimic> have no name
         name, kind = model.equality(i).name or model.joint(model.eq_obj1id[i]).name, int(model.eq_type[i])
         if off or not model.eq_active0[i]:
-            found.append(Content("inactive equalities", f"equality {name}, which is not active"))
+            unread.append(Content("inactive equalities", f"equality {name}, which is not active"))
         elif kind == _JOINT:
             couplings[name] = replace(joint_equality(model, i), softness=_softness(model, i))
         elif kind == _TENDON and (coupling := tendon_equality(model, i)):
@@ -163,7 +163,7 @@ def _equalities(
             derived = kind == _CONNECT and model.eq_objtype[i] == _BODY
             closures[name] = ClosureReading(joint, *sides[0], *sides[1], _softness(model, i), derived)
         else:
-            found.append(other_equality(model, i, name))
+            unread.append(other_equality(model, i, name))
     return closures, couplings
 
 

@@ -29,20 +29,20 @@ from screwgauge.reference.rotations import Array
 @contextmanager
 def overheard() -> Iterator[list[str]]:
     """Errors printed inside, known after it; nothing that is printed reaches the terminal."""
-    said: list[str] = []
+    errors: list[str] = []
     sys.stderr.flush()
     kept = os.dup(2)
     with tempfile.TemporaryFile() as file:
         os.dup2(file.fileno(), 2)
         try:
-            yield said
+            yield errors
         finally:
             os.dup2(kept, 2)
             os.close(kept)
             file.seek(0)
             lines = file.read().decode(errors="replace").splitlines()
-            found = (re.fullmatch(r"Error:\s+(.+)", line) for line in lines)
-            said += dict.fromkeys(match[1].strip() for match in found if match)
+            matches = (re.fullmatch(r"Error:\s+(.+)", line) for line in lines)
+            errors += dict.fromkeys(match[1].strip() for match in matches if match)
 
 
 #: A limit beyond which there is none: parsers write the largest numbers of several types.
@@ -85,18 +85,18 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
             q[part.q : part.q + part.n_q] = value if part.n_q == 1 else (math.cos(value), math.sin(value))
     placed, J = _placed(model, q)
     assembly = assemble(_links(model, placed, parts), str(source.path))
-    said = [*_planar_axes(source), *_unturned(source)] if source.form == "urdf" else []
-    found = [Content("read otherwise by the library", text, values=()) for text in said]
+    phrases = [*_planar_axes(source), *_unturned(source)] if source.form == "urdf" else []
+    unread = [Content("read otherwise by the library", text, values=()) for text in phrases]
     return Reading(
         name=source.name,
         library="pinocchio",
         bodies=assembly.bodies,
         joints={part.name: _joint(model, placed[part.joint], part, J[:, part.v], home) for part in parts},
         fixed=assembly.fixed,
-        closures=closures(model, assembly, source.root, found) if source.form == "mjcf" else {},
+        closures=closures(model, assembly, source.root, unread) if source.form == "mjcf" else {},
         couplings=source.mimics,
         gravity=np.array(model.gravity.linear) if source.form == "mjcf" else None,
-        content=tuple(found),
+        content=tuple(unread),
     )
 
 
@@ -108,9 +108,9 @@ def loaded(source: Source) -> Any:
     """
     import pinocchio
 
-    said: list[str] = []
+    errors: list[str] = []
     try:
-        with overheard() as said:
+        with overheard() as errors:
             if source.form == "urdf":
                 model = pinocchio.buildModelFromXML(source.text)
             else:
@@ -118,11 +118,11 @@ def loaded(source: Source) -> Any:
                     model = pinocchio.buildModelFromMJCF(path)
     except (ValueError, RuntimeError, TypeError, LookupError) as error:
         # an exception of Boost begins with its place in the sources
-        reason = "; ".join(said) or str(error).rpartition("message: ")[2]
+        reason = "; ".join(errors) or str(error).rpartition("message: ")[2]
         raise ModelFileError(f"Pinocchio refuses it ({reason})", str(source.path), "mend the file") from None
-    if said:  # it would go on without mass and inertia
+    if errors:  # it would go on without mass and inertia
         raise ModelFileError(
-            f"Pinocchio drops what it cannot read ({'; '.join(said)})", str(source.path), "mend the file"
+            f"Pinocchio drops what it cannot read ({'; '.join(errors)})", str(source.path), "mend the file"
         )
     return model
 
@@ -301,7 +301,7 @@ def as_file(root: ET.Element) -> Iterator[str]:
         yield str(path)
 
 
-def _numbered(root: ET.Element, known: Collection[str], found: list[Content]) -> list[tuple[str, str]]:
+def _numbered(root: ET.Element, known: Collection[str], unread: list[Content]) -> list[tuple[str, str]]:
     """Gives closures between frames that are known names in their order, and removes the others.
 
     Returns:
@@ -312,33 +312,33 @@ def _numbered(root: ET.Element, known: Collection[str], found: list[Content]) ->
         for row in [row for row in section if row.tag in _CLOSING]:
             if missing := [row.get(side, "") for side in _JOINED if side in row.attrib and row.get(side) not in known]:
                 section.remove(row)
-                found.append(Content(_LOST, f"{row.tag} {row.get('name')}: Pinocchio cannot place {missing[0]}"))
+                unread.append(Content(_LOST, f"{row.tag} {row.get('name')}: Pinocchio cannot place {missing[0]}"))
             else:
                 named.append((_CLOSING[row.tag], row.get("name", "")))
                 row.set("name", f"{len(named):06}")
     return named
 
 
-def closures(model: Any, assembly: Assembly, root: ET.Element, found: list[Content]) -> dict[str, ClosureReading]:
+def closures(model: Any, assembly: Assembly, root: ET.Element, unread: list[Content]) -> dict[str, ClosureReading]:
     """Closures by name.
 
     Pinocchio 4.1 crashes on those of bodies that it has dropped, and gives sites of bodies that do not move a placement
-    of uninitialised memory: such closures it is not shown, and they are added to `found`.
+    of uninitialised memory: such closures it is not shown, and they are added to `unread`.
     """
     import pinocchio
 
     root = copy.deepcopy(root)
-    named = _numbered(root, {frame.name for frame in model.frames}, found)
+    named = _numbered(root, {frame.name for frame in model.frames}, unread)
     build = getattr(pinocchio, "buildModelAndLegacyConstraintsFromMJCF", None)
     if build is None:  # before Pinocchio 4
-        found += [Content(_LOST, f"closure {name}") for _, name in named]
+        unread += [Content(_LOST, f"closure {name}") for _, name in named]
     if build is None or not named:
         return {}
     try:
         with overheard(), as_file(root) as path:
             model, constraints = build(path)
     except (ValueError, RuntimeError, LookupError) as error:
-        found.append(Content(_LOST, f"closures, which Pinocchio refuses ({' '.join(str(error).split())})"))
+        unread.append(Content(_LOST, f"closures, which Pinocchio refuses ({' '.join(str(error).split())})"))
         return {}
     kinds = ["weld" if c.type == pinocchio.ContactType.CONTACT_6D else "point" for c in constraints]
     # Pinocchio forgets the names; it has points first, each kind in the order of the names that were set above

@@ -121,11 +121,11 @@ def unread(source: Source, reading: Reading) -> tuple[Content, ...]:
     known = source.form == "mjcf" and reading.library == "mujoco"
     roots = () if known else (source.root, *source.attached.values())
     extras = chain.from_iterable(beyond_reading(root, source.form, reading.library) for root in roots)
-    said = [_content(source, extra) for extra in extras]
+    extra_content = [_content(source, extra) for extra in extras]
     if source.form == "mjcf" and source.root.find("worldbody//geom") is not None:
-        said.append(Content("contacts of geoms", "contacts of geoms"))
+        extra_content.append(Content("contacts of geoms", "contacts of geoms"))
     own = (each for each in reading.content if source.form == "mjcf" or each.kind != "force limits")
-    return (*dropped(source, reading), *_prepared(source, reading), *own, *said)
+    return (*dropped(source, reading), *_prepared(source, reading), *own, *extra_content)
 
 
 def _content(source: Source, extra: Extra) -> Content:
@@ -135,9 +135,9 @@ def _content(source: Source, extra: Extra) -> Content:
         return Content(kind, extra.what, extra.whose)
     joint = extra.whose.removeprefix(" of joint ")
     of = (("joints", joint, 1.0),) if joint != extra.whose else ()
-    said = extra.element.get(extra.attribute) if extra.attribute else None
-    values: Values = tuple(_canonical(extra.element)) if said is None else ((extra.attribute, _number(said)),)
-    if extra.what == "limit effort" and isinstance(effort := _number(said or ""), float):  # as MuJoCo keeps it
+    value = extra.element.get(extra.attribute) if extra.attribute else None
+    values: Values = tuple(_canonical(extra.element)) if value is None else ((extra.attribute, _number(value)),)
+    if extra.what == "limit effort" and isinstance(effort := _number(value or ""), float):  # as MuJoCo keeps it
         values = ("actfrcrange[0]", -effort), ("actfrcrange[1]", effort)
     return Content(kind, extra.what, extra.whose, of, values)
 
@@ -171,15 +171,15 @@ def dropped(source: Source, reading: Reading) -> list[Content]:
     fixed = (name for body in reading.bodies.values() for name in body.fixed)
     joints = {joint.removesuffix(end) for joint in reading.joints for end in ("", "_TX", "_TY", "_RZ")}
     lost = source.attached and reading.library != "mujoco"
-    said = [f"attached models, which {reading.library} drops"] if lost else []
+    phrases = [f"attached models, which {reading.library} drops"] if lost else []
     for what, known in (
         ("link" if source.form == "urdf" else "body", {*reading.bodies, *reading.fixed, *fixed}),
         ("joint", joints),
     ):
         names = [name for name in source.names(what) if name not in known]
         if names:
-            said.append(f"{what} {first_few(names, _NAMED)}, which {reading.library} drops")
-    return [Content("dropped by the library", phrase) for phrase in said]
+            phrases.append(f"{what} {first_few(names, _NAMED)}, which {reading.library} drops")
+    return [Content("dropped by the library", phrase) for phrase in phrases]
 
 
 def implausible(reading: Reading) -> tuple[str, ...]:

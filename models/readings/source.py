@@ -83,16 +83,16 @@ class Source:
     @property
     def mimics(self) -> dict[str, CouplingReading]:
         """Joints of a URDF that follow another one, by name; what follows a fixed one, which stays at 0, is held."""
-        found, moving = {}, self.names("joint") if self.form == "urdf" else []
+        couplings, moving = {}, self.names("joint") if self.form == "urdf" else []
         for joint in self.root.iterfind("joint") if self.form == "urdf" else ():
             mimic, name = joint.find("mimic"), joint.get("name", "")
             if mimic is not None and name in moving:
                 ratio = np.array([number(mimic, key, default, str(self.path)) for key, default in _MIMIC])
                 leads = mimic.get("joint", "")
-                found[name] = (
+                couplings[name] = (
                     CouplingReading(name, leads, ratio) if leads in moving else CouplingReading(name, "", ratio[:1])
                 )
-        return found
+        return couplings
 
     @property
     def fixed_joints(self) -> dict[str, str]:
@@ -106,8 +106,8 @@ class Source:
             return [e.get("name", "") for e in self.root.iterfind(what) if e.get("type") != "fixed"]
         tags = ("joint", "freejoint") if what == "joint" else (what,)
         copied = {id(element) for tag in MAKERS for maker in self.root.iter(tag) for element in maker.iter()}
-        found = (e for e in world(self.root) if e.tag in tags and id(e) not in copied)
-        return [element.get("name", "") for element in found]
+        elements = (e for e in world(self.root) if e.tag in tags and id(e) not in copied)
+        return [element.get("name", "") for element in elements]
 
     def joints_of(self, body: str) -> list[str]:
         """Names of the joints of a body of an MJCF, from the ground outwards."""
@@ -153,19 +153,21 @@ def form_of(path: Path) -> str:
 def _urdf(root: ET.Element, path: Path) -> Source:
     check_count(len(root.findall("link")), "links", str(path))
     check_numbers(root, str(path))
-    said = without_meshes(root, "urdf", str(path))
+    content = without_meshes(root, "urdf", str(path))
     if "name" not in root.attrib:
         root.set("name", path.stem)  # which some readers refuse to do without
-        said.append(Content("put in place", "no name of the robot: it has that of the file"))
+        content.append(Content("put in place", "no name of the robot: it has that of the file"))
     check_names(root, "urdf", str(path))
     check_tree(root, str(path))
-    return Source(path, "urdf", root, tuple(said))
+    return Source(path, "urdf", root, tuple(content))
 
 
 def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:
     files = parts(root, path)
     included = (name for part in files for name in part.included)
-    said = [Content("put in place", f"include {name}, put in its place before a library reads it") for name in included]
+    content = [
+        Content("put in place", f"include {name}, put in its place before a library reads it") for name in included
+    ]
     taken = {element.get("name") for part in files for element in part.root.iter()}
     keys = {part.path: f"{i + 1}.xml" for i, part in enumerate(files)}
     whole = any("body" not in attach.attrib for part in files for attach in part.root.iter("attach"))
@@ -178,14 +180,14 @@ def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:
             names = first_few(weighed, _NAMED)
             resolved.append(f"Mass and inertia of {names} are those that MuJoCo computes from the meshes.")
         moving = () if own else ("body", "worldbody") if whole else ("body",)
-        said += without_meshes(part.root, "mjcf", where, moving=moving)
+        content += without_meshes(part.root, "mjcf", where, moving=moving)
         check_names(part.root, "mjcf", where)
         _attach(part, keys)
         if not own:
             attached[keys[part.path]] = part.root
     if attached:
         resolved.append(f"Models are attached by MuJoCo: {', '.join(part.path.name for part in files[:-1])}.")
-    return Source(path, "mjcf", root, tuple(said), attached, tuple(resolved))
+    return Source(path, "mjcf", root, tuple(content), attached, tuple(resolved))
 
 
 def weighed_copy(path: Path, folder: Path) -> Path | None:
@@ -205,10 +207,10 @@ def weighed_copy(path: Path, folder: Path) -> Path | None:
         return None
     files, home = parts(root, path), path.parent.resolve()
     taken = {element.get("name") for part in files for element in part.root.iter()}
-    found = list[str]()
+    names = list[str]()
     for part in files:
         name_all(part.root, taken)
-        found += weigh(part.root, part.path, home)
+        names += weigh(part.root, part.path, home)
         at = path.name if part.root is root else part.path.relative_to(home)
         for model in part.root.iterfind("asset/model"):  # without links, of which the copy has none
             file = part.models[model.get("name", "")]
@@ -216,7 +218,7 @@ def weighed_copy(path: Path, folder: Path) -> Path | None:
         copy = folder / at
         copy.parent.mkdir(parents=True, exist_ok=True)
         copy.write_text(ET.tostring(part.root, encoding="unicode"), encoding="utf-8")
-    return folder / path.name if found else None
+    return folder / path.name if names else None
 
 
 def _attach(part: Part, keys: Mapping[Path, str]) -> None:

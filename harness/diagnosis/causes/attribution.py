@@ -24,8 +24,9 @@ ROUNDING = 1e-12
 UNSEEN = 1e-11
 #: Causes with less than this share of the torque difference are one row with those of their kind.
 SMALL = 1e-2
-#: Where no more than this share is left when the first cause is put right, the others are weighed against that.
-REST = 1e-3
+#: Where no more than this share is left when the first causes, so many at most, are put right, the others are weighed
+#: against that.
+REST, FIRST = 1e-3, 5
 #: What no torque shows and still is no detail: of closures and couplings, of what is there at all, of the medium.
 WEIGHTY = {*CLOSING, *PARTS, "medium", "gravity"}
 
@@ -88,8 +89,8 @@ class Cause:
         share: Of the torque difference, the projection of what it makes on all of that, one scale a unit; the shares of
             all causes add up to 1 where they do not depend on each other, and what makes up for others has a negative
             one. NaN where no change of B is known, or torques agree.
-        of_rest: Its share of what is left when the first cause is put right, where that is nearly nothing of all (a
-            millimetre beside a factor of 1e9); NaN elsewhere.
+        of_rest: Its share of what is left when all causes before it that have none are put right, where that is nearly
+            nothing of all (a millimetre beside a factor of 1e9); NaN elsewhere.
         kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, what no torque shows.
         slips: What B's values would be made from A's by, of convention or unit; any of them.
         values: In both models.
@@ -113,7 +114,7 @@ class Cause:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attribution:
-    """What was found.
+    """Shares of causes in the torque difference.
 
     Attributes:
         before: Largest torque difference, scaled, then where and how large: component, value and its unit.
@@ -183,7 +184,7 @@ def attribute(
 
 
 class _Effects:
-    """What changes make of torques, each asked for once.
+    """Effects of changes on torques, each computed once.
 
     Attributes:
         start: Torques of B. Shape (n, m).
@@ -220,16 +221,18 @@ class _Effects:
             return math.nan
         return float(np.vdot(self._off, self._weighed(effect))) / self._total
 
-    def share_of_rest(self, numbers: tuple[int, ...], first: tuple[int, ...]) -> float:
-        """Of the torque difference that is left without the first differences; NaN where that is not nearly nothing."""
-        gone, both = self.of(first), None
-        if gone is None or not 0.0 < self._total < math.inf:
+    def rest(self, first: tuple[int, ...]) -> Array | None:
+        """What is left without the first differences, weighed; None where that is not nearly nothing of all."""
+        gone = self.of(first)
+        left = None if gone is None else self._weighed(self.start - self.torques.a - gone)
+        return left if left is not None and 0.0 < np.vdot(left, left) <= REST**2 * self._total < math.inf else None
+
+    def share_of_rest(self, numbers: tuple[int, ...], first: tuple[int, ...], rest: Array) -> float:
+        """Of what is left without the first differences."""
+        gone, both = self.of(first), self.of(tuple(sorted({*numbers, *first})))
+        if gone is None or both is None:
             return math.nan
-        left = self._weighed(self.start - self.torques.a - gone)
-        total = float(np.vdot(left, left))
-        if 0.0 < total <= REST**2 * self._total:
-            both = self.of(tuple(sorted({*numbers, *first})))
-        return math.nan if both is None else float(np.vdot(left, self._weighed(both - gone))) / total
+        return float(np.vdot(rest, self._weighed(both - gone)) / np.vdot(rest, rest))
 
     def seen(self, effect: Array | None) -> bool:
         """Whether a torque shows it."""
@@ -242,7 +245,7 @@ class _Effects:
 
 
 def _rows(
-    rows: Sequence[tuple[Group, Array | None]], effects: _Effects, found: Sequence[Difference], *, agree: bool
+    rows: Sequence[tuple[Group, Array | None]], effects: _Effects, differences: Sequence[Difference], *, agree: bool
 ) -> list[Cause]:
     """Groups as causes, small ones and what no torque shows together with those of their kind."""
     seen, others, digits, unseen = list[Cause](), list[Group](), list[Cause](), list[Group]()
@@ -252,17 +255,17 @@ def _rows(
         hidden = effect is not None and not effects.seen(effect)
         if group.family == "digits":
             digits.append(_cause(group, share, "digits"))
-        elif hidden and not {found[i].what for i in group.differences} & WEIGHTY:
+        elif hidden and not {differences[i].what for i in group.differences} & WEIGHTY:
             unseen.append(group)
         elif math.isnan(share) or hidden:
             others.append(group)
         else:
             seen.append(_cause(group, share))
     seen = _ranked(seen, groups, effects)
-    others.sort(key=lambda group: -max(found[i].size for i in group.differences))
+    others.sort(key=lambda group: -max(differences[i].size for i in group.differences))
     rest = [_cause(group) for group in _few(others)]
     alone = not (seen or rest)
-    folded = _folded(unseen, found, alone=alone)
+    folded = _folded(unseen, differences, alone=alone)
     return [*seen, *rest, *(folded if alone else ()), *digits, *(() if alone else folded)]
 
 
@@ -271,14 +274,10 @@ def _ranked(causes: Sequence[Cause], groups: Mapping[tuple[int, ...], Group], ef
 
     Small ones of one family are one row.
     """
-    if not causes:
-        return []
-    first = max(causes, key=lambda cause: cause.share)
-    out, small = [first], defaultdict[str, list[Cause]](list)
-    for cause in causes:
-        if cause is not first:
-            cause = replace(cause, of_rest=effects.share_of_rest(cause.differences, first.differences))
-            (small[groups[cause.differences].family] if abs(cause.weight) < SMALL else out).append(cause)
+    out, others = _weighed(causes, effects)
+    small = defaultdict[str, list[Cause]](list)
+    for cause in others:
+        (small[groups[cause.differences].family] if abs(cause.weight) < SMALL else out).append(cause)
     for some in small.values():
         some.sort(key=lambda cause: -abs(cause.weight))
         if len(some) >= SEVERAL:
@@ -286,7 +285,21 @@ def _ranked(causes: Sequence[Cause], groups: Mapping[tuple[int, ...], Group], ef
             of_rest = sum(cause.of_rest for cause in some)
             some = [replace(_cause(one, sum(cause.share for cause in some)), of_rest=of_rest)]
         out += some
-    return sorted(out, key=lambda cause: (cause is not first, -abs(cause.weight)))
+    lead = out[:1]
+    return lead + sorted(out[1:], key=lambda cause: (not math.isnan(cause.of_rest), -abs(cause.weight)))
+
+
+def _weighed(causes: Sequence[Cause], effects: _Effects) -> tuple[list[Cause], list[Cause]]:
+    """The first causes, and the others, with their shares of the rest if these are nearly all."""
+    ranked = sorted(causes, key=lambda cause: -cause.share)
+    for k in range(1, min(FIRST + 1, len(ranked))):
+        first = tuple(sorted(i for cause in ranked[:k] for i in cause.differences))
+        if (rest := effects.rest(first)) is not None:
+            others = [
+                replace(cause, of_rest=effects.share_of_rest(cause.differences, first, rest)) for cause in ranked[k:]
+            ]
+            return ranked[:k], others
+    return ranked[:1], ranked[1:]
 
 
 def _few(groups: Sequence[Group]) -> list[Group]:
@@ -297,10 +310,10 @@ def _few(groups: Sequence[Group]) -> list[Group]:
     return [each for some in families.values() for each in ([together(some)] if len(some) >= SEVERAL else some)]
 
 
-def _folded(groups: Sequence[Group], found: Sequence[Difference], *, alone: bool) -> list[Cause]:
-    """What no torque shows: in one line beside other rows, else by what it is."""
+def _folded(groups: Sequence[Group], differences: Sequence[Difference], *, alone: bool) -> list[Cause]:
+    """Differences without effect on torques: one line below other rows, else one for each family."""
     if alone or len(groups) < 2:
-        largest_first = sorted(groups, key=lambda group: -max(found[i].size for i in group.differences))
+        largest_first = sorted(groups, key=lambda group: -max(differences[i].size for i in group.differences))
         return [_cause(group, kind="unseen") for group in _few(largest_first)]
     numbers = tuple(i for group in groups for i in group.differences)
     counts: dict[str, int] = {}

@@ -27,7 +27,7 @@ from screwgauge.reference.files import is_file, read_file, replace_file, stamped
 
 #: A file that is read again leaves at most so much, scaled: numbers of 17 digits, MuJoCo's principal axes.
 RELOADED = 10 * ROUNDING
-#: Properties that a file says in the same numbers, wherever its loops are cut; and why others are not written.
+#: Properties that a file holds in the same numbers, wherever its loops are cut; why others are not written.
 KEPT = {*INERTIAL, *OPTIONAL, "limits"}
 RECUT = "loops of B are cut elsewhere than in its file, in other numbers"
 #: Files that an MJCF includes or attaches.
@@ -45,7 +45,7 @@ class Backfill:
         why_not: Why not, or not all of it, in the file; a sentence each.
         left: Largest torque difference that is left.
         text: The file with the changes; empty if none could be made in it, or none is read from it.
-        unheard: Changes that the file says and B's library does not read; they are made in what it reads.
+        unheard: Changes that are in the file and that B's library ignores; they are made in what it reads.
     """
 
     on: Literal["file", "reading"]
@@ -74,18 +74,18 @@ def backfill(
     Args:
         file: B's, if it has one.
         read: B's library; loops are cut as in `b` again.
-        written: What the file says, where loops of `b` are cut elsewhere; `b` by default.
+        written: Reading of the file, where loops of `b` are cut elsewhere; `b` by default.
         pattern: Text of A's file, which has the numbers that are written.
     """
     on_reading = largest(torques, torques.left(applied(b, changes)))
     if file is None:
         return Backfill("reading", ("B has no file of a format that is changed here",), on_reading, "")
-    why, best, said = list[str](), Backfill("reading", (), on_reading, ""), written or b
-    elsewhere = tuple((change, RECUT) for change in changes if said is not b and not _stands(change, b, said))
+    why, best, stated = list[str](), Backfill("reading", (), on_reading, ""), written or b
+    elsewhere = tuple((change, RECUT) for change in changes if stated is not b and not _stands(change, b, stated))
     here = [change for change in changes if all(change is not other for other, _ in elsewhere)]
     spell = speller(pattern)
     for plain in (False, True):
-        patch = patched(read_file(file), said, here, plain=plain, spell=spell)
+        patch = patched(read_file(file), stated, here, plain=plain, spell=spell)
         patch = replace(patch, left=(*elsewhere, *patch.left))
         why = list(dict.fromkeys(reason for _, reason in patch.left))
         done = [change for change in changes if all(change is not other for other, _ in patch.left)]
@@ -143,7 +143,7 @@ def reread(file: Path, text: str, read: Callable[[Path], T]) -> T:
 def _bring(source: Path, folder: Path, text: str) -> None:
     """Copies what an MJCF includes or attaches, and what that does, if it lies in the folder of the file."""
     home, target = source.resolve(), folder.resolve()
-    waiting = [(Path(), *found) for found in re.findall(_NAMED, text)]  # looked for where, by which element, its name
+    waiting = [(Path(), *named) for named in re.findall(_NAMED, text)]  # looked for where, by which element, its name
     seen = set[Path]()
     while waiting:
         base, tag, name = waiting.pop()
@@ -154,9 +154,9 @@ def _bring(source: Path, folder: Path, text: str) -> None:
         seen.add(copy)
         copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(origin, copy)
-        # what is included is looked for beside the whole, what is attached beside the model that does so
+        # includes are relative to the whole file, attached models to the one that attaches them
         base = base if tag == "include" else (base / name).parent
-        waiting += [(base, *found) for found in re.findall(_NAMED, read_file(origin))]
+        waiting += [(base, *named) for named in re.findall(_NAMED, read_file(origin))]
 
 
 def write_fix(out: Path, text: str, b: Path, own: Path | None = None) -> None:

@@ -55,7 +55,7 @@ class Edit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Files:
-    """The files of two models, where they are known and can be put beside their readings."""
+    """The files of two models, where they are known and match their readings."""
 
     a: Opened | None = None
     b: Opened | None = None
@@ -68,15 +68,15 @@ def edits(differences: Sequence[Difference], b: Reading, files: Files | None = N
         differences: Static ones between A and B.
         b: The reading that their changes are of.
     """
-    found, files = list[Edit](), files or Files()
+    made, files = list[Edit](), files or Files()
     real = {i: (d, d.change) for i, d in enumerate(differences) if d.change is not None and d.kind != "digits"}
     for body in dict.fromkeys(change.item for d, change in real.values() if d.what in INERTIAL):
         own = {i: change for i, (d, change) in real.items() if change.item == body and d.what in INERTIAL}
-        found += _of_body(own, b, body, files)
+        made += _of_body(own, b, body, files)
     for i, (difference, change) in real.items():
         if difference.what not in INERTIAL:
-            found.append(_single(i, difference, change, b, files))
-    return found
+            made.append(_single(i, difference, change, b, files))
+    return made
 
 
 def _of_body(own: Mapping[int, Change], b: Reading, body: str, files: Files) -> Iterator[Edit]:
@@ -102,12 +102,12 @@ def _together(own: Mapping[int, Change], body: str, pairs: Sequence[_Pair]) -> E
     """All mass properties of a body that differ, told by those of its links."""
     names, slips, values = list[str](), list[str](), list[Value]()
     for name, before, after, rotations in pairs:
-        step, said = steps_of(before, after), _slips(before, after, rotations)
+        step, slips_of = steps_of(before, after), _slips(before, after, rotations)
         which = [what for what in INERTIAL if step[what] > max(1e-13, 1e-6 * max(step.values()))]
         names.append(
             f"{', '.join(word(what) for what in which)} of {name}{'' if name == body else f', fixed to {body}'}"
         )
-        slips += [slip for what in which for slip in said[what]]
+        slips += [slip for what in which for slip in slips_of[what]]
         values += [_values(name, before, after)[what] for what in which]
     return Edit("; ".join(names), tuple(own), tuple(slips), tuple(values))
 
@@ -124,12 +124,12 @@ def _links(files: Files, body: str, parts: Mapping[int, Matter], old: Matter, ne
     T = {i: relative(file.reading.bodies[body].pose, file.links[i].frame) for i in parts}
     twins = {link.name: link for link in files.a.links} if files.a else {}
     theirs = {i: twins[file.links[i].name] for i in parts if file.links[i].name in twins}
-    said = {i: displaced(m, T[i]) for i, link in theirs.items() if (m := link.matter) is not None}
-    if {*said} == {*parts}:
-        whole, scale = reduce(combined, said.values()), max(steps_of(old, new).values())
-        changed = {i: max(steps_of(parts[i], said[i], new.mass).values()) for i in parts}
+    stated = {i: displaced(m, T[i]) for i, link in theirs.items() if (m := link.matter) is not None}
+    if {*stated} == {*parts}:
+        whole, scale = reduce(combined, stated.values()), max(steps_of(old, new).values())
+        changed = {i: max(steps_of(parts[i], stated[i], new.mass).values()) for i in parts}
         fits = max(steps_of(whole, new).values()) <= 1e-6 * scale
-        chosen = {i: said[i] for i in parts if changed[i] > 1e-6 * max(changed.values())} if fits else {}
+        chosen = {i: stated[i] for i in parts if changed[i] > 1e-6 * max(changed.values())} if fits else {}
     else:
         chosen = {}
     if not chosen:
@@ -155,7 +155,8 @@ def _told(what: str, pair: Pair) -> tuple[str, ...]:
 
 def _single(i: int, difference: Difference, change: Change, b: Reading, files: Files) -> Edit:
     """A difference of anything else than mass properties."""
-    what, more, pair = difference.what, list[Value](), None
+    what, more = difference.what, list[Value]()
+    pair: tuple[Array, Array] | None = None
     if difference.a is not None and difference.b is not None:
         pair = difference.a, difference.b
     values = [Value(change.item, what, *pair)] if pair else []
@@ -163,17 +164,17 @@ def _single(i: int, difference: Difference, change: Change, b: Reading, files: F
         pair = change.value, downwards(weighed(b))
     elif what == "placement":
         pair = _placements(change, b, files.b)
-    told = _told(what, Pair(*pair)) if pair else ()
-    if what == "gravity" and told:
+    slips = _told(what, Pair(*pair)) if pair else ()
+    if what == "gravity" and slips:
         more = _base(change, b)
     if more:
         carried = ", ".join(each.item for each in more)
-        told += (f"gravity is that of a base, which carries {carried}, that is turned",)
+        slips += (f"gravity is that of a base, which carries {carried}, that is turned",)
     if more and files.b:  # whose placement may be a slip
         frames = [link.frame for link in files.b.links if {each.item for each in more} & {*link.joints}]
         turns = [matrix(np.zeros(3), F[:3, :3]) for F in frames]
-        told += tuple(f"placement {slip}" for F in turns for slip in placement_slips(Pair(more[0].a @ F, F)))
-    return Edit(f"{word(what)}{f' of {change.item}' if change.item else ''}", (i,), told, (*values, *more))
+        slips += tuple(f"placement {slip}" for F in turns for slip in placement_slips(Pair(more[0].a @ F, F)))
+    return Edit(f"{word(what)}{f' of {change.item}' if change.item else ''}", (i,), slips, (*values, *more))
 
 
 def _base(change: Change, b: Reading) -> list[Value]:

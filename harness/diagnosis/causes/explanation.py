@@ -68,10 +68,10 @@ def explained(
         readings, paths: Of A and B, as they were read.
         differences: Of B to A, in the order in which their changes are to be made.
         read: Reads a copy of B's file by B's library.
-        written: What B's file says, where its loops are cut elsewhere to be compared.
+        written: Reading of B's file, where its loops are cut elsewhere to be compared.
     """
     a, b = readings
-    files = Files(_beside(paths[0], a), _beside(paths[1], b))
+    files = Files(_opened(paths[0], a), _opened(paths[1], b))
     made = edits(differences, b, files)
     attribution = attribute(
         torques, b, differences, lambda weight: Grouping(differences, b, files, weight, made).groups(), made, deadline
@@ -101,8 +101,8 @@ def _proved(
     return replace(proof, why_not=("A and B are one file, which two libraries read differently",))
 
 
-def _beside(path: Path | None, reading: Reading) -> Opened | None:
-    """A model file beside its reading; None where the two do not fit, or there is none."""
+def _opened(path: Path | None, reading: Reading) -> Opened | None:
+    """A model file with its reading; None where the two do not match, or there is none."""
     try:
         return opened(read_file(path), reading) if path else None
     except (ScrewgaugeError, UnpatchableError):
@@ -115,15 +115,15 @@ _REFUSED = (ScrewgaugeError, ValueError, LookupError)
 
 
 def softness(
-    models: tuple[Model, Model], pairing: Pairing, found: Sequence[Difference], seed: int, deadline: Deadline
+    models: tuple[Model, Model], pairing: Pairing, differences: Sequence[Difference], seed: int, deadline: Deadline
 ) -> Attribution | None:
-    """Attributes the difference of soft forces to softness, all other differences that B's file can say put right.
+    """Attributes the difference of soft forces to softness, all other differences that B's file can hold put right.
 
     MuJoCo keeps equalities by springs. It is asked near closed states: where loops are closed, these exert nothing.
 
-    None where softness does not differ, no library is asked of both, or there was no time.
+    None where softness does not differ, no library answers for both, or there was no time.
     """
-    numbers = [i for i, each in enumerate(found) if each.what == "softness"]
+    numbers = [i for i, each in enumerate(differences) if each.what == "softness"]
     a, b = models
     apart = pairing.only_a or pairing.only_b or not {a.library, b.library} <= {*CLOSING}
     if not numbers or apart or a.file is None or b.file is None or deadline.over("forces of soft equalities"):
@@ -132,7 +132,7 @@ def softness(
     two, own = (plant(each) for each in counterpart(a.reading, b.reading, pairing.joints))
     states = _near(one, seed)
     theirs, C, text = states_of_b(one, two, states), velocity_map(one, two), read_file(file)
-    rest = changes_of(each for each in found if each.what != "softness")
+    rest = changes_of(each for each in differences if each.what != "softness")
 
     def of(reading: Reading) -> Array:
         soft = _softness(b.reading)
@@ -147,12 +147,12 @@ def softness(
 
     try:
         force = _force(a.file, a, one, states)
-    except _REFUSED:  # which is said where it is asked for torques
+    except _REFUSED:  # which is sentence where it is asked for torques
         return None
     names, units = zip(*components(a.reading), strict=True)
-    soft = [found[i] for i in numbers]
+    soft = [differences[i] for i in numbers]
     named = [(f"softness of {each.item_b}", each.sentence) for each in soft]
-    groups = [Group(name, said, (i,), said, "softness") for i, (name, said) in enumerate(named)]
+    groups = [Group(name, sentence, (i,), sentence, "softness") for i, (name, sentence) in enumerate(named)]
     return attribute(Torques(force, of, names, units), b.reading, soft, lambda _: groups, deadline=deadline)
 
 

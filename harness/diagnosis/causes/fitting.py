@@ -1,4 +1,4 @@
-"""What a difference to a black box looks like: how it grows with speed, and what the model would have to say for it.
+"""What a difference to a black box looks like: how it grows with speed, and which change of the model would make it.
 
 A black box is an engine whose own torques are not those of what it has read, or torques of a user.
 """
@@ -51,28 +51,28 @@ class Growth:
     @property
     def sentence(self) -> str:
         """In words."""
-        said = f"it vanishes at rest and grows with speed to the power {self.power:.3f}"
+        text = f"it vanishes at rest and grows with speed to the power {self.power:.3f}"
         if not self.products:
             meaning = MEANING.get(round(self.power)) if abs(self.power - round(self.power)) < WHOLE else None
-            return f"{said}, as {meaning} does" if meaning else said
+            return f"{text}, as {meaning} does" if meaning else text
         if math.isnan(self.share):
-            return f"{said}: velocity products (Coriolis and centrifugal terms, Jdot v of loops) are wrong"
+            return f"{text}: velocity products (Coriolis and centrifugal terms, Jdot v of loops) are wrong"
         fate = f"are {self.share:.6g} times what they should be" if abs(self.share) > RESTS else "are missing"
-        return f"{said}: velocity products (Coriolis and centrifugal terms, Jdot v of loops) {fate}"
+        return f"{text}: velocity products (Coriolis and centrifugal terms, Jdot v of loops) {fate}"
 
 
-def growth(said: Sequence[Array], ours: Sequence[Array]) -> Growth | None:
+def growth(theirs: Sequence[Array], ours: Sequence[Array]) -> Growth | None:
     """Of the difference of two quantities, each at `SPEEDS`; None where it does not vanish at rest."""
-    rest, once, twice = (float(np.abs(x - y).max(initial=0.0)) for x, y in zip(said, ours, strict=True))
+    rest, once, twice = (float(np.abs(x - y).max(initial=0.0)) for x, y in zip(theirs, ours, strict=True))
     if not (0.0 < once < math.inf and 0.0 < twice < math.inf and rest <= RESTS * once):
         return None
-    one, two = (each[2] - 2.0 * each[1] + each[0] for each in (said, ours))  # what is of second order in speed
+    one, two = (each[2] - 2.0 * each[1] + each[0] for each in (theirs, ours))  # what is of second order in speed
     share = float(np.vdot(one, two) / max(float(np.vdot(two, two)), 1e-300))
     fits = float(np.abs(one - share * two).max()) <= RESTS * float(np.abs(one - two).max())
     return Growth(math.log2(twice / once), share if fits else math.nan)
 
 
-#: A fit explains as much as another one if it leaves no more than this share of the difference beside it.
+#: A fit explains as much as another one if it leaves no more than this share of the difference more.
 ALIKE = 1e-6
 #: Step of derivatives by central differences, of a number's own size: leaves about 1e-10 of them.
 STEP = 1e-6
@@ -91,7 +91,7 @@ class Family:
     Attributes:
         name: In words.
         typical: Size of each number. Shape (k,).
-        changes: Makes the changes of steps from what the reading says, shape (k,).
+        changes: Makes the changes of steps from the values of the reading, shape (k,).
     """
 
     name: str
@@ -202,10 +202,10 @@ def fitted(reading: Reading, states: TreeStates, torques: Array, causes: Sequenc
         x, unseen = _step(cause, left, np.zeros(len(cause.typical)), start)
         first.append((cause, x, unseen, left(cause.changes(x))))
     best = sorted(first, key=lambda each: size(each[-1]))[:REFINED]
-    found = sorted((_refined(left, before, *each) for each in best), key=lambda fit: -fit.share)
-    top = found[0].share
-    alike = tuple(fit.name for fit in found[1:] if fit.share >= top - ALIKE)
-    return [Fit(found[0].name, found[0].changes, top, found[0].unseen, alike), *found[1:]]
+    fits = sorted((_refined(left, before, *each) for each in best), key=lambda fit: -fit.share)
+    top = fits[0].share
+    alike = tuple(fit.name for fit in fits[1:] if fit.share >= top - ALIKE)
+    return [Fit(fits[0].name, fits[0].changes, top, fits[0].unseen, alike), *fits[1:]]
 
 
 def _step(cause: Family, left: Left, x: Array, there: Array) -> tuple[Array, int]:

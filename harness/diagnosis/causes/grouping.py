@@ -60,13 +60,13 @@ class Grouping:
     """What groups are made of.
 
     Attributes:
-        found: All differences.
+        differences: All of them.
         b: The reading that their changes are of; `files`: of both models.
         weight: How much a difference counts: of several in a row, the one that counts most is told.
         edits: That make them.
     """
 
-    found: Sequence[Difference]
+    differences: Sequence[Difference]
     b: Reading
     files: Files
     weight: Callable[[int], float]
@@ -75,9 +75,9 @@ class Grouping:
     def groups(self) -> list[Group]:
         """All differences, each in one group."""
         texts = [file.xml.text() for file in (self.files.a, self.files.b) if file]
-        digits = rounded(self.found, texts)
+        digits = rounded(self.differences, texts)
         same_sentence: dict[str, list[int]] = defaultdict(list)  # shares of one body have that of the whole
-        for i, each in enumerate(self.found):
+        for i, each in enumerate(self.differences):
             if i not in digits:
                 same_sentence[each.sentence].append(i)
         groups = [self._single(numbers) for numbers in same_sentence.values()]
@@ -90,11 +90,11 @@ class Grouping:
         return [*groups, *self._digits(digits)]
 
     def _single(self, numbers: Sequence[int]) -> Group:
-        one = self.found[numbers[0]]
+        one = self.differences[numbers[0]]
         return Group(titled(one), one.sentence, tuple(numbers), one.sentence, family(one))
 
     def _first(self, group: Group) -> Difference:
-        return self.found[group.differences[0]]
+        return self.differences[group.differences[0]]
 
     def _heaviest(self, members: Iterable[Group]) -> list[Group]:
         return sorted(members, key=lambda group: -self.weight(group.differences[0]))
@@ -106,14 +106,14 @@ class Grouping:
         """Rounding, by what rounds."""
         by_reason: dict[str, list[int]] = defaultdict(list)
         for i in numbers:
-            each = self.found[i]
+            each = self.differences[i]
             by_reason[each.sentence.rpartition(": ")[2] if each.kind == "digits" else "one file has few"].append(i)
         for reason, some in by_reason.items():
-            largest = max((self.found[i] for i in some), key=lambda one: one.size)
+            largest = max((self.differences[i] for i in some), key=lambda one: one.size)
             why = reason.removeprefix("rounding, ")
             sentence = f"{len(some)} values differ only in rounding of printed digits ({why})"
             sentence += f", at most {largest.size:.1g} of the value ({titled(largest)})"
-            sentence = self.found[some[0]].sentence if len(some) == 1 else sentence
+            sentence = self.differences[some[0]].sentence if len(some) == 1 else sentence
             yield Group("digits that are printed in a file", sentence, tuple(some), sentence, "digits")
 
     def _swapped(self, groups: list[Group]) -> list[Group]:
@@ -127,9 +127,9 @@ class Grouping:
                 (a, b), (c, d) = ((float(x), float(y)) for x, y in pairs)  # type: ignore[arg-type]
                 if max(abs(a - d), abs(b - c)) < LEFT * abs(a - c):
                     names = [_item(self._first(each)) for each in (one, two)]
-                    said = f"masses of {names[0]} and {names[1]} are swapped: {one.sentence}"
+                    sentence = f"masses of {names[0]} and {names[1]} are swapped: {one.sentence}"
                     numbers = (*one.differences, *two.differences)
-                    swap = Group(f"masses of {names[0]} and {names[1]}", said, numbers, said, one.family)
+                    swap = Group(f"masses of {names[0]} and {names[1]}", sentence, numbers, sentence, one.family)
                     return [swap if n == i else each for n, each in enumerate(groups) if n != k]
         return groups
 
@@ -143,7 +143,9 @@ class Grouping:
         own = {name: some for name, some in own.items() if any(self._first(each).what == "mass" for each in some)}
         if len(own) < SEVERAL:
             return groups
-        changes = {name: [self.found[i].change for g in some for i in g.differences] for name, some in own.items()}
+        changes = {
+            name: [self.differences[i].change for g in some for i in g.differences] for name, some in own.items()
+        }
         after = {name: of_body(applied(self.b, filter(None, some)).bodies[name]) for name, some in changes.items()}
         ratios = [self.b.bodies[name].mass / after[name].mass for name in own if after[name].mass]
         ratio = float(np.median(ratios)) if ratios else 0.0
@@ -166,13 +168,13 @@ class Grouping:
             how = _factor(one) if single else None
             return how and (one.what, *how)
 
-        def told(members: list[Group]) -> Group:
+        def row(members: list[Group]) -> Group:
             ones = [self._first(member) for member in members]
             how = _factor(ones[0])
             assert how is not None
             return self._of_factor(ones, *how, words(ones[0].what), members)
 
-        return _merged(groups, key, told, SEVERAL)
+        return _merged(groups, key, row, SEVERAL)
 
     def _of_factor(
         self, ones: Sequence[Difference], how: str, value: float, noun: str, members: Sequence[Group]
@@ -186,13 +188,13 @@ class Grouping:
         unit = PROPERTIES[what].units.get(value, "")
         percent = f"{100.0 * (value - 1.0):+.2f} %" if 0.0 < value < 10.0 else f"x {value:g}"
         meant = f", as if written {unit}" if unit else ""
-        said = (
+        how_much = (
             f"{value:g} times those of A in B ({percent}{meant}: {names})"
             if value
             else f"0 in B, and not in A ({names})"
         )
-        said = f"{value:g} {ones[0].unit} in B, 0 in A ({names})" if how == "is" else said
-        sentence = f"{noun} of {who}: {said}"
+        how_much = f"{value:g} {ones[0].unit} in B, 0 in A ({names})" if how == "is" else how_much
+        sentence = f"{noun} of {who}: {how_much}"
         return Group(f"{noun} of {who}", sentence, _numbers(members), sentence, members[0].family)
 
     def _slips(self, groups: list[Group]) -> list[Group]:
@@ -207,12 +209,12 @@ class Grouping:
             own = slips.get(group.differences[0], ())
             return max(own, key=lambda slip: counts[slip]) if own else None
 
-        def told(members: list[Group]) -> Group:
+        def row(members: list[Group]) -> Group:
             first, *_ = members = self._heaviest(members)
-            said = f"{key(first)} in {len(members)} places ({self._names(members)})"
-            return Group(said, f"{said}: {first.sentence}", _numbers(members), said, first.family)
+            name = f"{key(first)} in {len(members)} places ({self._names(members)})"
+            return Group(name, f"{name}: {first.sentence}", _numbers(members), name, first.family)
 
-        return _merged(groups, key, told)
+        return _merged(groups, key, row)
 
     def _subtrees(self, groups: list[Group]) -> list[Group]:
         """Subtrees of one make that one model lacks; joints that one model holds."""
@@ -222,14 +224,14 @@ class Grouping:
             tail = one.sentence.removeprefix(_item(one))
             return (bool(one.item_a), tail) if one.what == "branch" else None
 
-        def told(members: list[Group]) -> Group:
+        def row(members: list[Group]) -> Group:
             tail = members[0].sentence.removeprefix(_item(self._first(members[0])))
             for one, many in _OF_SEVERAL:
                 tail = re.sub(one, many, tail)
             sentence = f"{self._names(members)}{tail}"
             return Group(f"{len(members)} subtrees", sentence, _numbers(members), sentence, members[0].family)
 
-        return _merged(groups, key, told)
+        return _merged(groups, key, row)
 
     def _same_words(self, groups: list[Group]) -> list[Group]:
         """The same values in several parts."""
@@ -241,14 +243,14 @@ class Grouping:
             scalar = one.what in SCALED and one.what != "inertia" and one.kind == "model"
             return one.what, str(one.whole or (one.a, one.b)) if scalar else _words(one)
 
-        def told(members: list[Group]) -> Group:
+        def row(members: list[Group]) -> Group:
             members = self._heaviest(members)
             one = self._first(members[0])
             sentence = f"{self._names(members)}, each: {_words(one)}"
             noun = f"{words(one.what)} in {len(members)} places"
             return Group(noun, sentence, _numbers(members), sentence, members[0].family)
 
-        return _merged(groups, key, told)
+        return _merged(groups, key, row)
 
     def _of_one_part(self, groups: list[Group]) -> list[Group]:
         """The mass properties of a body; the place of a joint."""
@@ -258,7 +260,7 @@ class Grouping:
             alone = group.sentence == one.sentence and group.family in (BODIES, JOINTS)
             return (group.family, _item(one)) if alone else None
 
-        def told(members: list[Group]) -> Group:
+        def row(members: list[Group]) -> Group:
             members = self._heaviest(members)
             first, *others = (self._first(member) for member in members)
             nouns = list(dict.fromkeys(word(each.what) for each in others if each.what != first.what))
@@ -267,26 +269,26 @@ class Grouping:
             noun = "mass properties" if members[0].family == BODIES else "place"
             return Group(f"{noun} of {_item(first)}", sentence, _numbers(members), short, members[0].family)
 
-        return _merged(groups, key, told)
+        return _merged(groups, key, row)
 
     def _mirrored(self, groups: list[Group]) -> list[Group]:
         """What differs alike on the left and on the right."""
 
         def key(group: Group) -> Hashable:
-            ones = {self.found[i].what: self.found[i] for i in group.differences}
-            item, *others = {_item(self.found[i]) for i in group.differences}
+            ones = {self.differences[i].what: self.differences[i] for i in group.differences}
+            item, *others = {_item(self.differences[i]) for i in group.differences}
             if others or (sideless := _sideless(item)) == item.lower():
                 return None
             largest = ones.get("mass", self._first(group))
             return sideless, tuple(sorted(ones)), f"{largest.size:.1e}"
 
-        def told(members: list[Group]) -> Group:
+        def row(members: list[Group]) -> Group:
             first, *others = self._heaviest(members)
             also = f"; {self._names(others)} likewise"
-            told = first.sentence + also, first.short + also
-            return replace(first, sentence=told[0], short=told[1], differences=_numbers((first, *others)))
+            sentence, short = first.sentence + also, first.short + also
+            return replace(first, sentence=sentence, short=short, differences=_numbers((first, *others)))
 
-        return _merged(groups, key, told)
+        return _merged(groups, key, row)
 
     def _content(self, groups: list[Group]) -> list[Group]:
         """What no typed entry of a reading holds, by its kind."""
@@ -318,7 +320,7 @@ def family(one: Difference) -> str:
 
 
 def _merged(
-    groups: Sequence[Group], key: Callable[[Group], Hashable], told: Callable[[list[Group]], Group], least: int = 2
+    groups: Sequence[Group], key: Callable[[Group], Hashable], row: Callable[[list[Group]], Group], least: int = 2
 ) -> list[Group]:
     """Groups with the same key as one, where there are enough of them; a key of None is nobody's."""
     alike: dict[Hashable, list[Group]] = defaultdict(list)
@@ -328,7 +330,7 @@ def _merged(
     out = list(groups)
     for members in alike.values():
         if len(members) >= least:
-            out = _replaced(out, members, told(members))
+            out = _replaced(out, members, row(members))
     return out
 
 

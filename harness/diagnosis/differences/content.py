@@ -37,16 +37,16 @@ def beyond(common: Common) -> Beyond:
     """Compares the content of two models in common names."""
     named_alike = all(name == other for name, other in common.own["joints"].items())
     fates: dict[str, list[tuple[str, Content]]] = {"withheld": [], "aside": []}
-    found = list[Difference]()
+    differences = list[Difference]()
     both = {*common.a.joints} & {*common.b.joints}
     for a, b in _pairs(*(_kept(each.content, both) for each in (common.a, common.b))):
         fate = _fate(a, b, (common.a, common.b), named_alike=named_alike)
         sides = [(side, each) for side, each in zip("AB", (a, b), strict=True) if each is not None]
         if fate == "differs":
-            found.append(_difference(a, b))
+            differences.append(_difference(a, b))
         elif fate in fates:
             fates[fate] += sides
-    return Beyond(tuple(found), *(tuple(_sided(fates[fate])) for fate in ("withheld", "aside")))
+    return Beyond(tuple(differences), *(tuple(_sided(fates[fate])) for fate in ("withheld", "aside")))
 
 
 def _kept(content: Iterable[Content], joints: Collection[str]) -> list[Content]:
@@ -77,12 +77,12 @@ def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Pair]:
 
 def _grouped(content: Iterable[Content]) -> Mapping[object, list[Content]]:
     """By kind and by what they act on; by their own names where that is nothing that has a partner."""
-    found: dict[object, list[Content]] = {}
+    groups: dict[object, list[Content]] = {}
     for each in content:
         element = each.what if not each.of or not kinds()[each.kind].arrays else ""
         key = (each.kind, element, tuple((room, name) for room, name, _ in each.of) or each.whose)
-        found.setdefault(key, []).append(each)
-    return found
+        groups.setdefault(key, []).append(each)
+    return groups
 
 
 def _same(a: Content, b: Content) -> bool:
@@ -145,13 +145,13 @@ def _first(a: Content, b: Content) -> str:
             return f"{other:.6g} of {name} in B, {mine:.6g} in A"
     for (key, x), (label, y) in zip(a.values or (), b.values or (), strict=False):
         if key != label or not _alike(x, y):
-            said = [f"{value:.6g}" if isinstance(value, float) else value for value in (y, x)]
-            return f"{key} {said[0]} in B, {said[1]} in A"
+            values = [f"{value:.6g}" if isinstance(value, float) else value for value in (y, x)]
+            return f"{key} {values[0]} in B, {values[1]} in A"
     return "more entries in one than in the other"
 
 
-def _sided(found: Sequence[tuple[str, Content]]) -> Iterator[str]:
+def _sided(content: Sequence[tuple[str, Content]]) -> Iterator[str]:
     """One phrase for all that is called alike, with the sides that have it."""
-    said = {side: phrases(each for where, each in found if where == side) for side in "AB"}
-    for phrase in dict.fromkeys((*said["A"], *said["B"])):
-        yield f"{phrase} in {' and '.join(side for side in 'AB' if phrase in said[side])}"
+    phrases_of = {side: phrases(each for where, each in content if where == side) for side in "AB"}
+    for phrase in dict.fromkeys((*phrases_of["A"], *phrases_of["B"])):
+        yield f"{phrase} in {' and '.join(side for side in 'AB' if phrase in phrases_of[side])}"

@@ -149,7 +149,7 @@ def speller(text: str) -> Callable[[str], str]:
         most = max(map(abs, entries), default=0.0)
         for x in entries:
             k, off = bisect(numbers, x), DUST * (4.0 * abs(x) + most)
-            near = [*sorted(numbers[max(k - 1, 0) : k + 1], key=lambda number, x=x: abs(number - x))]
+            near = [number for _, number in sorted((abs(one - x), one) for one in numbers[max(k - 1, 0) : k + 1])]
             near = [0.0] if abs(x) <= max(off, nothing) else [*near, float(f"{x:.{EXACT}g}")]
             yield number_text(next((number for number in near if abs(number - x) <= max(off, nothing)), x))
 
@@ -191,22 +191,22 @@ def _decade(value: float) -> float:
     return float(10.0 ** math.floor(math.log10(abs(value)))) if value else 0.0
 
 
-def rounded(found: Sequence[Difference], texts: Sequence[str]) -> tuple[int, ...]:
+def rounded(differences: Sequence[Difference], texts: Sequence[str]) -> tuple[int, ...]:
     """Numbers of all differences that are rounding of printed digits.
 
     Args:
         texts: Of the files, where they are known.
     """
-    numbers = tuple(i for i, each in enumerate(found) if each.kind == "digits")
+    numbers = tuple(i for i, each in enumerate(differences) if each.kind == "digits")
     if len(numbers) >= SEEN:  # zeros, too, are then where rounding puts them
-        most = max(found[i].size for i in numbers)
-        zeros = (i for i, each in enumerate(found) if each.what == "zero" and each.size <= most)
+        most = max(differences[i].size for i in numbers)
+        zeros = (i for i, each in enumerate(differences) if each.what == "zero" and each.size <= most)
         return tuple(sorted({*numbers, *zeros}))
-    return numbers or (_cut(found, *map(longest, texts)) if len(texts) == 2 else ())
+    return numbers or (_cut(differences, *map(longest, texts)) if len(texts) == 2 else ())
 
 
-def _cut(found: Sequence[Difference], a: int, b: int) -> tuple[int, ...]:
+def _cut(differences: Sequence[Difference], a: int, b: int) -> tuple[int, ...]:
     """All differences, if one file has no number with more than a few digits and none of them is larger than these."""
-    digits, real = min(a, b), [i for i, each in enumerate(found) if each.change is not None]
-    small = all(found[i].size <= 5.0 * 10.0 ** (1 - digits) for i in real)
+    digits, real = min(a, b), [i for i, each in enumerate(differences) if each.change is not None]
+    small = all(differences[i].size <= 5.0 * 10.0 ** (1 - digits) for i in real)
     return tuple(real) if a != b and MEANT <= digits <= EXACT and len(real) >= SEEN and small else ()

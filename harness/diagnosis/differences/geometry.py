@@ -49,7 +49,7 @@ class Deviation:
 
 def deviations(common: Common, deadline: Deadline) -> tuple[list[Deviation], Common]:
     """All of them, from the ground outwards, and both models where they are put right; as far as there is time."""
-    found: list[Deviation] = []
+    steps: list[Deviation] = []
     length = size(common.a)
     for name in _outwards(common.a):
         if deadline.over(f"place of {name}"):
@@ -57,9 +57,9 @@ def deviations(common: Common, deadline: Deadline) -> tuple[list[Deviation], Com
         for what, value, step in _of_joint(common.a, common, name, length):
             change = Change(name, what, np.asarray(value, dtype=float))
             amount = float(np.linalg.norm(step[0])), float(np.linalg.norm(step[1]))
-            found.append(Deviation(change, amount, step, owned(common, change)))
+            steps.append(Deviation(change, amount, step, owned(common, change)))
             common = _righted(common, change)
-    return found, common
+    return steps, common
 
 
 def _outwards(reading: Reading) -> list[str]:

@@ -146,17 +146,17 @@ def couplings(common: Common, shifts: Mapping[str, float]) -> Iterator[Differenc
             yield another(common, "couplings", name, "leading joint", sentence)
         a, b = _padded(coupling.polynomial, other.polynomial)
         if np.abs(a - b).max() > ROUNDING * max(float(np.abs(a).max()), float(np.abs(b).max())):
-            said = difference(common, name, "polynomial", a, b)
+            one = difference(common, name, "polynomial", a, b)
             line = Polynomial([-shifts.get(other.of, 0.0), 1.0])
             there = Polynomial(other.polynomial)(line) + shifts.get(other.joint, 0.0)
             first, second = _padded(coupling.polynomial, np.asarray(there.coef, dtype=float))
             if shifts and np.abs(first - second).max() <= CLOSE * float(np.abs(first).max()):
-                sentence = f"{said.sentence}: the same, as zeros are elsewhere"
-                said = replace(said, kind="convention", sentence=sentence)
+                sentence = f"{one.sentence}: the same, as zeros are elsewhere"
+                one = replace(one, kind="convention", sentence=sentence)
             elif shifts and _of_free_zero(common.b, other.of, first, second):
-                sentence = f"{said.sentence}: the same, as zeros are elsewhere, that of {coupling.of} among them"
-                said = replace(said, kind="convention", sentence=sentence)
-            yield said
+                sentence = f"{one.sentence}: the same, as zeros are elsewhere, that of {coupling.of} among them"
+                one = replace(one, kind="convention", sentence=sentence)
+            yield one
         yield from _softness(common, "couplings", name)
     for name, coupling in common.b.couplings.items():
         if name not in common.a.couplings:
@@ -224,11 +224,11 @@ def actuators(common: Common, turned: Collection[str]) -> Iterator[Difference]:
             sentence = f"{name}: drives {common.own['joints'].get(driven, driven)} in B, {joint} in A"
             yield another(common, "actuators", name, "driven joint", sentence)
         if differ(gear, other):
-            said = difference(common, name, "gear", np.asarray(gear), np.asarray(other))
+            one = difference(common, name, "gear", np.asarray(gear), np.asarray(other))
             if joint in turned and not differ(gear, -other):
-                sentence = f"{said.sentence}: the same motor, as its joint counts the other way"
-                said = replace(said, kind="convention", sentence=sentence)
-            yield said
+                sentence = f"{one.sentence}: the same motor, as its joint counts the other way"
+                one = replace(one, kind="convention", sentence=sentence)
+            yield one
     for name, (joint, gear) in common.b.actuators.items():
         if name not in common.a.actuators:
             own = common.own["actuators"].get(name, name)
@@ -240,9 +240,9 @@ def cut_joints(models: tuple[Model, Model]) -> Iterator[Difference]:
     a, b = (model.cut for model in models)
     ours, theirs = ((model.as_read or model.reading).joints for model in models)
     pairs = [(link.joints, link.partners) for link in a.points] + [*a.merged] if a else []
-    said = {name for _, partners in pairs for name in partners}
+    named_by_a = {name for _, partners in pairs for name in partners}
     if b:
-        pairs += [((), link.joints) for link in b.points if not said & {*link.joints}]
+        pairs += [((), link.joints) for link in b.points if not named_by_a & {*link.joints}]
         pairs += [(partners, joints) for joints, partners in b.merged]
     for one, other in pairs:
         sides = [ours[name] for name in one], [theirs[name] for name in other]
@@ -318,19 +318,19 @@ def at_home(models: tuple[Model, Model]) -> tuple[Model, Model]:
     Raises:
         ClosureError: Loops of neither close from any start.
     """
-    found, refused = list[Model](), list[ClosureError]()
+    measured, refused = list[Model](), list[ClosureError]()
     for model in models:
         system = LoopEquations(plant(rehomed(model.reading, model.home)[0]))
         gaps = system.gaps(system.home, HOME)
         try:
             assemble(model.reading, model.label, {}) if gaps else None
-            found.append(replace(model, open_by=some(gaps)))
+            measured.append(replace(model, open_by=some(gaps)))
         except ClosureError as error:
             refused.append(error)
-            found.append(replace(model, open_by=some(gaps), never_closed=error.what))
+            measured.append(replace(model, open_by=some(gaps), never_closed=error.what))
     if len(refused) == len(models):
         raise refused[0]
-    return found[0], found[1]
+    return measured[0], measured[1]
 
 
 def loops(common: Common, pairing: Pairing, seed: int, deadline: Deadline) -> tuple[Loops | None, str]:
@@ -364,8 +364,8 @@ def loops(common: Common, pairing: Pairing, seed: int, deadline: Deadline) -> tu
     row = row_of(
         "motion that loops leave", ours, others, [(x, "") for x, _ in force for _ in force], np.ones_like(ours)
     )
-    said = f"closures and couplings leave {n} of {len(force)} degrees of freedom" if n == m else ""
-    return Loops(row, (n, m), len(force), len(ours), _opened(b, same_poses)), said
+    freedoms = f"closures and couplings leave {n} of {len(force)} degrees of freedom" if n == m else ""
+    return Loops(row, (n, m), len(force), len(ours), _opened(b, same_poses)), freedoms
 
 
 def _opened(tree: ReadingTree, states: TreeStates) -> str:

@@ -48,9 +48,9 @@ def differences(common: Common, deadline: Deadline | None = None) -> tuple[list[
     return out, right
 
 
-def _deviation(common: Common, found: Deviation) -> Difference:
-    item, what = found.right.item, found.right.what
-    joint, (angle, way), length = common.a.joints[item], found.amount, size(common.a)
+def _deviation(common: Common, deviation: Deviation) -> Difference:
+    item, what = deviation.right.item, deviation.right.what
+    joint, (angle, way), length = common.a.joints[item], deviation.amount, size(common.a)
     b = {
         "sign": np.array(1.0),
         "zero": np.asarray(common.b.joints[item].home),
@@ -61,12 +61,14 @@ def _deviation(common: Common, found: Deviation) -> Difference:
     ball = what == "placement" and joint.kind == "ball" and way <= common.rounding * length
     kind: Kind = "convention" if what in ("sign", "zero") or ball else "model"
     carrier = common.a.moved_by(item)
-    axes, step = axes_of(common.a, carrier, common.a.bodies[carrier].near), found.step
+    axes, step = axes_of(common.a, carrier, common.a.bodies[carrier].near), deviation.step
     if what == "placement":  # files have that of the frame of what the joint carries
-        step = step_of(np.asarray(np.linalg.inv(found.right.value)), common.a.bodies[carrier].pose[:3, 3])
+        step = step_of(np.asarray(np.linalg.inv(deviation.right.value)), common.a.bodies[carrier].pose[:3, 3])
     sentence = place(item, "zero" if ball else what, step, joint, axes, length)
-    unit, change = unit_of(what, joint), found.change
-    return Difference(item, change.item, what, found.right.value, b, unit, angle + way / length, sentence, change, kind)
+    unit, change = unit_of(what, joint), deviation.change
+    return Difference(
+        item, change.item, what, deviation.right.value, b, unit, angle + way / length, sentence, change, kind
+    )
 
 
 def _model(common: Common) -> Iterator[Difference]:
@@ -110,8 +112,8 @@ def _joint(common: Common, name: str, written: JointReading, shift: float) -> It
             continue
         first, second = getattr(a, what), getattr(b, what)
         if differ(first, second):
-            said = _counted(common, name, what, (first, second, getattr(written, what)))
-            yield _as_its_zero(said, shift) if what == "rest" else said
+            entry = _counted(common, name, what, (first, second, getattr(written, what)))
+            yield _as_its_zero(entry, shift) if what == "rest" else entry
     if not all(map(_same_limit, a.limits, b.limits)):
         yield _as_its_zero(_counted(common, name, "limits", (a.limits, b.limits, written.limits)), shift)
 
@@ -130,14 +132,14 @@ def _counted(common: Common, name: str, what: str, values: tuple[object, object,
     return difference(common, name, what, a, b, (size_, f"{sentence}{turned}"))
 
 
-def _as_its_zero(found: Difference, shift: float) -> Difference:
+def _as_its_zero(entry: Difference, shift: float) -> Difference:
     """A place along a joint, told as a convention if it is the same place counted from another zero."""
-    if not shift or found.a is None or found.b is None:
-        return found
-    off = np.abs(found.b + shift - found.a)[np.isfinite(found.a) & np.isfinite(found.b)]
-    if not off.size or off.max() > SHIFTED * max(1.0, float(np.abs(found.a).max())):
-        return found
-    return replace(found, kind="convention", sentence=f"{found.sentence}: the same place, as its zero is elsewhere")
+    if not shift or entry.a is None or entry.b is None:
+        return entry
+    off = np.abs(entry.b + shift - entry.a)[np.isfinite(entry.a) & np.isfinite(entry.b)]
+    if not off.size or off.max() > SHIFTED * max(1.0, float(np.abs(entry.a).max())):
+        return entry
+    return replace(entry, kind="convention", sentence=f"{entry.sentence}: the same place, as its zero is elsewhere")
 
 
 def _same_limit(x: float, y: float) -> bool:
@@ -147,15 +149,15 @@ def _same_limit(x: float, y: float) -> bool:
     return not abs(x - y) > ROUNDING * max(abs(x), abs(y), 1.0)
 
 
-def distinct(found: Iterable[Difference]) -> list[Difference]:
+def distinct(several: Iterable[Difference]) -> list[Difference]:
     """Each once: shares of one body have its sentence."""
-    return list({each.sentence: each for each in reversed([*found])}.values())[::-1]
+    return list({each.sentence: each for each in reversed([*several])}.values())[::-1]
 
 
-def sorted_by_size(found: Iterable[Difference]) -> list[Difference]:
+def sorted_by_size(several: Iterable[Difference]) -> list[Difference]:
     """Models' own first, then conventions, then printed digits; the largest first."""
     order = ("model", "convention", "digits")
-    return sorted(found, key=lambda one: (order.index(one.kind), -one.size))
+    return sorted(several, key=lambda one: (order.index(one.kind), -one.size))
 
 
 #: A missing part makes all of a difference but for such a share: files print some digits.
@@ -167,9 +169,9 @@ def bodies(common: Common) -> Iterator[Difference]:
     """Of all bodies; what we cut into shares of a body is said of the body as a whole."""
     for name in common.a.bodies:
         if name in common.b.bodies:
-            found = _body(common, name, common.a.bodies[name], common.b.bodies[name])
-            found = _as_a_whole(common, name, found)
-            yield from _beside_held(common, name, found) if name in common.held else found
+            entries = _body(common, name, common.a.bodies[name], common.b.bodies[name])
+            entries = _as_a_whole(common, name, entries)
+            yield from _beside_held(common, name, entries) if name in common.held else entries
     yield from _unpaired(common)
 
 
@@ -177,16 +179,16 @@ def _body(common: Common, name: str, a: BodyReading, b: BodyReading) -> Iterator
     (com, inertia), (moved, turned) = seen_from(a, b)
     links = _links(a, b)
 
-    def found(what: str, one: Array, other: Array, size_: float, sentence: str) -> Difference:
+    def made(what: str, one: Array, other: Array, size_: float, sentence: str) -> Difference:
         if what == "mass" and (lost := _missing_part(common, a, b)):
-            said = f"{name}: {lost}: {sentence.removeprefix(f'{name}: ')}"
+            words = f"{name}: {lost}: {sentence.removeprefix(f'{name}: ')}"
         else:
-            said = f"{sentence}{links}"
-        return difference(common, name, what, one, other, (size_, said))
+            words = f"{sentence}{links}"
+        return difference(common, name, what, one, other, (size_, words))
 
     if differ(a.mass, b.mass):
         one, other = np.asarray(a.mass), np.asarray(b.mass)
-        yield found("mass", one, other, *compared(name, "mass", one, other, "kg"))
+        yield made("mass", one, other, *compared(name, "mass", one, other, "kg"))
     if a.mass and b.mass:
         radius = max(math.sqrt(abs(float(np.trace(a.inertia))) / a.mass), float(np.linalg.norm(com)))
         step = float(np.linalg.norm(com - b.com))
@@ -196,18 +198,18 @@ def _body(common: Common, name: str, a: BodyReading, b: BodyReading) -> Iterator
                 way, axes = b.pose[:3, :3] @ (b.com - com), "in the frame of its own file"
                 apart = in_axes(way, axes_of(common.a, name), "mm", " apart")
                 sentence = each_in_its_own(name, "com", a.com, b.com, "m", axes, apart)
-            yield found("com", com, b.com, step / max(radius, 1e-300), sentence)
+            yield made("com", com, b.com, step / max(radius, 1e-300), sentence)
     scale = max(float(np.abs(inertia).max()), float(np.abs(b.inertia).max()))
     if np.abs(inertia - b.inertia).max() > 10 * common.rounding * scale:
         size_, sentence = compared(name, "inertia", inertia, b.inertia, "kg m^2")
         along = ", along the axes of B" if turned and "principal" not in sentence else ""
-        yield found("inertia", inertia, b.inertia, size_, sentence + along)
+        yield made("inertia", inertia, b.inertia, size_, sentence + along)
     if differ(a.gravcomp, b.gravcomp):
         one, other = np.asarray(a.gravcomp), np.asarray(b.gravcomp)
-        yield found("gravcomp", one, other, *compared(name, "gravcomp", one, other, ""))
+        yield made("gravcomp", one, other, *compared(name, "gravcomp", one, other, ""))
 
 
-def _beside_held(common: Common, name: str, found: Iterator[Difference]) -> Iterator[Difference]:
+def _beside_held(common: Common, name: str, entries: Iterator[Difference]) -> Iterator[Difference]:
     """Differences of a body of which joints that B alone has move a part: changes are of what it is without that part.
 
     What would have no mass without it has no change.
@@ -215,7 +217,7 @@ def _beside_held(common: Common, name: str, found: Iterator[Difference]) -> Iter
     a, b, held = common.a.bodies[name], common.b.bodies[name], common.held[name]
     (com, inertia), _ = seen_from(a, b)
     old, new = (combined(matter, held, -1.0) for matter in (of_body(b), Matter(a.mass, com, inertia)))
-    told = {each.what: each for each in found}
+    told = {each.what: each for each in entries}
     if not {*INERTIAL} & {*told}:
         yield from told.values()
         return
@@ -266,17 +268,17 @@ def _links(a: BodyReading, b: BodyReading) -> str:
         return ""
     if {*a.parts} == {*b.parts}:
         return f", with {first_few(a.parts, _NAMED)}"
-    said = [f"{first_few(body.parts, _NAMED)} in {side}" for side, body in (("A", a), ("B", b)) if body.parts]
-    return f", with {' and '.join(said)}"
+    phrases = [f"{first_few(body.parts, _NAMED)} in {side}" for side, body in (("A", a), ("B", b)) if body.parts]
+    return f", with {' and '.join(phrases)}"
 
 
-def _as_a_whole(common: Common, name: str, found: Iterator[Difference]) -> Iterator[Difference]:
+def _as_a_whole(common: Common, name: str, entries: Iterator[Difference]) -> Iterator[Difference]:
     """Differences of a body, or of a share of one, in the numbers of the whole."""
     pair = common.a.bodies[name], common.b.bodies[name]
     original = pair[0].copy_of or pair[1].copy_of or name
     shares = _shares(common, original)
     if len(shares) == 1:
-        yield from found
+        yield from entries
         return
     wholes = {side: _whole(reading, original, shares) for side, reading in (("A", common.a), ("B", common.b))}
     for side, body in wholes.items():
@@ -284,10 +286,10 @@ def _as_a_whole(common: Common, name: str, found: Iterator[Difference]) -> Itera
             cut = {n: _reading(common, side).bodies[n] for n in shares if n != original}
             extra = {n: displaced(of_body(share), relative(body.pose, share.pose)) for n, share in cut.items()}
             wholes[side] = replace(body, parts={**body.parts, **extra})
-    said = {each.what: each for each in _body(common, original, wholes["A"], wholes["B"])}
-    for each in found:
-        if each.what in said:
-            one = said[each.what]
+    of_whole = {each.what: each for each in _body(common, original, wholes["A"], wholes["B"])}
+    for each in entries:
+        if each.what in of_whole:
+            one = of_whole[each.what]
             yield replace(each, size=one.size, sentence=one.sentence, whole=(one.a, one.b))
         else:
             among = f"among {', '.join(shares)}; the whole is the same"

@@ -31,12 +31,14 @@ def compared(item: str, what: str, a: Array, b: Array, unit: str, own: Array | N
         apart = float(np.nanmax(np.abs(step))) if np.size(step) else 0.0
     scale = max(_finite(a), _finite(b)) or 1.0
     if np.ndim(a) == 0:
-        said = f"{lead} {digits(float(shown), float(a))}{behind} in B, {digits(float(a), float(shown))}{behind} in A"
-        return apart / scale, f"{said} ({_change(float(a), float(b))})"
+        sentence = (
+            f"{lead} {digits(float(shown), float(a))}{behind} in B, {digits(float(a), float(shown))}{behind} in A"
+        )
+        return apart / scale, f"{sentence} ({_change(float(a), float(b))})"
     if what in ("com", "centre", "gravity"):
         size = float(np.linalg.norm(step))
-        said = f"{lead} {vector(b, a)}{behind} in B, {vector(a, b)}{behind} in A"
-        return size / scale, f"{said} ({_apart(step, unit)})"
+        sentence = f"{lead} {vector(b, a)}{behind} in B, {vector(a, b)}{behind} in A"
+        return size / scale, f"{sentence} ({_apart(step, unit)})"
     if what == "inertia":
         return apart / scale, f"{lead} {_tensors(a, b)}"
     ours, theirs = vector(a, shown), vector(shown, a)
@@ -53,11 +55,11 @@ def each_in_its_own(item: str, what: str, a: Array, b: Array, unit: str, axes: s
         axes: What each is given in.
         apart: How far apart they are, seen in one frame, in words.
     """
-    said = f"{item}: {word(what)}" if item else word(what)
+    head = f"{item}: {word(what)}" if item else word(what)
     ours, theirs = vector(a, b), vector(b, a)
     if ours == theirs:
-        return f"{said} {ours} {unit} in both, each {axes} ({apart})"
-    return f"{said} {theirs} {unit} in B, {ours} {unit} in A, each {axes} ({apart})"
+        return f"{head} {ours} {unit} in both, each {axes} ({apart})"
+    return f"{head} {theirs} {unit} in B, {ours} {unit} in A, each {axes} ({apart})"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,7 +163,7 @@ def _apart(step: Array, unit: str) -> str:
 
 def with_sides(sentence: str, a: str, b: str) -> str:
     """A sentence with other words for "in A" and "in B"."""
-    return re.sub(r"\bin ([AB])\b", lambda found: a if found.group(1) == "A" else b, sentence)
+    return re.sub(r"\bin ([AB])\b", lambda match: a if match.group(1) == "A" else b, sentence)
 
 
 def digits(value: float, other: float) -> str:

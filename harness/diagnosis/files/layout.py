@@ -128,9 +128,9 @@ class XmlText:
 
     def set_in(self, element: Element, tag: str, **values: str) -> None:
         """Gives attributes of the first child of that tag other values; the child is added if need be."""
-        found = element.find(tag)
-        if found is not None:
-            self.set(found, **values)
+        child = element.find(tag)
+        if child is not None:
+            self.set(child, **values)
         elif values:
             self.add(element, tag, **values)
 
@@ -262,12 +262,12 @@ def urdf_links(xml: XmlText) -> list[Link]:
 
 def origin(element: Element) -> Array:
     """Placement by the ``<origin>`` in an element of a URDF. Shape (4, 4)."""
-    found = element.find("origin")
-    if found is None:
+    place = element.find("origin")
+    if place is None:
         return np.eye(4)
-    roll, pitch, yaw = numbers(found.get("rpy"))
+    roll, pitch, yaw = numbers(place.get("rpy"))
     R = rotation(_AXES[2], yaw) @ rotation(_AXES[1], pitch) @ rotation(_AXES[0], roll)
-    return matrix(numbers(found.get("xyz")), R)
+    return matrix(numbers(place.get("xyz")), R)
 
 
 def _urdf_matter(link: Element) -> tuple[Matter, Array]:
@@ -295,8 +295,8 @@ def mjcf_links(xml: XmlText) -> list[Link]:
         elif element.tag == "body":
             name = element.get("name") or f"body_{numbers_[element]}"
             frame = links[near].frame @ T @ mjcf_pose(element, compiler)
-            joints, said = _mjcf_joints(name, element), _mjcf_matter(element, compiler)
-            links.append(Link(name, element, near, joints, element, frame, *said, T))
+            joints, matter = _mjcf_joints(name, element), _mjcf_matter(element, compiler)
+            links.append(Link(name, element, near, joints, element, frame, *matter, T))
             waiting += [(child, len(links) - 1, np.eye(4)) for child in element.children]
     return links
 

@@ -53,9 +53,9 @@ class Opened:
     def parts(self, body: str) -> dict[int, Matter]:
         """What each of its links adds to a body, in the frame of the body."""
         whole = self.reading.bodies[body]
-        said = {i: (self.links[i].matter, relative(whole.pose, self.links[i].frame)) for i in self.of(body)}
-        parts = {i: displaced(matter, T) for i, (matter, T) in said.items() if matter is not None}
-        silent = [i for i in said if i not in parts]
+        links = {i: (self.links[i].matter, relative(whole.pose, self.links[i].frame)) for i in self.of(body)}
+        parts = {i: displaced(matter, T) for i, (matter, T) in links.items() if matter is not None}
+        silent = [i for i in links if i not in parts]
         if silent:  # the geoms of one of them are what is left
             parts[silent[0]] = reduce(lambda left, part: combined(left, part, -1.0), parts.values(), of_body(whole))
         return parts
@@ -334,8 +334,8 @@ def _changed(parts: dict[int, Matter], old: Matter, new: Matter) -> dict[int, Ma
     chosen, matter = plainest(parts, old, new)
     if matter.possible or len(parts) == 1:
         return {**parts, chosen: matter}
-    found = spread(parts, old, new)
-    return found if all(part.possible for part in found.values()) else shared(parts, new)
+    alike = spread(parts, old, new)
+    return alike if all(part.possible for part in alike.values()) else shared(parts, new)
 
 
 def _moved(file: Opened, joint: str) -> list[int]:

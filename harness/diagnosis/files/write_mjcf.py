@@ -122,9 +122,9 @@ def tell_body(xml: XmlText, body: Element, gravcomp: float) -> None:
     xml.set(body, gravcomp=number_text(gravcomp))
 
 
-def tell_model(xml: XmlText, **said: ArrayLike) -> None:
+def tell_model(xml: XmlText, **settings: ArrayLike) -> None:
     """Gives the model another gravity, density or viscosity."""
-    texts = {name: vector_text(value) for name, value in said.items()}
+    texts = {name: vector_text(value) for name, value in settings.items()}
     option = [element for element in xml.root.children if element.tag == "option"][-1:]
     if option:
         xml.set(option[0], **texts)
@@ -149,8 +149,8 @@ def drive(xml: XmlText, name: str, gear: float) -> None:
 
 def soften(xml: XmlText, name: str, softness: Sequence[float]) -> None:
     """Gives a constraint another softness."""
-    said = {word: vector_text(part) for word, place in SOFTNESS.items() if (part := np.array(softness[place])).size}
-    xml.set(_entry(xml, "equality", name), **said)
+    values = {word: vector_text(part) for word, place in SOFTNESS.items() if (part := np.array(softness[place])).size}
+    xml.set(_entry(xml, "equality", name), **values)
 
 
 def close(xml: XmlText, name: str, ends: Mapping[str, tuple[Array, Array]], frames: Mapping[Element, Array]) -> None:

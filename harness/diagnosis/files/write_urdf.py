@@ -69,9 +69,9 @@ def fill(xml: XmlText, link: Link, matter: Matter, *, plain: bool) -> None:
 
 def inertial_text(matter: Matter) -> str:
     """The element that says mass properties, the tensor in the axes of the link."""
-    said = " ".join(f'{name}="{value}"' for name, value in moments(matter.inertia).items())
+    tensor = " ".join(f'{name}="{value}"' for name, value in moments(matter.inertia).items())
     where = f'<origin xyz="{vector_text(matter.com)}" rpy="0 0 0"/>'
-    return f'<inertial>{where}<mass value="{number_text(matter.mass)}"/><inertia {said}/></inertial>'
+    return f'<inertial>{where}<mass value="{number_text(matter.mass)}"/><inertia {tensor}/></inertial>'
 
 
 def tell(xml: XmlText, joint: Element, what: str, value: Array) -> None:

@@ -144,13 +144,13 @@ def standing(a: Machine, b: Machine, alignment: Alignment, reading: Reading) -> 
 
     T = next((T for T in tried if all(distance(a, pair, T) < EXACT for pair in roots)), tried[0])
     poses = {n: body.pose for n, body in b.reading.bodies.items()}
-    found = dict[str, Array]()
+    poses_of_b = dict[str, Array]()
     for name, other in alignment.bodies.items():
         both = [n for n in a.bodies[name].members if n in reading.bodies and n in a.reading.bodies]
         X = reading.bodies[both[0]].pose @ np.linalg.inv(a.reading.bodies[both[0]].pose) if both else np.eye(4)
         G = X @ alignment.placed[name]
-        found |= {n: np.asarray(G @ poses[n]) for n in b.bodies[other].members if n in poses}
-    return T, found
+        poses_of_b |= {n: np.asarray(G @ poses[n]) for n in b.bodies[other].members if n in poses}
+    return T, poses_of_b
 
 
 def _elements(one: Link, other: Link) -> Iterator[tuple[Element, Element]]:
@@ -272,9 +272,9 @@ class _Walk:
         theirs = [link for link in theirs if all(link is not other for _, other in direct)]
         pairs = [product(_behind(self.a, link), theirs) for link in ours]
         pairs += [product(ours, _behind(self.b, link)) for link in theirs]
-        found = max(([pair for pair in some if self._lie(*pair, near)] for some in pairs), key=len, default=[])
-        self.placed |= {one.near: self.placed[near] for one, _ in found}
-        return found
+        skipped = max(([pair for pair in some if self._lie(*pair, near)] for some in pairs), key=len, default=[])
+        self.placed |= {one.near: self.placed[near] for one, _ in skipped}
+        return skipped
 
     def _lie(self, one: Link, other: Link, near: str) -> bool:
         """Whether two links, and most of what is behind them, are in one place where a body lies on its partner."""

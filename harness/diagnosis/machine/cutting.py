@@ -132,17 +132,17 @@ def _bound(reading: Reading) -> set[str]:
 
 def _tree(pairs: _Pairs, bound: set[str]) -> list[tuple[Link, Link]]:
     """The links of a tree, from the ground outwards: as many as can be that are the same joints in both."""
-    reached, found, waiting = {GROUND}, list[tuple[Link, Link]](), list(pairs)
+    reached, tree, waiting = {GROUND}, list[tuple[Link, Link]](), list(pairs)
     while True:
         edges = [pair for pair in waiting if (pair[0].near in reached) != (pair[0].far in reached)]
         if not edges:
-            return found
+            return tree
         one, other = min(edges, key=lambda pair: _rank(pair[0], pair[1], bound))
         waiting = [pair for pair in waiting if pair[0] is not one]
         if one.near not in reached:
             one, other = one.reversed(), other.reversed()
         reached.add(one.far)
-        found.append((one, other))
+        tree.append((one, other))
 
 
 def _shapes(link: Link) -> list[str]:
@@ -299,10 +299,10 @@ def recut(reading: Reading, cut: Cut | None) -> Reading:
         if link := links.get(frozenset(pointed.joints)):
             closures |= _pinned(machine, called, link, pointed)
     ordered = {name: joints[name] for name in (*reading.joints, *joints) if name in joints}
-    found = replace(machine.reading, bodies=bodies, joints=ordered, closures=closures, fixed=fixed)
-    found = _kept(_as_there(found, made))
-    as_read = {name: reading.joints[name].home for name in found.joints if name in reading.joints}
-    return rehomed(found, {n: q for n, q in as_read.items() if q != found.joints[n].home})[0]
+    cut_reading = replace(machine.reading, bodies=bodies, joints=ordered, closures=closures, fixed=fixed)
+    cut_reading = _kept(_as_there(cut_reading, made))
+    as_read = {name: reading.joints[name].home for name in cut_reading.joints if name in reading.joints}
+    return rehomed(cut_reading, {n: q for n, q in as_read.items() if q != cut_reading.joints[n].home})[0]
 
 
 def _kept(reading: Reading) -> Reading:
@@ -323,16 +323,16 @@ def _turned(joint: JointReading, element: Element) -> JointReading:
 def _joints(element: Element, made: Made, centre: Array | None) -> dict[str, JointReading]:
     """Joints in place of closures, at the pose of this model."""
     point = element.centre if centre is None else centre
-    found = {}
+    joints = {}
     for i, (name, home) in enumerate(made.joints.items()):
         if not len(made.axes):
-            found[name] = JointReading("ball", np.zeros(6), point)
+            joints[name] = JointReading("ball", np.zeros(6), point)
             continue
         axis = made.axes[i]
         if element.kind == "hinge":
             axis = element.direction * (1.0 if element.direction @ axis >= 0.0 else -1.0)
-        found[name] = JointReading("hinge", screw(True, axis, point), point, home)
-    return found
+        joints[name] = JointReading("hinge", screw(True, axis, point), point, home)
+    return joints
 
 
 def _as_there(reading: Reading, made: Sequence[tuple[str, Made, Array]]) -> Reading:
@@ -383,7 +383,7 @@ def _end(
 
 def _pinned(machine: Machine, called: Mapping[str, str], link: Link, pointed: Pointed) -> dict[str, ClosureReading]:
     """Points in place of the joints of a link."""
-    found, element = {}, link.elements[0]
+    closures, element = {}, link.elements[0]
     poses = {name: body.pose for name, body in machine.reading.bodies.items()}
     for name, place in zip(pointed.names, pointed.places, strict=True):
         if link.centre is not None:
@@ -394,5 +394,5 @@ def _pinned(machine: Machine, called: Mapping[str, str], link: Link, pointed: Po
         frames = [np.asarray(np.linalg.inv(poses[end]) @ at) if end in poses else at for end in ends]
         while name in machine.reading.closures:
             name += "'"
-        found[name] = ClosureReading("point", ends[0], frames[0], ends[1], frames[1])
-    return found
+        closures[name] = ClosureReading("point", ends[0], frames[0], ends[1], frames[1])
+    return closures

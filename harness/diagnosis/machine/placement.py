@@ -166,16 +166,16 @@ def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Arr
     tried = list(_candidates(a, b, links, near))
     offs = [overlay.misfits(T) for T in tried]
     best = max(range(len(tried)), key=lambda i: (round(_score(offs[i]), 5), -i))
-    found, off = tried[best], offs[best]
+    nearest, off = tried[best], offs[best]
     if off.max() <= EXACT:
-        return found
+        return nearest
     for T in _further(a, b, links, overlay, tried):
         other = overlay.misfits(T)
         if _score(other) > _score(off) + 0.4:
-            found, off = T, other
+            nearest, off = T, other
         if off.max() <= EXACT:
             break
-    return found
+    return nearest
 
 
 def _further(
@@ -324,12 +324,12 @@ def _turned(overlay: _Overlay, hinge: Element, near: Array) -> Iterator[Array]:
 
 def _shifted(overlay: _Overlay, ways: Array, near: Array) -> list[Array]:
     """Shifts in some directions, shape (n, 3), that bring a place of a body onto its partner."""
-    found = [near]
+    shifted = [near]
     for (kind, x, way), (other, y, _) in product(overlay.ours.places(), overlay.theirs.placed(near).places()):
         if kind == other:
             across = np.eye(3) - np.outer(way, way)
-            found.append(matrix(np.linalg.pinv(across @ ways.T) @ across @ (x - y) @ ways, np.eye(3)) @ near)
-    return found
+            shifted.append(matrix(np.linalg.pinv(across @ ways.T) @ across @ (x - y) @ ways, np.eye(3)) @ near)
+    return shifted
 
 
 def _descended(overlay: _Overlay, steps: list[Element], near: Array, start: Array) -> Array:

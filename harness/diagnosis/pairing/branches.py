@@ -46,11 +46,11 @@ class Side:
 
 
 def _sides(a: Reading, b: Reading, pairing: Pairing) -> tuple[Side, Side]:
-    back = ({other: name for name, other in each.items()} for each in (pairing.joints, pairing.bodies))
+    joints, bodies = ({other: name for name, other in each.items()} for each in (pairing.joints, pairing.bodies))
     T = pairing.placement
     return (
         Side("A", a, pairing.only_a, pairing.joints, pairing.bodies, T),
-        Side("B", b, pairing.only_b, *back, np.asarray(np.linalg.inv(T))),
+        Side("B", b, pairing.only_b, joints, bodies, np.asarray(np.linalg.inv(T))),
     )
 
 
@@ -73,7 +73,7 @@ def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
             )
             yield side.difference(joint, names[0], "kind", sentence)
     for name in _retyped(a, b, pairing):
-        known = {side: {*names, name} for side, names in known.items()}
+        known = {letter: {*names, name} for letter, names in known.items()}
         kinds = a.joints[name].kind, b.joints[name].kind
         sentence = (
             f"{name}: a {kinds[0]} in A, a {kinds[1]} in B; it and all that it carries are compared where it is held"
@@ -95,9 +95,9 @@ def _retyped(a: Reading, b: Reading, pairing: Pairing) -> Iterator[str]:
             yield name
 
 
-def bare(a: Reading, b: Reading, found: Iterable[Difference]) -> tuple[Reading, Reading]:
+def bare(a: Reading, b: Reading, differences: Iterable[Difference]) -> tuple[Reading, Reading]:
     """Both without the links that are `missing` in the other one: no part of what is before them has their mass."""
-    for each in found:
+    for each in differences:
         if each.a is not None and (take := {"branch": without, "link": spliced}.get(each.what)):
             a = take(a, each.item_a) if each.item_a else a
             b = take(b, each.item_b) if each.item_b else b
@@ -106,7 +106,7 @@ def bare(a: Reading, b: Reading, found: Iterable[Difference]) -> tuple[Reading, 
 
 def _split(side: Side, other: Side) -> dict[str, tuple[str, ...]]:
     """Ball or free joints that are several joints without a partner in the other model, between the same bodies."""
-    found, T, there = {}, side.placement, other.reading
+    splits, T, there = {}, side.placement, other.reading
     for name, body in side.reading.bodies.items():
         joint = side.reading.joints[body.joints[0]]
         names, at, near = tuple[str, ...](), side.bodies.get(name, GROUND), side.bodies.get(body.near, GROUND)
@@ -117,8 +117,8 @@ def _split(side: Side, other: Side) -> dict[str, tuple[str, ...]]:
         ways = np.vstack([_ways(moved(there.joints[each], T)) for each in names])
         ranks = {np.linalg.matrix_rank(S, tol=CLOSE) for S in (ways, np.vstack([ways, _ways(joint)]))}
         if len(ways) > 1 and ranks == {len(ways)} == {FREEDOMS[joint.kind]}:
-            found[body.joints[0]] = names
-    return found
+            splits[body.joints[0]] = names
+    return splits
 
 
 def _ways(joint: JointReading) -> Array:

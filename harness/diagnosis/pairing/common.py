@@ -122,13 +122,13 @@ def _nearest(a: Reading, b: Reading, names: Collection[str]) -> dict[str, str]:
     Args:
         names: Of closures that may change theirs.
     """
-    ends, found = _ends(a, {}), dict[str, str]()
+    ends, nearest = _ends(a, {}), dict[str, str]()
     for pair in {frozenset(ends[name]) for name in names if name in a.closures and name in b.closures}:
-        some = [name for name in names if name in b.closures and ends.get(name) == pair]
+        some = [name for name in names if name in b.closures and frozenset(ends.get(name, ())) == pair]
         points = [[_points(reading, reading.closures[name]) for name in some] for reading in (a, b)]
         cost = np.array([[np.linalg.norm(theirs - ours) for ours in points[0]] for theirs in points[1]])
-        found |= {some[i]: some[j] for i, j in assignment(cost) if i != j}
-    return found
+        nearest |= {some[i]: some[j] for i, j in assignment(cost) if i != j}
+    return nearest
 
 
 def _points(reading: Reading, closure: ClosureReading) -> Array:
@@ -258,14 +258,14 @@ def velocity_map(a: ReadingTree, b: ReadingTree) -> Array:
 
 def _reframed(a: ReadingTree, b: ReadingTree) -> list[tuple[int, Array]]:
     """Ball and free joints whose frames differ, and B's frame in A's."""
-    found = []
+    frames = []
     for i, frame in a.frames.items():
         C = np.linalg.inv(frame) @ b.frames[i]
         if list(a.reading.joints.values())[i].kind == "ball":
             C[:3, 3] = 0.0
         if not np.allclose(C, np.eye(4), rtol=0.0, atol=1e-12):
-            found.append((i, C))
-    return found
+            frames.append((i, C))
+    return frames
 
 
 def _conjugated(q: Array, C: Array) -> Array:

@@ -235,11 +235,11 @@ def joints_before(reading: Reading) -> dict[str, str]:
 def _crossed(a: Reading, b: Reading, joints: Mapping[str, str], how: Mapping[str, str]) -> dict[str, str]:
     """Joints of one name that have each other's place: those that some permutation of the names puts where they are."""
     alike = counted_as(a, b, joints)
-    found = [
+    crossings = [
         _permutation(a, alike, [n for n in joints if how[n] == "name"], T)
         for T in (np.eye(4), _placement(a, alike, joints))
     ]
-    return max(found, key=len)
+    return max(crossings, key=len)
 
 
 def _permutation(a: Reading, b: Reading, names: Collection[str], T: Array) -> dict[str, str]:
@@ -264,10 +264,10 @@ def _permutation(a: Reading, b: Reading, names: Collection[str], T: Array) -> di
 
     off = [name for name in names if not (sits(name, name) and carries(name, name))]
     fits = {n: [other for other in off if other != n and sits(n, other) and carries(n, other)] for n in off}
-    found = {name: others[0] for name, others in fits.items() if len(others) == 1}
-    while loose := [name for name in found if found[name] not in found or name not in found.values()]:
-        found = {name: other for name, other in found.items() if name not in loose}
-    return found
+    partners = {name: others[0] for name, others in fits.items() if len(others) == 1}
+    while loose := [name for name in partners if partners[name] not in partners or name not in partners.values()]:
+        partners = {name: other for name, other in partners.items() if name not in loose}
+    return partners
 
 
 def _bodies(a: Reading, b: Reading, joints: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:

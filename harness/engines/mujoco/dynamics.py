@@ -1,9 +1,9 @@
 """MuJoCo's motion of a closed tree: accelerations as exact as it can make them, and its own stepper.
 
-`MujocoMover` refines what `mj_forward` says of one state after the other. `MujocoStepper` is `mj_step`, raw or from
-refined accelerations, with springs as MuJoCo's own: a spring along a joint of the tree becomes that joint's stiffness
-and damping, one between points a spatial tendon between two sites, exact equivalents that implicit integrators see.
-Constant motors and loads at centres of mass are set once; all else is set at the start of every step and held over it.
+`MujocoMover` refines the accelerations of `mj_forward`, one state after the other. `MujocoStepper` is `mj_step`, raw
+or from refined accelerations. Springs are MuJoCo's own, which its implicit integrators see: one along a joint of the
+tree is that joint's stiffness and damping, one between points a spatial tendon between two sites. Constant motors
+and loads at centres of mass are set once; all else is set at the start of every step and held over it.
 """
 
 from __future__ import annotations
@@ -100,13 +100,13 @@ class MujocoMover:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        said = f"{self.made / max(self.calls, 1):.1f} refinements on average, at most {self.most}"
-        return (said,) if self.passes else ()
+        note = f"{self.made / max(self.calls, 1):.1f} refinements on average, at most {self.most}"
+        return (note,) if self.passes else ()
 
 
 @dataclass(frozen=True, slots=True)
 class MujocoSettings:
-    """How accelerations and steps are made; None leaves what the file or MuJoCo says.
+    """How accelerations and steps are made; None leaves the value of the file or MuJoCo's default.
 
     Scipy's methods take none of them: they integrate refined accelerations of constraints as hard as they get.
 
@@ -114,7 +114,7 @@ class MujocoSettings:
         solimp: Impedance d of the equality constraints, the same at any closure residual; at most 0.9999.
         solref: Time constant [s] of their springs, or that and the damping ratio.
         passes: Proximal refinements: all of them on given states, at most so many in a step.
-        naive: What `mj_inverse` says of the actuated joints, equality constraints on, is taken for their forces.
+        naive: Forces of `mj_inverse` along the actuated joints, equality constraints on, are taken for theirs.
         weld: Loops are closed by welds of the frames of cut joints, which agree at each given state.
         examine: Conditioning of given states is looked at.
         integrator, dt: One of `INTEGRATORS` with its step [s]; None for scipy's methods.

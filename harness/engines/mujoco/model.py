@@ -40,7 +40,7 @@ def load(files: ModelFiles, **settings: Any) -> MujocoModel:
 
 
 class MujocoModel(TreeModel):
-    """A tree whose engine warns, and whose file says some moments of inertia otherwise."""
+    """A tree whose engine warns, and whose file has small moments of inertia in place of zeros."""
 
     def __init__(self, closed: ClosedTree, dynamics: MujocoDynamics) -> None:
         super().__init__(closed, dynamics)
@@ -49,11 +49,11 @@ class MujocoModel(TreeModel):
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         with warned() as warnings:
             solution = super().solve(problem, progress)
-        said = tuple(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
+        warned_of = tuple(f"MuJoCo warns: {text}" for text in dict.fromkeys(warnings))
         steps = self.dynamics is not None and self.dynamics.dt is not None
         curves = curvature_notes(self.closed.tree.couplings, problem, own_steps=steps)
-        noted = (*solution.notes, *stood_in(self.thin), *curves, *said)
-        return replace(solution, notes=noted, warnings=said)
+        noted = (*solution.notes, *stood_in(self.thin), *curves, *warned_of)
+        return replace(solution, notes=noted, warnings=warned_of)
 
 
 class MujocoDynamics(TreeDynamics):
@@ -75,7 +75,7 @@ class MujocoDynamics(TreeDynamics):
 
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> MujocoStepper:
         applied = problem.applied
-        TreeForces(closed, applied, task.start)  # says which names are wrong before MuJoCo does
+        TreeForces(closed, applied, task.start)  # refuses wrong names before MuJoCo does
         sprung = sprung_model(self.mjcf, applied, self.tree)
         held = TreeForces(closed, sprung.left, task.start)
         return MujocoStepper(sprung, self.tree, applied, held, self.settings)

@@ -16,7 +16,7 @@ from screwgauge.models.readings.source import prepare
 from screwgauge.reference.rotations import Array, cross
 
 _EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-#: Arrays with passive forces and inertia that are in no reading, which says so.
+#: Arrays with passive forces and inertia that no reading holds; readings note that.
 _IN_NO_READING = (
     *("tendon_stiffness", "tendon_stiffnesspoly", "tendon_damping", "tendon_dampingpoly", "tendon_armature"),
     *("jnt_stiffnesspoly", "jnt_springyield", "dof_dampingpoly", "jnt_actgravcomp"),
@@ -32,8 +32,8 @@ def ask(
     with heard():
         model, data, states = _begun(path, joints, floating, ("CONSTRAINT",), whole=whole)
         numbers = [model.body(name).id for name in bodies]
-        found = [_sample(model, data, numbers, state) for state in states]
-    tau, M, bias, gravity, velocity, acceleration = (np.array(each) for each in zip(*found, strict=True))
+        samples = [_sample(model, data, numbers, state) for state in states]
+    tau, M, bias, gravity, velocity, acceleration = (np.array(each) for each in zip(*samples, strict=True))
     return Answers(COVERS, tau, M, bias, gravity, velocity, acceleration)
 
 
@@ -42,8 +42,8 @@ def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = Fals
     with heard():
         model, data, states = _begun(path, joints, floating, ("CONTACT", "FRICTIONLOSS", "LIMIT"))
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-        found = [_closing(model, data, state) for state in states]
-    return Closing(*(np.array(each) for each in zip(*found, strict=True)))
+        samples = [_closing(model, data, state) for state in states]
+    return Closing(*(np.array(each) for each in zip(*samples, strict=True)))
 
 
 def _begun(

@@ -50,11 +50,11 @@ class DataBlock:
 
     def filled(self, *values: Array) -> Array:
         """Samples of the given arrays. Shape (n, ...) each -> (n, size)."""
-        found = self.rows(len(values[0]))
-        found[:] = self.block
-        for part, value in zip(self.parts(found), values, strict=True):
+        rows = self.rows(len(values[0]))
+        rows[:] = self.block
+        for part, value in zip(self.parts(rows), values, strict=True):
             part[:] = value
-        return found
+        return rows
 
 
 _SITE = mujoco.mjtObj.mjOBJ_SITE
@@ -113,7 +113,7 @@ class MujocoTree(OpenTree):
         """Refuses motors, where the file has any, that are not those of the description."""
         wanted = {joint.coordinates[0] for joint in file.joints if joint.actuated}
         joint = int(mujoco.mjtTrn.mjTRN_JOINT)
-        for k in range(self.model.nu if wanted <= set(self.coordinates) else 0):  # a missing joint is said elsewhere
+        for k in range(self.model.nu if wanted <= set(self.coordinates) else 0):  # see `check_names`
             plain = self.model.actuator_gear[k, 0] == 1.0 and not self.model.actuator_biastype[k]
             on = self.model.actuator_trnid[k, 0] if self.model.actuator_trntype[k] == joint else -1
             if on < 0 or self.model.joint(on).name not in wanted or not plain:
@@ -125,7 +125,7 @@ class MujocoTree(OpenTree):
 
     def _closures(self, file: LoopsFile) -> tuple[Closure, ...]:
         """Closures as the equality constraints of the file have them, from its sites."""
-        found: dict[str, list[tuple[int, int]]] = {}
+        pairs_of: dict[str, list[tuple[int, int]]] = {}
         kinds: dict[str, int] = {}
         disabled = bool(self.model.opt.disableflags & (DISABLED | _CONSTRAINT))
         for e in range(self.model.neq):
@@ -140,10 +140,10 @@ class MujocoTree(OpenTree):
                 raise ModelFileError("an equality constraint joins no sites", where, "use site1, site2")
             sites = int(self.model.eq_obj1id[e]), int(self.model.eq_obj2id[e])
             joint = self.model.site(sites[0]).name.split("@")[0]
-            found.setdefault(joint, []).append(sites)
+            pairs_of.setdefault(joint, []).append(sites)
             kinds[joint] = int(self.model.eq_type[e])
         joints = {joint.name: joint for joint in file.joints}
-        closures = [self._closure(joint, pairs, kinds[joint]) for joint, pairs in found.items()]
+        closures = [self._closure(joint, pairs, kinds[joint]) for joint, pairs in pairs_of.items()]
         return tuple(c.facing(joints[c.joint]) if c.joint in joints else c for c in closures)
 
     def _couplings(self, file: LoopsFile) -> tuple[Coupling, ...]:
@@ -151,14 +151,14 @@ class MujocoTree(OpenTree):
         where = f"MJCF of {file.mechanism}"
         model = self.model
         rows = [i for i in range(model.neq) if model.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT]
-        found = {model.equality(i).name: joint_equality(model, i) for i in rows}
+        equalities = {model.equality(i).name: joint_equality(model, i) for i in rows}
         for coupling in file.couplings:
-            if coupling.name not in found and len(coupling.polynomial) > POWERS:
+            if coupling.name not in equalities and len(coupling.polynomial) > POWERS:
                 what = f"lacks coupling '{coupling.name}': MuJoCo has no powers above {POWERS - 1}"
                 raise ModelFileError(what, where, "run other engines")
         return tuple(
             Coupling(name, one.joint, one.of, one.polynomial, f"{where}, joint equality '{name}'")
-            for name, one in found.items()
+            for name, one in equalities.items()
         )
 
     def _closure(self, joint: str, pairs: list[tuple[int, int]], kind: int) -> Closure:
@@ -193,12 +193,12 @@ class MujocoTree(OpenTree):
 
     def poses(self, q: Array) -> BodyPoses:
         n, model, data, bodies = len(q), self.model, self.data, [0, *self.ids]  # the first is the world
-        qpos, placed, found = data.qpos, self.placed.block, self.placed.rows(n)
-        for x, row in zip(q, found, strict=True):
+        qpos, placed, rows = data.qpos, self.placed.block, self.placed.rows(n)
+        for x, row in zip(q, rows, strict=True):
             qpos[:] = x
             mujoco.mj_kinematics(model, data)
             row[:] = placed
-        turned, at, axes, anchors = self.placed.parts(found)
+        turned, at, axes, anchors = self.placed.parts(rows)
         R, p = turned[:, bodies].reshape(n, -1, 3, 3), at[:, bodies]
         screws, slides = np.empty((n, 6, model.nv)), ~self.hinges
         screws[:, :3], screws[:, 3:] = axes.swapaxes(1, 2), cross(anchors, axes).swapaxes(1, 2)
@@ -207,14 +207,14 @@ class MujocoTree(OpenTree):
 
     def bias(self, at: BodyPoses, q: Array, v: Array, V: Array) -> Array:
         model, data, state, turning = self.model, self.data, self.state.block, self.turning.block
-        found = self.turning.rows(len(q))
-        for x, row in zip(self.state.filled(q, v), found, strict=True):
+        rows = self.turning.rows(len(q))
+        for x, row in zip(self.state.filled(q, v), rows, strict=True):
             state[:] = x
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             mujoco.mj_comVel(model, data)
             row[:] = turning
-        rates, about = self.turning.parts(found)
+        rates, about = self.turning.parts(rows)
         return at.bias(rates.swapaxes(1, 2), v, V, about[:, model.body_rootid[[0, *self.ids]]])
 
     def com_accelerations(self, q: Array, v: Array, a: Array) -> Array:

@@ -12,9 +12,8 @@ import pinocchio as pin
 from screwgauge.engines.pinocchio.tree import ALIGNED, ANGULAR_FIRST, Constraints, PinocchioTree
 from screwgauge.engines.tree.applied_forces import spring_pull
 from screwgauge.engines.tree.closed_tree import close_tree
-from screwgauge.engines.tree.fixed_steps import INTEGRATORS
 from screwgauge.engines.tree.model import TreeModel, loops_file
-from screwgauge.engines.tree.protocol import Accelerations, TreeDynamics
+from screwgauge.engines.tree.protocol import INTEGRATORS, Accelerations, TreeDynamics
 from screwgauge.problem import ModelFiles
 from screwgauge.reference import linear
 from screwgauge.reference.applied import JointSpring

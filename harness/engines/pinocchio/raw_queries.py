@@ -26,8 +26,8 @@ def ask(
     B, turning = _planar(model, q, v, B)
     frames = [model.getFrameId(name, pin.FrameType.BODY) for name in bodies]
     states = zip(q, (B @ v[..., None])[..., 0], (B @ a[..., None])[..., 0] + turning, strict=True)
-    found = [_sample(model, data, frames, state) for state in states]
-    tau, M, bias, gravity, velocity, acceleration = (np.array(each) for each in zip(*found, strict=True))
+    samples = [_sample(model, data, frames, state) for state in states]
+    tau, M, bias, gravity, velocity, acceleration = (np.array(each) for each in zip(*samples, strict=True))
     bias = bias + (M @ turning[..., None])[..., 0]
     tau, bias, gravity = ((each[:, None] @ B)[:, 0] for each in (tau, bias, gravity))
     return Answers(frozenset({"armature"}), tau, B.swapaxes(1, 2) @ M @ B, bias, gravity, velocity, acceleration)

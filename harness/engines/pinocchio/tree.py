@@ -30,14 +30,14 @@ ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 
 
 def _load(urdf: Path) -> pin.Model:
-    """Loads a URDF. Its parser says on stderr, and only there, what is wrong, and goes on with half of it."""
+    """Loads a URDF. Its parser reports errors on stderr only, and goes on with half of the file."""
     text, reason = read_model(urdf), ""
-    with overheard() as said:
+    with overheard() as messages:
         try:
             model = pin.buildModelFromXML(text)
         except (ValueError, RuntimeError) as error:
             reason = str(error)
-    reason = next(iter(said), reason)
+    reason = next(iter(messages), reason)
     if reason:
         raise ModelFileError(f"Pinocchio cannot load it ({reason.rstrip('.')})", str(urdf), "correct the URDF")
     return model
@@ -50,7 +50,7 @@ class PinocchioTree(OpenTree):
         self.model = _load(urdf)
         if self.model.nq != self.model.nv:
             raise ModelFileError("has continuous joints", str(urdf), "use revolute joints with wide limits")
-        self.gravity = self.model.gravity.linear.copy()  # the usual one: a URDF says none
+        self.gravity = self.model.gravity.linear.copy()  # the usual one: a URDF has none
         self.data = self.model.createData()
         self.engine = "pinocchio" if file.cut == "minimal" else f"pinocchio-{file.cut}"
         self.version = pin.__version__

@@ -35,7 +35,7 @@ class CompiledSolution:
         values: Quantity -> array of shape (n, n_component).
         by_array: Reason -> number of samples that the array solver answered.
         estimate: Quantity -> estimated error at each sample in each of its units, in the order in which these occur
-            among its components, shape (n, n_unit); empty if it was not asked for. Buffers that are used again have
+            among its components, shape (n, n_unit); empty if it was not wanted. Buffers that are used again have
             theirs filled again.
     """
 
@@ -53,7 +53,7 @@ class Solver:
     Attributes:
         quantities: What it computes.
         components: Quantity -> names of its components.
-        notes: What is to be said about it, such as why there is no program.
+        notes: Notes on it, such as why there is no program.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Solver:
         """Traces and compiles; pivots are chosen at samples of the scene's motion.
 
         Args:
-            mode: Of the program that is made at once; others are made when they are first asked for.
+            mode: Of the program that is made at once; others are made when they are first used.
         """
         self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
         self.works: dict[Mode, list[TracedWork]] = {}
@@ -70,7 +70,7 @@ class Solver:
         self.pool = Pool()
         work = self.first = self._works(mode)[0]
         self.components = {name: work.names()[name][0] for name in self.quantities}
-        self.notes = tuple(filter(None, [work.said]))
+        self.notes = tuple(filter(None, [work.note]))
 
     def _works(self, mode: Mode) -> list[TracedWork]:
         """One a thread."""
@@ -100,7 +100,7 @@ class Solver:
         out: Mapping[str, Array] | None = None,
         estimates: bool = False,
     ) -> CompiledSolution:
-        """Answers samples in any order: a function of each row, whatever was asked before.
+        """Answers samples in any order: a function of each row, whatever came before.
 
         Args:
             y, yd, ydd: Independent coordinates [rad or m] and derivatives. Shape (n, k).
@@ -123,9 +123,9 @@ class Solver:
             if all(map(is_, out.values(), bound.values)) and bound.fill(given):
                 return answer
         n, counts, arrays = len(y), self._error_counts(mode), self._checked(out, len(y))
-        found = columns(n, sum(counts.values()))
-        by_array, last = self._solve(given, mode, arrays | ({"error": found} if estimates else {}), t)
-        answer = CompiledSolution(arrays, by_array, _divided(found, counts))
+        errors = columns(n, sum(counts.values()))
+        by_array, last = self._solve(given, mode, arrays | ({"error": errors} if estimates else {}), t)
+        answer = CompiledSolution(arrays, by_array, _divided(errors, counts))
         if last is not None:
             self.last[mode] = last, replace(answer, by_array={})
         return answer

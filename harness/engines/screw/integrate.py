@@ -32,14 +32,14 @@ DIFFERENCE = 2.0**-26
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
-    """An integrated motion at the times asked for, as far as it came.
+    """An integrated motion at the wanted times, as far as it came.
 
     Attributes:
         t: Times [s]. Shape (n,).
         rates: Closed poses and rates there.
         energy: Kinetic energy and that stored in gravity and springs [J]. Shape (n,).
         work: What actuators, motors, loads and dampers have put in since the start [J]. Shape (n,).
-        cost: Of the steps; the output at the times asked for comes after them.
+        cost: Of the steps; the output at the wanted times comes after them.
         stepped_over: Steps whose size was changed because they met a nearly singular pose.
         stopped: Why it ended early, empty if it did not.
     """
@@ -108,8 +108,8 @@ class _Run:
     def slope(self, t: float, state: Array) -> Array:
         """Derivative of a state. Shape (2 k + 1,)."""
         self.evaluations += 1
-        found = None if self.traced is None else self.traced.slope(t, state)
-        return self._by_arrays(t, state[:, None])[:, 0] if found is None else found
+        slope = None if self.traced is None else self.traced.slope(t, state)
+        return self._by_arrays(t, state[:, None])[:, 0] if slope is None else slope
 
     def _by_arrays(self, t: float, states: Array) -> Array:
         """The same of states, one a column, by the array solver on the same branch. Shape (2 k + 1, n)."""
@@ -130,8 +130,8 @@ class _Run:
         size = DIFFERENCE * np.maximum(np.abs(state[:m]), 1.0)
         around = np.column_stack([state, state[:, None] + np.vstack([np.diag(size), np.zeros(m)])])
         self.evaluations += 1
-        found = None if self.traced is None else self.traced.slopes(t, around)
-        slopes = self._by_arrays(t, around) if found is None else found
+        traced = None if self.traced is None else self.traced.slopes(t, around)
+        slopes = self._by_arrays(t, around) if traced is None else traced
         return np.column_stack([(slopes[:, 1:] - slopes[:, :1]) / size, np.zeros(m + 1)])
 
     def keep(self, t: float, state: Array) -> None:
@@ -152,7 +152,7 @@ class _Run:
         self.passed.append((t, q, state[k:-1]))
 
     def steps(self, method: type[OdeSolver], state: Array, options: dict[str, Any], progress: Progress) -> str:
-        """Steps through all times and keeps the motion there, beside the clock; returns why it stopped."""
+        """Steps through all times and keeps the motion there, off the clock; returns why it stopped."""
         times, tries = self.times, 0
         size: float | None = None
         try:

@@ -149,7 +149,7 @@ class Work:
         if not wanted & {"actuator_force", "reaction"}:
             return
         driven = at.B * sizes[mechanism.independent_columns] / sizes[mechanism.actuated_columns, None]
-        # rounding of rates is that of the fastest coordinates, however slow the actuators are beside these
+        # rounding of rates is that of the fastest coordinates, however slow the actuators are
         slow = np.clip(np.linalg.norm(driven, axis=(1, 2)), 1e-12, 1.0)
         conditions["actuator_force"] = linear.condition(driven) / slow
         if at.line is not None:

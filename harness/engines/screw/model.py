@@ -122,11 +122,13 @@ class ScrewModel:
 
     def _joint_accelerations(self, problem: Problem, path: Trajectory) -> tuple[Array, Array]:
         """Accelerations of all joint coordinates, shape (n, n_q), and the condition of the closed loops, shape (n,)."""
-        at, found = path.rates, np.full(path.rates.q.shape, np.nan)
+        at, accelerations = path.rates, np.full(path.rates.q.shape, np.nan)
         if (regular := at.condition < linear.SINGULAR).any():
             applied, t = problem.applied, path.t[regular]
-            found[regular] = motion_at(self.lay, at.q[regular], at.yd[regular], None, applied, t).joint_acceleration
-        return found, at.condition
+            accelerations[regular] = motion_at(
+                self.lay, at.q[regular], at.yd[regular], None, applied, t
+            ).joint_acceleration
+        return accelerations, at.condition
 
     def _reactions(self, path: Trajectory) -> tuple[tuple[str, ...], tuple[str, ...], Array]:
         """Names, units and values of all constraint forces, from the whole Newton-Euler system."""

@@ -36,7 +36,7 @@ NEAR = 0.2
 
 
 Numbers = Mapping[str, Scalar]
-"""What a program says of its samples, see `roots`: nodes of its trace, or arrays of shape (n,)."""
+"""Checks of a program's samples, see `roots`: nodes of its trace, or arrays of shape (n,)."""
 
 
 def roots(checks: Iterable[Scalar]) -> dict[str, Scalar]:
@@ -112,7 +112,7 @@ class Bounds:
         return np.asarray(out["moved"] * SAFETY * out["gain"] <= NEAR)
 
     def left(self, out: Numbers, trust: Trust, counts: Counter[str]) -> Rows:
-        """Samples for the array solver; `counts` says how many for which reason."""
+        """Samples for the array solver; `counts` gets how many for which reason."""
         doubts = {
             "badly conditioned": trust.doubtful(SAFETY),
             "not closed": np.flatnonzero(~((out["closing"] <= self.arrived) & self.near(out))),
@@ -182,7 +182,7 @@ class Bound:
         return alike and all(map(is_, values.values(), self.values))
 
     def fill(self, inputs: Sequence[Array]) -> bool:
-        """Fills its arrays with what follows from some inputs; says whether they are such, and no sample in doubt."""
+        """Fills its arrays with what follows from some inputs; whether they are such, and no sample in doubt."""
         for x, place in zip(inputs, self.inputs, strict=True):
             if type(x) is not ndarray or x.dtype is not FLOAT or x.shape != place.shape:
                 return False
@@ -191,7 +191,7 @@ class Bound:
 
 
 def runner(program: Program, backend: str, plain: Callable[[Program], Runner] = Lanes) -> tuple[Runner, str]:
-    """A program ready to run, and what is to be said about that.
+    """A program ready to run, and a note on that.
 
     Args:
         plain: What runs it without a compiler.
@@ -206,18 +206,18 @@ def runner(program: Program, backend: str, plain: Callable[[Program], Runner] = 
         how = "NumPy" if plain is Lanes else "Python"
         return plain(program), f"llvmlite is not installed (extra 'fast'): the program runs with {how}"
     key = cache.digest("program", program.inputs, program.code, program.outputs, program.checks, version)
-    stored, said = cache.read(key, version)
+    stored, note = cache.read(key, version)
     if stored is not None and "code" in stored:
-        return native.Native(program, stored["code"].tobytes()), said
+        return native.Native(program, stored["code"].tobytes()), note
     code = native.machine_code(program)
     failed = cache.write(key, version, {"code": np.frombuffer(code, dtype=np.uint8)})
-    return native.Native(program, code), "; ".join(filter(None, (said, failed)))
+    return native.Native(program, code), "; ".join(filter(None, (note, failed)))
 
 
 class Arcs:
     """Programs that differ in their pivots, each sample by the one whose pivots are largest there.
 
-    What a program says of a sample's gain stands on its pivots. Where that is more than it was at all samples for which
+    A program's estimate of a gain depends on its pivots. Where that is more than it was at all samples for which
     they were chosen, the next program is tried.
     """
 
@@ -230,14 +230,14 @@ class Arcs:
     ) -> Callable[[], bool]:
         """As `Runner.bind`."""
         first, checks = self.runners[0].bind(inputs, outputs, weights), self.program.checks
-        given, found = ([row for block in blocks for row in block] for blocks in (inputs, outputs))
+        given, results = ([row for block in blocks for row in block] for blocks in (inputs, outputs))
 
         def run() -> bool:
-            clear, rows = first(), np.flatnonzero(~(found[-checks] <= self.limits[0]))
+            clear, rows = first(), np.flatnonzero(~(results[-checks] <= self.limits[0]))
             for runner, limit in zip(self.runners[1:], self.limits[1:], strict=True):
                 if rows.size:
-                    rows = rows[~(_retried(runner, rows, given, found) <= limit)]
-                    clear = weights is None or not any(~(weights @ np.array(found[-checks:]) <= 1.0))
+                    rows = rows[~(_retried(runner, rows, given, results) <= limit)]
+                    clear = weights is None or not any(~(weights @ np.array(results[-checks:]) <= 1.0))
             return clear
 
         return run
@@ -247,12 +247,12 @@ class Arcs:
         return Arcs([runner.again() for runner in self.runners], self.limits)
 
 
-def _retried(runner: Runner, rows: Rows, given: Sequence[Array], found: Sequence[Array]) -> Array:
+def _retried(runner: Runner, rows: Rows, given: Sequence[Array], outputs: Sequence[Array]) -> Array:
     """Puts another program's numbers in the place of those of some samples where its gain, returned, is smaller."""
-    out, checks = np.empty((len(found), len(rows))), runner.program.checks
+    out, checks = np.empty((len(outputs), len(rows))), runner.program.checks
     runner.bind([np.array([row[rows] for row in given])], [out])()
-    better = ~(found[-checks][rows] <= out[-checks])
-    for row, new in zip(found, out, strict=True):
+    better = ~(outputs[-checks][rows] <= out[-checks])
+    for row, new in zip(outputs, out, strict=True):
         row[rows[better]] = new[better]
     gain: Array = out[-checks]
     return gain
@@ -260,9 +260,9 @@ def _retried(runner: Runner, rows: Rows, given: Sequence[Array], found: Sequence
 
 def runner_of(traced: Traced, backend: str) -> tuple[Runner, str]:
     """The programs of a trace ready to run, see `runner`."""
-    made, said = zip(*(runner(arc.program, backend) for arc in traced.arcs), strict=True)
+    made, notes = zip(*(runner(arc.program, backend) for arc in traced.arcs), strict=True)
     limits = [WITHIN * arc.gain for arc in traced.arcs]
-    return made[0] if len(made) == 1 else Arcs(made, limits), "; ".join(filter(None, dict.fromkeys(said)))
+    return made[0] if len(made) == 1 else Arcs(made, limits), "; ".join(filter(None, dict.fromkeys(notes)))
 
 
 def check_traceable(lay: Layout, problem: Problem) -> None:

@@ -34,12 +34,12 @@ TWICE = "two poses of these coordinates are reached from home, so that they do n
 
 
 class TracedWork:
-    """A program for a problem, and the array solver beside it.
+    """A program for a problem, and the array solver for what that leaves.
 
     Attributes:
         outputs: Quantities, and if errors are estimated ``error``, see `Bounds.estimated`.
         units: Quantity -> units of its components.
-        said: What is to be said about it.
+        note: On the program, empty if there is nothing to note.
         by_array: Reason -> how many samples the array solver answered.
         traced: The program, if there is one.
     """
@@ -75,7 +75,7 @@ class TracedWork:
             self._trace(motion, backend, loaded=loaded)
         except NotTraceableError as error:
             self.reason = error.what
-            self.said = f"all samples by the array solver: {error.what}"
+            self.note = f"all samples by the array solver: {error.what}"
 
     def _trace(self, motion: GivenMotion, backend: str, *, loaded: bool) -> None:
         self.bounds = Bounds(self.lay, self.problem, self.length)
@@ -86,10 +86,10 @@ class TracedWork:
             samples = (some.y, some.yd, some.ydd, q)
             self.traced = traced(self.work.loops, self.problem.applied, wanted, samples, self._further)
         with self.clock.stage("compiling"):
-            self.runner, self.said = runner_of(self.traced, backend)
+            self.runner, self.note = runner_of(self.traced, backend)
         #: Signs of the cosines of middle angles of cut joints, in the program.
         self.folds = [float(fold.flat[0]) for fold in self.work.loops.folds(q)]
-        #: Whether angles of cut joints have to be told from others that mean the same.
+        #: Whether angles of cut joints have to be distinguished from others that mean the same.
         self.charted = bool((self.traced.predicted and CHARTED & {*self.wanted}) or self.traced.near)
 
     def _further(self, outputs: Mapping[str, Sequence[Scalar]]) -> Mapping[str, list[Scalar]]:
@@ -148,7 +148,7 @@ class TracedWork:
             values: Filled; see `arrays`.
 
         Returns:
-            What the program says, and whether no sample is in doubt.
+            The program's checks, and whether no sample is in doubt.
         """
         n, d = len(motion), len(traced.predicted)
         inputs = [np.ascontiguousarray(x.T) for x in (motion.y, motion.yd, motion.ydd)]
@@ -188,7 +188,7 @@ class TracedWork:
         """Binds the program to arrays, see `arrays`, and to inputs like these.
 
         Returns:
-            Nothing, if the program needs predictions, or numbers of a component lie apart: then `part` is to be asked.
+            Nothing, if the program needs predictions, or numbers of a component lie apart: then use `part`.
         """
         if self.guessed or self.traced is None or self.traced.timed or not flat(values):
             return None
@@ -305,8 +305,8 @@ class TracedWork:
             swapped = fold * np.cos(near[:, columns[1]]) < 0.0 if joint.angles == 3 else np.zeros(1, dtype=bool)
             if "joint_position" in values:
                 q = values["joint_position"]
-                found, other = nearest_angles(q[:, turning], near[:, turning])
-                q[:, turning] = found if joint.angles == 3 else nearest_turn(q[:, turning], near[:, turning])
+                nearest, other = nearest_angles(q[:, turning], near[:, turning])
+                q[:, turning] = nearest if joint.angles == 3 else nearest_turn(q[:, turning], near[:, turning])
                 swapped = other if joint.angles == 3 else swapped
             if swapped.any():
                 for name, places in self._middle[columns[1]].items():
@@ -316,23 +316,23 @@ class TracedWork:
     @cached_property
     def _middle(self) -> Mapping[int, Mapping[str, list[int]]]:
         """Column of the middle angle of a cut S joint -> where its rates and forces stand."""
-        found, tree = {}, open_tree(self.lay)[1]
+        middle, tree = {}, open_tree(self.lay)[1]
         for joint in self.lay.cuts:
             column = self.lay.columns[joint.name][1:2]
             if joint.angles == 3:
                 place = [tree.index(column[0])] if column[0] in tree else []
                 rates = dict.fromkeys(("joint_velocity", "joint_acceleration"), column)
-                found[column[0]] = rates | dict.fromkeys(("tree_force", "tree_force_soft"), place)
-        return found
+                middle[column[0]] = rates | dict.fromkeys(("tree_force", "tree_force_soft"), place)
+        return middle
 
     def notes(self, n: int) -> tuple[str, ...]:
-        """What the program answered, and what else is to be said."""
+        """Notes: what the program answered, and what the array solver did."""
         if self.traced is None:
-            return (self.said,)
+            return (self.note,)
         left, reasons = self.by_array.total(), [f"{count} {why}" for why, count in self.by_array.items() if count]
         rest = f", {left} by the array solver ({', '.join(reasons)})" if reasons else ""
         note = f"{n - left} of {n} samples by a program of {len(self.traced.program.code)} operations{rest}"
-        return (note, *filter(None, [self.said]))
+        return (note, *filter(None, [self.note]))
 
 
 def solve_traced(lay: Layout, problem: Problem, motion: GivenMotion, progress: Progress, backend: str) -> Solution:
@@ -342,11 +342,11 @@ def solve_traced(lay: Layout, problem: Problem, motion: GivenMotion, progress: P
 
     def part(rows: slice) -> Part:
         some = motion.part(rows)
-        found = work.part(some, work.predict(some), thorough=True)
-        assembly.append(found.values["joint_position"])
-        return replace(found, values={name: x for name, x in found.values.items() if name in problem.wanted})
+        chunk = work.part(some, work.predict(some), thorough=True)
+        assembly.append(chunk.values["joint_position"])
+        return replace(chunk, values={name: x for name, x in chunk.values.items() if name in problem.wanted})
 
     labels = ("screw", __version__, f"rule {problem.rule}" + (f", backend {backend}" if work.traced else ""))
     size = {"length": work.length, "mass": lay.mechanism.mass}
-    found = assemble(labels, len(motion), part, work.names, work.clock, progress, **size)
-    return replace(found, assembly=np.concatenate(assembly), notes=work.notes(len(motion)))
+    solution = assemble(labels, len(motion), part, work.names, work.clock, progress, **size)
+    return replace(solution, assembly=np.concatenate(assembly), notes=work.notes(len(motion)))

@@ -81,7 +81,7 @@ def closed(lay: Layout, problem: Problem, motion: GivenMotion, *, mended: bool =
     """Positions in closed form.
 
     Args:
-        mended: Newton's method goes on where the closed form leaves the loops open; otherwise nothing corrects it.
+        mended: Newton's method goes on where the closed form leaves the loops open; else nothing corrects it.
 
     Raises:
         ClosureError: There is no closed form.

@@ -30,7 +30,7 @@ Coordinate = Callable[[str], tuple[Array | float, Array | float]]
 
 
 @dataclass(slots=True, eq=False)
-class Exerted:
+class ActingForces:
     """What acts besides gravity.
 
     Attributes:
@@ -44,13 +44,13 @@ class Exerted:
     power: Array | float = 0.0
 
 
-def exerted(closed: ClosedTree, applied: Applied, t: Array | float, body: BodyMotion, read: Coordinate) -> Exerted:
+def exerted(closed: ClosedTree, applied: Applied, t: Array | float, body: BodyMotion, read: Coordinate) -> ActingForces:
     """Forces of loads, springs, dampers and motors.
 
     Args:
         t: Times [s]. Shape (...).
     """
-    out, index = Exerted(), closed.loops.index
+    out, index = ActingForces(), closed.loops.index
     for motor in applied.motors:
         force = motor.force(t)
         out.along.append((motor.coordinate, force))
@@ -72,7 +72,7 @@ def exerted(closed: ClosedTree, applied: Applied, t: Array | float, body: BodyMo
 
 
 def _pull(
-    spring: PointSpring, t: Array | float, ends: list[tuple[int, Array, Array, Array, Array]], out: Exerted
+    spring: PointSpring, t: Array | float, ends: list[tuple[int, Array, Array, Array, Array]], out: ActingForces
 ) -> Array:
     """Adds the tension of a spring between two points; returns the rate of its length."""
     arms = [times(R, point) for _, R, _, _, point in ends]
@@ -165,8 +165,9 @@ class TreeForces:
         for name in bodies:
             if name not in closed.loops.index:
                 raise UnknownNameError("body", name, closed.loops.index, "load or spring")
-        along = [*applied.motors, *(spring for spring in springs if isinstance(spring, JointSpring))]
-        self.readers = {one.coordinate: _reader(closed, one.coordinate, start) for one in along}
+        along = [motor.coordinate for motor in applied.motors]
+        along += [spring.coordinate for spring in springs if isinstance(spring, JointSpring)]
+        self.readers = {name: _reader(closed, name, start) for name in along}
 
     def act(self, t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
         """Writes the force along the coordinates into `tau`, shape (n_v,); returns the power put in [W]."""

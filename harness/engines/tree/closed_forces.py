@@ -140,7 +140,7 @@ def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multi
     Returns:
         In the order of `reaction_names` [N or N m]. Shape (n, m).
     """
-    loops, found = closed.loops, list[Array]()
+    loops, reactions = closed.loops, list[Array]()
     for joint in by_role(closed.file.joints):
         _, child = loops.sides(joint)
         if joint in loops.cut:
@@ -148,8 +148,8 @@ def joint_reactions(closed: ClosedTree, at: BodyPoses, transmitted: Array, multi
         else:
             body = _outer(joint, closed)
             wrench = transmitted[:, body] * (1.0 if body == child else -1.0)
-        found.append(components(closed.joint_pose(joint, at), wrench, at.p[:, body]))
-    return np.concatenate([*found, multipliers[:, 3 * len(loops.anchors) :]], axis=1)
+        reactions.append(components(closed.joint_pose(joint, at), wrench, at.p[:, body]))
+    return np.concatenate([*reactions, multipliers[:, 3 * len(loops.anchors) :]], axis=1)
 
 
 def components(at: JointPose, wrench: Array, about: Array) -> Array:

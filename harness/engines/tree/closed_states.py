@@ -65,12 +65,12 @@ def project(mover: Mover, q: Array, v: Array) -> Projected:
             break
         trial = q - inverse @ gaps
         mover.place(trial, v)
-        gaps, found = mover.closure()
+        gaps, jacobian = mover.closure()
         after = float(np.abs(gaps).max())
         if not after < left:
             mover.place(q, v)
             break
-        stalled, (q, G, left) = after > 0.5 * left, (trial, found, after)
+        stalled, (q, G, left) = after > 0.5 * left, (trial, jacobian, after)
         if stalled:
             break
     for _ in range(2):

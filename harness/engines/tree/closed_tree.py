@@ -333,13 +333,13 @@ class ClosedTree:
             rates: Cut joint -> velocities. Shape (n, m).
             V, A: Velocities and accelerations of the bodies. Shape (n, n_body + 1, 6).
         """
-        relative, found = self.loops.relative, {}
+        relative, accelerations = self.loops.relative, {}
         for joint in (self.cut_joint(name) for name in charts):
             parent = V[:, self.loops.index[joint.parent], :3]
-            found[joint.name] = charts[joint.name].bias(
+            accelerations[joint.name] = charts[joint.name].bias(
                 rates[joint.name], parent, relative(joint, V), relative(joint, A)
             )
-        return found
+        return accelerations
 
     def gaps(self, q: Array, at: BodyPoses, ends: Array | None = None) -> Array:
         """Closure residuals, and below them those of the couplings, at tree coordinates q, their poses and the ends of

@@ -86,10 +86,10 @@ class _Work:
             some, sizes = motion.part(doubtful), self.closed.sizes
             there = q[doubtful] + shake * sizes.q
             _, matrix, R, p, screws = self._scaled(there / sizes.q, some.y / sizes.y)
-            found = BodyPoses(R, p, screws, at.moves)
-            read = {name: c.near(cut[name][doubtful]) for name, c in loops.charts(found).items()}
+            poses = BodyPoses(R, p, screws, at.moves)
+            read = {name: c.near(cut[name][doubtful]) for name, c in loops.charts(poses).items()}
             angles = {name: c.q for name, c in read.items()}
-            return _Pass(self, _Poses(some, there, found, read, angles, matrix)).all()[0]
+            return _Pass(self, _Poses(some, there, poses, read, angles, matrix)).all()[0]
 
         units = {name: units for name, (_, units) in self.names().items()}
         return examined(values, trust, A, motion.y.shape[1], again, self.clock, units, self.closed.sizes.length)
@@ -122,10 +122,10 @@ class _Work:
     def _positions(self, motion: GivenMotion) -> tuple[Array, Array, BodyPoses]:
         sizes = self.closed.sizes
         rates = motion.yd / sizes.y, motion.ydd / sizes.y
-        found = self.path.follow(motion.y / sizes.y, motion.t, rates, motion.scaled(sizes.y))
-        self.residual = float(found.error.max()) * max(1.0, sizes.length)
-        R, p, screws = found.more
-        return found.z * sizes.q, found.matrix, BodyPoses(R, p, screws, self.moves)
+        path = self.path.follow(motion.y / sizes.y, motion.t, rates, motion.scaled(sizes.y))
+        self.residual = float(path.error.max()) * max(1.0, sizes.length)
+        R, p, screws = path.more
+        return path.z * sizes.q, path.matrix, BodyPoses(R, p, screws, self.moves)
 
     def names(self) -> Names:
         file, tree, actuators = self.closed.file, self.closed.tree_names, self.closed.actuators

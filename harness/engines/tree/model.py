@@ -26,7 +26,7 @@ from screwgauge.solution import Solution, Values, empty
 
 
 def loops_file(files: ModelFiles) -> LoopsFile:
-    """Reads the loops file beside a model.
+    """Reads the loops file of a model.
 
     Raises:
         ModelFileError: There is none, or it cannot be read.
@@ -67,8 +67,7 @@ class TreeModel:
             self._check_mass()
         if not isinstance(task, InitialValue):
             return solve_states(closed, dynamics, problem, task)
-        from screwgauge.engines.tree.fixed_steps import ProjectedStepper, step_through
-        from screwgauge.engines.tree.integrate import simulate
+        from screwgauge.engines.tree.simulation import ProjectedStepper, simulate, step_through
 
         if dynamics.dt is None:
             return simulate(closed, dynamics.mover(), problem, task, progress)
@@ -113,7 +112,7 @@ def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, t
     """Answers for states of the tree.
 
     Args:
-        task: With `tau`, accelerations are given; otherwise ``tree_force`` for its accelerations and, if wanted,
+        task: With `tau`, accelerations are given; else ``tree_force`` for its accelerations and, if wanted,
             ``tree_force_soft`` and the smallest ``actuator_force`` on the closed loops.
 
     Raises:
@@ -183,7 +182,7 @@ def _actuator_forces(
     applied = Applied(loads=problem.applied.loads)
     loads = applied_wrenches(closed, applied, at, (np.zeros(len(q)), still, joints, joints))
     need = tau - at.forces_along(loads)
-    if dynamics.naive:  # what it says of the actuated joints, taken for the actuator forces
+    if dynamics.naive:  # forces along the actuated joints, taken for the actuator forces
         return need[:, closed.driven], empty(len(q))
     A = closed.closing_rows(q, at, closed.loops.charts(at))
     K = velocity_map(A, len(closed.loops.independent))

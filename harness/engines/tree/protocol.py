@@ -163,6 +163,9 @@ class OpenTree(Protocol):
         """
 
 
+#: Methods at a fixed step on an engine's accelerations, see `simulation.ProjectedStepper`.
+INTEGRATORS = ("Euler", "RK4")
+
 BodyAt = Callable[[int], tuple[Array, Array, Array]]
 """Body (ground is 0) -> its R (3, 3), p (3,) and Jacobian (6, n_v), [angular; linear], in world axes."""
 
@@ -260,7 +263,7 @@ class TreeDynamics(Protocol):
     Attributes:
         setting: In words.
         integrator, dt: Method at a fixed step and that step [s]; None for scipy's methods on its accelerations.
-        naive: What the engine says of the actuated joints is taken for the actuator forces.
+        naive: The engine's forces along the actuated joints are taken for the actuator forces.
     """
 
     setting: str
@@ -272,7 +275,7 @@ class TreeDynamics(Protocol):
         """Its accelerations, made as exact as it can."""
 
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> Stepper | None:
-        """Its own integrator for a problem; by default none: `fixed_steps.ProjectedStepper` on its accelerations."""
+        """Its own integrator for a problem; by default none: `simulation.ProjectedStepper` on its accelerations."""
         return None
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:

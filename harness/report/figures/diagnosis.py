@@ -27,20 +27,20 @@ def share_text(cause: Cause) -> str:
     return percent if math.isnan(cause.of_rest) else f"{percent} of the rest"
 
 
-def make_plots(found: Diagnosis) -> list[Picture]:
+def make_plots(diagnosis: Diagnosis) -> list[Picture]:
     """All pictures: the machines where they differ, and of torques where these do."""
-    pictures = [machines(found)] if found.differences else []
-    if found.attribution is None or not found.attribution.seen:
+    pictures = [machines(diagnosis)] if diagnosis.differences else []
+    if diagnosis.attribution is None or not diagnosis.attribution.seen:
         return pictures
-    rows, told = sorted(found.by_joint, key=lambda row: -row[1])[:MOST], {"as they are": 1, "after backfill": 2}
+    rows, when = sorted(diagnosis.by_joint, key=lambda row: -row[1])[:MOST], {"as they are": 1, "after backfill": 2}
     points: list[Spec] = [
         {"joint": row[0], "when": name, "x": max((row[1], row[2])[k - 1], FLOOR)}
-        for name, k in told.items()
+        for name, k in when.items()
         for row in rows
     ]
-    looks = chart.ways("when", {name: numbered(k) for name, k in told.items()})
+    looks = chart.ways("when", {name: numbered(k) for name, k in when.items()})
     joints = chart.filled("joints", points=points, **looks, **chart.logarithm("x", [p["x"] for p in points]))
-    ranked = [cause for cause in found.causes if abs(cause.share) >= 0.0][:MOST]
+    ranked = [cause for cause in diagnosis.causes if abs(cause.share) >= 0.0][:MOST]
     ranked = ranked[: max(FEWEST, sum(abs(cause.share) >= LEAST for cause in ranked))]
     bars = [{"change": cause.name, "x": 100.0 * cause.share, "text": share_text(cause)} for cause in ranked]
     shares = chart.filled("shares", bars=bars)

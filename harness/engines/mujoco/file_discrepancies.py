@@ -7,7 +7,7 @@ import math
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.discrepancies.probe import inverse, load, mass, measured, moment
+from screwgauge.engines.mujoco.discrepancies import inverse, load, mass, measured, moment
 from screwgauge.engines.toy_models import (
     ARM,
     INERTIA,
@@ -85,8 +85,8 @@ def tensor_order() -> Evidence:
         inertial = f'<inertial pos="0 0 0" mass="1" fullinertia="{numbers(tensor)}"/>'
         return measured(mjcf(f'<body><joint axis="0 1 0"/>{inertial}</body>'), moment)
 
-    wrong, said = listed(xx, xy, xz, yy, yz, zz)
-    return Evidence(wrong, yy, listed(xx, yy, zz, xy, xz, yz)[0], "kg m^2", said)
+    wrong, message = listed(xx, xy, xz, yy, yz, zz)
+    return Evidence(wrong, yy, listed(xx, yy, zz, xy, xz, yz)[0], "kg m^2", message)
 
 
 def principal_axes() -> Evidence:
@@ -96,12 +96,12 @@ def principal_axes() -> Evidence:
     quat = np.empty(4)
     mujoco.mju_mat2Quat(quat, (axes * np.linalg.det(axes)).ravel())
 
-    def error(said: str) -> float:
-        model = load(mjcf(f'<body><joint axis="0 1 0"/><inertial pos="0 0 0" mass="1" {said}/></body>'))
+    def error(attributes: str) -> float:
+        model = load(mjcf(f'<body><joint axis="0 1 0"/><inertial pos="0 0 0" mass="1" {attributes}/></body>'))
         R = np.empty(9)
         mujoco.mju_quat2Mat(R, model.body_iquat[1])
-        found = R.reshape(3, 3) * model.body_inertia[1] @ R.reshape(3, 3).T
-        return float(np.abs(found - tensor).max() / moments[-1])
+        loaded = R.reshape(3, 3) * model.body_inertia[1] @ R.reshape(3, 3).T
+        return float(np.abs(loaded - tensor).max() / moments[-1])
 
     six = tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     written = f'fullinertia="{numbers(six)}"', f'diaginertia="{numbers(moments)}" quat="{numbers(quat)}"'
@@ -113,25 +113,25 @@ def massless_link() -> Evidence:
     as two joints of one body."""
     cross = robot('<link name="cross"/>', joint("cross"), link("a"), joint("a", "cross", axis="0 0 1"))
     both = mjcf(body("a").replace(INERTIAL, f'<joint axis="0 0 1"/>{INERTIAL}'))
-    value, said = measured(cross, lambda model: float(inverse(model)[0]))
-    return Evidence(value, WEIGHT, float(inverse(load(both))[0]), "N m", said)
+    value, message = measured(cross, lambda model: float(inverse(model)[0]))
+    return Evidence(value, WEIGHT, float(inverse(load(both))[0]), "N m", message)
 
 
 def impossible_tensor() -> Evidence:
     """Moment of inertia about y of a thin plate in a URDF: with moments that no body has, and set right."""
-    found = [
+    pair = [
         measured(robot(link("a", com="0 0 0", tensor=tensor), joint("a")), moment)
         for tensor in ((0.01, 0.01, 0.05), (0.025, 0.025, 0.05))
     ]
-    (value, said), (mended, _) = found
-    return Evidence(value, 0.025, mended, "kg m^2", said)
+    (value, message), (mended, _) = pair
+    return Evidence(value, 0.025, mended, "kg m^2", message)
 
 
 def degrees() -> Evidence:
     """Upper limit of a joint whose range is written in radians, with and without saying so."""
-    said = mjcf(body("a", joint='range="-1.57 1.57"'))
-    unsaid = said.replace('<compiler angle="radian"/>', "")
-    return Evidence(float(load(unsaid).jnt_range[0, 1]), 1.57, float(load(said).jnt_range[0, 1]), "rad")
+    radians = mjcf(body("a", joint='range="-1.57 1.57"'))
+    unmarked = radians.replace('<compiler angle="radian"/>', "")
+    return Evidence(float(load(unmarked).jnt_range[0, 1]), 1.57, float(load(radians).jnt_range[0, 1]), "rad")
 
 
 def printed_digits() -> Evidence:
@@ -140,8 +140,8 @@ def printed_digits() -> Evidence:
     text = mjcf(body("a").replace(f'pos="{ARM} 0 0"', f'pos="{arm!r} 0 0"'))
     right = -MASS * G * arm
     saved = mujoco.MjSpec.from_string(text).to_xml()
-    found = [float(inverse(load(file))[0] / right - 1.0) for file in (saved, text)]
-    return Evidence(found[0], 0.0, found[1], "")
+    changes = [float(inverse(load(file))[0] / right - 1.0) for file in (saved, text)]
+    return Evidence(changes[0], 0.0, changes[1], "")
 
 
 def small_frames() -> Evidence:
@@ -156,5 +156,5 @@ def geoms_have_mass() -> Evidence:
     """Mass of an MJCF body whose geoms are there to be looked at, and with geoms of density zero."""
     shape = '<geom type="box" size="0.1 0.1 0.1" {}/>'
     arm = f'<joint axis="0 1 0"/><geom type="sphere" size="0.05" mass="{MASS}"/>'
-    found = [mass(load(mjcf(f"<body>{arm}{shape.format(more)}</body>"))) for more in ("", 'density="0"')]
-    return Evidence(found[0], MASS, found[1], "kg")
+    masses = [mass(load(mjcf(f"<body>{arm}{shape.format(more)}</body>"))) for more in ("", 'density="0"')]
+    return Evidence(masses[0], MASS, masses[1], "kg")

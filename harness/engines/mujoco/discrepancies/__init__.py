@@ -1,1 +1,0 @@
-"""Discrepancies that users of MuJoCo meet, each as a function that shows it on a small model."""
