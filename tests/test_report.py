@@ -453,6 +453,19 @@ def test_the_size_of_forces_is_on_terminal_and_pages(make: Make, tmp_path: Path,
     assert b["of"] == "b"
 
 
+def test_what_is_no_number_has_no_part_in_the_size_of_forces(make: Make, tmp_path: Path) -> None:
+    results = with_forces(make(alone=True))
+    known = results.solutions["alpha"]
+    drive, reaction = (known.values[name].array.copy() for name in ("actuator_force", "reaction"))
+    drive[5:9], drive[9], reaction[:, 0] = np.nan, np.inf, np.nan
+    holes = {"actuator_force": drive, "reaction": reaction}
+    values = {name: replace(known.values[name], array=array) for name, array in holes.items()}
+    results = replace(results, solutions={"alpha": replace(known, values={**known.values, **values})})
+    first, *others = read(results.write(tmp_path / "out"))["forces"]
+    assert first["max"] == pytest.approx(1.0, abs=1e-4)
+    assert {(row["of"], row["what"]) for row in others} == {("a", "reaction moment"), ("b", "reaction force")}
+
+
 def test_without_forces_there_is_no_section_of_them(make: Make, tmp_path: Path) -> None:
     assert "Size of forces" not in (make().write(tmp_path / "out") / "report.md").read_text(encoding="utf-8")
 

@@ -141,7 +141,7 @@ FORMS: dict[str, Callable[[Any], str]] = {
     "words": words,
     "tolerance": partial(number, figures=2),
     **dict.fromkeys(("expected", "number"), number),
-    **dict.fromkeys(("fitted", "force", "time"), partial(number, figures=4)),
+    **dict.fromkeys(("fitted", "four"), partial(number, figures=4)),
     "unit": unit_text,
     "date": moment,
     "residual": words,

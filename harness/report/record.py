@@ -48,22 +48,23 @@ def forces(results: Comparison) -> list[Row]:
     Of a reaction it is the magnitude of the force, and of the moment, from those components that have a unique value.
     Rows of, what, unit, min, t_min, max, t_max, components, engine.
     """
-    sized = list[Row]()
+    sized, not_unique = list[Row](), results.not_unique
     for quantity, lead in (("actuator_force", "actuator"), ("reaction", "reaction")):
         if (solution := _measured_by(results, quantity)) is None:
             continue
         values, parts = solution.values[quantity], dict[tuple[str, str], list[int]]()
         for i, name in enumerate(values.components):
-            if name not in results.not_unique.get(quantity, ()):
+            if name not in not_unique.get(quantity, ()):
                 joint = name.rpartition(".")[0] if quantity == "reaction" else name
                 parts.setdefault((joint, values.units[i]), []).append(i)
         for (joint, unit), columns in parts.items():
             array = values.array[:, columns]
-            sizes = array[:, 0] if quantity == "actuator_force" else np.linalg.norm(array, axis=1)
-            if not np.isfinite(sizes).any():
+            sizes = array[:, 0] if quantity == "actuator_force" else np.sqrt(np.einsum("ni,ni->n", array, array))
+            sizes = np.where(np.isfinite(sizes), sizes, np.nan)
+            if np.isnan(sizes).all():
                 continue
             low, high = int(np.nanargmin(sizes)), int(np.nanargmax(sizes))
-            row: Row = {"of": joint, "what": f"{lead} {KINDS[unit]}", "unit": unit}
+            row: Row = {"of": joint, "what": f"{lead} {KINDS.get(unit, 'force')}", "unit": unit}
             row |= {"min": float(sizes[low]), "t_min": float(results.times[low])}
             row |= {"max": float(sizes[high]), "t_max": float(results.times[high])}
             names = [values.components[i].rpartition(".")[2] for i in columns] if quantity == "reaction" else []

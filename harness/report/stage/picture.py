@@ -96,7 +96,7 @@ def data(motion: DrawnMotion, other_shapes: Sequence[Shape] = ()) -> dict[str, A
         most, which = float(np.linalg.norm(one.vectors, axis=1).max()), (one.group, one.turns)
         longest[which] = max(longest.get(which, 0.0), most)
     for (group, turns), most in longest.items():
-        before = f"{scales[group]}, " if group in scales else "longest: "
+        before = f"{scales[group]}, " if group in scales else "longest drawn: "
         scales[group] = f"{before}{most:.4g} N{' m' * turns}"
     return {
         "title": mechanism.title or mechanism.name,
