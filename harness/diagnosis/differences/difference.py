@@ -16,6 +16,7 @@ from screwgauge.diagnosis.differences.words import compared
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common, owned
 from screwgauge.diagnosis.properties import PROPERTIES, Change, unit_of
 from screwgauge.models.formats import number_text
+from screwgauge.models.mjcf import LEAST
 from screwgauge.reference.rotations import Array
 
 Kind = Literal["model", "digits", "convention"]
@@ -148,6 +149,9 @@ def speller(text: str) -> Callable[[str], str]:
     def _spelled(entries: list[float]) -> Iterator[str]:
         most = max(map(abs, entries), default=0.0)
         for x in entries:
+            if LEAST <= x <= np.nextafter(LEAST, 1.0):  # written in place of a moment of zero
+                yield number_text(x)
+                continue
             k, off = bisect(numbers, x), DUST * (4.0 * abs(x) + most)
             near = [number for _, number in sorted((abs(one - x), one) for one in numbers[max(k - 1, 0) : k + 1])]
             near = [0.0] if abs(x) <= max(off, nothing) else [*near, float(f"{x:.{EXACT}g}")]
