@@ -171,7 +171,7 @@ def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
     if form == "mjcf":
         _include(root, path.parent)
     flags = {key: value for flag in root.iter("flag") for key, value in flag.items()}
-    return list(_Walk(element_tables()[form], flags, _limits(mechanism)).through(root))
+    return list(_ElementWalk(element_tables()[form], flags, _limits(mechanism)).through(root))
 
 
 def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
@@ -184,7 +184,7 @@ def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
     """
     known = element_tables()[form]
     reading = {kind: known.get(kind, {}).get(library, {}) for kind in _OF_READINGS}
-    return list(_Walk({**known, **reading}, {}, {}, (*_OF_READINGS, *_KINDS)).through(root))
+    return list(_ElementWalk({**known, **reading}, {}, {}, (*_OF_READINGS, *_KINDS)).through(root))
 
 
 def unread_rows(library: str) -> list[str]:
@@ -215,7 +215,7 @@ def _limits(mechanism: Mechanism) -> dict[str, dict[str, str]]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Walk:
+class _ElementWalk:
     """Goes through a file.
 
     Attributes:

@@ -46,8 +46,8 @@ def view(options: argparse.Namespace) -> int:
         from screwgauge.models.shapes import differing
         from screwgauge.report.stage.drawing import drawing
 
-        beside = differing(mechanism, other, unsigned) if other else ()
-        _put(options.png, _png(drawing(mechanism, beside), scale=2.0))
+        against = differing(mechanism, other, unsigned) if other else ()
+        _put(options.png, _png(drawing(mechanism, against), scale=2.0))
         return 0
     if options.video:
         return _video(options.video, what, other)

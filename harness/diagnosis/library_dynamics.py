@@ -59,7 +59,7 @@ def joint_states(tree: ReadingTree, states: TreeStates) -> Mapping[str, JointSta
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Pair:
+class Compared:
     """A quantity at states, from the library and from what it has read.
 
     Attributes:
@@ -82,15 +82,15 @@ class Pair:
         return self.off / scale if scale else self.off
 
 
-def pairs(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, Pair]:
+def pairs(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, Compared]:
     """Quantities of the open tree."""
     ours, parts = dynamics(tree, states), passive_parts(tree, states)
     force = float(np.abs(ours.tau).max())  # forces that vanish are compared with others
     expected = ours.tau - sum(force for name, force in parts.items() if name not in theirs.covers)
-    by_name = {"tau": Pair(theirs.tau, expected, force)}
+    by_name = {"tau": Compared(theirs.tau, expected, force)}
     for name, least in (("mass_matrix", 0.0), ("bias", force), ("gravity", force), ("velocity", 0.0)):
-        by_name[name] = Pair(getattr(theirs, name), getattr(ours, name), least)
-    by_name["acceleration"] = Pair(theirs.acceleration, ours.acceleration)
+        by_name[name] = Compared(getattr(theirs, name), getattr(ours, name), least)
+    by_name["acceleration"] = Compared(theirs.acceleration, ours.acceleration)
     if tree.reading.medium != (0.0, 0.0) and "medium" in theirs.covers:
         del by_name["tau"], by_name["bias"]  # own dynamics know no medium
     elif {each.kind for each in tree.reading.content} & _UNKNOWN:
@@ -100,7 +100,7 @@ def pairs(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, P
 
 def loop_pairs(
     path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False
-) -> dict[str, Pair]:
+) -> dict[str, Compared]:
     """Quantities of closures and couplings where these are closed, whichever rows state them.
 
     They count for less where loops are nearly singular.
@@ -123,8 +123,8 @@ def loop_pairs(
     weight = sure[:, None, None] ** 2
     here, there = (weight * (np.linalg.pinv(e.rows, rcond=DEPENDENT) @ e.bias[..., None]) for e in (theirs, own))
     return {
-        "constraint Jacobian": Pair(sure[:, None, None] * one, sure[:, None, None] * two, 1.0),
-        "Jdot v": Pair(here, there, drawn),
+        "constraint Jacobian": Compared(sure[:, None, None] * one, sure[:, None, None] * two, 1.0),
+        "Jdot v": Compared(here, there, drawn),
     }
 
 
@@ -187,7 +187,7 @@ def witnesses(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterato
         yield Witness(side, model.library, scaled, omits, adds, fits=fits, growth=grown)
 
 
-def _asked(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers, dict[str, Pair]]:
+def _asked(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers, dict[str, Compared]]:
     assert model.file is not None
     theirs = answers(model.file, model.library, tree, states, floating=model.floating)
     loops = loop_pairs(model.file, model.library, tree, states, floating=model.floating)

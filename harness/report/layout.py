@@ -1,4 +1,4 @@
-"""Kinds of reports: each a text of ``texts/``, functions that fill it in, data files beside it, and pictures."""
+"""Kinds of reports: each a text of ``texts/``, functions that fill it in, data files, and pictures."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Report:
 
     @property
     def DATA(self) -> tuple[str, ...]:
-        """Files beside the pages."""
+        """Data files."""
         return (*self.data, RECORD)
 
     @property

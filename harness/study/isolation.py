@@ -85,7 +85,7 @@ def isolated(
     """Run jobs in parallel, one worker process per name, or as many processes as there are lanes.
 
     Args:
-        works: Pickle, and take a progress, which takes what they are at, too, beside the share.
+        works: Pickle, and take a progress, which takes what they are at, too, besides the share.
         report: Takes the names of those under way, and the share of all that is done.
         lanes: Names of processes, each of which does one work after the other. A work whose process was killed from
             outside runs again, `AGAIN` times at most.

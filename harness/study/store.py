@@ -1,7 +1,7 @@
 """Rows on disk: journals that interrupted work goes on from, and CSV files that later studies add to.
 
 A journal is a log of JSON lines. Where pyarrow is installed, each thousand results are moved into a Parquet file of
-their own, in a folder beside the log; it is there in whole or not at all.
+their own, in a folder next to the log; it is there in whole or not at all.
 """
 
 from __future__ import annotations

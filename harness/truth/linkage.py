@@ -85,9 +85,9 @@ def along(axes: Sequence[Vector], i: int) -> Vector:
     if len(axes) == 1:
         return axes[0]
     # of two, whose decimals are at right angles to rounding only, the third is at right angles to both
-    beside = [*axes, cross(axes[0], axes[1])][:3]
-    normal = cross(beside[(i + 1) % 3], beside[(i + 2) % 3])
-    volume = dot(beside[i], normal)
+    triad = [*axes, cross(axes[0], axes[1])][:3]
+    normal = cross(triad[(i + 1) % 3], triad[(i + 2) % 3])
+    volume = dot(triad[i], normal)
     return [x / volume for x in normal]
 
 

@@ -16,7 +16,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import equations, stepped
 from screwgauge.witness.tree import TreeStates
 
-#: Where Newton's method begins beside home, and how far from it at most [rad or lengths of the model]; after every
+#: Where Newton's method begins near home, and how far from it at most [rad or lengths of the model]; after every
 #: second of these once anywhere within the limits.
 STARTS, FARTHEST, EVERY = 40, np.pi, 2
 ENOUGH = 8  # closed poses within limits, where none is well conditioned

@@ -154,7 +154,7 @@ SPHERICAL, FIXED = "SPHERICAL", "FIXED"
 #: Universal joints by type -> the axes of the joint's frame about which they turn, the ground side first.
 UNIVERSAL = {f"UJOINT_{one}{two}": (one, two) for one, two in permutations("XYZ", 2)}
 KNOWN = (SPHERICAL, FIXED, *UNIVERSAL)
-#: What a joint has beside its axis. None of it fits the axes of another type.
+#: What a joint has besides its axis. None of it fits the axes of another type.
 _OWN = ("armature", "damping", "friction", "stiffness")
 
 

@@ -67,8 +67,8 @@ def loops_for(path: Path, given: Path | None = None) -> Path | None:
 
 def loops_beside(path: Path) -> Path | None:
     """The file beside a URDF that says what closes its loops; None where there is none."""
-    beside = (path.with_name(f"{path.stem}{OWN}"), path.with_suffix(".yaml"), path.with_name("robot.yaml"))
-    return next((file for file in beside if is_file(file)), None)
+    candidates = (path.with_name(f"{path.stem}{OWN}"), path.with_suffix(".yaml"), path.with_name("robot.yaml"))
+    return next((file for file in candidates if is_file(file)), None)
 
 
 def with_loops(reading: Reading, path: Path) -> Reading:

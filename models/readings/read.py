@@ -1,4 +1,4 @@
-"""Reads any URDF or MJCF by any library that reads it; what the file says beside, and what no machine has."""
+"""Reads any URDF or MJCF by any library that reads it; what else the file holds, and what no machine has."""
 
 from __future__ import annotations
 

@@ -231,8 +231,8 @@ TYPES = {
 
 def components(joint: Joint) -> list[tuple[str, str]]:
     """Label and unit of each constraint wrench: ``fx`` and N, ``m1`` and N m."""
-    kind, beside, axis = TYPES[joint.kind], _beside(joint)[0], _named_axis(joint)[0]
-    labels: dict[Any, Sequence[str]] = {_world: "xyz", _child: "xyz", _across: beside, _normal: [""], _none: ""}
+    kind, directions, axis = TYPES[joint.kind], _beside(joint)[0], _named_axis(joint)[0]
+    labels: dict[Any, Sequence[str]] = {_world: "xyz", _child: "xyz", _across: directions, _normal: [""], _none: ""}
     labels[_along] = [axis]
     forces = [(f"f{label}", "N") for label in labels[kind.forces]]
     return forces + [(f"m{label}", "N m") for label in labels[kind.moments]]

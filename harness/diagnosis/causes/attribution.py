@@ -90,7 +90,7 @@ class Cause:
             all causes add up to 1 where they do not depend on each other, and what makes up for others has a negative
             one. NaN where no change of B is known, or torques agree.
         of_rest: Its share of what is left when all causes before it that have none are put right, where that is nearly
-            nothing of all (a millimetre beside a factor of 1e9); NaN elsewhere.
+            nothing of all (a millimetre next to a factor of 1e9); NaN elsewhere.
         kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, what no torque shows.
         slips: What B's values would be made from A's by, of convention or unit; any of them.
         values: In both models.

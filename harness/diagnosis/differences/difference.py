@@ -91,7 +91,7 @@ ALL = 15
 CUT, FEWEST = 0.3, 5
 #: Numbers of fewer digits are meant so, those of more are exact; and rounding is seen in several places.
 MEANT, EXACT, SEEN = 5, 12, 4
-#: Rounding of a computed number, relative to the largest entry beside it.
+#: Rounding of a computed number, relative to the largest entry.
 DUST = 1e-15
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(\d+\.\d*|\.\d+|\d+(?=[eE]))([eE][-+]?\d+)?(?![\w.])")
 
@@ -128,7 +128,7 @@ def _values(text: str) -> list[str]:
 def speller(text: str) -> Callable[[str], str]:
     """Prints computed numbers as the numbers of a file, else as the decimals of `EXACT` digits, that they nearly are.
 
-    Products of frames leave rounding in the last digits, and beside larger entries of a vector in place of a zero.
+    Products of frames leave rounding in the last digits, and next to larger entries of a vector in place of a zero.
 
     Args:
         text: Of the file.

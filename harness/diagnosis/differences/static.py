@@ -143,7 +143,7 @@ def _as_its_zero(entry: Difference, shift: float) -> Difference:
 
 
 def _same_limit(x: float, y: float) -> bool:
-    """URDF demands some of every hinge: beside a joint without any, those that nothing reaches are none."""
+    """URDF demands some of every hinge: next to a joint without any, those that nothing reaches are none."""
     if max(abs(x), abs(y)) >= FAR:
         return x * y > 0.0 and min(abs(x), abs(y)) >= BOUNDLESS
     return not abs(x - y) > ROUNDING * max(abs(x), abs(y), 1.0)

@@ -1,4 +1,4 @@
-"""A model file beside what was read from it, and changes of that reading written into its text, and nothing else."""
+"""A model file with its reading, and changes of that reading written into its text, and nothing else."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Opened:
 
 
 def opened(text: str, reading: Reading) -> Opened:
-    """Puts a file beside its reading.
+    """Pairs a file with its reading.
 
     Raises:
         DescriptionError: The file is no XML.

@@ -89,7 +89,7 @@ def _what(results: Comparison) -> dict[str, Any]:
 
 
 def _overview(results: Comparison) -> list[Row]:
-    """Digits of agreement of each pair, beside those that the tolerance asks for; what differs first."""
+    """Digits of agreement of each pair, next to those that the tolerance asks for; what differs first."""
     lines, groups = list[Row](), grouped(compared(results), "quantity", "unit").values()
     for group in sorted(groups, key=lambda group: all(row["ok"] for row in group)):
         tolerances = [row["tolerance"] for row in group]
@@ -175,7 +175,7 @@ def _times(results: Comparison) -> list[Row]:
 
 
 def published(results: Comparison) -> list[Row]:
-    """Errors and times of this run beside those that others have published."""
+    """Errors and times of this run next to those that others have published."""
     theirs_, ours = [*map(theirs, results.scene.published)], list[Row]()
     pairs, judged = results.pairs, results.judge
     for engine, solution in results.solutions.items() if theirs_ else ():
@@ -192,7 +192,7 @@ def published(results: Comparison) -> list[Row]:
 
 
 def theirs(item: Published) -> Row:
-    """A published result, its error beside what it measures."""
+    """A published result, its error next to what it measures."""
     off = "" if missing(item.accuracy) else size(item.accuracy)
     errors = {measure: off if measure == item.measure else "" for measure in ("observable", "energy")}
     cpu_s = None if missing(item.cpu_s) else item.cpu_s

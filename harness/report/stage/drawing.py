@@ -232,7 +232,7 @@ def labels(
     One for which there is no room is left out.
 
     Args:
-        wanted: Texts with their colours and what they stand beside.
+        wanted: Texts with their colours and what they label.
         busy: Points that are better left free. Shape (n, 2).
         left, wide, tall: Where they have to be.
     """
@@ -258,7 +258,7 @@ def labels(
 def _wanted(
     mechanism: Mechanism, lines: Sequence[tuple[Shape, Array, Array]], joints: Sequence[tuple[Joint, Array]]
 ) -> list[tuple[str, str, Array]]:
-    """Texts with their colours and what they stand beside; joints at one place have one text."""
+    """Texts with their colours and what they label; joints at one place have one text."""
     label, texts = {name: text for text, name in mechanism.independent.items()}, dict[tuple[float, ...], list[str]]()
     for joint, place in joints:
         own = [label[name] for name in joint.coordinates if name in label]

@@ -33,7 +33,7 @@ LOOK = (
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Side:
+class DrawnMachine:
     """A machine: its reading seen in A's world, and names of bodies and joints that differ, the first causes first."""
 
     title: str
@@ -79,8 +79,8 @@ def machines(diagnosis: Diagnosis) -> Picture:
         tuple(dict.fromkeys(filter(None, (getattr(each, side) for each in order)))) for side in ("item_a", "item_b")
     )
     sides = (
-        Side("A", diagnosis.a.reading, np.eye(4), ours),
-        Side("B", diagnosis.b.reading, diagnosis.pairing.placement, theirs),
+        DrawnMachine("A", diagnosis.a.reading, np.eye(4), ours),
+        DrawnMachine("B", diagnosis.b.reading, diagnosis.pairing.placement, theirs),
     )
     points = [np.array([*side.joints().values(), *(p for p, _ in side.masses().values())]) for side in sides]
     view = across(_seen(np.concatenate(points), sides)) * [[1.0], [-1.0]]
@@ -102,14 +102,14 @@ def machines(diagnosis: Diagnosis) -> Picture:
     return Picture("machines", "Both machines at home, what differs in colour", svg)
 
 
-def _seen(points: Array, sides: Sequence[Side]) -> Array:
+def _seen(points: Array, sides: Sequence[DrawnMachine]) -> Array:
     """Direction to who looks: face-on where both are planar."""
     axes = np.array([side.placement[:3, :3] @ one.screw[:3] for side in sides for one in side.reading.joints.values()])
     planar = facing(points / float(np.ptp(points, axis=0).max() or 1.0), axes.reshape(-1, 3))
     return SEEN / np.linalg.norm(SEEN) if planar is None else planar
 
 
-def _drawn(side: Side, view: Array, shift: Array, heaviest: float, tall: float, left: float) -> str:
+def _drawn(side: DrawnMachine, view: Array, shift: Array, heaviest: float, tall: float, left: float) -> str:
     """Lines, masses by their cube root, joints, and names."""
     differs: Collection[str] = frozenset(side.differs)
     spots, out = {name: view @ at + shift for name, at in side.joints().items()}, list[str]()
