@@ -117,7 +117,7 @@ class _Moved:
         if not self._moves_as(b):
             return None
         tree, matter = self.tree, self.tree.matter
-        mass, com, inertia, weight = (x.copy() for x in (matter.mass, matter.com, matter.inertia, tree.weight))
+        mass, com, inertia, weight = (np.array(x) for x in (matter.mass, matter.com, matter.inertia, tree.weight))
         for i, (name, body) in enumerate(tree.reading.bodies.items()):
             new, old = self._both(b, "bodies", name)
             if new is old:

@@ -217,9 +217,9 @@ def _explains(differences: Sequence[Difference], of: Explanation, both: Together
     many = sum({*cause.differences} & {*why.seen} != set() for cause in why.causes) > 1
     share = 1.0 if proof is not None and proof.agrees else why.share
     explains = f"{'Together they explain' if many else 'It explains'} {_percent(share)} of the torque difference"
-    further = distinct(each for i, each in enumerate(differences) if i not in why.seen and each.what not in PARTS)
-    apart = sum(each.what in APART for each in further)
-    others, more = len(further) - apart, list[str]()
+    rest = distinct(each for i, each in enumerate(differences) if i not in why.seen and each.what not in PARTS)
+    apart = sum(each.what in APART for each in rest)
+    others, more = len(rest) - apart, list[str]()
     if others:
         more.append(f"{_others(others)} not affect torques{_of_tree(differences, why.seen)}.")
     if apart:

@@ -62,12 +62,12 @@ def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
             yield Difference(name, other, "name", None, None, "", math.inf, sentence, kind="convention")
     one, two = _sides(a, b, pairing)
     known: dict[str, set[str]] = {"A": set(), "B": set()}
-    for side, other in ((one, two), (two, one)):
-        for joint, names in _split(side, other).items():
+    for side, against in ((one, two), (two, one)):
+        for joint, names in _split(side, against).items():
             known[side.name].add(joint)
-            known[other.name] |= {*names}
+            known[against.name] |= {*names}
             sentence = (
-                f"{joint}: a {side.reading.joints[joint].kind} joint in {side.name}, in {other.name} the joints "
+                f"{joint}: a {side.reading.joints[joint].kind} joint in {side.name}, in {against.name} the joints "
                 f"{', '.join(names)}, which move what they carry in the same ways; all are held where torques are "
                 "compared: make them one kind of joint to compare them"
             )
@@ -79,8 +79,8 @@ def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
             f"{name}: a {kinds[0]} in A, a {kinds[1]} in B; it and all that it carries are compared where it is held"
         )
         yield one.difference(name, name, "kind", sentence)
-    for side, other in ((one, two), (two, one)):
-        yield from _absent(side, other, known[side.name])
+    for side, against in ((one, two), (two, one)):
+        yield from _absent(side, against, known[side.name])
 
 
 def _retyped(a: Reading, b: Reading, pairing: Pairing) -> Iterator[str]:
