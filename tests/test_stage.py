@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from functools import cache
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -296,3 +297,12 @@ def test_labels_without_room_are_left_out() -> None:
     assert 5 < len(boxes) < 60
     for i, (x, y) in enumerate(boxes):
         assert all(abs(x - u) >= 130.0 or abs(y - v) >= 13.0 for u, v in boxes[:i])
+
+
+def test_marks_of_the_legend_are_drawn_and_not_spelled() -> None:
+    picture = ET.fromstring(drawing(load_mechanism("slider-crank")))
+    groups = [
+        element for element in picture.iter() if element.tag.endswith("}g") and "mark" in element.get("class", "")
+    ]
+    assert any("driven" in group.get("class", "") for group in groups)
+    assert not [group.text for group in groups if (group.text or "").strip() or not len(group)]

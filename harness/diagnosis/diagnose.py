@@ -20,7 +20,7 @@ from screwgauge.diagnosis.differences.content import beyond
 from screwgauge.diagnosis.differences.difference import Difference, marked
 from screwgauge.diagnosis.differences.loops import COUNTED, Loops, at_home, cut_joints, loops
 from screwgauge.diagnosis.differences.static import differences, distinct
-from screwgauge.diagnosis.library_dynamics import Witness, witnesses
+from screwgauge.diagnosis.library_dynamics import LibraryCheck, library_checks
 from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Loops as Beside
 from screwgauge.diagnosis.model import Model, Read, Weighed, alike, cut_alike, each_loops, in_process, loaded
@@ -80,7 +80,7 @@ class Diagnosis:
     soft: Attribution | None = None
     proof: Backfill | None = None
     fix: Backfill | None = None
-    witnesses: tuple[Witness, ...] = ()
+    witnesses: tuple[LibraryCheck, ...] = ()
     matrix: Matrix | None = None
     notes: tuple[str, ...] = ()
     by_joint: tuple[tuple[str, float, float], ...] = ()
@@ -212,7 +212,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         ours_at, theirs_at = at_speeds(common, states, SPEEDS)
         why = replace(why, growth=growth(theirs_at, ours_at))
     why = replace(why, soft=softness((a, b), pairing, facts, seed, deadline))
-    seen = tuple(witnesses((a, b), seed, deadline))
+    seen = tuple(library_checks((a, b), seed, deadline))
     both, why_not = None, ""
     if not lost and cause.before.scaled <= SAME and not deadline.over("torques of the libraries as loaded"):
         both, why_not = together((a, b), common, seed)

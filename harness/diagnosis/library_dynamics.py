@@ -1,4 +1,4 @@
-"""Each library's dynamics compared with those of its own reading: a difference is one of the engine, not the model."""
+"""Each library's dynamics against ours for the model as that library has read it: a difference is the engine's."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ STATES = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Witness:
+class LibraryCheck:
     """A library on the model that it has read.
 
     Attributes:
@@ -163,7 +163,7 @@ class Witness:
         return not self.failed and all(value <= ROUNDING for value in self.scaled.values())
 
 
-def witnesses(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterator[Witness]:
+def library_checks(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterator[LibraryCheck]:
     """Each library that has dynamics, on what it has read."""
     for side, model in zip("AB", models, strict=False):
         if model.library not in ASKED or model.file is None or deadline.over(f"torques of {model.library} for {side}"):
@@ -174,7 +174,7 @@ def witnesses(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterato
         try:
             theirs, by_name = _asked(model, tree, states)
         except (ScrewgaugeError, ValueError, LookupError) as error:
-            yield Witness(side, model.library, {}, failed=str(error))
+            yield LibraryCheck(side, model.library, {}, failed=str(error))
             continue
         scaled = {name: pair.scaled for name, pair in by_name.items()}
         acts = {entry for joint in reading.joints.values() for entry in PASSIVE if getattr(joint, entry)}
@@ -184,7 +184,7 @@ def witnesses(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterato
         differs = ROUNDING < scaled[worst] < np.inf and not deadline.over(f"fits to the torques of {model.library}")
         grown = _grown(model, tree, states, worst) if differs else None
         fits = _fits(tree, states, theirs, scaled.get("tau", 0.0)) if differs and not (grown and grown.products) else ()
-        yield Witness(side, model.library, scaled, omits, adds, fits=fits, growth=grown)
+        yield LibraryCheck(side, model.library, scaled, omits, adds, fits=fits, growth=grown)
 
 
 def _asked(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers, dict[str, Compared]]:

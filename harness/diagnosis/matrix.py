@@ -10,7 +10,7 @@ from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.differences.static import differences, distinct, sorted_by_size
 from screwgauge.diagnosis.differences.words import with_sides
-from screwgauge.diagnosis.library_dynamics import Witness, witnesses
+from screwgauge.diagnosis.library_dynamics import LibraryCheck, library_checks
 from screwgauge.diagnosis.model import Model, Read
 from screwgauge.diagnosis.pairing.branches import missing
 from screwgauge.diagnosis.pairing.common import brought
@@ -63,7 +63,7 @@ class Matrix:
 
     cells: tuple[Cell, ...]
     pairs: tuple[Between, ...]
-    witnesses: tuple[Witness, ...]
+    witnesses: tuple[LibraryCheck, ...]
     sentences: tuple[str, ...]
 
 
@@ -89,7 +89,7 @@ def matrix_of(a: Model, b: Model, given: Mapping[str, str] | None, seed: int, lo
     seen = tuple(
         replace(witness, side=side)
         for (side, _), model in models.items()
-        for witness in witnesses([model], seed, deadline)
+        for witness in library_checks([model], seed, deadline)
     )
     trees = {key: model.reading.roots for key, model in models.items()}
     return Matrix(tuple(cells), pairs, seen, tuple(_sentences(cells, pairs, seen, trees)))
@@ -140,7 +140,10 @@ def differences_between(
 
 
 def _sentences(
-    cells: Sequence[Cell], pairs: Sequence[Between], seen: Sequence[Witness], trees: Mapping[tuple[str, str], list[str]]
+    cells: Sequence[Cell],
+    pairs: Sequence[Between],
+    seen: Sequence[LibraryCheck],
+    trees: Mapping[tuple[str, str], list[str]],
 ) -> Iterator[str]:
     """What the matrix shows."""
     for cell in cells:

@@ -14,7 +14,7 @@ from screwgauge.diagnosis.differences.content import Beyond
 from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.differences.geometry import step_of
 from screwgauge.diagnosis.differences.words import WORLD, turn_and_way
-from screwgauge.diagnosis.library_dynamics import Witness
+from screwgauge.diagnosis.library_dynamics import LibraryCheck
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import STANDARD, Common
 from screwgauge.diagnosis.pairing.mapping import CLOSE
@@ -33,7 +33,13 @@ _CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
 
 
 def notes(
-    models: tuple[Model, Model], common: Common, seen: Sequence[Witness], of_loops: str, seed: int, *, compared: bool
+    models: tuple[Model, Model],
+    common: Common,
+    seen: Sequence[LibraryCheck],
+    of_loops: str,
+    seed: int,
+    *,
+    compared: bool,
 ) -> tuple[str, ...]:
     """All of them, a sentence each.
 
@@ -129,7 +135,7 @@ def _alike(one: Matter, two: Matter) -> bool:
     return all(np.allclose(x, y, rtol=1e-9, atol=1e-9 * float(np.abs(y).max())) for x, y in pairs)
 
 
-def _calls(readings: dict[str, Reading], seen: Sequence[Witness], seed: int) -> Iterator[str]:
+def _calls(readings: dict[str, Reading], seen: Sequence[LibraryCheck], seed: int) -> Iterator[str]:
     """Passive forces that the inverse dynamics of one library contain and those of the other one leave out."""
     for more, less in ((one, other) for one in seen for other in seen if one.library != other.library):
         what = sorted({*more.adds} & {*less.omits})

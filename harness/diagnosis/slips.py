@@ -77,17 +77,17 @@ def _is(value: Array, b: Array, a: Array) -> bool:
 
 
 def mass_slips(pair: Pair) -> list[str]:
-    """What a mass is of another one. Shape ()."""
+    """Slips of unit or convention that would turn A's mass into B's. Shape ()."""
     return ["is left out"] if float(pair.b) == 0.0 < float(pair.a) else _units(MASS, pair.a, pair.b)
 
 
 def angle_slips(pair: Pair) -> list[str]:
-    """What angles are of other ones. Shape (...)."""
+    """Slips of unit that would turn A's angles into B's. Shape (...)."""
     return _units(ANGLE, pair.a, pair.b)
 
 
 def com_slips(pair: Pair) -> list[str]:
-    """What a centre of mass is of another one, in the frame of the link. Shape (3,)."""
+    """Slips that would turn A's centre of mass into B's, in the frame of the link. Shape (3,)."""
     a, b = pair.a, pair.b
     found = _units(LENGTH, a, b)
     if _is(np.zeros(3), b, a):
@@ -107,7 +107,7 @@ def com_slips(pair: Pair) -> list[str]:
 
 
 def tensor_slips(pair: Pair) -> list[str]:
-    """What an inertia tensor is of another one, about the centre of mass in the frame of the link. Shape (3, 3)."""
+    """Slips that would turn A's inertia tensor into B's, about the centre of mass, axes of the link. Shape (3, 3)."""
     a, b = pair.a, pair.b
     found = _units(INERTIA, a, b)
     found += [said for said, value in _tensors(pair.matter, pair.turns) if _is(value, b, a)]
@@ -169,7 +169,7 @@ def _turned(a: Array, b: Array) -> str:
 
 
 def placement_slips(pair: Pair) -> list[str]:
-    """What a placement is of another one; both relative to the link before. Shape (4, 4)."""
+    """Slips that would turn A's placement into B's; both relative to the link before. Shape (4, 4)."""
     found = []
     (R, p), (Q, r) = ((T[:3, :3], T[:3, 3]) for T in (pair.a, pair.b))
     turn = rotation_vector(R)
@@ -188,7 +188,7 @@ def placement_slips(pair: Pair) -> list[str]:
 
 
 def gravity_slips(pair: Pair) -> list[str]:
-    """What gravity is of another one. Shape (3,)."""
+    """Slips that would turn A's gravity into B's. Shape (3,)."""
     a, b = pair.a, pair.b
     found = _units(GRAVITY, a, b)
     if not b.any():

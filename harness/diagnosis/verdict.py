@@ -12,7 +12,7 @@ from screwgauge.diagnosis.differences.content import Beyond
 from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.differences.loops import ALIKE, Loops
 from screwgauge.diagnosis.differences.static import distinct
-from screwgauge.diagnosis.library_dynamics import Witness
+from screwgauge.diagnosis.library_dynamics import LibraryCheck
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.notes import does_not_use, one_file, unused
 from screwgauge.diagnosis.pairing.mapping import Pairing
@@ -50,7 +50,7 @@ def verdict(
     models: tuple[Model, Model],
     differences: Sequence[Difference],
     why: Explanation,
-    seen: Iterable[Witness],
+    seen: Iterable[LibraryCheck],
     loops: tuple[Loops | None, bool],
     beyond: Beyond,
     both: Together | None,
@@ -292,7 +292,7 @@ def _listed(sentences: Sequence[str]) -> str:
     return first_few(sentences, _NAMED, "; ")
 
 
-def _witness(witness: Witness) -> str:
+def _witness(witness: LibraryCheck) -> str:
     if witness.failed:
         return f"{witness.library} fails on {witness.side} ({witness.failed})."
     name, off = max(witness.scaled.items(), key=lambda entry: entry[1])
@@ -302,7 +302,7 @@ def _witness(witness: Witness) -> str:
     )
 
 
-def _looks(witness: Witness, name: str) -> str:
+def _looks(witness: LibraryCheck, name: str) -> str:
     """What the difference of an engine looks like: how it grows, or one cause that explains more than half of it."""
     if witness.growth:
         book = f"; casebook: {CASES[name]}" if witness.growth.products and name in CASES else ""

@@ -1,4 +1,4 @@
-"""Methods of time integration, from scipy, and how a step is made anew that met a pose of unsafe accelerations."""
+"""Integrators of scipy, and how a step is retried whose accelerations proved unreliable."""
 
 from __future__ import annotations
 

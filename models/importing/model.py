@@ -343,7 +343,7 @@ def _keyframes(source: Source) -> dict[str, dict[str, float]]:
 
 @cache
 def _folder() -> TemporaryDirectory[str]:
-    """Goes away with the process."""
+    """A temporary folder that goes away with the process."""
     return TemporaryDirectory(prefix="screwgauge-imported-")
 
 

@@ -109,8 +109,11 @@ class Region(Continuation):
         return int(kin[order[min(i, len(kin) - 1)]])
 
     def _of_region(self, y: Array, anchor: Indices) -> Predicted:
-        """Predictions whose angles depend on y alone: with more than one coordinate they are within half a turn of how
-        far they turn with these; with one they are as they were followed from home."""
+        """Predictions whose angles depend on y alone.
+
+        With several independent coordinates each angle is taken within half a turn of the value expected from y; with
+        one, as it was followed from home.
+        """
         anchors, table = self.anchors, self.anchors.table[: len(self.anchors)]
         z, home = anchors.predict(y, anchor), self.anchors[0]
         if self.loops:

@@ -1,4 +1,4 @@
-"""The joint types: all that follows from a joint's kind follows from its entry in `JOINT_TABLE`.
+"""The joint types: what depends on the kind of a joint follows from its entry in `JOINT_TABLE` (`reference.mechanism`).
 
 A joint transmits the wrenches that have no power on its freedoms (eq. 8). These close the loop of a cut joint, and are
 the components of its reaction. Their directions are orthonormal and act at the joint's point of the child, so that a

@@ -65,7 +65,7 @@ class Torques:
         return np.asarray(np.where(np.isfinite(left), left, np.inf))
 
     def left(self, b: Reading) -> Array:
-        """The same of a reading."""
+        """Scaled difference of the torques of a reading. Shape (n, m)."""
         return self.scaled(self.of(b))
 
 
@@ -222,7 +222,7 @@ class _Effects:
         return float(np.vdot(self._off, self._weighed(effect))) / self._total
 
     def rest(self, first: tuple[int, ...]) -> Array | None:
-        """What is left without the first differences, weighed; None where that is not nearly nothing of all."""
+        """Weighted rest once the first differences are mended; None unless it is a tiny part of the total."""
         gone = self.of(first)
         left = None if gone is None else self._weighed(self.start - self.torques.a - gone)
         return left if left is not None and 0.0 < np.vdot(left, left) <= REST**2 * self._total < math.inf else None
@@ -270,7 +270,7 @@ def _rows(
 
 
 def _ranked(causes: Sequence[Cause], groups: Mapping[tuple[int, ...], Group], effects: _Effects) -> list[Cause]:
-    """Causes that torques show: the one that leads, be what makes up for others larger, then by weight.
+    """Causes that torques show: the leading one first, even where compensating causes weigh more; then by weight.
 
     Small ones of one family are one row.
     """
@@ -350,7 +350,7 @@ def largest(torques: Torques, left: Array) -> Largest:
 
 
 def changes_of(differences: Iterable[Difference]) -> tuple[Change, ...]:
-    """What makes B as A, of those differences that have it."""
+    """Changes of B that make it A, of the differences that have one."""
     return tuple(each.change for each in differences if each.change is not None)
 
 

@@ -38,7 +38,7 @@ class Value:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Edit:
-    """What would make B's file of A's.
+    """What somebody may have done to A's file to get B's; a `Change` leads back, from B to A.
 
     Attributes:
         name: In words: what of which part.

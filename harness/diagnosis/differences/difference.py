@@ -33,7 +33,7 @@ class Difference:
         unit: Of both.
         size: Relative difference; infinite where one is missing.
         sentence: Both values and their difference in words.
-        change: What makes B as A, in B's own names and counting; None where no change of B does.
+        change: What to do to B to get A, in B's own names and counting; None where no change of B does it.
         kind: ``model``, ``digits`` (rounding of a printed number) or ``convention``, which changes nothing physical.
         whole: Values of the body of which this is a share that was cut off; None of all others.
     """
@@ -54,7 +54,7 @@ class Difference:
 def difference(
     common: Common, item: str, what: str, a: Array, b: Array, more: tuple[float, str] | None = None
 ) -> Difference:
-    """With its change.
+    """A difference of values with the change that mends it.
 
     Args:
         item: Common name.

@@ -1,7 +1,7 @@
 """Where the joints of two models differ: which way they count and from where, where they sit, about what they turn.
 
-A joint is looked at after what is before it has been put right; what it carries tells a joint that is displaced with
-all outwards of it from one of which the axis alone is another.
+Joints are checked from the ground outwards, each after those before it are corrected. If the bodies that it carries
+are displaced with it, the joint is; if not, only its axis differs. `static` makes differences of these deviations.
 """
 
 from __future__ import annotations

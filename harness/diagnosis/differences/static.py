@@ -97,7 +97,7 @@ def _stands(common: Common, a: Array, b: Array) -> str:
 
 
 def _joint(common: Common, name: str, written: JointReading, shift: float) -> Iterator[Difference]:
-    """Of one joint.
+    """Differences of one joint.
 
     Args:
         written: B's as its file counts it, before it was put right.

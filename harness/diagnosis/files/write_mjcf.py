@@ -200,7 +200,7 @@ def _put_site(
 
 
 def _entries(xml: XmlText, section: str) -> dict[str, Element]:
-    """Actuators or constraints; one without a name is called as `readings.naming` calls it, if the file is whole."""
+    """Actuators or constraints; one without a name is named by its place (`readings.files`), if the file is whole."""
     rooms = [element for element in xml.root.children if element.tag == section]
     whole = not any(xml.root.iter("include"))
     entries = enumerate(entry for room in rooms for entry in room.children)

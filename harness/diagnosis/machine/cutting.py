@@ -336,7 +336,7 @@ def _joints(element: Element, made: Made, centre: Array | None) -> dict[str, Joi
 
 
 def _as_there(reading: Reading, made: Sequence[tuple[str, Made, Array]]) -> Reading:
-    """With what is behind made joints turned as in the other model, where these have their coordinates."""
+    """Turns what each newly made joint carries as in the other model, which keeps the coordinates of that joint."""
     for name, one, point in reversed(made):
         turn, joint = one.turn[:3, :3], reading.joints[name]
         if len(one.joints) == 1 and joint.kind == "hinge":

@@ -243,7 +243,7 @@ def _crossed(a: Reading, b: Reading, joints: Mapping[str, str], how: Mapping[str
 
 
 def _permutation(a: Reading, b: Reading, names: Collection[str], T: Array) -> dict[str, str]:
-    """Those of some joints of A that sit where others of them do in B, all of which have such a partner in turn.
+    """Joints whose names are permuted between A and B: each sits where another one of them sits in B.
 
     Args:
         T: Placement of B's world in A's. Shape (4, 4).

@@ -1,4 +1,4 @@
-"""MuJoCo on an MJCF: its open tree.
+"""The open tree of an MJCF as MuJoCo computes it (see `engines.tree.protocol`).
 
 MuJoCo's names, orders and frames stay in this folder. Spatial quantities are [angular; linear]; accelerations
 contain minus gravity; forces between bodies (cfrc_int) are taken about the centre of mass of the whole tree."""

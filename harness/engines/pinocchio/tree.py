@@ -1,4 +1,4 @@
-"""Pinocchio on a URDF: its open tree, and the closures as its constraints.
+"""The open tree of a URDF as Pinocchio computes it (see `engines.tree.protocol`), and closures as its constraints.
 
 Pinocchio's names, orders and frames stay in this folder. A joint's spatial quantities are [linear; angular] in
 the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of a frame's origin in world axes.

@@ -210,7 +210,7 @@ def _legend(mechanism: Mechanism, compared: bool) -> tuple[str, float]:
     if mechanism.actuators:
         first = mechanism.actuators[0]
         way = ROUND if first.angles else ALONG
-        items.append((f'<g class="mark driven">{MARKS[first.kind]}</g>{way}', "driven"))
+        items.append((f'<g class="mark driven">{MARKS[first.kind][1]}</g>{way}', "driven"))
     items += [(CAGE, "cut: closes a loop")] * bool(cut_joints(mechanism))
     items += [(f'<g transform="translate(0 -8)">{FOOT}</g>', "ground")]
     items += [('<path class="axis" d="M-10,0H10l-5,-3M10,0l-5,3"/>', "axis (dot: towards you)")] * turning

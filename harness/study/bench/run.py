@@ -1,4 +1,4 @@
-"""Runs a bench: each contestant's error and first time in turn, then round after round of times; all is kept."""
+"""Runs a bench of a given motion: the error of each contestant, then times in rounds; a journal keeps every row."""
 
 from __future__ import annotations
 
