@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 
 from screwgauge import diagnose
@@ -96,3 +98,44 @@ def test_closures_are_those_of_their_bodies_whatever_they_are_called(write):
     ]
     found = both(write, *texts)
     assert found.same, found.verdict
+
+
+#: A chain of six unlike hinges and links that keep their names.
+LINKS = ("base", "upper", "elbow", "fore", "wrist", "tool")
+AXES = ("0 0 1", "0 1 0", "0 1 0", "0 0 1", "0 1 0", "1 0 0")
+
+
+def arm(names: Sequence[str], links: Sequence[str] = LINKS) -> str:
+    """A serial arm of some of the links; where one is left out, the rest stays in its place."""
+    text, way = "", 0.0
+    for i, link in enumerate(LINKS):
+        way += 0.1 + 0.05 * i
+        if link in links:
+            joint = f'<joint name="{names[links.index(link)]}" axis="{AXES[i]}"/>'
+            text += f'<body name="{link}" pos="0 0 {way:.3f}">{joint}{INERTIAL.format(0.01 * i, 3 - 0.4 * i)}'
+            way = 0.0
+    return f'<mujoco model="arm"><worldbody>{text}{"</body>" * len(links)}</worldbody></mujoco>'
+
+
+def numbered(first: int, n: int = 6) -> list[str]:
+    return [f"j{first + i}" for i in range(n)]
+
+
+@pytest.mark.parametrize("first", [0, 2, 3])
+def test_joints_that_are_numbered_from_elsewhere_are_the_same_joints(first, write):
+    found = both(write, arm(numbered(1)), arm(numbered(first)))
+    assert found.pairing.joints == dict(zip(numbered(1), numbered(first), strict=True))
+    assert {(each.what, each.kind) for each in found.differences} == {("name", "convention")}
+    assert f"6 joints have other names in B, in part those of others: j1 is j{first}" in " ".join(found.verdict.split())
+
+
+@pytest.mark.parametrize("back", [False, True])
+@pytest.mark.parametrize("left_out", ["elbow", "wrist"])
+def test_a_link_that_is_left_out_is_named_though_the_joints_behind_it_are_numbered_anew(left_out, back, write):
+    links = [link for link in LINKS if link != left_out]
+    models = [arm(numbered(1)), arm(numbered(1, 5), links)]
+    found = both(write, *models[:: -1 if back else 1])
+    i, side = LINKS.index(left_out), "A" if back else "B"
+    lead = found.headline
+    assert lead.startswith(f"j{i + 1}: missing in {side}, with {left_out} that it moves"), lead
+    assert {each.what for each in found.differences} == {"link", "name"}

@@ -262,7 +262,13 @@ def _rows(
         else:
             seen.append(_cause(group, share))
     seen = _ranked(seen, groups, effects)
-    others.sort(key=lambda group: -max(differences[i].size for i in group.differences))
+    # names are conventions: what a machine lacks leads them
+    others.sort(
+        key=lambda group: (
+            all(differences[i].what == "name" for i in group.differences),
+            -max(differences[i].size for i in group.differences),
+        )
+    )
     rest = [_cause(group) for group in _few(others)]
     alone = not (seen or rest)
     folded = _folded(unseen, differences, alone=alone)

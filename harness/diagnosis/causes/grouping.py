@@ -83,7 +83,7 @@ class Grouping:
         groups = [self._single(numbers) for numbers in same_sentence.values()]
         steps = (
             *(self._swapped, self._scaled, self._factors, self._slips, self._subtrees, self._of_one_part),
-            *(self._same_words, self._mirrored, self._content),
+            *(self._same_words, self._mirrored, self._content, self._renamed),
         )
         for merge in steps:
             groups = merge(groups)
@@ -232,6 +232,21 @@ class Grouping:
             return Group(f"{len(members)} subtrees", sentence, _numbers(members), sentence, members[0].family)
 
         return _merged(groups, key, row)
+
+    def _renamed(self, groups: list[Group]) -> list[Group]:
+        """Joints that have other names in B, such as numbers that are shifted."""
+
+        def key(group: Group) -> Hashable:
+            one = self._first(group)
+            return "name" if one.what == "name" and one.kind == "convention" else None
+
+        def row(members: list[Group]) -> Group:
+            pairs = [(one.item_a, one.item_b) for one in map(self._first, members)]
+            names = first_few([f"{a} is {b}" for a, b in pairs], _NAMED)
+            sentence = f"{len(pairs)} joints have other names in B, in part those of others: {names}"
+            return Group("names of joints", sentence, _numbers(members), sentence, members[0].family)
+
+        return _merged(groups, key, row, SEVERAL)
 
     def _same_words(self, groups: list[Group]) -> list[Group]:
         """The same values in several parts."""

@@ -58,7 +58,8 @@ def missing(a: Reading, b: Reading, pairing: Pairing) -> Iterator[Difference]:
     """Names that are another joint's, joints of other kinds, and links that one model has and the other has not."""
     for name, other in pairing.joints.items():
         if pairing.how[name] == AGAINST_NAME:
-            sentence = f"{name}: is called {other} in B, where {name} is another joint"
+            another = f", where {name} is another joint" if name in b.joints else ""
+            sentence = f"{name}: is called {other} in B{another}"
             yield Difference(name, other, "name", None, None, "", math.inf, sentence, kind="convention")
     one, two = _sides(a, b, pairing)
     known: dict[str, set[str]] = {"A": set(), "B": set()}

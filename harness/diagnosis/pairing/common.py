@@ -86,7 +86,7 @@ def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
             commanded=True,
         ),
     }
-    b = ordered(renamed(_unclashed(b, names), names), a.joints)
+    b = ordered(renamed(_unclashed(b, names, pairing.only_b), names), a.joints)
     homes = {name: joint.home for name, joint in b.joints.items()}
     b, before, behind = rehomed(b, {n: j.home for n, j in a.joints.items() if j.home != homes[n]})
     roots = [b.bodies[name].joints[0] for name in b.roots]
@@ -159,8 +159,12 @@ def _stands(a: Reading, b: Reading, root: str) -> Array:
     return fitting(one, two, pairs, bodies)
 
 
-def _unclashed(b: Reading, names: dict[str, dict[str, str]]) -> Reading:
-    """Names of B that are A's of something else get a stroke."""
+def _unclashed(b: Reading, names: dict[str, dict[str, str]], alone: Collection[str]) -> Reading:
+    """Names of B that are A's of something else get a stroke.
+
+    Args:
+        alone: Joints of B without a partner; they are held, but content may still name them.
+    """
     for kind in ("bodies", "closures", "couplings", "actuators"):
         taken = set(names[kind].values())
         for name in getattr(b, kind):
@@ -170,7 +174,8 @@ def _unclashed(b: Reading, names: dict[str, dict[str, str]]) -> Reading:
                     other += "'"
                 names[kind][name] = other
                 taken.add(other)
-    return b
+    strokes = {name: f"{name}'" for name in alone if name in names["joints"].values()}
+    return replace(b, content=tuple(each.renamed({"joints": strokes}) for each in b.content))
 
 
 def _same(a: Mapping[str, object], b: Mapping[str, object], *, commanded: bool = False) -> dict[str, str]:

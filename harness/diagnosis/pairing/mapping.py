@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -150,8 +151,10 @@ def paired(a: Reading, b: Reading, given: Mapping[str, str] | None = None, found
         if other not in b.joints and other not in b.bodies:
             raise UnknownNameError("joint or body of B", other, [*b.joints, *b.bodies], "map")
     joints, how = _by_name(a, b, given)
-    for name, other in _crossed(a, b, joints, how).items():
-        joints[name], how[name] = other, AGAINST_NAME
+    crossed, alone = _crossed(a, b, joints, how)
+    for name in alone:
+        del joints[name], how[name]
+    joints, how = joints | crossed, how | dict.fromkeys(crossed, AGAINST_NAME)
     match = found.match if found else None
     if found is None and len(joints) < min(len(a.joints), len(b.joints)):
         match = matched(a, b, joints)
@@ -232,23 +235,34 @@ def joints_before(reading: Reading) -> dict[str, str]:
     return before
 
 
-def _crossed(a: Reading, b: Reading, joints: Mapping[str, str], how: Mapping[str, str]) -> dict[str, str]:
-    """Joints of one name that have each other's place: those that some permutation of the names puts where they are."""
+def _crossed(
+    a: Reading, b: Reading, joints: Mapping[str, str], how: Mapping[str, str]
+) -> tuple[dict[str, str], set[str]]:
+    """Joints that sit where one of another name does in B: names that are permuted, or numbers that are shifted.
+
+    Returns:
+        They with their partners, and joints whose namesake is such a partner, while they have none themselves.
+    """
     alike = counted_as(a, b, joints)
-    crossings = [
-        _permutation(a, alike, [n for n in joints if how[n] == "name"], T)
-        for T in (np.eye(4), _placement(a, alike, joints))
-    ]
-    return max(crossings, key=len)
+    tried = [(alike, np.eye(4)), (alike, _placement(a, alike, joints)), (b, np.eye(4))]
+    crossings = [_permutation(a, one, joints, [n for n in joints if how[n] == "name"], T) for one, T in tried]
+    return max(crossings, key=lambda crossing: len(crossing[0]))
 
 
-def _permutation(a: Reading, b: Reading, names: Collection[str], T: Array) -> dict[str, str]:
-    """Joints whose names are permuted between A and B: each sits where another one of them sits in B.
+def _permutation(
+    a: Reading, b: Reading, joints: Mapping[str, str], names: Collection[str], T: Array
+) -> tuple[dict[str, str], set[str]]:
+    """See `_crossed`.
 
     Args:
+        names: Of joints that both have, which may be those of others.
         T: Placement of B's world in A's. Shape (4, 4).
     """
-    length, placed = size(a), {name: moved(b.joints[name], T) for name in names}
+    partners_of_b = {*joints.values()}
+    free = ([n for n in a.joints if n not in joints], [n for n in b.joints if n not in partners_of_b])
+    if looped := bool(a.closures or b.closures):
+        free = [], []  # which joint is missing depends on the cut
+    length, placed = size(a), {name: moved(b.joints[name], T) for name in (*names, *free[1])}
     behind = [{j: (n, i) for n, body in r.bodies.items() for i, j in enumerate(body.joints)} for r in (a, b)]
 
     def sits(name: str, other: str) -> bool:
@@ -257,17 +271,29 @@ def _permutation(a: Reading, b: Reading, names: Collection[str], T: Array) -> di
     def carries(name: str, other: str) -> bool:
         """Whether the name of a body says so; where it says nothing, what is carried has to be alike."""
         body, there = behind[0][name][0], behind[1][other][0]
-        if body in b.bodies:
+        if body in b.bodies or name in free[0] or other in free[1]:
             return behind[0][name] == behind[1][other]
         one, two = a.bodies[body], b.bodies[there]
         return bool(abs(one.mass - two.mass) < CLOSE * one.mass and _step(one, two, T) < CLOSE * length)
 
     off = [name for name in names if not (sits(name, name) and carries(name, name))]
-    fits = {n: [other for other in off if other != n and sits(n, other) and carries(n, other)] for n in off}
-    partners = {name: others[0] for name, others in fits.items() if len(others) == 1}
-    while loose := [name for name in partners if partners[name] not in partners or name not in partners.values()]:
-        partners = {name: other for name, other in partners.items() if name not in loose}
-    return partners
+    if not off:
+        return {}, set()
+    others = {n: off if n in free[0] else [o for o in (*off, *free[1]) if o != n] for n in (*off, *free[0])}
+    fits = {n: [o for o in some if sits(n, o) and carries(n, o)] for n, some in others.items()}
+    single = {name: some[0] for name, some in fits.items() if len(some) == 1}
+    partners = {name: other for name, other in single.items() if [*single.values()].count(other) == 1}
+    # a chain of shifted numbers begins or ends where one model has no joint
+    alone = {n for n in off if not fits[n] and not looped}, {*off} - {*chain(*fits.values())} if not looped else set()
+
+    def holds(name: str, other: str) -> bool:
+        """Whether the namesakes of two partners have other partners, too."""
+        ours = other not in off or other in partners or other in alone[0]
+        return ours and (name not in off or name in partners.values() or name in alone[1])
+
+    while loose := [pair for pair in partners.items() if not holds(*pair)]:
+        partners = {name: other for name, other in partners.items() if (name, other) not in loose}
+    return partners, {name for name in off if name in partners.values() and name not in partners}
 
 
 def _bodies(a: Reading, b: Reading, joints: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
