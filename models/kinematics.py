@@ -203,7 +203,7 @@ def rehomed(
         q: Joint -> its coordinates, see `Tree`; the others stay.
 
     Returns:
-        The reading, and how what is before each joint, and each body, is displaced. Shape (4, 4) each.
+        The reading, and how the parent of each joint, and each body, is displaced. Shape (4, 4) each.
     """
     if not q:
         still = np.eye(4)

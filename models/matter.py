@@ -28,7 +28,7 @@ def relative(near: Array, far: Array) -> Array:
 
 
 def displaced(matter: Matter, T: Array) -> Matter:
-    """The same in another frame, or displaced in its own.
+    """Mass properties in another frame, or displaced in their own.
 
     Args:
         T: From the frame of `matter` to the other. Shape (4, 4).

@@ -51,7 +51,7 @@ class Coupling:
         return coefficients
 
     def scaled(self, unit: float, of_unit: float) -> Coupling:
-        """The same where the two coordinates are counted in other units."""
+        """The coupling where the two coordinates are counted in other units."""
         powers = np.array([of_unit**k / unit for k in range(len(self.polynomial))])
         return Coupling(self.name, self.coordinate, self.of, self.polynomial * powers, self.where)
 

@@ -126,7 +126,7 @@ def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 
 def solids(mechanism: Mechanism) -> Iterator[Solid]:
-    """Its bodies that have mass."""
+    """Bodies of a mechanism that have mass."""
     ends, heavy = _ends(mechanism), [body for body in mechanism.bodies if body.mass]
     places = [(name, end.frame.p) for name, its in ends.items() for end in its]
     extent = _spread(mechanism, [*places, *((body.name, body.com) for body in heavy)])
@@ -159,7 +159,7 @@ def too_wide(body: Solid) -> str:
 
 
 def hinges(mechanism: Mechanism) -> Iterator[Hinge]:
-    """Its angles; not those that gears and screws turn, nor those of free bodies."""
+    """Angles of a mechanism; not those that gears and screws turn, nor those of free bodies."""
     tied = {name for one in mechanism.couplings for name in (one.coordinate, one.of)}
     for joint in mechanism.joints:
         for (turns, _), name, home, (low, high) in zip(

@@ -106,7 +106,7 @@ class Diagnosis:
 
     @property
     def exit_status(self) -> int:
-        """Of the command: 0 the same, 1 different or not all compared, 3 a library failed or time was over."""
+        """Exit status: 0 the same, 1 different or not all compared, 3 a library failed or time was over."""
         if self.left_out or any(witness.failed for witness in self.witnesses):
             return 3
         return 0 if self.same else 1
@@ -121,7 +121,7 @@ class Diagnosis:
 
     @property
     def not_fixed(self) -> tuple[str, ...]:
-        """What the file that `write_fix` writes does not put right, and why."""
+        """What the file that `write_fix` writes does not correct, and why."""
         alone = [f"no change of B's file is known for this: {d.sentence}" for d in self.differences if d.change is None]
         return (*(self.fix.why_not if self.fix else ()), *alone)
 
@@ -181,12 +181,12 @@ def diagnose(
 
 
 def _and(diagnosis: Diagnosis, sentence: str) -> Diagnosis:
-    """With another sentence at the end of its explanation."""
+    """A diagnosis with another sentence at the end of its explanation."""
     return replace(diagnosis, explanation=f"{diagnosis.explanation} {sentence}".strip())
 
 
 def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadline: Deadline) -> Diagnosis:
-    """Of two models of one machine."""
+    """Diagnosis of two models of one machine."""
     lost = [*missing(a.reading, b.reading, pairing)]
     ours, theirs = bare(a.reading, b.reading, lost)
     # what B has beyond A shows in its torques and can be taken away; without what A has beyond B both are compared
@@ -247,7 +247,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
 
 
 def _numbered(attribution: Attribution, facts: Sequence[Difference]) -> Attribution:
-    """With numbers of distinct differences."""
+    """An attribution whose differences are numbered among the distinct ones."""
     numbers = {each.sentence: i for i, each in enumerate(distinct(facts))}
 
     def distinctly(some: Sequence[int]) -> tuple[int, ...]:

@@ -88,7 +88,7 @@ class Model:
         return recut(with_loops(reading, self.loops) if self.loops else reading, self.cut)
 
     def cut_at(self, cut: Cut | None) -> Model:
-        """With its loops cut elsewhere."""
+        """The model with its loops cut elsewhere."""
         if cut is None:
             return self
         return replace(self, cut=cut, as_read=self.as_read or self.reading, reading=recut(self.reading, cut))

@@ -157,7 +157,7 @@ def _side(model: Model, common: Common, side: str) -> _Side:
 
 
 def _torques(first: _Side, second: _Side, seed: int) -> tuple[Array, Array, Array] | None:
-    """Of both, along the velocities that loops leave, and of the first one's open tree, in its terms. (n, n_freedom).
+    """Torques of both along velocities that loops leave, and of the first one's open tree, in its terms (n, n_freedom).
 
     Where loops are nearly singular both count for less; where they are locked, the open tree is compared.
     """

@@ -148,12 +148,12 @@ class FourBar:
 
     @property
     def a(self) -> Array:
-        """Their accelerations [rad/s^2]. Shape (3,)."""
+        """Accelerations of the tree's coordinates [rad/s^2]. Shape (3,)."""
         return self._tree @ self._rates[1]
 
     @cached_property
     def torque(self) -> float:
-        """Of the motor at the crank [N m]: power of inertia and weight per speed of the crank."""
+        """Torque of the motor at the crank [N m]: power of inertia and weight per speed of the crank."""
         omega, alpha = self._rates
         arms = np.array([[0.5, 0.0, 0.0], [1.0, 0.5, 0.0], [0.0, 0.0, 0.5]]) * self.lengths
         v = (arms * omega) @ self.across

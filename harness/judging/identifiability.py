@@ -37,7 +37,7 @@ _Table = dict[str, tuple[tuple[str, ...], Array]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoveredAccelerations:
-    """Of joints and bodies.
+    """Accelerations of joints and bodies.
 
     Attributes:
         joints: Shape (n, n_q).
@@ -63,7 +63,7 @@ class CoveredMotion:
 
     @property
     def accelerations(self) -> CoveredAccelerations:
-        """All of them."""
+        """Accelerations of all joints and bodies."""
         return CoveredAccelerations(self.states.qdd, self.motion.com.b, self.motion.com.a)
 
     @property

@@ -105,7 +105,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Folded:
-    """Blocks behind their title, with a note of a few words."""
+    """Blocks after their title, with a note of a few words."""
 
     title: str
     blocks: tuple[Block, ...]

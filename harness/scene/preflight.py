@@ -156,7 +156,7 @@ def check_actuation(
 
 
 def delivered(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The same by the counts at home, where the motion is not known yet."""
+    """Results of `check_actuation` by the counts at home, where the motion is not known yet."""
     lay = check_home(scene.mechanism)
     return check_actuation(scene, mobility(lay, pose(lay, scene.mechanism.home[None])), quantities)
 

@@ -222,7 +222,7 @@ def exerted_on_bodies(tree: MechanismTree, motion: TreeMotion, states: TreeState
 
 
 def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Applied) -> Iterator[tuple[str, Array]]:
-    """Of motors, and of springs and dampers along joint coordinates. Shape (n,)."""
+    """Forces of motors, and of springs and dampers along joint coordinates. Shape (n,)."""
     for motor in applied.motors:
         omega, c, s = motor.harmonics.T
         waves = np.cos(np.outer(t, omega)) @ c + np.sin(np.outer(t, omega)) @ s
@@ -237,7 +237,7 @@ def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: A
 def _pull(
     spring: PointSpring, tree: MechanismTree, motion: TreeMotion, t: Array
 ) -> Iterator[tuple[int, Array, Array, Array]]:
-    """Of a spring between two points, along the line between them."""
+    """Forces of a spring between two points on its bodies, along the line between them."""
     way, rate = _line(spring, tree, motion)
     length = np.linalg.norm(way, axis=1)
     if not (length > 0.0).all():

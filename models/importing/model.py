@@ -106,7 +106,7 @@ class Wanted:
     actuated: Sequence[str] | None = None
 
     def otherwise(self, independent: Mapping[str, str], actuated: Sequence[str]) -> Wanted:
-        """The same, and these where nothing was chosen."""
+        """Choices, with the given ones where nothing was chosen."""
         chosen = independent if self.independent is None else self.independent
         return Wanted(chosen, actuated if self.actuated is None else self.actuated)
 

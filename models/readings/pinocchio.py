@@ -59,7 +59,7 @@ class Part:
 
     Attributes:
         joint: Number of the joint that it is part of.
-        kind: ``free``, ``ball``, or empty: the Jacobian tells a hinge from a slide.
+        kind: ``free``, ``ball``, or empty: the Jacobian distinguishes hinge and slide.
         q, n_q, v: Where it is among the coordinates and velocities.
     """
 

@@ -209,7 +209,7 @@ class Reading:
 
     @property
     def mass(self) -> float:
-        """Of all that moves [kg]."""
+        """Mass of all that moves [kg]."""
         return sum(body.mass for body in self.bodies.values())
 
     @property
@@ -235,7 +235,7 @@ def couplings_of(couplings: Iterable[Coupling]) -> dict[str, CouplingReading]:
 
 
 def collapsed(reading: Reading, keep: Collection[str] = ()) -> Reading:
-    """The same motion without bodies of no mass and inertia that carry one further body and no closure.
+    """A reading without bodies of no mass and inertia that carry one further body and no closure.
 
     The joints of such a body come before those of the body that it carries; links fixed to it are gone.
 

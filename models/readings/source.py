@@ -62,7 +62,7 @@ class Source:
 
     @property
     def name(self) -> str:
-        """Of the model."""
+        """Name of the model."""
         return self.root.get("name" if self.form == "urdf" else "model", self.path.stem)
 
     @property

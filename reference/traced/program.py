@@ -88,7 +88,7 @@ def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0, first: Sequ
 
 
 def only(program: Program, outputs: Sequence[int]) -> Program:
-    """The same program with some of its outputs, without what does not count for these; its checks are the last."""
+    """A program of some of the outputs, without what does not count for these; its checks are the last."""
     kept = [program.outputs[i] for i in outputs]
     needed = {x for x in kept if isinstance(x, int)}
     for value in range(program.inputs + len(program.code) - 1, program.inputs - 1, -1):
@@ -136,7 +136,7 @@ class Block:
         self._room, self._first = room.data, (self.array.ctypes.data - room.ctypes.data) // self.array.itemsize
 
     def lend(self, back: Callable[[Block], None]) -> Array:
-        """The same numbers for someone else. Shape (n, m).
+        """Lends the numbers of the block to someone else. Shape (n, m).
 
         Args:
             back: Called when no array on them is left. All views refer to one array, on which they end as NumPy cannot

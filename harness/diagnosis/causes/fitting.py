@@ -32,7 +32,7 @@ MEANING = {0: "dry friction", 1: "damping"}
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """Of a difference that vanishes at rest.
+    """Growth with speed of a difference that vanishes at rest.
 
     Attributes:
         power: Of speed.
@@ -62,7 +62,7 @@ class Growth:
 
 
 def growth(theirs: Sequence[Array], ours: Sequence[Array]) -> Growth | None:
-    """Of the difference of two quantities, each at `SPEEDS`; None where it does not vanish at rest."""
+    """Growth of the difference of two quantities, each at `SPEEDS`; None where it does not vanish at rest."""
     rest, once, twice = (float(np.abs(x - y).max(initial=0.0)) for x, y in zip(theirs, ours, strict=True))
     if not (0.0 < once < math.inf and 0.0 < twice < math.inf and rest <= RESTS * once):
         return None
@@ -107,7 +107,7 @@ class Fit:
         changes: That make the torques what they are.
         share: Of the torque difference that is explained.
         unseen: How many directions among its numbers the torques do not tell.
-        alike: Names of others that explain as much and cannot be told from it.
+        alike: Names of others that explain as much and cannot be distinguished from it.
     """
 
     name: str

@@ -45,7 +45,7 @@ class Group:
     Attributes:
         name: What of which parts; `sentence`: how they differ; `short`: the same of the first alone.
         differences: Numbers of them, the one that is told first.
-        family: What small ones of the same kind are called together.
+        family: Common name of small ones of the same kind.
     """
 
     name: str
@@ -234,7 +234,7 @@ class Grouping:
         return _merged(groups, key, row)
 
     def _same_words(self, groups: list[Group]) -> list[Group]:
-        """The same values in several parts."""
+        """Groups that say the same values of several parts, merged."""
 
         def key(group: Group) -> Hashable:
             one = self._first(group)
@@ -349,7 +349,7 @@ def _item(one: Difference) -> str:
 
 
 def _words(one: Difference) -> str:
-    """Its sentence without its item."""
+    """Sentence of a difference without its item."""
     return one.sentence.removeprefix(f"{_item(one)}: ").removeprefix(f"{one.item_b}: ")
 
 
@@ -380,5 +380,5 @@ def _fits(b: Reading, file: Opened | None, name: str, after: Matter, ratio: floa
 
 
 def _sideless(name: str) -> str:
-    """A name without what tells left from right."""
+    """A name without what distinguishes left and right."""
     return re.sub(r"[lr]", "~", re.sub(r"left|right", "~", name.lower()))

@@ -151,7 +151,7 @@ def _first(a: Content, b: Content) -> str:
 
 
 def _sided(content: Sequence[tuple[str, Content]]) -> Iterator[str]:
-    """One phrase for all that is called alike, with the sides that have it."""
+    """One phrase for all of the same name, with the sides that have it."""
     phrases_of = {side: phrases(each for where, each in content if where == side) for side in "AB"}
     for phrase in dict.fromkeys((*phrases_of["A"], *phrases_of["B"])):
         yield f"{phrase} in {' and '.join(side for side in 'AB' if phrase in phrases_of[side])}"

@@ -82,7 +82,7 @@ _SHARE = 1e-5
 
 
 def axes_of(a: Reading, *names: str) -> tuple[Axes, ...]:
-    """Those of bodies of A, or of the world."""
+    """Axes of bodies of A, then those of the world."""
     return (*(Axes(f"{name} in A", a.bodies[name].pose[:3, :3]) for name in names if name in a.bodies), WORLD)
 
 
@@ -167,7 +167,7 @@ def with_sides(sentence: str, a: str, b: str) -> str:
 
 
 def digits(value: float, other: float) -> str:
-    """A number with as many digits as tell it from another one, and two more; 4 at least."""
+    """A number with as many digits as distinguish it from another one, and two more; 4 at least."""
     if 0.0 in (value, other) or not abs(value - other) > 1e-11 * max(abs(value), abs(other)):
         return f"{value + 0.0:.6g}"
     near = max(abs(value), abs(other)) / abs(value - other)

@@ -307,7 +307,7 @@ def _bodies(worlds: Iterable[Element]) -> Iterator[Element]:
 
 
 def _mjcf_joints(body: str, element: Element) -> dict[str, Element]:
-    """Joints of a body by name; those without one are called as `readings.source` calls them."""
+    """Joints of a body by name; those without one are named as `readings.source` names them."""
     moving = [child for child in element.children if child.tag in ("joint", "freejoint")]
     return {joint.get("name") or f"{body}_joint" + (f"_{k + 1}" if k else ""): joint for k, joint in enumerate(moving)}
 

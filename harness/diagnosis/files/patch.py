@@ -103,7 +103,7 @@ def move(file: Opened, target: Reading, gone: Collection[int] = ()) -> list[Arra
     """Writes placements and axes of another reading of the same machine.
 
     Args:
-        gone: Links that are to be taken out: what hangs on them is hung, where it is, on what is before them.
+        gone: Links that are to be taken out: what hangs on them is hung, where it is, on an ancestor.
 
     Returns:
         Frame of each link in the world. Shape (4, 4) each.
@@ -142,7 +142,7 @@ def _same(old: Array, new: Array) -> bool:
 
 
 def _displacement(reading: Reading, target: Reading, link: Link, owner: str, near: list[Array]) -> Array:
-    """Of a link in the world."""
+    """Displacement of a link in the world."""
     if owner:
         old, new = reading.bodies[owner].pose, target.bodies[owner].pose
         return np.eye(4) if np.array_equal(old, new) else np.asarray(new @ np.linalg.inv(old))
@@ -346,7 +346,7 @@ def _moved(file: Opened, joint: str) -> list[int]:
 
 
 def _carried(file: Opened, joint: str) -> list[Link]:
-    """The links behind a joint."""
+    """Links that descend from a joint."""
     gone = set[int]()
     for i, link in enumerate(file.links):
         if joint in link.joints or link.near in gone:

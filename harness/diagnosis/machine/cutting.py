@@ -35,7 +35,7 @@ class Made:
     Attributes:
         joints: Their names, those of the other model -> their coordinates there.
         axes: Unit vectors of hinges in the world; none of a ball. Shape (n, 3).
-        turn: How what is behind has to be displaced to stand as in the other model. Shape (4, 4).
+        turn: How the descendants have to be displaced to stand as in the other model. Shape (4, 4).
         hinges: That the ball replaces; none where it replaces closures.
     """
 
@@ -51,7 +51,7 @@ class Branch:
 
     Attributes:
         link: Names of its joints and closures, from the ground outwards.
-        body: The member that what is behind it is called after.
+        body: The member that the body at its far end is named after.
         made: Joints in place of others, by the first of these.
     """
 
@@ -359,7 +359,7 @@ def _body(machine: Machine, body: str, name: str, near: str, joints: tuple[str, 
 
 
 def _closures(machine: Machine, called: Mapping[str, str], used: set[str]) -> Iterator[tuple[str, ClosureReading]]:
-    """Those that no link of the tree has, between bodies as they are called."""
+    """Closures that no link of the tree contains, between bodies by the names of the tree."""
     poses = {name: body.pose for name, body in machine.reading.bodies.items()}
     for name, closure in machine.reading.closures.items():
         ends = [

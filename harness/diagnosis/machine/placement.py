@@ -49,7 +49,7 @@ class Feature:
 
 
 def features(link: Link, body: str) -> list[Feature]:
-    """Of a link on one of its bodies; none of a free one."""
+    """Features of a link on one of its bodies; none of a free one."""
     if link.kind == "F":
         return []
     if link.kind == "S" and link.centre is not None:
@@ -157,10 +157,10 @@ def _score(off: Array) -> float:
 
 
 def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Array:
-    """Placement of B's world in A's that lays what is behind a link onto what is behind its partner.
+    """Placement of B's world in A's that lays the descendants of a link onto those of its partner.
 
     Args:
-        near: The same of what is before them. Shape (4, 4).
+        near: Placement of B's world in A's by the parents of the links. Shape (4, 4).
     """
     overlay = _Overlay(a, b, (links[0].far, links[1].far))
     tried = list(_candidates(a, b, links, near))
@@ -245,7 +245,7 @@ def _frame(machine: Machine, body: Body) -> Array:
 
 
 def _coordinates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Array:
-    """With the joints of B's link at the coordinates of A's, counted in the direction in which axes agree."""
+    """Placement with the joints of B's link at A's coordinates, counted in the direction in which axes agree."""
     out: Array = np.eye(4)
     R = near[:3, :3]
     for mine, yours in zip(links[0].elements, links[1].elements, strict=True):

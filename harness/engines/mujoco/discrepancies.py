@@ -64,7 +64,7 @@ def moment(model: mujoco.MjModel) -> float:
 
 
 def mass(model: mujoco.MjModel) -> float:
-    """Of all that moves [kg]."""
+    """Mass of all that moves [kg]."""
     return float(model.body_mass[1:].sum())
 
 

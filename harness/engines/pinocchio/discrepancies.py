@@ -251,7 +251,7 @@ def default_settings() -> Evidence:
 
 
 def two_arguments() -> Evidence:
-    """The same with constraints initialised as Pinocchio 3 wants it, without their data, and with them."""
+    """Acceleration error where constraints are initialised as in Pinocchio 3, without their data, and with them."""
     closed, message = _Closed(), ""
     value = math.nan
     try:
@@ -263,7 +263,7 @@ def two_arguments() -> Evidence:
 
 
 def one_iteration() -> Evidence:
-    """The same after one proximal iteration at mu = 1e-3, and after eight."""
+    """Acceleration error after one proximal iteration at mu = 1e-3, and after eight."""
     closed = _Closed()
     return Evidence(closed.error(0.0, 0.0, 1e-3, 1), 0.0, closed.error(0.0, 0.0, 1e-3, 8), "rad/s^2")
 
@@ -301,14 +301,14 @@ def force_sign() -> Evidence:
 
 
 def force_frame() -> Evidence:
-    """The same of a constraint whose frames are turned by 0.5 rad, and rotated into the world."""
+    """Force along x of a constraint whose frames are turned by 0.5 rad, and rotated into the world."""
     force, expected = _force(turn=0.5)
     turned = pin.rpy.rpyToMatrix(0.0, 0.0, 0.5) @ force
     return Evidence(float(force[0]), float(expected[0]), float(turned[0]), "N")
 
 
 def redundant_force() -> Evidence:
-    """The same of one of two equal constraints, and of both together."""
+    """Force along x of one of two equal constraints, and of both together."""
     closed = _Closed(twice=True)
     closed.accelerate(pin.ProximalSettings(*_SAFE))
     both = sum(float(data.contact_force.linear[0]) for data in closed.datas)

@@ -111,7 +111,7 @@ class _Work:
         return np.concatenate(errors, axis=1), closed.closing_rows(q, at, charts, ends)
 
     def _scaled(self, z: Array, y: Array) -> tuple[Array, ...]:
-        """The same without dimension, and the poses there."""
+        """Closure residuals and their derivative without dimension, and the poses there."""
         sizes = self.closed.sizes
         q = z * sizes.q
         at = self.closed.tree.poses(q)

@@ -76,7 +76,7 @@ def _cheapest(bench: Bench, quantity: str) -> list[Row]:
 
 
 def _quickest(bench: Bench) -> list[Row]:
-    """Of a simulation: the quickest method for three, six and nine digits."""
+    """The quickest simulation methods for three, six and nine digits."""
     done = [row for row, _ in pairs(bench.rows) if row.status == OK]
 
     def reached(level: float) -> list[Row]:

@@ -200,7 +200,7 @@ def theirs(item: Published) -> Row:
 
 
 def _worst(errors: Sequence[Row], key: str) -> list[Row]:
-    """Of each key and unit: what is out of tolerance first, then the largest; a missing number is worse than any."""
+    """Worst error of each key and unit: out of tolerance first, then the largest; a missing number is worst."""
     return _shown(map(_least, grouped(errors, key, "unit").values()))
 
 

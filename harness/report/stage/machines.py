@@ -50,7 +50,7 @@ class DrawnMachine:
         return {name: self.point(joint.centre) for name, joint in self.reading.joints.items()}
 
     def links(self) -> Iterator[tuple[str, Array, Array]]:
-        """Lines of bodies: from the joint that moves each to those behind it, or to its centre of mass."""
+        """Lines of bodies: from the joint that moves each to those on it, or to its centre of mass."""
         at, behind = self.joints(), dict[str, list[str]]()
         for name, body in self.reading.bodies.items():
             behind.setdefault(body.near, []).append(name)
