@@ -81,7 +81,7 @@ class Content:
         return f"{self.what}{self.whose}"
 
     def renamed(self, names: Mapping[str, Mapping[str, str]]) -> Content:
-        """By other names of what it acts on. `names`: room -> name -> other name."""
+        """Content with other names for what it acts on. `names`: room -> name -> other name."""
         of = sorted((room, names.get(room, {}).get(name, name), share) for room, name, share in self.of)
         return replace(self, of=tuple(of))
 

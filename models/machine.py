@@ -228,7 +228,7 @@ def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, s
 
 
 def _point(reading: Reading, closure: ClosureReading) -> Array:
-    """Where a closure is at home, on its first body."""
+    """Position of a closure at home, on its first body."""
     pose = np.eye(4) if closure.first == GROUND else reading.bodies[closure.first].pose
     return np.asarray((pose @ closure.first_frame)[:3, 3])
 

@@ -17,7 +17,7 @@ NOTHING = Matter(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
 def of_body(body: BodyReading) -> Matter:
-    """That of a body."""
+    """Mass properties of a body."""
     return Matter(body.mass, body.com, body.inertia)
 
 

@@ -76,7 +76,7 @@ class CouplingRows:
         return [column for column, _ in self.pairs]
 
     def derivatives(self, q: NDArray[Any], order: int) -> list[tuple[int, int | None, Any]]:
-        """For each coupling ``q_i = p(q_j)``: columns i and j, and a derivative of p at q_j.
+        """Columns i and j of each coupling ``q_i = p(q_j)``, and a derivative of p at q_j.
 
         Args:
             q: Coordinates, any numbers. Shape (..., n_q).

@@ -220,7 +220,7 @@ def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator
 
 
 def _distance(p: Array, a: Array, b: Array) -> float:
-    """From a point to a segment."""
+    """Distance from a point to a segment."""
     along = b - a
     share = np.clip((p - a) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
     return float(np.linalg.norm(p - a - share * along))

@@ -258,8 +258,8 @@ def _numbered(attribution: Attribution, facts: Sequence[Difference]) -> Attribut
 
 
 def _stated(facts: Sequence[Difference], models: tuple[Model, Model], bound: Loops | None) -> list[Difference]:
-    """Without limits that a description, or a model file compared with it, lacks; and without closures that one alone
-    has, and places of closures that are made to cut it elsewhere, where these leave the same motions.
+    """Facts without limits that a description, or a model file compared with it, lacks; and without closures that
+    one alone has, and places of closures that are made to cut it elsewhere, where these leave the same motions.
     """
     if bound is not None and bound.alike and bound.mobility[0]:
         recut = any(model.cut is not None for model in models)

@@ -230,7 +230,7 @@ def alike(a: Model, b: Model, load: Read = in_process) -> tuple[Model, Model]:
 
 
 def cut_alike(a: Model, b: Model, given: Mapping[str, str] | None) -> tuple[Model, Model, Pairing]:
-    """Both with their loops cut at the same links, and their partners."""
+    """Models with their loops cut at the same links, and the pairing of their parts."""
     pairing = paired(a.reading, b.reading, given)
     same = congruent(a.reading, b.reading, pairing)
     if same and coincident(a.reading, b.reading, pairing):

@@ -205,7 +205,7 @@ def _tau(side: _Side, states: TreeStates) -> Array:
 
 
 def _common_part(side: _Side, states: TreeStates) -> TreeStates:
-    """In common terms, of a model that has no other joints."""
+    """States of a model in common terms, without joints that the other one lacks."""
     back, q = np.linalg.inv(side.turned), home(side.common.reading).q.repeat(len(states.q), axis=0)
     for there, own, before, after in side.placed:
         inverse = (np.asarray(np.linalg.inv(T)) for T in (before, after))
@@ -214,7 +214,7 @@ def _common_part(side: _Side, states: TreeStates) -> TreeStates:
 
 
 def _own_part(side: _Side, states: TreeStates) -> tuple[TreeStates, NDArray[np.bool_]]:
-    """As the model counts and turns, and which states its loops close at: joints that are cut follow the others."""
+    """States as the model counts and turns, and at which its loops close: joints that are cut follow the others."""
     tree, n = side.own, len(side.turned)
     q = home(tree.reading).q.repeat(len(states.q), axis=0)
     for there, own, before, after in side.placed:

@@ -168,7 +168,7 @@ def _shown(part: BodyReading) -> bool:
 
 
 def _own(part: BodyReading) -> Matter:
-    """That of the link that a body is called after."""
+    """Mass properties of the link that a body is named after."""
     return reduce(lambda left, other: combined(left, other, -1.0), part.parts.values(), of_body(part))
 
 

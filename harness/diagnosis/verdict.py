@@ -179,7 +179,7 @@ def strange(models: tuple[Model, Model], pairing: Pairing) -> tuple[str, str]:
 def _alike(
     models: tuple[Model, Model], why: Attribution, beyond: Beyond, both: Together | None, *, alone: bool
 ) -> list[str]:
-    """That all that is compared is the same; `alone`: and nothing else differs."""
+    """Verdict that all that is compared is the same; `alone`: and nothing else differs."""
     reading = models[0].reading
     joints, bodies = len(reading.joints), len(reading.bodies)
     count = f"{joints} joint{'s' * (joints != 1)} and {bodies} bod{'y' if bodies == 1 else 'ies'}"
@@ -241,7 +241,7 @@ def _as_growth(why: Explanation) -> str:
 
 
 def _of_tree(differences: Sequence[Difference], seen: Sequence[int]) -> str:
-    """Where closures or couplings are among what is not seen."""
+    """Phrase that limits a verdict to the open tree, where closures or couplings are not seen."""
     closed = any(each.what in CLOSING for i, each in enumerate(differences) if i not in seen)
     return " of the open tree" if closed else ""
 

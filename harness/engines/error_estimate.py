@@ -68,7 +68,7 @@ class Trust:
 
     @classmethod
     def unknown(cls, n: int) -> Trust:
-        """That of n samples of which nothing is known yet."""
+        """Error estimate of n samples of which nothing is known yet."""
         return cls(*np.full((3, n), np.nan))
 
     def doubtful(self, slack: float = 1.0) -> Rows:
@@ -281,7 +281,7 @@ def by_powers(name: str, trust: Trust) -> Scalar:
 
 
 def amplified(name: str, trust: Trust) -> Scalar:
-    """By what rounding is multiplied in a well-conditioned sample."""
+    """Factor by which rounding is amplified in a well-conditioned sample."""
     g = apply("max", trust.gain, 1.0)
     if name in OF_JOINTS:
         g = apply("max", g, trust.charts)

@@ -167,7 +167,7 @@ class FourBar:
         return np.array([*(self.tip - self.elbow), 0.0]), np.array([*(self.tip - self.base), 0.0])
 
     def mjcf(self, closure: str = '<connect site1="coupler" site2="rocker"/>') -> str:
-        """As an MJCF with sites at both ends."""
+        """MJCF of the four-bar with sites at both ends."""
         coupler, rocker = (f'pos="{numbers(end)}"' for end in self.ends)
         second = self._body(1, "b", self.elbow, f'<site name="coupler" {coupler}/>')
         first = self._body(0, "a", np.zeros(2), second)

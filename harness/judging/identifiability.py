@@ -79,7 +79,7 @@ class CoveredMotion:
         return {term: self._lost(products[term]) for term in BRACKET}
 
     def _lost(self, products: Array) -> CoveredAccelerations:
-        """By some of the products of `velocity_products`. Shape (n, n_freedom, 6)."""
+        """Accelerations lost without some of the products of `velocity_products`. Shape (n, n_freedom, 6)."""
         tree, motion, m = self.tree, self.motion, len(self.tree.closures)
         first, second = tree.carries[tree.ends.link[:m]], tree.carries[tree.ends.link[m:]]
         open_by = (second - first) @ products

@@ -53,7 +53,7 @@ class Banner:
 
     @staticmethod
     def of(text: str, good: bool, yes: str = "AGREE", no: str = "NOT ALL AGREE") -> Banner:
-        """One of two."""
+        """Banner of a good or a bad result."""
         return Banner(text, f"✓ {yes}", "agree") if good else Banner(text, f"✗ {no}", "differ")
 
 

@@ -75,7 +75,7 @@ def along(motion: TreeMotion, wrenches: Array) -> Array:
 
 
 def mass_matrix(motion: TreeMotion) -> Array:
-    """Without armature, by composite bodies (Featherstone, Rigid Body Dynamics Algorithms, table 6.2).
+    """Mass matrix without armature, by composite bodies (Featherstone, Rigid Body Dynamics Algorithms, table 6.2).
 
     Returns:
         Shape (n, n_freedom, n_freedom).
@@ -152,7 +152,7 @@ def _needed(motion: TreeMotion) -> NewtonEulerTerms:
 
 
 def _entry(tree: SpanningTree, name: str) -> Array:
-    """One of `Tree.passive`."""
+    """Entry of `Tree.passive`; zeros where it has none."""
     return tree.passive.get(name, np.zeros(tree.freedom))
 
 
@@ -191,7 +191,7 @@ def armature_force(tree: SpanningTree, states: TreeStates) -> Array:
 
 
 def passive_force(tree: SpanningTree, states: TreeStates) -> Array:
-    """That motors need against damping, dry friction and springs. Shape (n, n_freedom)."""
+    """Forces that motors need against damping, dry friction and springs. Shape (n, n_freedom)."""
     return np.asarray(sum(passive_parts(tree, states).values()))
 
 

@@ -251,7 +251,7 @@ def _pull(
 
 
 def _line(spring: PointSpring, tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
-    """From the first point to the second, and its rate. Shape (n, 3) each."""
+    """Vector from the first point to the second, and its rate. Shape (n, 3) each."""
     ends = motion.links.frames(stacked([tree.body_frames[body].placed(np.eye(3), at) for body, at in spring.ends]))
     return ends.p[:, 1] - ends.p[:, 0], ends.v[:, 1] - ends.v[:, 0]
 

@@ -251,7 +251,7 @@ def _joints(
 
 
 def _joint_name(group: Group, used: set[str]) -> str:
-    """That of its one freedom, or what the names of several have in common."""
+    """Name of a joint: that of its one freedom, or what the names of several have in common."""
     if len(group.axes) == 1:
         return group.axes[0].name
     parts = {axis.name.rpartition(".")[0] for axis in group.axes}

@@ -67,7 +67,7 @@ class Source:
 
     @property
     def text(self) -> str:
-        """As XML."""
+        """Model file as XML."""
         return ET.tostring(self.root, encoding="unicode")
 
     @property

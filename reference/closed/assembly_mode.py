@@ -86,7 +86,7 @@ class AssemblyMode:
 
     @cached_property
     def continuation(self) -> Continuation:
-        """Where motions have led to."""
+        """Continuation that holds where motions have led to."""
         return self.system.continuation(strict=self.strict)
 
     @cached_property

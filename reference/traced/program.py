@@ -237,7 +237,7 @@ class Lanes:
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
-        """As `screwgauge.reference.traced.native.Native.bind`; numbers of a row may lie apart."""
+        """Binds as `screwgauge.reference.traced.native.Native.bind`; numbers of a row may lie apart."""
         codes, constants = [], [np.array(x) for x in self.constants]
         checks = np.zeros((0, inputs[0].shape[1])) if weights is None else outputs[-1]
         for start in range(0, inputs[0].shape[1], self.chunk):
@@ -257,5 +257,5 @@ class Lanes:
         return run
 
     def again(self) -> Lanes:
-        """One that may run at the same time."""
+        """Lanes that may run at the same time."""
         return Lanes(self.program, self.chunk)

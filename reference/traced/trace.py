@@ -154,7 +154,7 @@ class Trace:
         return self._known[key]
 
     def function(self, name: str, *x: Scalar) -> Node:
-        """One of `FUNCTIONS`."""
+        """Node that applies one of `FUNCTIONS`."""
         return self._make(name, *x)
 
     def neg(self, a: Scalar) -> Scalar:

@@ -108,7 +108,7 @@ class Cause:
 
     @property
     def weight(self) -> float:
-        """By which causes are ranked."""
+        """Weight by which causes are ranked."""
         return self.share if math.isnan(self.of_rest) else self.of_rest
 
 
@@ -198,7 +198,7 @@ class _Effects:
         self._known: dict[tuple[int, ...], Array | None] = {}
 
     def of(self, numbers: tuple[int, ...]) -> Array | None:
-        """By which torques of B differ from those after changes; None where there is no number. Shape (n, m)."""
+        """Differences between torques of B and those after changes; None where there is no number. Shape (n, m)."""
         if numbers not in self._known:
             self._known[numbers] = self._asked(numbers)
         return self._known[numbers]

@@ -50,7 +50,7 @@ class Growth:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """Growth in words."""
         text = f"it vanishes at rest and grows with speed to the power {self.power:.3f}"
         if not self.products:
             meaning = MEANING.get(round(self.power)) if abs(self.power - round(self.power)) < WHOLE else None

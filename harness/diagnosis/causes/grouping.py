@@ -160,7 +160,7 @@ class Grouping:
         return groups
 
     def _factors(self, groups: list[Group]) -> list[Group]:
-        """One factor, or one value, in many places."""
+        """Groups with one factor, or one value, in many places, merged."""
 
         def key(group: Group) -> Hashable:
             one = self._first(group)
@@ -198,7 +198,7 @@ class Grouping:
         return Group(f"{noun} of {who}", sentence, _numbers(members), sentence, members[0].family)
 
     def _slips(self, groups: list[Group]) -> list[Group]:
-        """One slip in several places."""
+        """Groups with one slip in several places, merged."""
         slips = {edit.differences[0]: edit.slips for edit in self.edits if len(edit.differences) == 1}
         counts: dict[str, int] = defaultdict(int)
         for group in groups:

@@ -50,7 +50,7 @@ def beyond(common: Common) -> Beyond:
 
 
 def _kept(content: Iterable[Content], joints: Collection[str]) -> list[Content]:
-    """Without what acts on other joints alone, which one of the models does not have: that is said of the joints."""
+    """Content that acts on joints of both models; what acts on other joints alone is said of these joints."""
     kept = []
     for each in content:
         acts = {name for room, name, _ in each.of if room == "joints"}
@@ -76,7 +76,7 @@ def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Pair]:
 
 
 def _grouped(content: Iterable[Content]) -> Mapping[object, list[Content]]:
-    """By kind and by what they act on; by their own names where that is nothing that has a partner."""
+    """Content by kind and by what it acts on; by its own names where that is nothing that has a partner."""
     groups: dict[object, list[Content]] = {}
     for each in content:
         element = each.what if not each.of or not kinds()[each.kind].arrays else ""
@@ -127,7 +127,7 @@ def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading
 
 
 def _difference(a: Content | None, b: Content | None) -> Difference:
-    """In words, with the first number that differs."""
+    """Difference in words, with the first number that differs."""
     one = a or b
     assert one is not None
     if a is None or b is None:

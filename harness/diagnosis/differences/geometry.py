@@ -174,7 +174,7 @@ def _breaks(a: Reading, b: Reading, items: tuple[list[str], list[str]], D: Array
 
 
 def _candidates(common: Common, name: str) -> Iterator[Array]:
-    """As the machines as a whole say, or frames of one name."""
+    """Displacements that the machines as a whole suggest, or frames of one name."""
     carried = [body for body in outwards(common.b, name)[0] if body in common.a.bodies][:4]
     for there in (common.standing, {body: common.a.bodies[body].pose for body in carried}):
         for body in carried:

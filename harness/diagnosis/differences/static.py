@@ -245,7 +245,7 @@ def seen_from(a: BodyReading, b: BodyReading) -> tuple[tuple[Array, Array], tupl
 
 
 def _missing_part(common: Common, a: BodyReading, b: BodyReading) -> str:
-    """That a link fixed to a body of one model is missing in the other one, if that makes all of the difference."""
+    """Sentence on a link of a body that the other model lacks, if that makes all of the difference."""
     (com, inertia), _ = seen_from(a, b)
     T = relative(b.pose, a.pose)
     sides = (

@@ -189,7 +189,7 @@ def _finite(value: Array) -> float:
 
 
 def _change(a: float, b: float) -> str:
-    """From A to B in percent, or, of large changes, as a factor."""
+    """Change from A to B in percent, or, if large, as a factor."""
     if a == 0.0 or b == 0.0:
         return "none in A" if a == 0.0 else "none in B"
     share = (b - a) / a
@@ -222,7 +222,7 @@ def _tensors(a: Array, b: Array) -> str:
 
 
 def _ratio(a: Array, b: Array) -> str:
-    """From a tensor to another one: one factor, or how much the largest moments differ."""
+    """Ratio of two tensors: one factor, or how much the largest moments differ."""
     most, other = (_finite(each) for each in (a, b))
     if not most or not other:
         return _change(most, other)

@@ -162,7 +162,7 @@ def _shortest(old: JointReading, new: JointReading) -> Array:
 
 
 def _off_axis(F: Array, joint: JointReading) -> Array:
-    """From the origin of a frame to the nearest point of a hinge's axis, in the frame. Shape (3,)."""
+    """Vector from the origin of a frame to the nearest point of a hinge's axis, in the frame. Shape (3,)."""
     if joint.kind != "hinge":
         return np.zeros(3)
     along, r = axis(joint), joint.centre - F[:3, 3]
@@ -171,7 +171,7 @@ def _off_axis(F: Array, joint: JointReading) -> Array:
 
 
 def _turned_back(file: Opened, target: Reading, link: Link, F: Array) -> Array:
-    """From home, which the file counts as zero, to the zero of the target. Shape (4, 4)."""
+    """Displacement from home, which the file counts as zero, to the zero of the target. Shape (4, 4)."""
     for name in link.joints:
         joint, angle = target.joints[name], file.reading.joints[name].home - target.joints[name].home
         if angle != 0.0:

@@ -306,7 +306,7 @@ def recut(reading: Reading, cut: Cut | None) -> Reading:
 
 
 def _kept(reading: Reading) -> Reading:
-    """Without couplings and actuators of joints that are gone."""
+    """A reading without couplings and actuators of joints that are gone."""
     joints = {*reading.joints}
     return replace(
         reading,

@@ -44,7 +44,7 @@ class Feature:
     direction: Array
 
     def placed(self, T: Array) -> Feature:
-        """In another world. T: shape (4, 4)."""
+        """The feature in another world. T: shape (4, 4)."""
         return Feature(self.kind, T[:3, :3] @ self.point + T[:3, 3], T[:3, :3] @ self.direction)
 
 
@@ -83,7 +83,7 @@ class _Shape:
         self.matter = machine.bodies[body].matter
 
     def placed(self, T: Array) -> _Shape:
-        """In another world. T: shape (4, 4)."""
+        """The shape in another world. T: shape (4, 4)."""
         other = copy(self)
         other.points, other.ways = self.points @ T[:3, :3].T + T[:3, 3], self.ways @ T[:3, :3].T
         other.matter = displaced(self.matter, T)
@@ -129,7 +129,7 @@ class _Overlay:
         return np.asarray(np.linalg.norm(self.residuals(T), axis=1))
 
     def _gaps(self, T: Array) -> Array:
-        """As `gap` of each feature of A and the nearest one of B. Shape (n, 6)."""
+        """Gaps, as by `gap`, of each feature of A and the nearest one of B. Shape (n, 6)."""
         ours = self.ours
         if not self.unlike.size:
             return np.tile(np.append(1.0, np.zeros(5)), (len(ours.points), 1))

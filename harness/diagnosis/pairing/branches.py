@@ -96,7 +96,7 @@ def _retyped(a: Reading, b: Reading, pairing: Pairing) -> Iterator[str]:
 
 
 def bare(a: Reading, b: Reading, differences: Iterable[Difference]) -> tuple[Reading, Reading]:
-    """Both without the links that are `missing` in the other one: no part of their parents has their mass."""
+    """Readings without the links that are `missing` in the other one: no part of their parents has their mass."""
     for each in differences:
         if each.a is not None and (take := {"branch": without, "link": spliced}.get(each.what)):
             a = take(a, each.item_a) if each.item_a else a

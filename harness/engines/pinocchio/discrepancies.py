@@ -56,7 +56,7 @@ for file in sys.argv[1:]:
 
 
 def gaps(*texts: str) -> list[float]:
-    """By how much the first closure of each MJCF is open at home, where the frames of its two joints agree [m].
+    """Gap of the first closure of each MJCF at home, where the frames of its two joints agree [m].
 
     They are read in a process of its own, which Pinocchio's reader may crash: NaN from that file on.
     """
@@ -82,7 +82,7 @@ def inverse(model: pin.Model, q: Any = None, v: Any = 0.0, a: Any = 0.0) -> Arra
 
 
 def mass(model: pin.Model) -> float:
-    """As Pinocchio adds it up [kg]."""
+    """Total mass that Pinocchio computes [kg]."""
     return float(pin.computeTotalMass(model))
 
 
@@ -281,7 +281,7 @@ def _force(**how: Any) -> tuple[Array, Array]:
 
 
 def _on_coupler(bar: FourBar) -> Array:
-    """From the equations of motion of the tree: tau + J^T f = M a + h, J of coupler less rocker."""
+    """Force on the coupler from the equations of the open tree: tau + J^T f = M a + h, J of coupler less rocker."""
     model = four_bar(bar)
     tau = pin.rnea(model, model.createData(), np.zeros(3), bar.v, bar.a)
     tau[0] -= bar.torque

@@ -88,7 +88,7 @@ class BodyPoses:
         return np.asarray(np.einsum("nxi,nix->ni", self.screws, self.moves.T @ about))
 
     def _summed(self, screws: Array, v: Array, arms: Array) -> Array:
-        """Over the coordinates that move each body, about its origin: `arms` lead there."""
+        """Sums over the coordinates that move each body, about its origin: `arms` lead there."""
         moved = (screws * v[:, None]).reshape(-1, v.shape[1]) @ self.moves.T  # in one product of matrices
         V: Array = moved.reshape(len(v), 6, -1).swapaxes(1, 2)
         V[..., 3:] += cross(V[..., :3], arms)

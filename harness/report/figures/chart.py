@@ -143,7 +143,7 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
 
 
 def _still(node: Any) -> Any:
-    """Without what answers a reader, as points that are not seen."""
+    """Parts of a chart without what answers a reader, as points that are not seen."""
     if isinstance(node, list):
         return [_still(item) for item in node if not (isinstance(item, dict) and ("select" in item or _unseen(item)))]
     if not isinstance(node, dict):

@@ -66,7 +66,7 @@ def _banner(bench: Bench) -> Banner:
 
 
 def _cheapest(bench: Bench, quantity: str) -> list[Row]:
-    """For each error the quickest family: of those that close the loops, and of those given the joint motion."""
+    """The quickest family for each error: of those that close the loops, and of those given the joint motion."""
     lines = list[Row]()
     for given, start in STARTS.items():
         reached = [row for row in rows(reach(bench.rows)) if row["quantity"] == quantity and row["given"] is given]

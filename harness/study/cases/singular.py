@@ -317,7 +317,7 @@ def _four_bar_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
 
 
 def _slider_crank_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
-    """One in three has no offset: then the slide may rest."""
+    """Slider-cranks near a singular pose; one in three has no offset: then the slide may rest."""
     crank = float(rng.uniform(0.1, 0.2))
     offset = 0.0 if rng.random() < 1.0 / 3.0 else float(rng.uniform(0.05, 0.2))
     way = float(rng.uniform(0.5, 1.0))
