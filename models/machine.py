@@ -111,7 +111,7 @@ class Body:
 
     Attributes:
         members: Bodies of the reading that are one with it.
-        pose: World pose of the one that it is called after. Shape (4, 4).
+        pose: World pose of the one that it is named after. Shape (4, 4).
         local: Its matter in that frame; `matter` in the world.
         frames: Of all that is part of it, by name, in the world. Shape (4, 4) each.
     """

@@ -117,7 +117,7 @@ def implausible(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
-    """Sentences on the bodies that `too_wide` tells of, the rest being named in one where there are many."""
+    """Sentences on the bodies that `too_wide` reports, the rest being named in one where there are many."""
     sentences = {one.name: text for one in bodies if (text := too_wide(one))}
     if len(sentences) <= SHOWN:
         return (*sentences.values(),)

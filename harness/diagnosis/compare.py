@@ -26,7 +26,7 @@ from screwgauge.witness.dynamics import dynamics, inverse_dynamics
 from screwgauge.witness.kinematics import TreeMotion, move
 from screwgauge.witness.tree import FixedFrames, MassProperties, TreeStates
 
-#: How many states are drawn: more than the ten inertial parameters of a body need to be told apart.
+#: How many states are drawn: more than the ten inertial parameters of a body need to be distinguished.
 STATES = 40
 #: Velocities of a ball and of a free joint by name.
 _ENDS = {"hinge": ("",), "slide": ("",), "ball": (".x", ".y", ".z"), "free": (".wx", ".wy", ".wz", ".x", ".y", ".z")}

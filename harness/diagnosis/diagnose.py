@@ -149,7 +149,7 @@ def diagnose(
     limit: float = LIMIT,
     load: Read = in_process,
 ) -> Diagnosis:
-    """Compares two models; what it takes and raises is told at `screwgauge.api.diagnose`.
+    """Compares two models; what it takes and raises is described at `screwgauge.api.diagnose`.
 
     Args:
         a, b: Also `model.weighed` of a file where mass comes from meshes.

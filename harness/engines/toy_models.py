@@ -53,7 +53,7 @@ def body(name: str, inside: str = "", *, joint: str = "", at: str = "0 0 0", att
 
     Args:
         inside: Of its body, after the bar's own.
-        joint: Further attributes of its joint, which is called after it.
+        joint: Further attributes of its joint, which is named after it.
         at: Its place on its parent [m].
         attributes: Further ones of the body.
     """
@@ -85,7 +85,7 @@ def link(
 def joint(
     child: str, parent: str = "base", *, kind: str = "revolute", axis: str = "0 1 0", origin: str = "", inside: str = ""
 ) -> str:
-    """A joint of a URDF, called after its child.
+    """A joint of a URDF, named after its child.
 
     Args:
         origin: Attributes of its placement.

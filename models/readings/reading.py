@@ -56,7 +56,7 @@ class BodyReading:
         pose: World pose at the home coordinates. Shape (4, 4).
         gravcomp: Share of its weight that something compensates.
         fixed: Name of each link that is one with it -> frame of that link in the body's frame, shape (4, 4).
-        first: Link that the last of the joints carries; empty where that is the one that the body is called after.
+        first: Link that the last of the joints carries; empty where that is the one that the body is named after.
         parts: Name of each further link with mass or inertia that is one with it -> its matter, in the body's frame.
         copy_of: Body of a description of which this is a share, cut off to open a loop; empty of all others.
     """

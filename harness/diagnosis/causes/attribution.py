@@ -120,7 +120,7 @@ class Attribution:
         before: Largest torque difference, scaled, then where and how large: component, value and its unit.
         left: The same after all changes.
         share: Of the torque difference that all changes explain, by the root of the mean square.
-        causes: The one with the largest share first; then what torques do not tell, rounding, and what none shows.
+        causes: The one with the largest share first; then what torques do not determine, rounding, and what none shows.
         seen: Numbers of the differences that torques show; none where these agree.
         by_joint: Component, and its largest scaled difference before and after all changes.
     """

@@ -99,7 +99,7 @@ _Pair = tuple[str, Matter, Matter, dict[str, Array]]
 
 
 def _together(own: Mapping[int, Change], body: str, pairs: Sequence[_Pair]) -> Edit:
-    """All mass properties of a body that differ, told by those of its links."""
+    """All mass properties of a body that differ, stated by those of its links."""
     names, slips, values = list[str](), list[str](), list[Value]()
     for name, before, after, rotations in pairs:
         step, slips_of = steps_of(before, after), _slips(before, after, rotations)

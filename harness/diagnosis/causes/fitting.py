@@ -78,7 +78,7 @@ ALIKE = 1e-6
 STEP = 1e-6
 #: Fits that are refined, and by how many steps of Gauss and Newton at most.
 REFINED, STEPS = 8, 8
-#: Singular values below this share of the largest are directions that the torques do not tell.
+#: Singular values below this share of the largest are directions that the torques do not determine.
 SEEN = 1e-9
 #: What is left of the torque difference after some changes, over the largest torques. Shape (n n_freedom,).
 Left = Callable[[Sequence[Change]], Array]
@@ -106,7 +106,7 @@ class Fit:
     Attributes:
         changes: That make the torques what they are.
         share: Of the torque difference that is explained.
-        unseen: How many directions among its numbers the torques do not tell.
+        unseen: How many directions among its numbers the torques do not determine.
         alike: Names of others that explain as much and cannot be distinguished from it.
     """
 
@@ -209,7 +209,7 @@ def fitted(reading: Reading, states: TreeStates, torques: Array, causes: Sequenc
 
 
 def _step(cause: Family, left: Left, x: Array, there: Array) -> tuple[Array, int]:
-    """A step of Gauss and Newton from `x`, and how many directions it does not tell.
+    """A step of Gauss and Newton from `x`, and how many directions it does not determine.
 
     Args:
         there: What is left at `x`.

@@ -40,11 +40,11 @@ _NAMED = 3
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Differences that are told in one row.
+    """Differences that are stated in one row.
 
     Attributes:
         name: What of which parts; `sentence`: how they differ; `short`: the same of the first alone.
-        differences: Numbers of them, the one that is told first.
+        differences: Numbers of them, the one that is stated first.
         family: Common name of small ones of the same kind.
     """
 
@@ -62,7 +62,7 @@ class Grouping:
     Attributes:
         differences: All of them.
         b: The reading that their changes are of; `files`: of both models.
-        weight: How much a difference counts: of several in a row, the one that counts most is told.
+        weight: How much a difference counts: of several in a row, the one that counts most is stated.
         edits: That make them.
     """
 
@@ -301,7 +301,7 @@ class Grouping:
 
 
 def together(members: Sequence[Group]) -> Group:
-    """Groups of one family that differ in unlike ways, of which the first is told."""
+    """Groups of one family that differ in unlike ways, of which the first is stated."""
     first, numbers = members[0], _numbers(members)
     name = f"{first.family}, {len(numbers)} differences"
     sentence = f"{name}: {first.short}; and {len(numbers) - len(first.differences)} more"

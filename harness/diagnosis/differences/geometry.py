@@ -201,7 +201,7 @@ def matter_apart(a: BodyReading, b: BodyReading, D: Array, length: float) -> lis
 
 
 def _stands(common: Common, name: str, length: float) -> float | None:
-    """The coordinate by which a joint has to move to stand as in A, where the two machines as a whole tell that.
+    """The coordinate by which a joint has to move to stand as in A, where the two machines as a whole show that.
 
     None where they do not, or where what its body needs is more than its joints can do.
     """

@@ -133,7 +133,7 @@ def _counted(common: Common, name: str, what: str, values: tuple[object, object,
 
 
 def _as_its_zero(entry: Difference, shift: float) -> Difference:
-    """A place along a joint, told as a convention if it is the same place counted from another zero."""
+    """A place along a joint, stated as a convention if it is the same place counted from another zero."""
     if not shift or entry.a is None or entry.b is None:
         return entry
     off = np.abs(entry.b + shift - entry.a)[np.isfinite(entry.a) & np.isfinite(entry.b)]

@@ -64,7 +64,7 @@ def each_in_its_own(item: str, what: str, a: Array, b: Array, unit: str, axes: s
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Axes:
-    """Axes in which a turn or a way is told.
+    """Axes in which a rotation or a displacement is stated.
 
     Attributes:
         name: Whose they are, such as ``link3 in A``.
@@ -75,7 +75,7 @@ class Axes:
     R: Array
 
 
-#: Axes in which places are told where no body has any.
+#: Axes in which places are stated where no body has any.
 WORLD = Axes("the world in A", np.eye(3))
 #: A part of a step that is smaller than this share of the other one is rounding of that; so is a component of a vector.
 _SHARE = 1e-5
@@ -91,7 +91,7 @@ def place(item: str, what: str, step: Array, joint: JointReading, axes: Sequence
 
     Args:
         step: From A to B in A's world: rotation vector [rad] and way [m]. Shape (2, 3).
-        joint: A's; `axes`: to tell the step in.
+        joint: A's; `axes`: to state the step in.
         length: Size of the machine [m].
     """
     if what == "sign":

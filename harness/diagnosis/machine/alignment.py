@@ -25,7 +25,7 @@ NEAR, MANY = 0.01, 0.5
 MOST = 3.2
 #: Share of the machine's length, or of 1 rad, beyond which links of a part that fits nowhere are not taken for one.
 FAR = 0.1
-#: Cost of a joint that leads others beside one that follows: it tells fingers that are the same but for that.
+#: Cost of a joint that leads others beside one that follows: it distinguishes fingers that are the same but for that.
 UNLIKE = 0.5
 
 

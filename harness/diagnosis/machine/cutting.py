@@ -67,7 +67,7 @@ class Pointed:
     Attributes:
         joints: Their names, from the ground outwards.
         names: Of the points.
-        places: Near them, in the world: the link itself tells where. Shape (n, 3).
+        places: Near them, in the world: the link itself determines where. Shape (n, 3).
         partners: Joints of the other model's link; none of one that is closed by points there, too.
     """
 
@@ -200,7 +200,7 @@ def _cut(
 
 
 def _main(machine: Machine, body: str, names: Sequence[str]) -> str:
-    """The member that a body is called after: one of some names, or the heaviest."""
+    """The member that a body is named after: one of some names, or the heaviest."""
     bodies = machine.reading.bodies
     return max(machine.bodies[body].members, key=lambda name: (name in names, bodies[name].mass))
 

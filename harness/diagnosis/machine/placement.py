@@ -28,7 +28,7 @@ DISTINCT, ALIKE = 1e-3, 1e-6
 UPPER = np.triu_indices(3)
 #: How many candidates are fitted along a link, and the angles of its hinges from which [rad].
 FITTED, TURNS = 3, (0.0, 2.1, -2.1)
-#: Vectors across a hinge that are shorter tell no angle [lengths of the machine].
+#: Vectors across a hinge that are shorter determine no angle [lengths of the machine].
 FLAT = 1e-6
 #: Gauss-Newton: differences by which it differentiates, its largest step, and the residuals that count half.
 STEP, FAR = 1e-7, 0.7
@@ -90,7 +90,7 @@ class _Shape:
         return other
 
     def places(self) -> Iterator[tuple[str, Array, Array]]:
-        """Kind, point and direction (none of a point) of what tells where it is: all but directions."""
+        """Kind, point and direction (none of a point) of what shows where it is: all but directions."""
         yield from ((k, *pair) for k, *pair in zip(self.kinds, self.points, self.ways, strict=True) if k != "P")
         if self.matter.mass:
             yield "com", self.matter.com, np.zeros(3)
@@ -181,7 +181,7 @@ def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Arr
 def _further(
     a: Machine, b: Machine, links: tuple[Link, Link], overlay: _Overlay, tried: list[Array]
 ) -> Iterator[Array]:
-    """Placements where no candidate is exact: motions of the link, and by matter where no name tells either."""
+    """Placements where no candidate is exact: motions of the link, and by matter where names do not decide either."""
     if len(links[0].elements) <= 3 or links[0].kind == "F":
         elsewhere = links[0].near == GROUND and distance(a, links, np.eye(4)) > EXACT
         steps = _elsewhere(links[0]) if elsewhere else _freedoms(links[0])

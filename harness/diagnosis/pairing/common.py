@@ -174,7 +174,7 @@ def _unclashed(b: Reading, names: dict[str, dict[str, str]]) -> Reading:
 
 
 def _same(a: Mapping[str, object], b: Mapping[str, object], *, commanded: bool = False) -> dict[str, str]:
-    """Name in B -> name in A, of what is called alike and of the same joint or bodies, or else one of the two.
+    """Name in B -> name in A, of what has the same name and is of the same joint or bodies, or else one of the two.
 
     Args:
         a, b: Name -> what it is of.

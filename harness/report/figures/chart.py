@@ -58,7 +58,7 @@ def _filled(node: Any, values: Spec) -> Any:
 
 
 def ways(field: str, looks: Mapping[str, Look]) -> Spec:
-    """Values that tell things apart by a field: domain and ranges of scales, columns of the legend, clicks on it."""
+    """Values that distinguish things by a field: domain and ranges of scales, columns of the legend, clicks on it."""
     entry = max(map(len, looks), default=0) * LETTER + 42
     kinds = {kind: [getattr(look, kind) for look in looks.values()] for kind in ("colour", "dash", "shape")}
     return {

@@ -55,7 +55,7 @@ _FULL = ("pinocchio-full", "mujoco-full")
 _TREE = "the wrist's angles, which lock here, are coordinates of its tree"
 _IMPLICIT = "all coordinates are solved for, and the third rotation, which vanishes, is divided by the distance"
 _SMALL = "the leg's direction is a small difference of lengths, whose rounding is divided by the distance"
-#: How far a motion in a leads past the lock of leg 4 [rad], and the angles that tell the assemblies of that leg.
+#: How far a motion in a leads past the lock of leg 4 [rad], and the angles that distinguish the assemblies of that leg.
 FAR, _ANGLES = 1.2, ("leg4.q1", "leg4.q2")
 _FORCE = "actuator_force"
 #: Angular velocity and acceleration of (a, b), without symmetry.
