@@ -106,7 +106,7 @@ def diagnose(
     Args:
         a, b: URDF, MJCF or description (a built-in name or a path), or ``FILE@LIBRARY`` as ``pinocchio``, ``mujoco`` or
             ``yourdfpy`` reads it.
-        map: Joints and bodies of A with those of B where names and geometry do not tell, or a TOML file of them.
+        map: Joints and bodies of A with those of B where names and geometry do not decide, or a TOML file of them.
         seed: Of the random states.
         matrix: Read both files by all libraries, too.
         loops: What closes the loops of URDFs where that does not lie beside them, ``robot.yaml`` or ``.loops.toml``:

@@ -69,7 +69,7 @@ class GivenMotion(_ReadOnly):
         return GivenMotion(self.t[rows], self.y[rows], self.yd[rows], self.ydd[rows], self.drive)
 
     def ordered(self, columns: list[int]) -> GivenMotion:
-        """The same with the independent coordinates in another order."""
+        """The motion with its independent coordinates in another order."""
         drive = None if self.drive is None else _Reordered(self.drive, tuple(columns))
         return GivenMotion(self.t, self.y[:, columns], self.yd[:, columns], self.ydd[:, columns], drive)
 
@@ -142,7 +142,7 @@ class InitialValue(_ReadOnly):
         return self.t if self.t[0] == self.since else np.concatenate([[self.since], self.t])
 
     def ordered(self, columns: list[int]) -> InitialValue:
-        """The same with the independent coordinates in another order."""
+        """The initial value with its independent coordinates in another order."""
         return replace(self, start=self.start[columns], rates=self.rates[columns])
 
 

@@ -123,7 +123,7 @@ class Solution:
     otherwise: tuple[str, ...] = ()
 
     def arranged(self, order: Mapping[str, tuple[str, ...]]) -> Solution:
-        """The same with the components of some quantities in another order."""
+        """The solution with the components of some quantities in another order."""
         moved = {name: order[name] for name in {*order} & {*self.values} if order[name] != self.values[name].components}
         values = {name: self.values[name].pick(components) for name, components in moved.items()}
         radius = {

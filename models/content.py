@@ -81,7 +81,7 @@ class Content:
         return f"{self.what}{self.whose}"
 
     def renamed(self, names: Mapping[str, Mapping[str, str]]) -> Content:
-        """By other names of what it acts on. `names`: room -> name -> other name."""
+        """Content with other names for what it acts on. `names`: room -> name -> other name."""
         of = sorted((room, names.get(room, {}).get(name, name), share) for room, name, share in self.of)
         return replace(self, of=tuple(of))
 
@@ -158,8 +158,7 @@ def element_tables() -> Mapping[str, Any]:
 
 
 def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
-    """All of them in a file that can be read, those that have no effect (damping 0, the limits of the description) left
-    out.
+    """Extras of a file that can be read, without those of no effect (damping 0, the limits of the description).
 
     Args:
         form: ``urdf`` or ``mjcf``.
@@ -216,7 +215,7 @@ def _limits(mechanism: Mechanism) -> dict[str, dict[str, str]]:
 
 @dataclass(frozen=True, slots=True)
 class _ElementWalk:
-    """Goes through a file.
+    """A walk through the elements of a file.
 
     Attributes:
         table: Of its format.
@@ -270,7 +269,7 @@ class _ElementWalk:
         return next((kind for kind, names in kinds.items() if names and every & {*names}), "unknown")
 
     def _attributes(self, kind: str, parent: str, tag: str) -> list[str] | None:
-        """Those that the table has of a kind; None if it does not have the element."""
+        """Attributes that the table has of a kind; None if it does not have the element."""
         entries = self.table.get(kind, {})
         names = entries.get(f"{parent}/{tag}", entries.get(tag))
         return None if names is None else names.split()

@@ -203,7 +203,7 @@ def rehomed(
         q: Joint -> its coordinates, see `Tree`; the others stay.
 
     Returns:
-        The reading, and how what is before each joint, and each body, is displaced. Shape (4, 4) each.
+        The reading, and how the parent of each joint, and each body, is displaced. Shape (4, 4) each.
     """
     if not q:
         still = np.eye(4)
@@ -225,7 +225,7 @@ def rehomed(
 
 
 def _displacement(R: Array, p: Array, new_R: Array, new_p: Array) -> Array:
-    """From one pose to another; none at all of what has not moved."""
+    """Displacement from one pose to another; none at all of what has not moved."""
     if np.array_equal(R, new_R) and np.array_equal(p, new_p):
         return np.eye(4)
     turn = new_R @ R.T

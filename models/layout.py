@@ -93,7 +93,7 @@ class Closure:
     child_frame: Frame
 
     def facing(self, joint: Joint) -> Closure:
-        """The same with its parent on the joint's parent side; of a weld, on that of the original."""
+        """The closure with its parent on the joint's parent side; of a weld, on that of the original."""
         copy = f"@{self.joint}"
         if not (self.parent.endswith(copy) if self.type == "weld" else self.parent == joint.child):
             return self

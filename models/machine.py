@@ -47,7 +47,7 @@ class Element:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the joint or the closures."""
+        """Names of the joint or the closures."""
         return (self.joint,) if self.joint else self.closures
 
     @property
@@ -56,7 +56,7 @@ class Element:
         return self.screw[3:] if self.kind == "slide" else self.screw[:3]
 
     def reversed(self) -> Element:
-        """The same seen from its other side."""
+        """The element seen from its other side."""
         return replace(self, screw=-self.screw, turned=not self.turned)
 
 
@@ -83,7 +83,7 @@ class Link:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all joints and closures, from the near body outwards."""
+        """Names of all joints and closures, from the near body outwards."""
         return tuple(name for each in self.elements for name in each.names)
 
     @property
@@ -92,12 +92,12 @@ class Link:
         return all(each.joint for each in self.elements)
 
     def reversed(self) -> Link:
-        """The same seen from its other body."""
+        """The link seen from its other body."""
         elements = tuple(each.reversed() for each in self.elements[::-1])
         return replace(self, near=self.far, far=self.near, elements=elements)
 
     def of(self, body: str) -> Link:
-        """The same seen from one of its bodies."""
+        """The link seen from one of its bodies."""
         return self if body == self.near else self.reversed()
 
     def joins(self, body: str) -> bool:
@@ -111,7 +111,7 @@ class Body:
 
     Attributes:
         members: Bodies of the reading that are one with it.
-        pose: World pose of the one that it is called after. Shape (4, 4).
+        pose: World pose of the one that it is named after. Shape (4, 4).
         local: Its matter in that frame; `matter` in the world.
         frames: Of all that is part of it, by name, in the world. Shape (4, 4) each.
     """
@@ -228,7 +228,7 @@ def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, s
 
 
 def _point(reading: Reading, closure: ClosureReading) -> Array:
-    """Where a closure is at home, on its first body."""
+    """Position of a closure at home, on its first body."""
     pose = np.eye(4) if closure.first == GROUND else reading.bodies[closure.first].pose
     return np.asarray((pose @ closure.first_frame)[:3, 3])
 
@@ -262,7 +262,7 @@ def _body(reading: Reading, owner: Mapping[str, str], name: str) -> Body:
 
 
 def contracted(machine: Machine, carriers: Iterable[str]) -> Machine:
-    """With the two links of each carrier as one, if a joint can have so many freedoms, and all links with their kinds.
+    """A machine with the two links of each carrier as one, if a joint can have so many freedoms; links by kind.
 
     Args:
         carriers: Bodies without mass; those that have other than two links stay.

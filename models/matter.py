@@ -17,7 +17,7 @@ NOTHING = Matter(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
 def of_body(body: BodyReading) -> Matter:
-    """That of a body."""
+    """Mass properties of a body."""
     return Matter(body.mass, body.com, body.inertia)
 
 
@@ -28,7 +28,7 @@ def relative(near: Array, far: Array) -> Array:
 
 
 def displaced(matter: Matter, T: Array) -> Matter:
-    """The same in another frame, or displaced in its own.
+    """Mass properties in another frame, or displaced in their own.
 
     Args:
         T: From the frame of `matter` to the other. Shape (4, 4).

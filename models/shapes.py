@@ -102,7 +102,7 @@ def colour_of(i: int) -> str:
 
 
 def shapes(mechanism: Mechanism) -> list[Shape]:
-    """All of them."""
+    """Shapes of a mechanism."""
     unit, index, points = length(layout(mechanism)), mechanism.body_index, ends(mechanism)
     drawn: list[Shape] = []
     for body in mechanism.bodies:
@@ -118,7 +118,7 @@ def shapes(mechanism: Mechanism) -> list[Shape]:
 
 
 def placed(mechanism: Mechanism, at: Pose | None = None) -> list[Shape]:
-    """The same in the world, at home or at another pose (one sample)."""
+    """Shapes in the world, at home or at another pose (one sample)."""
     lay = layout(mechanism)
     at, unit, drawn = at or pose(lay, mechanism.home[None]), length(lay), list[Shape]()
     for one in shapes(mechanism):
@@ -209,7 +209,7 @@ def mark(joint: Joint) -> tuple[str, Array]:
 
 
 def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Iterator[Shape]:
-    """Its axes, each in the body that carries it, marked where it is driven or cut."""
+    """Axes of a joint, each in the body that carries it, marked where it is driven or cut."""
     colour, name, (body, place) = DRIVEN if joint.actuated else PLAIN, joint.name, mark(joint)
     first, at = parent if body == joint.parent else child, place / unit
     second = child if joint.angles == 2 else first

@@ -51,7 +51,7 @@ class Coupling:
         return coefficients
 
     def scaled(self, unit: float, of_unit: float) -> Coupling:
-        """The same where the two coordinates are counted in other units."""
+        """The coupling where the two coordinates are counted in other units."""
         powers = np.array([of_unit**k / unit for k in range(len(self.polynomial))])
         return Coupling(self.name, self.coordinate, self.of, self.polynomial * powers, self.where)
 
@@ -76,7 +76,7 @@ class CouplingRows:
         return [column for column, _ in self.pairs]
 
     def derivatives(self, q: NDArray[Any], order: int) -> list[tuple[int, int | None, Any]]:
-        """For each coupling ``q_i = p(q_j)``: columns i and j, and a derivative of p at q_j.
+        """Columns i and j of each coupling ``q_i = p(q_j)``, and a derivative of p at q_j.
 
         Args:
             q: Coordinates, any numbers. Shape (..., n_q).

@@ -50,7 +50,7 @@ class ScrewgaugeError(Exception):
         self.what, self.where, self.remedy = what, where, remedy
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """As it is: children are made from other facts."""
+        """Pickles the error as it is: children are made from other facts."""
         return Exception.__new__, (type(self), str(self)), vars(self)
 
 

@@ -65,7 +65,7 @@ class Layout:
 
     @cached_property
     def loop(self) -> Array:
-        """The same for the loop of each cut joint: parent's path + joint - child's path. Shape (n_cut, n_q)."""
+        """Signs in the loop of each cut joint: parent's path + joint - child's path. Shape (n_cut, n_q)."""
         index = self.mechanism.body_index
         loop = np.zeros((len(self.cuts), self.path.shape[1]), dtype=self.path.dtype)
         for row, joint in zip(loop, self.cuts, strict=True):

@@ -80,7 +80,7 @@ def inverted(A: Array) -> tuple[Array, Array]:
 
 
 def inverted_along(A: Array) -> tuple[Array, Array]:
-    """The same of matrices that change little from each to the next, where they are square. Shape (n, m, m).
+    """Inverses and condition numbers of matrices that change little from each to the next, if square. (n, m, m).
 
     One of `EVERY` is inverted, the others follow by Schulz's iteration, ``X + X E + X E^2`` with ``E = 1 - A X``, in
     blocks of cache size.

@@ -117,7 +117,7 @@ def implausible(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
-    """Sentences on the bodies that `too_wide` tells of, the rest being named in one where there are many."""
+    """Sentences on the bodies that `too_wide` reports, the rest being named in one where there are many."""
     sentences = {one.name: text for one in bodies if (text := too_wide(one))}
     if len(sentences) <= SHOWN:
         return (*sentences.values(),)
@@ -126,7 +126,7 @@ def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
 
 
 def solids(mechanism: Mechanism) -> Iterator[Solid]:
-    """Its bodies that have mass."""
+    """Bodies of a mechanism that have mass."""
     ends, heavy = _ends(mechanism), [body for body in mechanism.bodies if body.mass]
     places = [(name, end.frame.p) for name, its in ends.items() for end in its]
     extent = _spread(mechanism, [*places, *((body.name, body.com) for body in heavy)])
@@ -159,7 +159,7 @@ def too_wide(body: Solid) -> str:
 
 
 def hinges(mechanism: Mechanism) -> Iterator[Hinge]:
-    """Its angles; not those that gears and screws turn, nor those of free bodies."""
+    """Angles of a mechanism; not those that gears and screws turn, nor those of free bodies."""
     tied = {name for one in mechanism.couplings for name in (one.coordinate, one.of)}
     for joint in mechanism.joints:
         for (turns, _), name, home, (low, high) in zip(
@@ -220,7 +220,7 @@ def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator
 
 
 def _distance(p: Array, a: Array, b: Array) -> float:
-    """From a point to a segment."""
+    """Distance from a point to a segment."""
     along = b - a
     share = np.clip((p - a) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
     return float(np.linalg.norm(p - a - share * along))

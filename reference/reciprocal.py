@@ -233,7 +233,7 @@ def elements(system: Array, near: Array, unit: float = 1.0) -> tuple[Element, ..
 
 
 def _without_pitch(E: Array, points: Array, h: Array) -> tuple[Array, Array, Array]:
-    """The same system by lines without pitch, if pitches of its principal screws have both signs.
+    """A screw system by lines without pitch, if pitches of its principal screws have both signs.
 
     Two screws of pitches ``h1 < 0 < h2`` that meet at right angles span two such lines.
     """

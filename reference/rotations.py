@@ -179,7 +179,7 @@ def within_half_turn(angles: Array) -> Array:
 
 
 def nearest_turn(angles: Array, near: Array) -> Array:
-    """The same angles, whole turns added so that they come near to others. Any shape."""
+    """Angles with whole turns added so that they come near to others. Any shape."""
     return np.asarray(angles + TURN * np.round((near - angles) / TURN))
 
 

@@ -26,7 +26,7 @@ from screwgauge.witness.dynamics import dynamics, inverse_dynamics
 from screwgauge.witness.kinematics import TreeMotion, move
 from screwgauge.witness.tree import FixedFrames, MassProperties, TreeStates
 
-#: How many states are drawn: more than the ten inertial parameters of a body need to be told apart.
+#: How many states are drawn: more than the ten inertial parameters of a body need to be distinguished.
 STATES = 40
 #: Velocities of a ball and of a free joint by name.
 _ENDS = {"hinge": ("",), "slide": ("",), "ball": (".x", ".y", ".z"), "free": (".wx", ".wy", ".wz", ".x", ".y", ".z")}
@@ -109,7 +109,7 @@ class _Moved:
     motion: TreeMotion
 
     def torques(self, tree: ReadingTree) -> Array:
-        """Of a tree that moves alike."""
+        """Torques of a tree in the same motion."""
         return inverse_dynamics(tree, self.states, replace(self.motion, tree=tree)) @ self.C
 
     def changed(self, b: Reading) -> ReadingTree | None:
@@ -242,7 +242,7 @@ class Order:
 
 
 def order_of(models: tuple[Model, Model], pairing: Pairing, seed: int) -> Order | None:
-    """Of the joints that two models have in common; None where it is the same, or a description has none."""
+    """Orders of the joints that two models share; None where they agree, or a model is a description."""
     if any(model.library == "screwgauge" for model in models):
         return None
     a, b = (model.reading for model in models)

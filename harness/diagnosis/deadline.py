@@ -19,7 +19,7 @@ class Deadline:
 
     Attributes:
         seconds: From now on [s].
-        clock: Tells the time [s].
+        clock: Returns the time [s].
         left_out: What there was no time for.
 
     Raises:

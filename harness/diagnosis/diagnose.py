@@ -106,7 +106,7 @@ class Diagnosis:
 
     @property
     def exit_status(self) -> int:
-        """Of the command: 0 the same, 1 different or not all compared, 3 a library failed or time was over."""
+        """Exit status: 0 the same, 1 different or not all compared, 3 a library failed or time was over."""
         if self.left_out or any(witness.failed for witness in self.witnesses):
             return 3
         return 0 if self.same else 1
@@ -121,7 +121,7 @@ class Diagnosis:
 
     @property
     def not_fixed(self) -> tuple[str, ...]:
-        """What the file that `write_fix` writes does not put right, and why."""
+        """What the file that `write_fix` writes does not correct, and why."""
         alone = [f"no change of B's file is known for this: {d.sentence}" for d in self.differences if d.change is None]
         return (*(self.fix.why_not if self.fix else ()), *alone)
 
@@ -149,7 +149,7 @@ def diagnose(
     limit: float = LIMIT,
     load: Read = in_process,
 ) -> Diagnosis:
-    """Compares two models; what it takes and raises is told at `screwgauge.api.diagnose`.
+    """Compares two models; what it takes and raises is described at `screwgauge.api.diagnose`.
 
     Args:
         a, b: Also `model.weighed` of a file where mass comes from meshes.
@@ -181,12 +181,12 @@ def diagnose(
 
 
 def _and(diagnosis: Diagnosis, sentence: str) -> Diagnosis:
-    """With another sentence at the end of its explanation."""
+    """A diagnosis with another sentence at the end of its explanation."""
     return replace(diagnosis, explanation=f"{diagnosis.explanation} {sentence}".strip())
 
 
 def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadline: Deadline) -> Diagnosis:
-    """Of two models of one machine."""
+    """Diagnosis of two models of one machine."""
     lost = [*missing(a.reading, b.reading, pairing)]
     ours, theirs = bare(a.reading, b.reading, lost)
     # what B has beyond A shows in its torques and can be taken away; without what A has beyond B both are compared
@@ -247,7 +247,7 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
 
 
 def _numbered(attribution: Attribution, facts: Sequence[Difference]) -> Attribution:
-    """With numbers of distinct differences."""
+    """An attribution whose differences are numbered among the distinct ones."""
     numbers = {each.sentence: i for i, each in enumerate(distinct(facts))}
 
     def distinctly(some: Sequence[int]) -> tuple[int, ...]:
@@ -258,8 +258,8 @@ def _numbered(attribution: Attribution, facts: Sequence[Difference]) -> Attribut
 
 
 def _stated(facts: Sequence[Difference], models: tuple[Model, Model], bound: Loops | None) -> list[Difference]:
-    """Without limits that a description, or a model file compared with it, lacks; and without closures that one alone
-    has, and places of closures that are made to cut it elsewhere, where these leave the same motions.
+    """Facts without limits that a description, or a model file compared with it, lacks; and without closures that
+    one alone has, and places of closures that are made to cut it elsewhere, where these leave the same motions.
     """
     if bound is not None and bound.alike and bound.mobility[0]:
         recut = any(model.cut is not None for model in models)

@@ -34,7 +34,7 @@ _UNKNOWN = {"flexible bodies", "plugins"}
 def answers(
     path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False, whole: bool = False
 ) -> Answers:
-    """Of one library on a file, at states of the tree that it reads from it.
+    """Answers of one library on a file, at states of the tree that it reads from it.
 
     Args:
         whole: With all that acts as the file is loaded, also what no reading holds.
@@ -144,7 +144,7 @@ class LibraryCheck:
         omits: What its inverse dynamics do not contain; `adds`: what they contain besides inertia and weight.
         failed: Why it has no answer; empty if it has.
         fits: Changes of the model that would give torques like the library's, and the share of their
-            difference that this explains; the best, and those that cannot be told from it.
+            difference that this explains; the best, and those that cannot be distinguished from it.
         growth: Of the largest difference with speed; None where there is none, or not at speed alone.
     """
 

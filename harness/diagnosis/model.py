@@ -88,7 +88,7 @@ class Model:
         return recut(with_loops(reading, self.loops) if self.loops else reading, self.cut)
 
     def cut_at(self, cut: Cut | None) -> Model:
-        """With its loops cut elsewhere."""
+        """The model with its loops cut elsewhere."""
         if cut is None:
             return self
         return replace(self, cut=cut, as_read=self.as_read or self.reading, reading=recut(self.reading, cut))
@@ -230,7 +230,7 @@ def alike(a: Model, b: Model, load: Read = in_process) -> tuple[Model, Model]:
 
 
 def cut_alike(a: Model, b: Model, given: Mapping[str, str] | None) -> tuple[Model, Model, Pairing]:
-    """Both with their loops cut at the same links, and their partners."""
+    """Models with their loops cut at the same links, and the pairing of their parts."""
     pairing = paired(a.reading, b.reading, given)
     same = congruent(a.reading, b.reading, pairing)
     if same and coincident(a.reading, b.reading, pairing):

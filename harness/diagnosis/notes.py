@@ -41,7 +41,7 @@ def notes(
     *,
     compared: bool,
 ) -> tuple[str, ...]:
-    """All of them, a sentence each.
+    """Notes on two models, a sentence each.
 
     Args:
         of_loops: What is to be sides_of of loops; `compared`: they are, at closed states.
@@ -183,7 +183,7 @@ def one_file(models: tuple[Model, Model]) -> bool:
 
 
 def unused(models: tuple[Model, Model], differences: Sequence[Difference]) -> Iterator[str]:
-    """Of one file: what one library reads and the other ignores; a sentence each."""
+    """Notes on what one library reads from a file and the other ignores, a sentence each."""
     for k, model in enumerate(models if one_file(models) else ()):
         whats = [
             each.what for each in differences if each.what in OPTIONAL and _left_out((each.a, each.b), k, each.what)

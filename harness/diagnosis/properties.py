@@ -110,9 +110,9 @@ def _hanging(nouns: str, less: Callable[[Reading, str], Reading]) -> Property:
 
 #: Name -> property. Poses, axes and points are those in the world at home, as everywhere in a reading.
 #: ``pose`` of a body is that of its own frame alone, its matter with it; ``placement`` of a joint is the displacement
-#: of the joint and of all outwards of it; ``axis`` and ``centre`` move the screw alone; ``zero`` is the coordinate at
+#: of the joint and of all beyond it; ``axis`` and ``centre`` move the screw alone; ``zero`` is the coordinate at
 #: home; ``sign`` -1 counts the coordinate the other way, limits and rest with it; ``branch`` 0 takes a joint away and
-#: all outwards of it, ``link`` 0 a joint and the body that it moves: what hangs on that hangs on what is before it.
+#: all beyond it, ``link`` 0 a joint and the body that it moves: what hangs on that hangs on its parent.
 #: ``inertia`` is about the centre of mass in the axes of the body. ``softness`` is also that of a coupling.
 PROPERTIES: dict[str, Property] = {
     "mass": _matter((), "kg", nouns="masses", scales=True, units=MASS, slips=mass_slips),
@@ -194,7 +194,7 @@ def words(what: str) -> str:
 
 
 def unit_of(what: str, joint: JointReading | None = None) -> str:
-    """Of a property, by what the joint does."""
+    """Unit of a property, by what the joint does."""
     turns, _, slides = PROPERTIES[what].unit.partition("|")
     unit = slides if slides and joint is not None and joint.kind == "slide" else turns
     return "" if unit == "1" else unit

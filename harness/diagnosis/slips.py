@@ -159,7 +159,7 @@ def _reordered(I: Array, names: Sequence[str], others: Sequence[str]) -> Array:
 
 
 def _turned(a: Array, b: Array) -> str:
-    """Of tensors with the same principal moments."""
+    """Rotation between two tensors with the same principal moments, in words; empty if these differ."""
     (one, V), (two, W) = np.linalg.eigh(a), np.linalg.eigh(b)
     if np.abs(one - two).max() > LEFT * np.abs(b - a).max():
         return ""

@@ -157,7 +157,7 @@ def _side(model: Model, common: Common, side: str) -> _Side:
 
 
 def _torques(first: _Side, second: _Side, seed: int) -> tuple[Array, Array, Array] | None:
-    """Of both, along the velocities that loops leave, and of the first one's open tree, in its terms. (n, n_freedom).
+    """Torques of both along velocities that loops leave, and of the first one's open tree, in its terms (n, n_freedom).
 
     Where loops are nearly singular both count for less; where they are locked, the open tree is compared.
     """
@@ -205,7 +205,7 @@ def _tau(side: _Side, states: TreeStates) -> Array:
 
 
 def _common_part(side: _Side, states: TreeStates) -> TreeStates:
-    """In common terms, of a model that has no other joints."""
+    """States of a model in common terms, without joints that the other one lacks."""
     back, q = np.linalg.inv(side.turned), home(side.common.reading).q.repeat(len(states.q), axis=0)
     for there, own, before, after in side.placed:
         inverse = (np.asarray(np.linalg.inv(T)) for T in (before, after))
@@ -214,7 +214,7 @@ def _common_part(side: _Side, states: TreeStates) -> TreeStates:
 
 
 def _own_part(side: _Side, states: TreeStates) -> tuple[TreeStates, NDArray[np.bool_]]:
-    """As the model counts and turns, and which states its loops close at: joints that are cut follow the others."""
+    """States as the model counts and turns, and at which its loops close: joints that are cut follow the others."""
     tree, n = side.own, len(side.turned)
     q = home(tree.reading).q.repeat(len(states.q), axis=0)
     for there, own, before, after in side.placed:

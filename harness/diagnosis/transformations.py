@@ -71,7 +71,7 @@ def without(reading: Reading, joint: str) -> Reading:
 
 
 def spliced(reading: Reading, joint: str) -> Reading:
-    """A reading without the body that a joint moves; what hangs on that hangs, where it is, on what was before it."""
+    """A reading without the body that a joint moves; what hangs on that hangs, where it is, on its parent."""
     name = reading.moved_by(joint)
     gone = reading.bodies[name]
     bodies = {n: replace(b, near=gone.near) if b.near == name else b for n, b in reading.bodies.items()}
@@ -168,7 +168,7 @@ def _shown(part: BodyReading) -> bool:
 
 
 def _own(part: BodyReading) -> Matter:
-    """That of the link that a body is called after."""
+    """Mass properties of the link that a body is named after."""
     return reduce(lambda left, other: combined(left, other, -1.0), part.parts.values(), of_body(part))
 
 

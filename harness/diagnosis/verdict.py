@@ -145,12 +145,12 @@ def _soft(soft: Attribution) -> str:
 
 
 def stopped(limit: float, left_out: Sequence[str]) -> str:
-    """Of a diagnosis that met its time limit."""
+    """Verdict of a diagnosis that met its time limit."""
     return f"Stopped after {limit:g} s (--limit), without: {first_few(left_out, _NAMED)}."
 
 
 def partly(models: tuple[Model, Model], pairing: Pairing) -> str:
-    """Of two models of which less than half has a partner."""
+    """Verdict on two models of which less than half of the joints have a partner."""
     a, b = (len(model.reading.joints) for model in models)
     by = "the map" if "given" in pairing.how.values() else "their names"
     return (
@@ -166,7 +166,7 @@ def _pairs(pairing: Pairing) -> str:
 
 
 def strange(models: tuple[Model, Model], pairing: Pairing) -> tuple[str, str]:
-    """Of two models that are not of one machine."""
+    """Verdict and explanation for two models that are not of one machine."""
     a, b = (len(model.reading.joints) for model in models)
     more = f" Partners are {_pairs(pairing)}." if pairing.joints else ""
     return (
@@ -179,7 +179,7 @@ def strange(models: tuple[Model, Model], pairing: Pairing) -> tuple[str, str]:
 def _alike(
     models: tuple[Model, Model], why: Attribution, beyond: Beyond, both: Together | None, *, alone: bool
 ) -> list[str]:
-    """That all that is compared is the same; `alone`: and nothing else differs."""
+    """Verdict that all that is compared is the same; `alone`: and nothing else differs."""
     reading = models[0].reading
     joints, bodies = len(reading.joints), len(reading.bodies)
     count = f"{joints} joint{'s' * (joints != 1)} and {bodies} bod{'y' if bodies == 1 else 'ies'}"
@@ -241,7 +241,7 @@ def _as_growth(why: Explanation) -> str:
 
 
 def _of_tree(differences: Sequence[Difference], seen: Sequence[int]) -> str:
-    """Where closures or couplings are among what is not seen."""
+    """Phrase that limits a verdict to the open tree, where closures or couplings are not seen."""
     closed = any(each.what in CLOSING for i, each in enumerate(differences) if i not in seen)
     return " of the open tree" if closed else ""
 

@@ -68,7 +68,7 @@ class Trust:
 
     @classmethod
     def unknown(cls, n: int) -> Trust:
-        """That of n samples of which nothing is known yet."""
+        """Error estimate of n samples of which nothing is known yet."""
         return cls(*np.full((3, n), np.nan))
 
     def doubtful(self, slack: float = 1.0) -> Rows:
@@ -80,7 +80,7 @@ class Trust:
         return rows
 
     def with_rows(self, rows: Rows, other: Trust) -> Trust:
-        """The same, with that of another solution at some samples."""
+        """Error estimate that takes some samples from another solution."""
 
         def merged(mine: Array | float, others: Array | float) -> Array:
             both = mine + np.zeros(len(self.condition))
@@ -199,7 +199,7 @@ def vanishing(values: Mapping[str, Array], trust: Trust, units: Units, length: f
 def _by_unit(
     array: Array, units: Sequence[str], trust: Trust, length: float
 ) -> Iterator[tuple[str, list[int], Array, Array, Array]]:
-    """Of each unit of a quantity: it, its columns, and at each sample the size of its numbers.
+    """Each unit of a quantity, with its columns, and the size of its numbers at each sample.
 
     First alone, then with their summands, then with those that are numbers of another unit, of which they are made.
     """
@@ -281,7 +281,7 @@ def by_powers(name: str, trust: Trust) -> Scalar:
 
 
 def amplified(name: str, trust: Trust) -> Scalar:
-    """By what rounding is multiplied in a well-conditioned sample."""
+    """Factor by which rounding is amplified in a well-conditioned sample."""
     g = apply("max", trust.gain, 1.0)
     if name in OF_JOINTS:
         g = apply("max", g, trust.charts)

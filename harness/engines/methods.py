@@ -27,14 +27,14 @@ ENDLESS = 1e6
 
 
 class Pace:
-    """Tells steps that have shrunk for good from those of a fast phase of the motion, at any size of either.
+    """Distinguishes steps that have shrunk for good from those of a fast phase of the motion, at any size of either.
 
     Next to some singular poses accelerations vary with rounding, or with what an engine regularises, over ways that no
     motion has: the error is within tolerance only in steps so short that they lead nowhere, and nothing ends them.
     """
 
     def __init__(self, method: str, tolerance: float, end: float) -> None:
-        """Of a method with the tolerance of its steps; `end`: of the motion [s]."""
+        """Watches the steps of a method with a tolerance until the `end` of the motion [s]."""
         self.end, self.window = end, int(PHASES * tolerance ** (-1.0 / ORDER[method]))
         self.times: deque[float] = deque(maxlen=self.window)
 

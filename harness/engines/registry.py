@@ -170,7 +170,7 @@ def get_engine(name: str) -> Engine:
 
 
 def not_loaded(names: Iterable[str]) -> dict[str, EntryPoint]:
-    """Of these names, entries of other packages whose engines are not loaded yet."""
+    """Entries of other packages among these names whose engines are not loaded yet."""
     return {name: _plugins()[name] for name in names if name in _plugins() and _plugins()[name] not in _LOADED}
 
 

@@ -53,7 +53,7 @@ def body(name: str, inside: str = "", *, joint: str = "", at: str = "0 0 0", att
 
     Args:
         inside: Of its body, after the bar's own.
-        joint: Further attributes of its joint, which is called after it.
+        joint: Further attributes of its joint, which is named after it.
         at: Its place on its parent [m].
         attributes: Further ones of the body.
     """
@@ -85,7 +85,7 @@ def link(
 def joint(
     child: str, parent: str = "base", *, kind: str = "revolute", axis: str = "0 1 0", origin: str = "", inside: str = ""
 ) -> str:
-    """A joint of a URDF, called after its child.
+    """A joint of a URDF, named after its child.
 
     Args:
         origin: Attributes of its placement.
@@ -148,12 +148,12 @@ class FourBar:
 
     @property
     def a(self) -> Array:
-        """Their accelerations [rad/s^2]. Shape (3,)."""
+        """Accelerations of the tree's coordinates [rad/s^2]. Shape (3,)."""
         return self._tree @ self._rates[1]
 
     @cached_property
     def torque(self) -> float:
-        """Of the motor at the crank [N m]: power of inertia and weight per speed of the crank."""
+        """Torque of the motor at the crank [N m]: power of inertia and weight per speed of the crank."""
         omega, alpha = self._rates
         arms = np.array([[0.5, 0.0, 0.0], [1.0, 0.5, 0.0], [0.0, 0.0, 0.5]]) * self.lengths
         v = (arms * omega) @ self.across
@@ -167,7 +167,7 @@ class FourBar:
         return np.array([*(self.tip - self.elbow), 0.0]), np.array([*(self.tip - self.base), 0.0])
 
     def mjcf(self, closure: str = '<connect site1="coupler" site2="rocker"/>') -> str:
-        """As an MJCF with sites at both ends."""
+        """MJCF of the four-bar with sites at both ends."""
         coupler, rocker = (f'pos="{numbers(end)}"' for end in self.ends)
         second = self._body(1, "b", self.elbow, f'<site name="coupler" {coupler}/>')
         first = self._body(0, "a", np.zeros(2), second)

@@ -39,7 +39,7 @@ def families() -> list[str]:
 
 @cache
 def _folder() -> TemporaryDirectory[str]:
-    """Goes away with the process."""
+    """Temporary folder, which is deleted when the process ends."""
     return TemporaryDirectory(prefix="screwgauge-random-")
 
 

@@ -66,7 +66,7 @@ def _loop(s: Sketch, kinds: str) -> None:
 
 
 def _mixed_loop(s: Sketch) -> None:
-    """Any joints, of one or two freedoms."""
+    """Draws a loop of any joints, of one or two freedoms."""
     kinds = ""
     while _freedoms(kinds) not in (7, 8) or kinds.count("P") + kinds.count("C") > 3:
         kinds = _drawn(s, "RRRPUSC", 3, 8)
@@ -173,7 +173,7 @@ def _ups(s: Sketch, n: int, middle: str = "") -> None:
 
 
 def _n_ups(s: Sketch) -> None:
-    """As many UPS legs as the leg in the middle leaves freedoms."""
+    """Draws as many UPS legs as the leg in the middle leaves freedoms."""
     middle = str(s.rng.choice(["S", "UP", "UPR", "UPU", ""]))
     _ups(s, _freedoms(middle) or 6, middle)
 
@@ -203,7 +203,7 @@ def _three_rrr_spherical(s: Sketch) -> None:
 
 
 def _three_upu(s: Sketch) -> None:
-    """In general position, or such that the platform does not turn."""
+    """Draws three UPU legs, in general position, or such that the platform does not turn."""
     if s.rng.random() < 0.5:
         _legs(s, 3, "UPU", 1)
     else:

@@ -235,7 +235,7 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
 
 
 def shuffled(rng: np.random.Generator, table: Tables) -> Tables:
-    """The same entries in random order."""
+    """Entries of a table in random order."""
     keys = list(table)
     return {keys[i]: table[keys[i]] for i in rng.permutation(len(keys))}
 

@@ -81,7 +81,7 @@ class Answer:
         return largest(values.array[:, [has == unit for has in values.units]])
 
     def moving(self, joints: Array) -> Answer:
-        """The same with other joint coordinates and derivatives. Shape (3, n, n_q)."""
+        """The answer with other joint coordinates and derivatives. Shape (3, n, n_q)."""
         return replace(self, joints=joints, motion=move(self.tree, TreeStates(*joints)))
 
     def residual(
@@ -125,7 +125,7 @@ class Answer:
 
 
 def _kind(unit: str) -> str:
-    """The same for units that a length turns into each other."""
+    """Kind of a unit: the same for units that a length turns into each other."""
     return unit.replace("rad", "m").replace("N m", "N")
 
 

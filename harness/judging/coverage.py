@@ -44,7 +44,7 @@ NOTHING = 1e-9
 STATICS = 0.01
 #: Poses at which any velocity is tried, and a tolerance that makes every effect visible.
 ANY, TINY = 6, 1e-300
-#: How terms are called that vanish.
+#: Names of terms that vanish.
 _NAMES = {
     "gravity": "gravity",
     "inertial": "inertial forces",
@@ -199,7 +199,7 @@ class _Parts:
         self.planar = normal_of_plane(unit_twists(now.motion)[0]) is not None
 
     def coverage(self, tolerance_of: Callable[[str], float]) -> Coverage:
-        """Of the motion; what stays hidden in any other, too, is named."""
+        """Coverage of the motion; what stays hidden in any other, too, is named."""
         motion, other = slice(self.n), slice(self.n, None)
         shares, sizes = self._shares(motion)
         parts = tuple(self._effects(motion, sizes, tolerance_of))
@@ -253,7 +253,7 @@ def _any_poses(y: Array) -> Rows:
 
 
 def _shaken(mechanism: Mechanism, motion: GivenMotion) -> GivenMotion:
-    """The same poses with velocities and accelerations drawn at random, as large as gravity makes them."""
+    """A motion through the same poses, with random velocities and accelerations as large as gravity makes them."""
     units, rng = [mechanism.units[i] for i in mechanism.independent_columns], np.random.default_rng(0)
     scales = natural_scales(mechanism)
     yd, ydd = (rng.normal(size=motion.y.shape) * [scales[unit + per] for unit in units] for per in ("/s", "/s^2"))

@@ -37,7 +37,7 @@ _Table = dict[str, tuple[tuple[str, ...], Array]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoveredAccelerations:
-    """Of joints and bodies.
+    """Accelerations of joints and bodies.
 
     Attributes:
         joints: Shape (n, n_q).
@@ -63,7 +63,7 @@ class CoveredMotion:
 
     @property
     def accelerations(self) -> CoveredAccelerations:
-        """All of them."""
+        """Accelerations of all joints and bodies."""
         return CoveredAccelerations(self.states.qdd, self.motion.com.b, self.motion.com.a)
 
     @property
@@ -79,7 +79,7 @@ class CoveredMotion:
         return {term: self._lost(products[term]) for term in BRACKET}
 
     def _lost(self, products: Array) -> CoveredAccelerations:
-        """By some of the products of `velocity_products`. Shape (n, n_freedom, 6)."""
+        """Accelerations lost without some of the products of `velocity_products`. Shape (n, n_freedom, 6)."""
         tree, motion, m = self.tree, self.motion, len(self.tree.closures)
         first, second = tree.carries[tree.ends.link[:m]], tree.carries[tree.ends.link[m:]]
         open_by = (second - first) @ products

@@ -49,7 +49,7 @@ class Residual:
 
     @property
     def share(self) -> float:
-        """Of its tolerance; infinite where there is no number, or no tolerance."""
+        """Error as a share of its tolerance; infinite where there is no number, or no tolerance."""
         size = self.error / self.tolerance if self.tolerance else math.inf
         return size if math.isfinite(size) else math.inf
 

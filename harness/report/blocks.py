@@ -53,7 +53,7 @@ class Banner:
 
     @staticmethod
     def of(text: str, good: bool, yes: str = "AGREE", no: str = "NOT ALL AGREE") -> Banner:
-        """One of two."""
+        """Banner of a good or a bad result."""
         return Banner(text, f"✓ {yes}", "agree") if good else Banner(text, f"✗ {no}", "differ")
 
 
@@ -105,7 +105,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Folded:
-    """Blocks behind their title, with a note of a few words."""
+    """Blocks after their title, with a note of a few words."""
 
     title: str
     blocks: tuple[Block, ...]

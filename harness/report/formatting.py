@@ -117,7 +117,7 @@ def file_name(title: str) -> str:
 
 
 def free_name(name: str, taken: Collection[str]) -> str:
-    """The name, with a number behind it if others have it."""
+    """The name, followed by a number if others have it."""
     names = (name, *(f"{name}-{k}" for k in range(2, len(taken) + 3)))
     return next(one for one in names if one not in taken)
 

@@ -96,7 +96,7 @@ def _with_contents(body: str) -> str:
 
 
 def _linked(body: str, words: Iterable[str]) -> str:
-    """Where a section first uses a word of the glossary, a link to it."""
+    """Body of a page with a link to the glossary at the first use of a word in each section."""
     known = {word.lower(): f"word-{file_name(word)}" for word in words}
     every = re.compile(rf"\b({'|'.join(sorted(map(re.escape, known), key=len, reverse=True))})\b", re.IGNORECASE)
     return "".join(_linked_section(part, every, dict(known)) for part in re.split("(?=<h2)", body)) if known else body

@@ -46,7 +46,7 @@ Value = Callable[[Any], Any]
 
 
 def folds(results: Any, pictures: Sequence[Picture]) -> list[Block]:
-    """Each picture behind its title."""
+    """Each picture after its title."""
     return [Folded(picture.title, (picture,)) for picture in pictures]
 
 

@@ -62,7 +62,7 @@ class Results(Shown, Comparison):
         )
 
     def figure(self, name: str) -> Pictures:
-        """Those of `plot` that show a quantity, such as ``actuator_force``, or have a name, such as ``mechanism``.
+        """Pictures of `plot` that show a quantity, such as ``actuator_force``, or have a name, such as ``mechanism``.
 
         Raises:
             UnknownNameError: None has; it lists the names there are.

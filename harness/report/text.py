@@ -24,7 +24,7 @@ def terminal(blocks: Iterable[Block]) -> str:
 
 
 def screenful(blocks: Iterable[Block]) -> str:
-    """As much of the text as a screen shows."""
+    """Text as far as a screen shows it."""
     lines = terminal(blocks).splitlines()
     return "\n".join(lines if len(lines) <= LINES else [*lines[: LINES - 1], "... `write` leaves the whole report"])
 

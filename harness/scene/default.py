@@ -86,7 +86,7 @@ def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
 
 
 def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float = AMPLITUDES[0]) -> Scene:
-    """The same scene in a motion from home that excites as much inertia as possible, at new times.
+    """A scene whose motion from home excites as much inertia as possible, at new times.
 
     Args:
         seed: Gives the same motion again; name and title say it.

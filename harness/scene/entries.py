@@ -180,7 +180,7 @@ def _acting(mechanism: Mechanism, read: Callable[..., Any], kind: Any, entry: An
 
 
 def read_applied(mechanism: Mechanism, data: dict[str, Any], where: str) -> dict[str, Any]:
-    """Those fields of `Applied` that are given, from entries of a scene file; objects made of such are kept."""
+    """Fields of `Applied` that are given by entries of a scene file; objects made of such are kept."""
     given: dict[str, Any] = {}
     if "gravity" in data:
         given["gravity"] = vector(data["gravity"], f"{where}, gravity")

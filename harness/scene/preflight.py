@@ -156,7 +156,7 @@ def check_actuation(
 
 
 def delivered(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The same by the counts at home, where the motion is not known yet."""
+    """Results of `check_actuation` by the counts at home, where the motion is not known yet."""
     lay = check_home(scene.mechanism)
     return check_actuation(scene, mobility(lay, pose(lay, scene.mechanism.home[None])), quantities)
 
@@ -317,7 +317,7 @@ def _angles(scene: Scene) -> Iterator[tuple[int, str, int]]:
 
 
 def _started(scene: Scene) -> Iterator[str]:
-    """On each angle that starts more than a turn from home."""
+    """Sentences on angles that start more than a turn from home."""
     for k, label, column in _angles(scene):
         value = float(scene.start.start[k])
         if abs(value - scene.mechanism.home[column]) > 2.0 * np.pi:
@@ -325,7 +325,7 @@ def _started(scene: Scene) -> Iterator[str]:
 
 
 def _moved(scene: Scene) -> Iterator[str]:
-    """On each angle that begins more than a turn from home, or goes several turns to and fro or from rest to rest.
+    """Sentences on angles that begin over a turn from home, or go several turns to and fro or from rest to rest.
 
     What runs round, as a crank does, may turn as much as it likes.
     """

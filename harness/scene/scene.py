@@ -141,7 +141,7 @@ class Scene:
             return True
 
     def at(self, times: Sequence[float] | Array) -> Scene:
-        """The same scene at other times [s].
+        """A copy of the scene at other times [s].
 
         Raises:
             DescriptionError: They are no finite numbers, or a motion from samples has none at one of them.
@@ -155,7 +155,7 @@ class Scene:
         return replace(self, task=self.moved(t))
 
     def beside(self, **tables: Recorded) -> Scene:
-        """The same scene with numbers of one's own, which are compared and judged like those of engines.
+        """A copy of the scene with numbers of one's own, which are compared and judged like those of engines.
 
         Their times are added to those of the scene.
 
@@ -174,7 +174,7 @@ class Scene:
         return self.drive(t)
 
     def under(self, **changes: Any) -> Scene:
-        """The same scene under other gravity, loads, springs or motors.
+        """A copy of the scene under other gravity, loads, springs or motors.
 
         Args:
             changes: `gravity`, `loads`, `springs`, `motors` as a scene file has them: `loads=[{"on": "coupler",

@@ -78,7 +78,7 @@ class Cluster:
 
     @property
     def address(self) -> str:
-        """Of the scheduler, as it is now."""
+        """Address of the scheduler, as it is now."""
         if "://" in self.where or not os.path.isfile(self.where):
             return self.where if "://" in self.where else f"tcp://{self.where}"
         remedy = "name a file that --scheduler-file has made"

@@ -125,7 +125,7 @@ class Comparison:
         return self._pick("quantity", quantity, {name: s.values for name, s in self.solutions.items()}, engine)
 
     def values(self, quantity: str, engine: str | None = None) -> Array:
-        """The same as an array. Shape (n_sample, n_component)."""
+        """Values of one quantity as an array. Shape (n_sample, n_component)."""
         return self.quantity(quantity, engine).array
 
     def radius(self, quantity: str, engine: str | None = None) -> Array:

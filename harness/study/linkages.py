@@ -74,7 +74,7 @@ class PlanarLinkage:
     independent: tuple[str, ...]
 
     def table(self, name: str) -> Tables:
-        """Its description. Masses grow from bar to bar, and centres of mass lie off the bars."""
+        """Description of the linkage. Masses grow from bar to bar, and centres of mass lie off the bars."""
         bodies = {
             bar: {
                 "mass": 1.0 + 0.5 * i,

@@ -58,7 +58,7 @@ def _unseen(share: float, step: str = "") -> None:
 
 
 class InTurn:
-    """In this process, one after the other."""
+    """Runs tasks in this process, one after the other."""
 
     def __call__(self, tasks: Mapping[str, Task], keep: Callable[[str, Any], None], report: Report) -> None:
         for i, (name, task) in enumerate(tasks.items()):
@@ -68,7 +68,7 @@ class InTurn:
 
 @dataclass(frozen=True)
 class Processes:
-    """In `jobs` processes of this machine at a time, which crash or hang at the cost of one row.
+    """Runs tasks in `jobs` processes of this machine at a time, which crash or hang at the cost of one row.
 
     Raises:
         DescriptionError: There are less than one.

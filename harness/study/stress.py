@@ -64,7 +64,7 @@ class StressCase:
 
     @property
     def span(self) -> str:
-        """Its severity and the range of that, in words."""
+        """Severity of the ladder and its range, in words."""
         return f"{self.axis}, {self.low:g} to {self.high:g}"
 
     def rungs(self, *, quick: bool = False, severities: Sequence[float] | None = None) -> list[float]:

@@ -230,7 +230,7 @@ class Linkage:
     def close(
         self, q: Sequence[Jet], bodies: Sequence[MatrixJet], spots: dict[int, arb_mat] | None = None
     ) -> list[MatrixJet]:
-        """For each loop the matrix ``G = via tree^-1`` of its two ways to one body: the identity where it closes."""
+        """Matrix ``G = via tree^-1`` of each loop, of its two ways to one body: the identity where it closes."""
         return [
             mul(_walk(bodies[parent], steps, q, spots), inverse_jet(bodies[child]))
             for parent, child, steps in self.cuts

@@ -121,7 +121,7 @@ class ConstraintEquations:
 
 
 def equations(tree: SpanningTree, states: TreeStates) -> ConstraintEquations:
-    """Of all closures and couplings."""
+    """Equations of all closures and couplings."""
     states = replace(states, qdd=np.zeros_like(states.qdd))
     return ConstraintEquations(tree, states, move(tree, states))
 

@@ -35,7 +35,7 @@ class NewtonEulerTerms:
 
 
 def newton_euler(matter: MassProperties, R: Array, w: Array, b: Array, a: Array, g: Array) -> NewtonEulerTerms:
-    """Of bodies of given orientation, angular velocity and acceleration, and acceleration of the centre of mass.
+    """Newton-Euler terms of bodies, from orientation, angular motion and acceleration of the centre of mass.
 
     Args:
         g: Gravity, for all or of each body [m/s^2]. Shape (3,) or (m, 3).
@@ -51,7 +51,7 @@ def momentum(matter: MassProperties, R: Array, w: Array) -> Array:
 
 
 def kinetic_energy(motion: TreeMotion) -> Array:
-    """Of all bodies [J]. Shape (n,)."""
+    """Kinetic energy of all bodies [J]. Shape (n,)."""
     matter, com = motion.tree.matter, motion.com
     turning = np.sum(com.w * momentum(matter, com.R, com.w), axis=(1, 2))
     return np.asarray(0.5 * (np.sum(com.v**2, axis=2) @ matter.mass + turning))
@@ -75,7 +75,7 @@ def along(motion: TreeMotion, wrenches: Array) -> Array:
 
 
 def mass_matrix(motion: TreeMotion) -> Array:
-    """Without armature, by composite bodies (Featherstone, Rigid Body Dynamics Algorithms, table 6.2).
+    """Mass matrix without armature, by composite bodies (Featherstone, Rigid Body Dynamics Algorithms, table 6.2).
 
     Returns:
         Shape (n, n_freedom, n_freedom).
@@ -91,7 +91,7 @@ def mass_matrix(motion: TreeMotion) -> Array:
 
 
 def _inertia_at_origin(motion: TreeMotion) -> Array:
-    """Of each body: velocity of the point in the world's origin -> moment about it and momentum. (n, n_body, 6, 6)."""
+    """Inertia of each body: velocity at the world's origin -> moment about it and momentum. (n, n_body, 6, 6)."""
     matter, com = motion.tree.matter, motion.com
     C, m = skew(com.p), matter.mass[:, None, None]
     out = np.empty((*com.p.shape[:2], 6, 6))
@@ -152,7 +152,7 @@ def _needed(motion: TreeMotion) -> NewtonEulerTerms:
 
 
 def _entry(tree: SpanningTree, name: str) -> Array:
-    """One of `Tree.passive`."""
+    """Entry of `Tree.passive`; zeros where it has none."""
     return tree.passive.get(name, np.zeros(tree.freedom))
 
 
@@ -186,17 +186,17 @@ def deflection(tree: SpanningTree, states: TreeStates) -> Array:
 
 
 def armature_force(tree: SpanningTree, states: TreeStates) -> Array:
-    """Of rotors. Shape (n, n_freedom)."""
+    """Forces that accelerate the rotors. Shape (n, n_freedom)."""
     return _entry(tree, "armature") * rotor_acceleration(tree, states)
 
 
 def passive_force(tree: SpanningTree, states: TreeStates) -> Array:
-    """That motors need against damping, dry friction and springs. Shape (n, n_freedom)."""
+    """Forces that motors need against damping, dry friction and springs. Shape (n, n_freedom)."""
     return np.asarray(sum(passive_parts(tree, states).values()))
 
 
 def passive_parts(tree: SpanningTree, states: TreeStates) -> dict[str, Array]:
-    """Of what `passive_force` is made."""
+    """Parts of `passive_force`, by name."""
     stiffness = _entry(tree, "stiffness")
     return {
         "damping": _entry(tree, "damping") * states.qd,

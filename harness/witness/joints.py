@@ -169,7 +169,7 @@ def _across(
 
 
 def matter(mechanism: Mechanism) -> MassProperties:
-    """Of the bodies."""
+    """Mass properties of the bodies."""
     return MassProperties(
         *(np.array([getattr(body, name) for body in mechanism.bodies]) for name in ("mass", "com", "inertia"))
     )

@@ -36,12 +36,12 @@ class Moving:
     a: Array
 
     def shifted(self, r: Array) -> Moving:
-        """The same bodies seen from other points of them, displaced by `r` (world axes, shape (n, m, 3))."""
+        """Motion of the same bodies at other points, displaced by `r` (world axes, shape (n, m, 3))."""
         v = cross(self.w, r)
         return Moving(self.R, self.p + r, self.w, self.v + v, self.b, self.a + cross(self.b, r) + cross(self.w, v))
 
     def part(self, some: slice) -> Moving:
-        """Some of them."""
+        """Motion of some of the frames."""
         return Moving(*(getattr(self, name)[:, some] for name in "Rpwvba"))
 
     def poses(self, at: FixedFrames) -> tuple[Array, Array]:
@@ -195,7 +195,7 @@ def picked(x: Array, which: Rows) -> Array:
 
 
 def _poses(tree: SpanningTree, q: Array) -> tuple[Array, Array, Array]:
-    """Of ground and all links, and the way from the origin of the link before to each. (n, n_link + 1, ...)."""
+    """Poses of ground and all links, and vectors from the parents' origins to each. (n, n_link + 1, ...)."""
     n, k = len(q), len(tree.links)
     turn, way = _joints(tree, q)
     R, p, r = np.empty((k + 1, 3, 3, n)), np.empty((k + 1, 3, n)), np.empty((k, 3, n))

@@ -138,7 +138,7 @@ class SpanningTree:
 
     @cached_property
     def single(self) -> tuple[Rows, Rows, Rows, Array, Array, Array]:
-        """Of hinges and slides: positions among the links, columns among coordinates and among velocities, zeros, axes
+        """Hinges and slides: positions among the links, columns among coordinates and among velocities, zeros, axes
         times sign, and 1 where they turn.
 
         Shapes (k,), (k,), (k,), (k,), (k, 3), (k, 1).
@@ -171,7 +171,7 @@ class SpanningTree:
 
     @cached_property
     def velocity(self) -> tuple[Rows, Array, NDArray[np.bool_]]:
-        """Of each velocity the link that it moves, its axis there, and whether it turns; 0 where it moves none.
+        """Link that each velocity moves, its axis there, and whether it turns; 0 where it moves none.
 
         Shapes (n_freedom,), (n_freedom, 3), (n_freedom,).
         """
@@ -220,5 +220,5 @@ class TreeStates:
     qdd: Array
 
     def at(self, which: slice | NDArray[Any]) -> TreeStates:
-        """Some of them."""
+        """States at some of the samples."""
         return TreeStates(self.q[which], self.qd[which], self.qdd[which])

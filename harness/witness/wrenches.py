@@ -222,7 +222,7 @@ def exerted_on_bodies(tree: MechanismTree, motion: TreeMotion, states: TreeState
 
 
 def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Applied) -> Iterator[tuple[str, Array]]:
-    """Of motors, and of springs and dampers along joint coordinates. Shape (n,)."""
+    """Forces of motors, and of springs and dampers along joint coordinates. Shape (n,)."""
     for motor in applied.motors:
         omega, c, s = motor.harmonics.T
         waves = np.cos(np.outer(t, omega)) @ c + np.sin(np.outer(t, omega)) @ s
@@ -237,7 +237,7 @@ def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: A
 def _pull(
     spring: PointSpring, tree: MechanismTree, motion: TreeMotion, t: Array
 ) -> Iterator[tuple[int, Array, Array, Array]]:
-    """Of a spring between two points, along the line between them."""
+    """Forces of a spring between two points on its bodies, along the line between them."""
     way, rate = _line(spring, tree, motion)
     length = np.linalg.norm(way, axis=1)
     if not (length > 0.0).all():
@@ -251,7 +251,7 @@ def _pull(
 
 
 def _line(spring: PointSpring, tree: MechanismTree, motion: TreeMotion) -> tuple[Array, Array]:
-    """From the first point to the second, and its rate. Shape (n, 3) each."""
+    """Vector from the first point to the second, and its rate. Shape (n, 3) each."""
     ends = motion.links.frames(stacked([tree.body_frames[body].placed(np.eye(3), at) for body, at in spring.ends]))
     return ends.p[:, 1] - ends.p[:, 0], ends.v[:, 1] - ends.v[:, 0]
 

@@ -82,7 +82,7 @@ FULL = "write angles and axes in full, pi/2 as 1.5707963267948966"
 
 
 def rounded(hidden: Array) -> str:
-    """That equations are independent by rounding only."""
+    """Sentence that equations are independent by rounding only."""
     return f"but for roundings of about {hidden.max():.0e} they would leave {len(hidden)} more"
 
 

@@ -153,14 +153,14 @@ def _home(loops: Loops, start: str, q: Array, error: float) -> Home:
 
 
 def _rank(loops: Loops, q: Array) -> tuple[int, float]:
-    """Of the loop equations, and their smallest singular value that is not that of a redundant equation."""
+    """Rank of the loop equations, and their smallest singular value that is not that of a redundant equation."""
     s = np.linalg.svd(loops.system(q)[1], compute_uv=False)
     rank = int(np.sum(s > REDUNDANT))
     return rank, float(s[rank - 1]) if rank else np.inf
 
 
 def limits(loops: Loops) -> list[tuple[str, tuple[float, float]]]:
-    """Of all joints."""
+    """Limits of all joints."""
     return [(name, joint.limits) for name, joint in loops.reading.joints.items()]
 
 
@@ -238,7 +238,7 @@ class Loops:
 
     @property
     def reading(self) -> Reading:
-        """Of the tree."""
+        """Reading of the tree."""
         return self.tree.reading
 
     @cached_property

@@ -122,7 +122,7 @@ def _alone(element: Element, link: Link, machine: Machine) -> Group:
 
 
 def pin_name(closures: Sequence[str]) -> str:
-    """Of the joint in place of closures."""
+    """Name of the joint in place of closures."""
     return closures[0] if len(closures) == 1 else closures[0].removesuffix(".1")
 
 

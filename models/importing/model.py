@@ -106,7 +106,7 @@ class Wanted:
     actuated: Sequence[str] | None = None
 
     def otherwise(self, independent: Mapping[str, str], actuated: Sequence[str]) -> Wanted:
-        """The same, and these where nothing was chosen."""
+        """Choices, with the given ones where nothing was chosen."""
         chosen = independent if self.independent is None else self.independent
         return Wanted(chosen, actuated if self.actuated is None else self.actuated)
 
@@ -251,7 +251,7 @@ def _joints(
 
 
 def _joint_name(group: Group, used: set[str]) -> str:
-    """That of its one freedom, or what the names of several have in common."""
+    """Name of a joint: that of its one freedom, or what the names of several have in common."""
     if len(group.axes) == 1:
         return group.axes[0].name
     parts = {axis.name.rpartition(".")[0] for axis in group.axes}

@@ -57,14 +57,14 @@ class Assembly:
 def assemble(links: Iterable[Link], where: str) -> Assembly:
     """Merges links that nothing moves against each other.
 
-    A body is called after its first link from the ground outwards that has mass, or, without any, after the first;
+    A body is named after its first link from the ground outwards that has mass, or, without any, after the first;
     among equally far ones the alphabet decides, since each library has an order of its own.
 
     Args:
         links: Each after the one that carries it.
 
     Raises:
-        ModelFileError: A body that moves is called like the ground.
+        ModelFileError: A body that moves has the name of the ground.
     """
     groups: dict[str, list[tuple[int, Link]]] = {"": []}  # first link -> distance from it, link
     at = {"": ("", 0)}
@@ -90,7 +90,7 @@ def assemble(links: Iterable[Link], where: str) -> Assembly:
 
 
 def _merged(named: Link, links: Sequence[Link], near: str, joints: tuple[str, ...]) -> BodyReading:
-    """One body of links, in the frame of the one that it is called after."""
+    """One body of links, in the frame of the one that it is named after."""
     back = np.linalg.inv(named.pose)
     frames = {link.name: back @ link.pose for link in links if link is not named}
     solid = [link for link in links if link.mass or link.inertia.any()]

@@ -129,7 +129,7 @@ def _entries(model: Any, arrays: Iterable[str], i: int) -> dict[str, Array]:
 
 
 def _numbers(model: Any, arrays: Iterable[str], i: int) -> Values:
-    """The same with a label for each number."""
+    """Numbers of one joint, tendon, actuator or pair, each with a label."""
     out: list[tuple[str, float | str]] = []
     for name, values in _entries(model, arrays, i).items():
         label = name.partition("_")[2]
@@ -177,7 +177,7 @@ def _along(model: Any, tendon: int) -> tuple[tuple[str, str, float], ...]:
 
 
 def _tendons(model: Any) -> Iterator[Content]:
-    """Those that pull; of others what they drive or couple is said with that."""
+    """Tendons that pull; of others what they drive or couple is said with that."""
     kind = kinds()["fixed tendons"]
     own = [name for name in kind.arrays if name not in _PATHS]
     for i in range(model.ntendon):

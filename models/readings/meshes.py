@@ -134,7 +134,7 @@ class MeshShape:
     moves: bool
 
     def values(self, classes: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
-        """Its attributes, those of its class among them."""
+        """Attributes of the geom, those of its class among them."""
         return {**classes.get(self.around, {}), **self.geom.attrib}
 
     def from_file(self, classes: Mapping[str, Mapping[str, str]]) -> bool:

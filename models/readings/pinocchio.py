@@ -49,7 +49,7 @@ def overheard() -> Iterator[list[str]]:
 _UNLIMITED = 1e20
 #: Joints of Pinocchio -> kind. All others are hinges and slides, or several of them.
 _KINDS = {"JointModelFreeFlyer": "free", "JointModelSpherical": "ball"}
-#: Parts of a planar joint, called as MuJoCo does, and how many coordinates they have: of the angle cosine and sine.
+#: Parts of a planar joint, named as in MuJoCo, and how many coordinates they have: of the angle cosine and sine.
 _PLANAR = (("TX", 1), ("TY", 1), ("RZ", 2))
 
 
@@ -59,7 +59,7 @@ class Part:
 
     Attributes:
         joint: Number of the joint that it is part of.
-        kind: ``free``, ``ball``, or empty: the Jacobian tells a hinge from a slide.
+        kind: ``free``, ``ball``, or empty: the Jacobian distinguishes hinge and slide.
         q, n_q, v: Where it is among the coordinates and velocities.
     """
 
@@ -191,7 +191,7 @@ def _placed(model: Any, q: Array) -> tuple[list[Any], Array]:
 
 
 def _links(model: Any, placed: list[Any], parts: list[Part]) -> Iterator[Link]:
-    """Every link. Links and joints may share a name, so frames are told apart by their numbers."""
+    """Every link. Links and joints may share a name, so frames are distinguished by their numbers."""
     import pinocchio
 
     names = {i: tuple(part.name for part in parts if part.joint == i) for i in range(1, model.njoints)}

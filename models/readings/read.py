@@ -129,7 +129,7 @@ def unread(source: Source, reading: Reading) -> tuple[Content, ...]:
 
 
 def _content(source: Source, extra: Extra) -> Content:
-    """With all that a URDF says of it, as classes of an MJCF add to what an element says."""
+    """Content of an extra, with all values that a URDF gives it, as classes of an MJCF add to an element."""
     kind = kind_of(extra.what)
     if source.form == "mjcf" or extra.element is None:
         return Content(kind, extra.what, extra.whose)
@@ -256,7 +256,7 @@ def read(path: Path, library: str, *, home: Mapping[str, float] | None = None, f
 
 
 def read_source(source: Source, library: str, *, home: Mapping[str, float] | None = None) -> Reading:
-    """The same of a file that is prepared."""
+    """Reads a prepared model file in this process."""
     (forms, reader), path = LIBRARIES[library], source.path
     if source.form not in forms:
         raise ModelFileError(f"{library} reads no {source.form.upper()}", str(path), "take another library")

@@ -56,7 +56,7 @@ class BodyReading:
         pose: World pose at the home coordinates. Shape (4, 4).
         gravcomp: Share of its weight that something compensates.
         fixed: Name of each link that is one with it -> frame of that link in the body's frame, shape (4, 4).
-        first: Link that the last of the joints carries; empty where that is the one that the body is called after.
+        first: Link that the last of the joints carries; empty where that is the one that the body is named after.
         parts: Name of each further link with mass or inertia that is one with it -> its matter, in the body's frame.
         copy_of: Body of a description of which this is a share, cut off to open a loop; empty of all others.
     """
@@ -209,7 +209,7 @@ class Reading:
 
     @property
     def mass(self) -> float:
-        """Of all that moves [kg]."""
+        """Mass of all that moves [kg]."""
         return sum(body.mass for body in self.bodies.values())
 
     @property
@@ -235,7 +235,7 @@ def couplings_of(couplings: Iterable[Coupling]) -> dict[str, CouplingReading]:
 
 
 def collapsed(reading: Reading, keep: Collection[str] = ()) -> Reading:
-    """The same motion without bodies of no mass and inertia that carry one further body and no closure.
+    """A reading without bodies of no mass and inertia that carry one further body and no closure.
 
     The joints of such a body come before those of the body that it carries; links fixed to it are gone.
 

@@ -62,12 +62,12 @@ class Source:
 
     @property
     def name(self) -> str:
-        """Of the model."""
+        """Name of the model."""
         return self.root.get("name" if self.form == "urdf" else "model", self.path.stem)
 
     @property
     def text(self) -> str:
-        """As XML."""
+        """Model file as XML."""
         return ET.tostring(self.root, encoding="unicode")
 
     @property

@@ -229,7 +229,7 @@ class Anchors:
         return np.asarray(np.sqrt((np.matmul(way[..., None, :], W)[..., 0, :] * way).sum(-1)))
 
     def distances(self, y: Array, a: Indices) -> Array:
-        """The same of many samples, which may be several points each. Shapes (n, ..., k), (n,) -> (n, ...)."""
+        """Distances of many samples, which may be several points each. Shapes (n, ..., k), (n,) -> (n, ...)."""
         squared = np.empty(y.shape[:-1])
         for rows, i in _groups(a):
             way = self.away(y[rows], self.table["y"][i])

@@ -48,7 +48,7 @@ class Guess:
     source: Continuation | None = None
 
     def rows(self, rows: Indices) -> Guess:
-        """The same for some of the samples."""
+        """Guesses of some of the samples."""
         prediction = None if self.prediction is None else self.prediction.rows(rows)
         return replace(self, y=self.y[rows], prediction=prediction, near=lambda: self.near()[rows])
 
@@ -86,7 +86,7 @@ class AssemblyMode:
 
     @cached_property
     def continuation(self) -> Continuation:
-        """Where motions have led to."""
+        """Continuation that holds where motions have led to."""
         return self.system.continuation(strict=self.strict)
 
     @cached_property
@@ -114,7 +114,7 @@ class AssemblyMode:
         return Guess(self.system, y, prediction, lambda: near[prediction.visit], self.continuation)
 
     def reach(self, y: Array) -> tuple[Guess, Flags, Flags]:
-        """The same for samples in any order; see `Region.reach`. Shape (n, k)."""
+        """Guesses for samples in any order; see `Region.reach`. Shape (n, k)."""
         if (guess := self.in_closed_form(y)) is not None:
             none = np.zeros(len(y), dtype=bool)
             return guess, none, none
@@ -181,7 +181,7 @@ class AssemblyMode:
         return Followed(z, J, error, tuple(more))
 
     def close(self, guess: Guess) -> Array:
-        """Their joint coordinates. Shape (n, n_q)."""
+        """Joint coordinates of the closed poses. Shape (n, n_q)."""
         return self.system.coordinates(self.follow(guess).z, guess.q)
 
     def motion(self, y: Array, t: Array, rates: Rates | None = None, drive: Drive | None = None) -> Array:

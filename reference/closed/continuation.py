@@ -100,7 +100,7 @@ class Predicted:
     visit: Indices
 
     def rows(self, rows: Indices) -> Predicted:
-        """The same for some of the samples, in any order."""
+        """Predictions of some of the samples, in any order."""
         return Predicted(self.t[rows], self.z[rows], self.anchor[rows], self.visited[:0], self.visit[rows])
 
     @property
@@ -159,7 +159,7 @@ class Continuation(Walk):
         return covering, visit
 
     def _hop(self, a: int) -> bool:
-        """Goes to an anchor whose ball holds the sample that has been reached, if it is of the same branch."""
+        """Moves to an anchor whose ball holds the sample that has been reached, if it is of the same branch."""
         if a != self.at and not self.anchors.alike(self.at, a):
             return False
         if a != self.at:
@@ -228,7 +228,7 @@ class Continuation(Walk):
         return np.asarray(inside)
 
     def _go(self, curve: Curve, *, moving: bool) -> None:
-        """Goes to the end of a curve: along it if it is the motion, else straight or by any other way."""
+        """Moves to the end of a curve: along it if it is the motion, else straight or by any other way."""
         target, t = curve.points[-1], curve.t[1]
         length = float(np.abs(target - curve.points[0]).max(initial=0.0))
         if not length <= LONGEST:
@@ -257,7 +257,7 @@ class Continuation(Walk):
         raise ends[0]
 
     def _straight_over(self, target: Array) -> bool:
-        """Goes straight to the start of a motion, over singular poses: such as turn off there are left behind."""
+        """Moves straight to the start of a motion, over singular poses: such as turn off there are left behind."""
         self.visits, self.at = [0], 0
         way = target - self.anchors[0].y
         for _ in range(LEAPS):

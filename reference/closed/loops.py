@@ -125,7 +125,7 @@ class LoopEquations:
         return self.matrix_of(self.closed(at.q))
 
     def matrix_of(self, at: Closed) -> Array:
-        """The same of closed loops that are at hand."""
+        """Derivative as `matrix` gives it, of closed loops that are at hand."""
         return np.asarray(at.system.A[..., : self.loops.moving])
 
     def chart_conditions(self, q: Array) -> Array:

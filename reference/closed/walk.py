@@ -107,7 +107,7 @@ class Walk:
         self.begun = begun
 
     def _step(self, target: Array) -> None:
-        """Goes to an anchor nearer to a target: an old one of the same branch, or a new one."""
+        """Moves to an anchor nearer to a target: an old one of the same branch, or a new one."""
         anchors, anchor = self.anchors, self.anchors[self.at]
         if not self.left:
             raise Blocked(singular=False)
@@ -199,12 +199,12 @@ class Walk:
         self.visits.append(a)
 
     def _walk(self, target: Array) -> None:
-        """Goes straight to where a target lies within the ball."""
+        """Moves straight to where a target lies within the ball."""
         while not self.anchors.distance(target, self.at) <= 1.0:
             self._step(target)
 
     def _along(self, curve: Curve, depth: int = 0) -> None:
-        """Goes along a curve, halved until its pieces lie in one ball each."""
+        """Moves along a curve, halved until its pieces lie in one ball each."""
         anchors, points, self.piece = self.anchors, curve.points, curve
         left, right, miss = curve.halves()
 

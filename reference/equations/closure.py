@@ -65,12 +65,12 @@ class CutJoint:
 
     @cached_property
     def values(self) -> list[Value]:
-        """Its coordinates."""
+        """Coordinates of the cut joint."""
         return cut_coordinates(self.at, self.fold, self.ops.sqrt)
 
     @cached_property
     def S(self) -> Array:
-        """Its unit screws; the first axis and the last are carried by its bodies. Shape (..., f, 6)."""
+        """Unit screws of the cut joint; the first axis and the last are carried by its bodies. Shape (..., f, 6)."""
         at, turns = self.at, np.array([turns for turns, _ in self.at.joint.freedoms])
         if len(turns) > 2:
             return joint_screws(at.joint, at.R_parent, at.p_parent, self.values)[0]
@@ -83,7 +83,7 @@ class CutJoint:
         return dual_wrenches(self.at, self.S)
 
     def rates(self, V: Array) -> Array:
-        """Its rates, from the twists of the bodies. Shape (..., b, 6) -> (..., f)."""
+        """Rates of the cut joint, from the twists of the bodies. Shape (..., b, 6) -> (..., f)."""
         return np.asarray(power(self.D, (V[..., self.child, :] - V[..., self.parent, :])[..., None, :]))
 
     def _relative(self, V: Array, A: Array) -> Array:
@@ -313,7 +313,7 @@ class Motion(Closed):
 
     @cached_property
     def bias(self) -> Array:
-        """Their acceleration screws without joint accelerations. Shape (..., b, 6)."""
+        """Acceleration screws of the bodies without joint accelerations. Shape (..., b, 6)."""
         return bias_screws(self.pose, self.w, self.V)
 
     @cached_property
@@ -333,7 +333,7 @@ class Motion(Closed):
 
     @cached_property
     def com_acceleration(self) -> Array:
-        """Their accelerations, eq. (50). Shape (..., b - 1, 3)."""
+        """Accelerations of the centres of mass, eq. (50). Shape (..., b - 1, 3)."""
         return acceleration_at(self.V[..., 1:, :], self.A[..., 1:, :], self.com)
 
     @cached_property
@@ -361,7 +361,7 @@ class Motion(Closed):
         return self.accelerations_of_joints(self.beta, self.A)
 
     def accelerations_of_joints(self, beta: Array, A: Array) -> Array:
-        """The same from those of the tree and the acceleration screws of the bodies. (..., n_q), (..., b, 6)."""
+        """Accelerations of all joints from those of the tree and of the bodies (screws). (..., n_q), (..., b, 6)."""
         return self._with_cuts(beta, lambda cut: cut.accelerations(self.V, A))
 
     @cached_property
@@ -378,7 +378,7 @@ class Motion(Closed):
         return (self.joint_position if c in self.loops.owner else self.q)[..., c]
 
     def joint_rate(self, coordinate: str) -> Any:
-        """Its rate. Shape (...)."""
+        """Rate of a joint coordinate by its name. Shape (...)."""
         c = self.mechanism.coordinates.index(coordinate)
         return (self.joint_velocity if c in self.loops.owner else self.w)[..., c]
 

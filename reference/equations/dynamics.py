@@ -82,7 +82,7 @@ class Dynamics(Motion):
 
     @cached_property
     def required(self) -> Array:
-        """The same for the motion itself. Shape (..., b, 6)."""
+        """Wrenches that bodies need for this motion and against gravity, eqs. (51)-(55). Shape (..., b, 6)."""
         return self.inertia(self.V, self.A)
 
     @cached_property
@@ -110,7 +110,7 @@ class Dynamics(Motion):
 
     @cached_property
     def tau(self) -> Array:
-        """The same for the motion itself. Shape (..., n)."""
+        """Forces along the tree that actuators and constraints have to make up in this motion. Shape (..., n)."""
         return self.demand(self.required)
 
     def virtual_power(self, tau: Array) -> Array:
@@ -190,7 +190,7 @@ class Dynamics(Motion):
         return self.reactions(self.actuator_force)
 
     def reactions(self, f: Array, *, idle: bool = False) -> Array:
-        """The same for given actuator forces. Shape (..., n_act) -> (..., r). `idle`: where nothing else acts."""
+        """Reactions under given actuator forces. Shape (..., n_act) -> (..., r). `idle`: where nothing else acts."""
         return self.components(*self.constraint_forces(f, idle=idle))
 
     def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[dict[str, Array], Array]:

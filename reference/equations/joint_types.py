@@ -53,12 +53,12 @@ class JointPose:
 
     @cached_property
     def first(self) -> Array:
-        """Its first axis, carried by the parent."""
+        """First axis of the joint, carried by the parent."""
         return times(self.R_parent, self.joint.axes[0])
 
     @cached_property
     def last(self) -> Array:
-        """Its last axis, carried by the child."""
+        """Last axis of the joint, carried by the child."""
         return times(self.R_child, self.joint.axes[-1])
 
     @cached_property

@@ -252,7 +252,7 @@ class Pose(TreePose):
     residual: Array
 
     def rows(self, rows: Sequence[int] | NDArray[np.intp]) -> Pose:
-        """The same for some of the samples."""
+        """Poses of some of the samples."""
         at = np.asarray(rows)
         return Pose(self.lay, self.R[at], self.p[at], self.S[at], self.q[at], self.residual[at])
 
@@ -264,13 +264,13 @@ class Pose(TreePose):
 
     @cached_property
     def constraint_matrix(self) -> Array:
-        """The same over the rows of the couplings: what velocities satisfy. Shape (n, 6 n_cut + n_coupling, n_q)."""
+        """Loop matrix over the coupling rows: what velocities satisfy. Shape (n, 6 n_cut + n_coupling, n_q)."""
         couplings = self.lay.mechanism.coupling_rows
         return np.concatenate([self.loop_matrix, couplings.matrix(self.q)], axis=1)
 
     @property
     def closing_matrix(self) -> Array:
-        """The same over the selection of y, ``[G; E] w = [0; yd]``. Shape (n, 6 n_cut + n_coupling + k, n_q)."""
+        """Constraint matrix over the selection of y, ``[G; E] w = [0; yd]``. (n, 6 n_cut + n_coupling + k, n_q)."""
         selection = np.eye(self.q.shape[1], dtype=self.q.dtype)[self.lay.mechanism.independent_columns]
         E = np.broadcast_to(selection, (len(self.q), *selection.shape))
         return np.concatenate([self.constraint_matrix, E], axis=1)

@@ -96,7 +96,7 @@ def chart_condition(cut: CutJoint) -> Any:
 
 
 def chart_conditions(at: Closed) -> Array:
-    """The same of each cut joint, over floats. Shape (n, n_cut)."""
+    """Condition numbers of the angles of each cut joint, over floats. Shape (n, n_cut)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         conditions = [chart_condition(cut) + np.zeros(len(at.q)) for cut in at.cuts]
     return np.stack(conditions, axis=1) if conditions else np.zeros((len(at.q), 0))

@@ -364,10 +364,10 @@ class Native:
         return run
 
     def again(self) -> Native:
-        """One that may run at the same time: itself."""
+        """A runner that may run at the same time: itself."""
         return self
 
 
 def rows(blocks: Sequence[Array]) -> NDArray[np.int64]:
-    """Where each row begins."""
+    """Addresses at which each row begins."""
     return np.concatenate([block.ctypes.data + block.strides[0] * np.arange(len(block)) for block in blocks])

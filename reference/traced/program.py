@@ -88,7 +88,7 @@ def program(inputs: int, outputs: Sequence[Scalar], checks: int = 0, first: Sequ
 
 
 def only(program: Program, outputs: Sequence[int]) -> Program:
-    """The same program with some of its outputs, without what does not count for these; its checks are the last."""
+    """A program of some of the outputs, without what does not count for these; its checks are the last."""
     kept = [program.outputs[i] for i in outputs]
     needed = {x for x in kept if isinstance(x, int)}
     for value in range(program.inputs + len(program.code) - 1, program.inputs - 1, -1):
@@ -136,7 +136,7 @@ class Block:
         self._room, self._first = room.data, (self.array.ctypes.data - room.ctypes.data) // self.array.itemsize
 
     def lend(self, back: Callable[[Block], None]) -> Array:
-        """The same numbers for someone else. Shape (n, m).
+        """Lends the numbers of the block to someone else. Shape (n, m).
 
         Args:
             back: Called when no array on them is left. All views refer to one array, on which they end as NumPy cannot
@@ -237,7 +237,7 @@ class Lanes:
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
-        """As `screwgauge.reference.traced.native.Native.bind`; numbers of a row may lie apart."""
+        """Binds as `screwgauge.reference.traced.native.Native.bind`; numbers of a row may lie apart."""
         codes, constants = [], [np.array(x) for x in self.constants]
         checks = np.zeros((0, inputs[0].shape[1])) if weights is None else outputs[-1]
         for start in range(0, inputs[0].shape[1], self.chunk):
@@ -257,5 +257,5 @@ class Lanes:
         return run
 
     def again(self) -> Lanes:
-        """One that may run at the same time."""
+        """Lanes that may run at the same time."""
         return Lanes(self.program, self.chunk)

@@ -62,7 +62,7 @@ class Node:
 
     @property
     def value(self) -> Array:
-        """Its value at the samples that the trace was made at; it chooses pivots and nothing else. Shape (n,)."""
+        """Value of the node at the samples of the trace; it chooses pivots and nothing else. Shape (n,)."""
         return self.trace.value(self.index)
 
     # an array on the other side works element by element, and comes back with one of its numbers
@@ -154,7 +154,7 @@ class Trace:
         return self._known[key]
 
     def function(self, name: str, *x: Scalar) -> Node:
-        """One of `FUNCTIONS`."""
+        """Node that applies one of `FUNCTIONS`."""
         return self._make(name, *x)
 
     def neg(self, a: Scalar) -> Scalar:

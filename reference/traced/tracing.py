@@ -131,7 +131,7 @@ def _traced(
     further: Further,
     folds: Sequence[float],
 ) -> tuple[Traced, NDArray[np.bool_]]:
-    """The same with one choice of pivots, and at which samples these are large. Shape (n,)."""
+    """Traces inverse dynamics with one choice of pivots; at which samples these are large. Shape (n,)."""
     trace = Trace()
     trace.kept = np.ones(len(samples[0]), dtype=bool)
     y, yd, ydd = (np.array([trace.input(x) for x in array.T], dtype=object) for array in samples[:3])

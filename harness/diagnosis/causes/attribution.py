@@ -24,7 +24,7 @@ ROUNDING = 1e-12
 UNSEEN = 1e-11
 #: Causes with less than this share of the torque difference are one row with those of their kind.
 SMALL = 1e-2
-#: Where no more than this share is left when the first causes, so many at most, are put right, the others are weighed
+#: Where no more than this share is left when the first causes, so many at most, are corrected, the others are weighed
 #: against that.
 REST, FIRST = 1e-3, 5
 #: What no torque shows and still is no detail: of closures and couplings, of what is there at all, of the medium.
@@ -49,7 +49,7 @@ class Torques:
 
     @property
     def scale(self) -> Array:
-        """Of each component: its largest magnitude, at least a thousandth of that of any of the same unit. (m,)."""
+        """Scale of each component: its largest magnitude, at least 1e-3 of the largest of the same unit. Shape (m,)."""
         most, floor = np.abs(self.a).max(axis=0, initial=0.0), self.largest
         return np.asarray(np.maximum(np.maximum(most, 1e-3 * floor), 1e-300))
 
@@ -89,7 +89,7 @@ class Cause:
         share: Of the torque difference, the projection of what it makes on all of that, one scale a unit; the shares of
             all causes add up to 1 where they do not depend on each other, and what makes up for others has a negative
             one. NaN where no change of B is known, or torques agree.
-        of_rest: Its share of what is left when all causes before it that have none are put right, where that is nearly
+        of_rest: Its share of what is left when all causes before it that have none are corrected, where that is nearly
             nothing of all (a millimetre next to a factor of 1e9); NaN elsewhere.
         kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, what no torque shows.
         slips: What B's values would be made from A's by, of convention or unit; any of them.
@@ -108,7 +108,7 @@ class Cause:
 
     @property
     def weight(self) -> float:
-        """By which causes are ranked."""
+        """Weight by which causes are ranked."""
         return self.share if math.isnan(self.of_rest) else self.of_rest
 
 
@@ -120,7 +120,7 @@ class Attribution:
         before: Largest torque difference, scaled, then where and how large: component, value and its unit.
         left: The same after all changes.
         share: Of the torque difference that all changes explain, by the root of the mean square.
-        causes: The one with the largest share first; then what torques do not tell, rounding, and what none shows.
+        causes: The one with the largest share first; then what torques do not determine, rounding, and what none shows.
         seen: Numbers of the differences that torques show; none where these agree.
         by_joint: Component, and its largest scaled difference before and after all changes.
     """
@@ -150,7 +150,7 @@ def attribute(
     edits: Sequence[Edit] = (),
     deadline: Deadline | None = None,
 ) -> Attribution:
-    """Puts right each difference alone, each group of them, and all of them.
+    """Corrects each difference alone, each group of them, and all of them.
 
     What there is no time for has no share.
 
@@ -198,7 +198,7 @@ class _Effects:
         self._known: dict[tuple[int, ...], Array | None] = {}
 
     def of(self, numbers: tuple[int, ...]) -> Array | None:
-        """By which torques of B differ from those after changes; None where there is no number. Shape (n, m)."""
+        """Differences between torques of B and those after changes; None where there is no number. Shape (n, m)."""
         if numbers not in self._known:
             self._known[numbers] = self._asked(numbers)
         return self._known[numbers]
@@ -216,7 +216,7 @@ class _Effects:
         return effect if np.all(np.isfinite(effect)) else None
 
     def share(self, effect: Array | None) -> float:
-        """Of the torque difference; NaN where that is nothing."""
+        """Share of an effect in the torque difference; NaN where there is no difference."""
         if effect is None or not 0.0 < self._total < math.inf:
             return math.nan
         return float(np.vdot(self._off, self._weighed(effect))) / self._total
@@ -228,7 +228,7 @@ class _Effects:
         return left if left is not None and 0.0 < np.vdot(left, left) <= REST**2 * self._total < math.inf else None
 
     def share_of_rest(self, numbers: tuple[int, ...], first: tuple[int, ...], rest: Array) -> float:
-        """Of what is left without the first differences."""
+        """Share of some differences in the rest that the first differences leave."""
         gone, both = self.of(first), self.of(tuple(sorted({*numbers, *first})))
         if gone is None or both is None:
             return math.nan
@@ -309,7 +309,7 @@ def _weighed(causes: Sequence[Cause], effects: _Effects) -> tuple[list[Cause], l
 
 
 def _few(groups: Sequence[Group]) -> list[Group]:
-    """Those of one family as one, where they are several."""
+    """Groups, with several groups of one family joined into one."""
     families: dict[str, list[Group]] = {}
     for group in groups:
         families.setdefault(group.family, []).append(group)
@@ -335,7 +335,7 @@ def _cause(group: Group, share: float = math.nan, kind: str = "cause") -> Cause:
 
 
 def _told(cause: Cause, edits: Sequence[Edit]) -> Cause:
-    """With slips and values of what it is made by."""
+    """A cause with the slips and values of the edits that remove its differences."""
     own = [edit for edit in edits if {*edit.differences} & {*cause.differences}]
     if cause.kind == "digits" or not own:
         return cause

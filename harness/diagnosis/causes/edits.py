@@ -80,7 +80,7 @@ def edits(differences: Sequence[Difference], b: Reading, files: Files | None = N
 
 
 def _of_body(own: Mapping[int, Change], b: Reading, body: str, files: Files) -> Iterator[Edit]:
-    """Of a body: each of its mass properties, or, where it is several links, all of those of links."""
+    """Edits of a body: one for each mass property, or one for all its links where it consists of several."""
     old, new = of_body(b.bodies[body]), of_body(applied(b, own.values()).bodies[body])
     parts = files.b.parts(body) if files.b else {}
     pairs = _links(files, body, parts, old, new) if files.b and parts else [(body, old, new, {"B": np.eye(3)})]
@@ -99,7 +99,7 @@ _Pair = tuple[str, Matter, Matter, dict[str, Array]]
 
 
 def _together(own: Mapping[int, Change], body: str, pairs: Sequence[_Pair]) -> Edit:
-    """All mass properties of a body that differ, told by those of its links."""
+    """All mass properties of a body that differ, stated by those of its links."""
     names, slips, values = list[str](), list[str](), list[Value]()
     for name, before, after, rotations in pairs:
         step, slips_of = steps_of(before, after), _slips(before, after, rotations)
@@ -190,7 +190,7 @@ def _base(change: Change, b: Reading) -> list[Value]:
 
 
 def _placements(change: Change, b: Reading, file: Opened | None) -> tuple[Array, Array]:
-    """Of what a joint carries on what is before it, in A and in B. Shape (4, 4) each."""
+    """Placements of what a joint carries relative to its parent, in A and in B. Shape (4, 4) each."""
     after, joint = applied(b, [change]), change.item
     links = [i for i, link in enumerate(file.links) if joint in link.joints] if file else []
     if file and links:

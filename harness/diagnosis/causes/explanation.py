@@ -117,7 +117,7 @@ _REFUSED = (ScrewgaugeError, ValueError, LookupError)
 def softness(
     models: tuple[Model, Model], pairing: Pairing, differences: Sequence[Difference], seed: int, deadline: Deadline
 ) -> Attribution | None:
-    """Attributes the difference of soft forces to softness, all other differences that B's file can hold put right.
+    """Attributes the difference of soft forces to softness, all other differences that B's file can hold corrected.
 
     MuJoCo keeps equalities by springs. It is asked near closed states: where loops are closed, these exert nothing.
 

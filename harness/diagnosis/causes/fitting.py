@@ -32,7 +32,7 @@ MEANING = {0: "dry friction", 1: "damping"}
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """Of a difference that vanishes at rest.
+    """Growth with speed of a difference that vanishes at rest.
 
     Attributes:
         power: Of speed.
@@ -50,7 +50,7 @@ class Growth:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """Growth in words."""
         text = f"it vanishes at rest and grows with speed to the power {self.power:.3f}"
         if not self.products:
             meaning = MEANING.get(round(self.power)) if abs(self.power - round(self.power)) < WHOLE else None
@@ -62,7 +62,7 @@ class Growth:
 
 
 def growth(theirs: Sequence[Array], ours: Sequence[Array]) -> Growth | None:
-    """Of the difference of two quantities, each at `SPEEDS`; None where it does not vanish at rest."""
+    """Growth of the difference of two quantities, each at `SPEEDS`; None where it does not vanish at rest."""
     rest, once, twice = (float(np.abs(x - y).max(initial=0.0)) for x, y in zip(theirs, ours, strict=True))
     if not (0.0 < once < math.inf and 0.0 < twice < math.inf and rest <= RESTS * once):
         return None
@@ -78,7 +78,7 @@ ALIKE = 1e-6
 STEP = 1e-6
 #: Fits that are refined, and by how many steps of Gauss and Newton at most.
 REFINED, STEPS = 8, 8
-#: Singular values below this share of the largest are directions that the torques do not tell.
+#: Singular values below this share of the largest are directions that the torques do not determine.
 SEEN = 1e-9
 #: What is left of the torque difference after some changes, over the largest torques. Shape (n n_freedom,).
 Left = Callable[[Sequence[Change]], Array]
@@ -106,8 +106,8 @@ class Fit:
     Attributes:
         changes: That make the torques what they are.
         share: Of the torque difference that is explained.
-        unseen: How many directions among its numbers the torques do not tell.
-        alike: Names of others that explain as much and cannot be told from it.
+        unseen: How many directions among its numbers the torques do not determine.
+        alike: Names of others that explain as much and cannot be distinguished from it.
     """
 
     name: str
@@ -209,7 +209,7 @@ def fitted(reading: Reading, states: TreeStates, torques: Array, causes: Sequenc
 
 
 def _step(cause: Family, left: Left, x: Array, there: Array) -> tuple[Array, int]:
-    """A step of Gauss and Newton from `x`, and how many directions it does not tell.
+    """A step of Gauss and Newton from `x`, and how many directions it does not determine.
 
     Args:
         there: What is left at `x`.

@@ -40,12 +40,12 @@ _NAMED = 3
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Differences that are told in one row.
+    """Differences that are stated in one row.
 
     Attributes:
         name: What of which parts; `sentence`: how they differ; `short`: the same of the first alone.
-        differences: Numbers of them, the one that is told first.
-        family: What small ones of the same kind are called together.
+        differences: Numbers of them, the one that is stated first.
+        family: Common name of small ones of the same kind.
     """
 
     name: str
@@ -62,7 +62,7 @@ class Grouping:
     Attributes:
         differences: All of them.
         b: The reading that their changes are of; `files`: of both models.
-        weight: How much a difference counts: of several in a row, the one that counts most is told.
+        weight: How much a difference counts: of several in a row, the one that counts most is stated.
         edits: That make them.
     """
 
@@ -160,7 +160,7 @@ class Grouping:
         return groups
 
     def _factors(self, groups: list[Group]) -> list[Group]:
-        """One factor, or one value, in many places."""
+        """Groups with one factor, or one value, in many places, merged."""
 
         def key(group: Group) -> Hashable:
             one = self._first(group)
@@ -198,7 +198,7 @@ class Grouping:
         return Group(f"{noun} of {who}", sentence, _numbers(members), sentence, members[0].family)
 
     def _slips(self, groups: list[Group]) -> list[Group]:
-        """One slip in several places."""
+        """Groups with one slip in several places, merged."""
         slips = {edit.differences[0]: edit.slips for edit in self.edits if len(edit.differences) == 1}
         counts: dict[str, int] = defaultdict(int)
         for group in groups:
@@ -249,7 +249,7 @@ class Grouping:
         return _merged(groups, key, row, SEVERAL)
 
     def _same_words(self, groups: list[Group]) -> list[Group]:
-        """The same values in several parts."""
+        """Groups that say the same values of several parts, merged."""
 
         def key(group: Group) -> Hashable:
             one = self._first(group)
@@ -316,7 +316,7 @@ class Grouping:
 
 
 def together(members: Sequence[Group]) -> Group:
-    """Groups of one family that differ in unlike ways, of which the first is told."""
+    """Groups of one family that differ in unlike ways, of which the first is stated."""
     first, numbers = members[0], _numbers(members)
     name = f"{first.family}, {len(numbers)} differences"
     sentence = f"{name}: {first.short}; and {len(numbers) - len(first.differences)} more"
@@ -364,7 +364,7 @@ def _item(one: Difference) -> str:
 
 
 def _words(one: Difference) -> str:
-    """Its sentence without its item."""
+    """Sentence of a difference without its item."""
     return one.sentence.removeprefix(f"{_item(one)}: ").removeprefix(f"{one.item_b}: ")
 
 
@@ -395,5 +395,5 @@ def _fits(b: Reading, file: Opened | None, name: str, after: Matter, ratio: floa
 
 
 def _sideless(name: str) -> str:
-    """A name without what tells left from right."""
+    """A name without what distinguishes left and right."""
     return re.sub(r"[lr]", "~", re.sub(r"left|right", "~", name.lower()))

@@ -50,7 +50,7 @@ def beyond(common: Common) -> Beyond:
 
 
 def _kept(content: Iterable[Content], joints: Collection[str]) -> list[Content]:
-    """Without what acts on other joints alone, which one of the models does not have: that is said of the joints."""
+    """Content that acts on joints of both models; what acts on other joints alone is said of these joints."""
     kept = []
     for each in content:
         acts = {name for room, name, _ in each.of if room == "joints"}
@@ -76,7 +76,7 @@ def _pairs(a: Sequence[Content], b: Sequence[Content]) -> Iterator[_Pair]:
 
 
 def _grouped(content: Iterable[Content]) -> Mapping[object, list[Content]]:
-    """By kind and by what they act on; by their own names where that is nothing that has a partner."""
+    """Content by kind and by what it acts on; by its own names where that is nothing that has a partner."""
     groups: dict[object, list[Content]] = {}
     for each in content:
         element = each.what if not each.of or not kinds()[each.kind].arrays else ""
@@ -127,7 +127,7 @@ def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading
 
 
 def _difference(a: Content | None, b: Content | None) -> Difference:
-    """In words, with the first number that differs."""
+    """Difference in words, with the first number that differs."""
     one = a or b
     assert one is not None
     if a is None or b is None:
@@ -151,7 +151,7 @@ def _first(a: Content, b: Content) -> str:
 
 
 def _sided(content: Sequence[tuple[str, Content]]) -> Iterator[str]:
-    """One phrase for all that is called alike, with the sides that have it."""
+    """One phrase for all of the same name, with the sides that have it."""
     phrases_of = {side: phrases(each for where, each in content if where == side) for side in "AB"}
     for phrase in dict.fromkeys((*phrases_of["A"], *phrases_of["B"])):
         yield f"{phrase} in {' and '.join(side for side in 'AB' if phrase in phrases_of[side])}"

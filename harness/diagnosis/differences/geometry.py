@@ -48,7 +48,7 @@ class Deviation:
 
 
 def deviations(common: Common, deadline: Deadline) -> tuple[list[Deviation], Common]:
-    """All of them, from the ground outwards, and both models where they are put right; as far as there is time."""
+    """Deviations of all joints, from the ground outwards, and both models corrected, as far as time allows."""
     steps: list[Deviation] = []
     length = size(common.a)
     for name in _outwards(common.a):
@@ -83,7 +83,7 @@ def _righted(common: Common, change: Change) -> Common:
 
 
 def _of_joint(a: Reading, common: Common, name: str, length: float) -> Iterator[tuple[str, Array | float, Array]]:
-    """Deviations of one joint, with the step from A to B; after each, the caller puts B right and goes on."""
+    """Deviations of one joint, with the step from A to B; after each, the caller corrects B and goes on."""
     ours, b = a.joints[name], common.b
     if ours.kind != b.joints[name].kind:
         return
@@ -131,7 +131,7 @@ def _of_axis(
 
 
 def _displaced(common: Common, name: str, length: float) -> Array | None:
-    """The displacement of a joint and all outwards that brings B nearest to A; None if it is nearest as it is."""
+    """The displacement of a joint and all beyond it that brings B nearest to A; None if it is nearest as it is."""
     a, b = common.a, common.b
     bodies, joints = outwards(b, name)
     bodies = [body for body in bodies if body in a.bodies and (a.bodies[body].mass and b.bodies[body].mass)]
@@ -150,7 +150,7 @@ def _displaced(common: Common, name: str, length: float) -> Array | None:
 
 
 def _next(b: Reading, name: str) -> tuple[list[str], list[str]]:
-    """What a joint carries itself, not by another joint: a body at most, and the joints behind it; itself."""
+    """What a joint carries itself, not by another joint: a body at most, and the joints on it; itself."""
     carrier = b.moved_by(name)
     joints = b.bodies[carrier].joints
     if name != joints[-1]:
@@ -174,7 +174,7 @@ def _breaks(a: Reading, b: Reading, items: tuple[list[str], list[str]], D: Array
 
 
 def _candidates(common: Common, name: str) -> Iterator[Array]:
-    """As the machines as a whole say, or frames of one name."""
+    """Displacements that the machines as a whole suggest, or frames of one name."""
     carried = [body for body in outwards(common.b, name)[0] if body in common.a.bodies][:4]
     for there in (common.standing, {body: common.a.bodies[body].pose for body in carried}):
         for body in carried:
@@ -201,7 +201,7 @@ def matter_apart(a: BodyReading, b: BodyReading, D: Array, length: float) -> lis
 
 
 def _stands(common: Common, name: str, length: float) -> float | None:
-    """The coordinate by which a joint has to move to stand as in A, where the two machines as a whole tell that.
+    """The coordinate by which a joint has to move to stand as in A, where the two machines as a whole show that.
 
     None where they do not, or where what its body needs is more than its joints can do.
     """

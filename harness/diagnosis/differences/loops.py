@@ -35,10 +35,10 @@ CLOSED = 1e-9
 
 
 def closures(common: Common, as_written: Common) -> Iterator[Difference]:
-    """Those that both have, with how far they are open; then those of one alone, A's first.
+    """Differences of the closures that both have, with their gaps; then closures of one model alone, A's first.
 
     Args:
-        as_written: The two before B's geometry was put right, which say how far their loops are open.
+        as_written: The two before B's geometry was corrected, which say how far their loops are open.
     """
     gaps = [residual_at_home(plant(each)) for each in (as_written.a, as_written.b)]
     same = all(as_written.a.joints[name].home == q for name, q in as_written.homes.items())
@@ -179,7 +179,7 @@ def _of_free_zero(b: Reading, of: str, first: Array, second: Array) -> bool:
 
 
 def _unseen(reading: Reading, joint: str, angle: float) -> bool:
-    """Whether nothing shows where a hinge counts from: what it carries is round, or what is before it, on one axis."""
+    """Whether nothing shows where a hinge counts from: what it carries is round, or its parent, on one axis."""
     hinge, length = reading.joints[joint], size(reading)
     T = exponential("hinge", axis(hinge), hinge.centre, angle)
     bodies, joints = outwards(reading, joint)
@@ -259,7 +259,7 @@ def cut_joints(models: tuple[Model, Model]) -> Iterator[Difference]:
 
 
 def _softness(common: Common, kind: str, name: str) -> Iterator[Difference]:
-    """Of a constraint that both libraries keep by springs: those that keep it exactly have none."""
+    """Difference in softness of a constraint that both libraries keep by springs; exact constraints have none."""
     a, b = (np.array(getattr(each, kind)[name].softness) for each in (common.a, common.b))
     if a.size == b.size and np.any(np.abs(a - b) > ROUNDING * np.maximum(np.abs(a), np.abs(b))):
         parts = [
@@ -279,7 +279,7 @@ DRAWN = 12
 ALIKE = 1e-9
 #: Gaps at home up to this are closed, as those of a description are [rad or lengths of the model].
 HOME = 1e-9
-#: Conventions of coordinates that are put right before loops are compared: the same pose is meant.
+#: Conventions of coordinates that are corrected before loops are compared: the same pose is meant.
 COUNTED = ("zero", "sign", "polynomial")
 _NOT_COMPARED = "what closures and couplings leave is not compared"
 

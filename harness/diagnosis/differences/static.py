@@ -31,7 +31,7 @@ SHIFTED = 1e-6
 
 
 def differences(common: Common, deadline: Deadline | None = None) -> tuple[list[Difference], Common]:
-    """All of them, those of geometry first; and both models where B's geometry and counting are put right."""
+    """Differences of two models, geometry first; and both models with B's geometry and counting corrected."""
     deadline = deadline or Deadline()
     found, right = deviations(common, deadline)
     out = [_deviation(common, deviation) for deviation in found]
@@ -100,7 +100,7 @@ def _joint(common: Common, name: str, written: JointReading, shift: float) -> It
     """Differences of one joint.
 
     Args:
-        written: B's as its file counts it, before it was put right.
+        written: B's as its file counts it, before it was corrected.
         shift: By which A counts more than B's file, whichever way, in the same place.
     """
     a, b = common.a.joints[name], common.b.joints[name]
@@ -133,7 +133,7 @@ def _counted(common: Common, name: str, what: str, values: tuple[object, object,
 
 
 def _as_its_zero(entry: Difference, shift: float) -> Difference:
-    """A place along a joint, told as a convention if it is the same place counted from another zero."""
+    """A place along a joint, stated as a convention if it is the same place counted from another zero."""
     if not shift or entry.a is None or entry.b is None:
         return entry
     off = np.abs(entry.b + shift - entry.a)[np.isfinite(entry.a) & np.isfinite(entry.b)]
@@ -166,7 +166,7 @@ _NAMED = 3
 
 
 def bodies(common: Common) -> Iterator[Difference]:
-    """Of all bodies; what we cut into shares of a body is said of the body as a whole."""
+    """Differences of all bodies; what we cut into shares of a body is said of the body as a whole."""
     for name in common.a.bodies:
         if name in common.b.bodies:
             entries = _body(common, name, common.a.bodies[name], common.b.bodies[name])
@@ -245,7 +245,7 @@ def seen_from(a: BodyReading, b: BodyReading) -> tuple[tuple[Array, Array], tupl
 
 
 def _missing_part(common: Common, a: BodyReading, b: BodyReading) -> str:
-    """That a link fixed to a body of one model is missing in the other one, if that makes all of the difference."""
+    """Sentence on a link of a body that the other model lacks, if that makes all of the difference."""
     (com, inertia), _ = seen_from(a, b)
     T = relative(b.pose, a.pose)
     sides = (

@@ -64,7 +64,7 @@ def each_in_its_own(item: str, what: str, a: Array, b: Array, unit: str, axes: s
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Axes:
-    """Axes in which a turn or a way is told.
+    """Axes in which a rotation or a displacement is stated.
 
     Attributes:
         name: Whose they are, such as ``link3 in A``.
@@ -75,14 +75,14 @@ class Axes:
     R: Array
 
 
-#: Axes in which places are told where no body has any.
+#: Axes in which places are stated where no body has any.
 WORLD = Axes("the world in A", np.eye(3))
 #: A part of a step that is smaller than this share of the other one is rounding of that; so is a component of a vector.
 _SHARE = 1e-5
 
 
 def axes_of(a: Reading, *names: str) -> tuple[Axes, ...]:
-    """Those of bodies of A, or of the world."""
+    """Axes of bodies of A, then those of the world."""
     return (*(Axes(f"{name} in A", a.bodies[name].pose[:3, :3]) for name in names if name in a.bodies), WORLD)
 
 
@@ -91,7 +91,7 @@ def place(item: str, what: str, step: Array, joint: JointReading, axes: Sequence
 
     Args:
         step: From A to B in A's world: rotation vector [rad] and way [m]. Shape (2, 3).
-        joint: A's; `axes`: to tell the step in.
+        joint: A's; `axes`: to state the step in.
         length: Size of the machine [m].
     """
     if what == "sign":
@@ -167,7 +167,7 @@ def with_sides(sentence: str, a: str, b: str) -> str:
 
 
 def digits(value: float, other: float) -> str:
-    """A number with as many digits as tell it from another one, and two more; 4 at least."""
+    """A number with as many digits as distinguish it from another one, and two more; 4 at least."""
     if 0.0 in (value, other) or not abs(value - other) > 1e-11 * max(abs(value), abs(other)):
         return f"{value + 0.0:.6g}"
     near = max(abs(value), abs(other)) / abs(value - other)
@@ -189,7 +189,7 @@ def _finite(value: Array) -> float:
 
 
 def _change(a: float, b: float) -> str:
-    """From A to B in percent, or, of large changes, as a factor."""
+    """Change from A to B in percent, or, if large, as a factor."""
     if a == 0.0 or b == 0.0:
         return "none in A" if a == 0.0 else "none in B"
     share = (b - a) / a
@@ -222,7 +222,7 @@ def _tensors(a: Array, b: Array) -> str:
 
 
 def _ratio(a: Array, b: Array) -> str:
-    """From a tensor to another one: one factor, or how much the largest moments differ."""
+    """Ratio of two tensors: one factor, or how much the largest moments differ."""
     most, other = (_finite(each) for each in (a, b))
     if not most or not other:
         return _change(most, other)

@@ -307,7 +307,7 @@ def _bodies(worlds: Iterable[Element]) -> Iterator[Element]:
 
 
 def _mjcf_joints(body: str, element: Element) -> dict[str, Element]:
-    """Joints of a body by name; those without one are called as `readings.source` calls them."""
+    """Joints of a body by name; those without one are named as `readings.source` names them."""
     moving = [child for child in element.children if child.tag in ("joint", "freejoint")]
     return {joint.get("name") or f"{body}_joint" + (f"_{k + 1}" if k else ""): joint for k, joint in enumerate(moving)}
 
@@ -357,7 +357,7 @@ def _mjcf_rotation(given: Mapping[str, str], compiler: Mapping[str, str]) -> Arr
 
 
 def _mjcf_matter(body: Element, compiler: Mapping[str, str]) -> tuple[Matter | None, Array]:
-    """Mass properties of a body, none where geoms have to tell them, and the orientation in which they are written."""
+    """Mass properties of a body, none where geoms determine them, and the orientation in which they are written."""
     inertial, geoms, setting = body.find("inertial"), body.find("geom"), compiler.get("inertiafromgeom", "auto")
     if inertial is None or (setting == "true" and geoms is not None):
         return (NOTHING if geoms is None or setting == "false" else None), np.eye(3)

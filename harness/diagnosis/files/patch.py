@@ -103,7 +103,7 @@ def move(file: Opened, target: Reading, gone: Collection[int] = ()) -> list[Arra
     """Writes placements and axes of another reading of the same machine.
 
     Args:
-        gone: Links that are to be taken out: what hangs on them is hung, where it is, on what is before them.
+        gone: Links that are to be taken out: what hangs on them is hung, where it is, on an ancestor.
 
     Returns:
         Frame of each link in the world. Shape (4, 4) each.
@@ -142,7 +142,7 @@ def _same(old: Array, new: Array) -> bool:
 
 
 def _displacement(reading: Reading, target: Reading, link: Link, owner: str, near: list[Array]) -> Array:
-    """Of a link in the world."""
+    """Displacement of a link in the world."""
     if owner:
         old, new = reading.bodies[owner].pose, target.bodies[owner].pose
         return np.eye(4) if np.array_equal(old, new) else np.asarray(new @ np.linalg.inv(old))
@@ -162,7 +162,7 @@ def _shortest(old: JointReading, new: JointReading) -> Array:
 
 
 def _off_axis(F: Array, joint: JointReading) -> Array:
-    """From the origin of a frame to the nearest point of a hinge's axis, in the frame. Shape (3,)."""
+    """Vector from the origin of a frame to the nearest point of a hinge's axis, in the frame. Shape (3,)."""
     if joint.kind != "hinge":
         return np.zeros(3)
     along, r = axis(joint), joint.centre - F[:3, 3]
@@ -171,7 +171,7 @@ def _off_axis(F: Array, joint: JointReading) -> Array:
 
 
 def _turned_back(file: Opened, target: Reading, link: Link, F: Array) -> Array:
-    """From home, which the file counts as zero, to the zero of the target. Shape (4, 4)."""
+    """Displacement from home, which the file counts as zero, to the zero of the target. Shape (4, 4)."""
     for name in link.joints:
         joint, angle = target.joints[name], file.reading.joints[name].home - target.joints[name].home
         if angle != 0.0:
@@ -346,7 +346,7 @@ def _moved(file: Opened, joint: str) -> list[int]:
 
 
 def _carried(file: Opened, joint: str) -> list[Link]:
-    """The links behind a joint."""
+    """Links that descend from a joint."""
     gone = set[int]()
     for i, link in enumerate(file.links):
         if joint in link.joints or link.near in gone:

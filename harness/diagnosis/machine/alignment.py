@@ -25,7 +25,7 @@ NEAR, MANY = 0.01, 0.5
 MOST = 3.2
 #: Share of the machine's length, or of 1 rad, beyond which links of a part that fits nowhere are not taken for one.
 FAR = 0.1
-#: Cost of a joint that leads others beside one that follows: it tells fingers that are the same but for that.
+#: Cost of a joint that leads others beside one that follows: it distinguishes fingers that are the same but for that.
 UNLIKE = 0.5
 
 
@@ -277,7 +277,7 @@ class _Walk:
         return skipped
 
     def _lie(self, one: Link, other: Link, near: str) -> bool:
-        """Whether two links, and most of what is behind them, are in one place where a body lies on its partner."""
+        """Whether two links, and most of their descendants, are in one place where a body lies on its partner."""
         T = self.placed[near]
         if one.kind != other.kind or distance(self.a, (one, other), T) > EXACT:
             return False
@@ -300,7 +300,7 @@ class _Walk:
                 yield one, other
 
     def _cost(self, one: Link, other: Link) -> float:
-        """How unlike two links and what is behind them are; names that are the same weigh more than all else."""
+        """How unlike two links and their descendants are; names that are the same weigh more than all else."""
         a, b, T = self.a, self.b, self.placed[one.near]
         cost = 1.5 * (one.kind != other.kind) + self._names(one, other)
         for mine, yours in zip(features(one, one.near), features(other, other.near), strict=False):

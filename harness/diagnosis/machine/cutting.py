@@ -35,7 +35,7 @@ class Made:
     Attributes:
         joints: Their names, those of the other model -> their coordinates there.
         axes: Unit vectors of hinges in the world; none of a ball. Shape (n, 3).
-        turn: How what is behind has to be displaced to stand as in the other model. Shape (4, 4).
+        turn: How the descendants have to be displaced to stand as in the other model. Shape (4, 4).
         hinges: That the ball replaces; none where it replaces closures.
     """
 
@@ -51,7 +51,7 @@ class Branch:
 
     Attributes:
         link: Names of its joints and closures, from the ground outwards.
-        body: The member that what is behind it is called after.
+        body: The member that the body at its far end is named after.
         made: Joints in place of others, by the first of these.
     """
 
@@ -67,7 +67,7 @@ class Pointed:
     Attributes:
         joints: Their names, from the ground outwards.
         names: Of the points.
-        places: Near them, in the world: the link itself tells where. Shape (n, 3).
+        places: Near them, in the world: the link itself determines where. Shape (n, 3).
         partners: Joints of the other model's link; none of one that is closed by points there, too.
     """
 
@@ -200,7 +200,7 @@ def _cut(
 
 
 def _main(machine: Machine, body: str, names: Sequence[str]) -> str:
-    """The member that a body is called after: one of some names, or the heaviest."""
+    """The member that a body is named after: one of some names, or the heaviest."""
     bodies = machine.reading.bodies
     return max(machine.bodies[body].members, key=lambda name: (name in names, bodies[name].mass))
 
@@ -306,7 +306,7 @@ def recut(reading: Reading, cut: Cut | None) -> Reading:
 
 
 def _kept(reading: Reading) -> Reading:
-    """Without couplings and actuators of joints that are gone."""
+    """A reading without couplings and actuators of joints that are gone."""
     joints = {*reading.joints}
     return replace(
         reading,
@@ -359,7 +359,7 @@ def _body(machine: Machine, body: str, name: str, near: str, joints: tuple[str, 
 
 
 def _closures(machine: Machine, called: Mapping[str, str], used: set[str]) -> Iterator[tuple[str, ClosureReading]]:
-    """Those that no link of the tree has, between bodies as they are called."""
+    """Closures that no link of the tree contains, between bodies by the names of the tree."""
     poses = {name: body.pose for name, body in machine.reading.bodies.items()}
     for name, closure in machine.reading.closures.items():
         ends = [

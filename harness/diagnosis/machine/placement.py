@@ -28,7 +28,7 @@ DISTINCT, ALIKE = 1e-3, 1e-6
 UPPER = np.triu_indices(3)
 #: How many candidates are fitted along a link, and the angles of its hinges from which [rad].
 FITTED, TURNS = 3, (0.0, 2.1, -2.1)
-#: Vectors across a hinge that are shorter tell no angle [lengths of the machine].
+#: Vectors across a hinge that are shorter determine no angle [lengths of the machine].
 FLAT = 1e-6
 #: Gauss-Newton: differences by which it differentiates, its largest step, and the residuals that count half.
 STEP, FAR = 1e-7, 0.7
@@ -44,12 +44,12 @@ class Feature:
     direction: Array
 
     def placed(self, T: Array) -> Feature:
-        """In another world. T: shape (4, 4)."""
+        """The feature in another world. T: shape (4, 4)."""
         return Feature(self.kind, T[:3, :3] @ self.point + T[:3, 3], T[:3, :3] @ self.direction)
 
 
 def features(link: Link, body: str) -> list[Feature]:
-    """Of a link on one of its bodies; none of a free one."""
+    """Features of a link on one of its bodies; none of a free one."""
     if link.kind == "F":
         return []
     if link.kind == "S" and link.centre is not None:
@@ -83,14 +83,14 @@ class _Shape:
         self.matter = machine.bodies[body].matter
 
     def placed(self, T: Array) -> _Shape:
-        """In another world. T: shape (4, 4)."""
+        """The shape in another world. T: shape (4, 4)."""
         other = copy(self)
         other.points, other.ways = self.points @ T[:3, :3].T + T[:3, 3], self.ways @ T[:3, :3].T
         other.matter = displaced(self.matter, T)
         return other
 
     def places(self) -> Iterator[tuple[str, Array, Array]]:
-        """Kind, point and direction (none of a point) of what tells where it is: all but directions."""
+        """Kind, point and direction (none of a point) of what shows where it is: all but directions."""
         yield from ((k, *pair) for k, *pair in zip(self.kinds, self.points, self.ways, strict=True) if k != "P")
         if self.matter.mass:
             yield "com", self.matter.com, np.zeros(3)
@@ -129,7 +129,7 @@ class _Overlay:
         return np.asarray(np.linalg.norm(self.residuals(T), axis=1))
 
     def _gaps(self, T: Array) -> Array:
-        """As `gap` of each feature of A and the nearest one of B. Shape (n, 6)."""
+        """Gaps, as by `gap`, of each feature of A and the nearest one of B. Shape (n, 6)."""
         ours = self.ours
         if not self.unlike.size:
             return np.tile(np.append(1.0, np.zeros(5)), (len(ours.points), 1))
@@ -157,10 +157,10 @@ def _score(off: Array) -> float:
 
 
 def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Array:
-    """Placement of B's world in A's that lays what is behind a link onto what is behind its partner.
+    """Placement of B's world in A's that lays the descendants of a link onto those of its partner.
 
     Args:
-        near: The same of what is before them. Shape (4, 4).
+        near: Placement of B's world in A's by the parents of the links. Shape (4, 4).
     """
     overlay = _Overlay(a, b, (links[0].far, links[1].far))
     tried = list(_candidates(a, b, links, near))
@@ -181,7 +181,7 @@ def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Arr
 def _further(
     a: Machine, b: Machine, links: tuple[Link, Link], overlay: _Overlay, tried: list[Array]
 ) -> Iterator[Array]:
-    """Placements where no candidate is exact: motions of the link, and by matter where no name tells either."""
+    """Placements where no candidate is exact: motions of the link, and by matter where names do not decide either."""
     if len(links[0].elements) <= 3 or links[0].kind == "F":
         elsewhere = links[0].near == GROUND and distance(a, links, np.eye(4)) > EXACT
         steps = _elsewhere(links[0]) if elsewhere else _freedoms(links[0])
@@ -245,7 +245,7 @@ def _frame(machine: Machine, body: Body) -> Array:
 
 
 def _coordinates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Array:
-    """With the joints of B's link at the coordinates of A's, counted in the direction in which axes agree."""
+    """Placement with the joints of B's link at A's coordinates, counted in the direction in which axes agree."""
     out: Array = np.eye(4)
     R = near[:3, :3]
     for mine, yours in zip(links[0].elements, links[1].elements, strict=True):

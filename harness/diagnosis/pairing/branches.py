@@ -40,7 +40,7 @@ class Side:
     placement: Array
 
     def difference(self, joint: str, other: str, what: str, sentence: str) -> Difference:
-        """Of a joint of this model; `other`: of the other one, if any."""
+        """Difference of a joint of this model; `other`: its partner in the other model, if any."""
         items = (joint, other) if self.name == "A" else (other, joint)
         return Difference(*items, what, None, None, "", math.inf, sentence)
 
@@ -97,7 +97,7 @@ def _retyped(a: Reading, b: Reading, pairing: Pairing) -> Iterator[str]:
 
 
 def bare(a: Reading, b: Reading, differences: Iterable[Difference]) -> tuple[Reading, Reading]:
-    """Both without the links that are `missing` in the other one: no part of what is before them has their mass."""
+    """Readings without the links that are `missing` in the other one: no part of their parents has their mass."""
     for each in differences:
         if each.a is not None and (take := {"branch": without, "link": spliced}.get(each.what)):
             a = take(a, each.item_a) if each.item_a else a
@@ -166,7 +166,7 @@ def _gap(side: Side, root: str) -> list[str]:
 
 
 def _held(side: Side, other: Side, root: str, gap: Collection[str]) -> bool:
-    """Whether the other model has what some joints move, fixed to what is before it, or moves it by other joints."""
+    """Whether the other model has what some joints move, fixed to their parent, or moves it by other joints."""
     bodies = {name: side.reading.bodies[name] for name in gap}
     mass = sum(body.mass for body in bodies.values())
     if not {*outwards(side.reading, root)[1]} <= {*side.alone}:

@@ -35,7 +35,7 @@ class Common:
     Attributes:
         a, b: Readings with the joints that both have; all others are held at home.
         own: Kind of item (``bodies``, ``joints``, ``closures``, ``couplings``, ``actuators``) -> common name -> B's.
-        before, behind: Displacement from B's home to the common one of what is before each joint, of each body.
+        before, behind: Displacement from B's home to the common one of the parent of each joint, of each body.
         homes: Coordinate of each joint at B's own home.
         placement: Of B's world in A's. Shape (4, 4).
         standing: Body, by its common name -> pose of B's where B is in the pose of A, as far as that is known. (4, 4).
@@ -179,7 +179,7 @@ def _unclashed(b: Reading, names: dict[str, dict[str, str]], alone: Collection[s
 
 
 def _same(a: Mapping[str, object], b: Mapping[str, object], *, commanded: bool = False) -> dict[str, str]:
-    """Name in B -> name in A, of what is called alike and of the same joint or bodies, or else one of the two.
+    """Name in B -> name in A, of what has the same name and is of the same joint or bodies, or else one of the two.
 
     Args:
         a, b: Name -> what it is of.
@@ -242,7 +242,7 @@ def counterpart(a: Reading, b: Reading, joints: Mapping[str, str]) -> tuple[Read
 
 
 def states_of_b(a: ReadingTree, b: ReadingTree, states: TreeStates) -> TreeStates:
-    """The same states, where the frames that ball and free joints carry differ."""
+    """States of B at states of A, where the frames that ball and free joints carry differ."""
     if not (other := _reframed(a, b)):
         return states
     q, C = states.q.copy(), velocity_map(a, b)

@@ -297,7 +297,7 @@ def _permutation(
 
 
 def _bodies(a: Reading, b: Reading, joints: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
-    """Bodies behind the same last joint, then those that are called alike."""
+    """Bodies on the same last joint, then those of the same name."""
     behind = {body.joints[-1]: name for name, body in b.bodies.items()}
     bodies = {name: other for name, other in given.items() if name in a.bodies and other in b.bodies}
     for name, body in a.bodies.items():
@@ -334,7 +334,7 @@ def fitting(
 ) -> Array:
     """The placement of B's world in A's that lays most joints onto their partners; none where those at the ground fit.
 
-    A base that stands elsewhere cannot be told from a first joint that counts from elsewhere, which is likelier.
+    A base that stands elsewhere looks the same as a first joint that counts from elsewhere, which is likelier.
 
     Args:
         pairs: Joints of A with those of B.

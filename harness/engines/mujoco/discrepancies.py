@@ -64,7 +64,7 @@ def moment(model: mujoco.MjModel) -> float:
 
 
 def mass(model: mujoco.MjModel) -> float:
-    """Of all that moves [kg]."""
+    """Mass of all that moves [kg]."""
     return float(model.body_mass[1:].sum())
 
 
@@ -167,7 +167,7 @@ def inverse_of_a_step() -> Evidence:
 
 
 def stale_after_step() -> Evidence:
-    """By how much body positions after `mj_step` lag behind the coordinates, at 10 rad/s and 10 ms."""
+    """Lag of body positions after `mj_step` behind the coordinates, at 10 rad/s and 10 ms."""
     model = load(mjcf(body("a")), timestep=0.01)
     data = state(model, v=10.0)
     mujoco.mj_step(model, data)

@@ -21,7 +21,7 @@ _KIND = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 
 
 def curved(couplings: Sequence[Coupling]) -> list[Coupling]:
-    """Those for which it is not zero."""
+    """Couplings whose second derivative is not zero."""
     return [one for one in couplings if one.polynomial[2:].any()]
 
 

@@ -176,7 +176,7 @@ class MujocoTree(OpenTree):
         return [body, *self._above(int(self.model.body_parentid[body]))] if body else []
 
     def _inverse(self, q: Array, v: Array, a: Array, *, soft: bool = False) -> Iterator[int]:
-        """Goes through the samples after `mj_inverse` on each, without equality constraints unless `soft`; these are
+        """Runs `mj_inverse` on each sample, without equality constraints unless `soft`; these are
         completed where MuJoCo takes a coupling for a straight line."""
         model, data, flags = self.model, self.data, self.model.opt.disableflags
         model.opt.disableflags = flags & ~DISABLED if soft else flags | DISABLED

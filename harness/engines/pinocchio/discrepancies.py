@@ -56,7 +56,7 @@ for file in sys.argv[1:]:
 
 
 def gaps(*texts: str) -> list[float]:
-    """By how much the first closure of each MJCF is open at home, where the frames of its two joints agree [m].
+    """Gap of the first closure of each MJCF at home, where the frames of its two joints agree [m].
 
     They are read in a process of its own, which Pinocchio's reader may crash: NaN from that file on.
     """
@@ -82,7 +82,7 @@ def inverse(model: pin.Model, q: Any = None, v: Any = 0.0, a: Any = 0.0) -> Arra
 
 
 def mass(model: pin.Model) -> float:
-    """As Pinocchio adds it up [kg]."""
+    """Total mass that Pinocchio computes [kg]."""
     return float(pin.computeTotalMass(model))
 
 
@@ -251,7 +251,7 @@ def default_settings() -> Evidence:
 
 
 def two_arguments() -> Evidence:
-    """The same with constraints initialised as Pinocchio 3 wants it, without their data, and with them."""
+    """Acceleration error where constraints are initialised as in Pinocchio 3, without their data, and with them."""
     closed, message = _Closed(), ""
     value = math.nan
     try:
@@ -263,7 +263,7 @@ def two_arguments() -> Evidence:
 
 
 def one_iteration() -> Evidence:
-    """The same after one proximal iteration at mu = 1e-3, and after eight."""
+    """Acceleration error after one proximal iteration at mu = 1e-3, and after eight."""
     closed = _Closed()
     return Evidence(closed.error(0.0, 0.0, 1e-3, 1), 0.0, closed.error(0.0, 0.0, 1e-3, 8), "rad/s^2")
 
@@ -281,7 +281,7 @@ def _force(**how: Any) -> tuple[Array, Array]:
 
 
 def _on_coupler(bar: FourBar) -> Array:
-    """From the equations of motion of the tree: tau + J^T f = M a + h, J of coupler less rocker."""
+    """Force on the coupler from the equations of the open tree: tau + J^T f = M a + h, J of coupler less rocker."""
     model = four_bar(bar)
     tau = pin.rnea(model, model.createData(), np.zeros(3), bar.v, bar.a)
     tau[0] -= bar.torque
@@ -301,14 +301,14 @@ def force_sign() -> Evidence:
 
 
 def force_frame() -> Evidence:
-    """The same of a constraint whose frames are turned by 0.5 rad, and rotated into the world."""
+    """Force along x of a constraint whose frames are turned by 0.5 rad, and rotated into the world."""
     force, expected = _force(turn=0.5)
     turned = pin.rpy.rpyToMatrix(0.0, 0.0, 0.5) @ force
     return Evidence(float(force[0]), float(expected[0]), float(turned[0]), "N")
 
 
 def redundant_force() -> Evidence:
-    """The same of one of two equal constraints, and of both together."""
+    """Force along x of one of two equal constraints, and of both together."""
     closed = _Closed(twice=True)
     closed.accelerate(pin.ProximalSettings(*_SAFE))
     both = sum(float(data.contact_force.linear[0]) for data in closed.datas)

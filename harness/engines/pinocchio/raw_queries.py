@@ -82,7 +82,7 @@ def _states(model: Any, source: Any, joints: Mapping[str, JointStates]) -> tuple
 
 
 def _coordinates(T: Array, width: int) -> Array:
-    """Of a ball or free joint, quaternion last, real part at the end."""
+    """Coordinates of a ball or free joint, quaternion last, real part at the end."""
     quaternion = pin.Quaternion(T[:3, :3]).coeffs()
     return np.concatenate([T[:3, 3], quaternion]) if width == 6 else np.asarray(quaternion)
 

@@ -97,7 +97,7 @@ class PinocchioTree(OpenTree):
             place[:], screw[:] = joints, twists
         bodies = placed.reshape(n, -1, 4, 3)[:, [0, *self.joints]]  # the first joint is the world
         R, p = np.ascontiguousarray(bodies[:, :, :3].swapaxes(2, 3)), bodies[:, :, 3]
-        for k in self.placed:  # links behind fixed joints
+        for k in self.placed:  # links on fixed joints
             p[:, k] += R[:, k] @ self.origins[k - 1]
             R[:, k] = R[:, k] @ self.turned[k - 1]
         return BodyPoses(R, p, screws[:, ANGULAR_FIRST], self.moves)
@@ -226,7 +226,7 @@ class Constraints:
         return np.asarray(C @ (a + damping * v) + bias + stiffness * gap)
 
     def _closed(self, q: Array, v: Array, tau: Array, settings: Any) -> Array:
-        """The same, couplings not kept."""
+        """Accelerations of the closed tree, couplings not kept."""
         if not len(self.models):
             return np.asarray(pin.aba(self.model, self.data, q, v, tau))
         return np.asarray(pin.constraintDynamics(self.model, self.data, q, v, tau, self.models, self.datas, settings))

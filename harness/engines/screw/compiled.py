@@ -73,7 +73,7 @@ class Solver:
         self.notes = tuple(filter(None, [work.note]))
 
     def _works(self, mode: Mode) -> list[TracedWork]:
-        """One a thread."""
+        """Traced work of a mode, one for each thread."""
         if mode not in self.works:
             lay, motion, problem = layout(self.scene.mechanism), self.scene.motion, self.scene.problem(self.quantities)
             first = TracedWork(lay, problem, motion, self.backend, loaded=mode[0], estimates=mode[1])

@@ -93,7 +93,7 @@ class TracedForward:
         branch.put(self._coordinates(branch.q.copy()))
 
     def learn(self, q: Array, K: Array, condition: float) -> None:
-        """Goes on from a pose that the program did not answer; if it closed it and its condition is good, it may ask
+        """Continues from a pose that the program did not answer; if it closed it and its condition is good, it may ask
         for other pivots. `condition`: infinite where it did not."""
         self.by_array += 1
         if condition < self.near / MARGIN**2:
@@ -122,7 +122,7 @@ class TracedForward:
         return False
 
     def _settled_at(self, y: Array) -> bool:
-        """The same at the states with other coordinates. Shape (k, width)."""
+        """Runs the program at the states with other coordinates; whether all are beyond doubt. Shape (k, width)."""
         self.state[: len(y)] = y
         return self._settled()
 
@@ -159,7 +159,7 @@ class TracedForward:
         return np.concatenate([state[k:-1], self.answer[:, 0]]) if self._evaluate() else None
 
     def slopes(self, t: float, states: Array) -> Array | None:
-        """The same of several states, one a column. Shape (2 k + 1, n)."""
+        """Derivatives of several states, one a column; None where any is doubtful. Shape (2 k + 1, n)."""
         k, out, width = len(self.columns), np.empty_like(states), self.state.shape[1]
         out[:k], self.state[-1] = states[k:-1], t
         before, ahead = self.pose[:, :1].copy(), None

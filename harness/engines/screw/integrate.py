@@ -112,7 +112,7 @@ class _Run:
         return self._by_arrays(t, state[:, None])[:, 0] if slope is None else slope
 
     def _by_arrays(self, t: float, states: Array) -> Array:
-        """The same of states, one a column, by the array solver on the same branch. Shape (2 k + 1, n)."""
+        """Derivatives of states, one a column, by the array solver on the same branch. Shape (2 k + 1, n)."""
         k, alone = len(states) // 2, states.shape[1] == 1
         q = self.traced.closed(states[:k, 0]) if self.traced is not None and alone else None
         at = self.rates(t, states.T, q)

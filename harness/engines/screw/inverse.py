@@ -76,7 +76,7 @@ class Work:
             return self.mode.close(guess)
 
     def under(self, loads: Array | None) -> Work:
-        """The same under loads that change from sample to sample, force and torque of each. Shape (m, n)."""
+        """Work under loads that change from sample to sample, force and torque of each. Shape (m, n)."""
         if loads is None:
             return self
         each = np.split(loads.T, len(loads) // 3, axis=1)

@@ -157,7 +157,7 @@ class Runner(Protocol):
         """See `screwgauge.reference.traced.native.Native.bind`."""
 
     def again(self) -> Runner:
-        """One that may run at the same time."""
+        """A runner that may run at the same time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -228,7 +228,7 @@ class Arcs:
     def bind(
         self, inputs: Sequence[Array], outputs: Sequence[Array], weights: Array | None = None
     ) -> Callable[[], bool]:
-        """As `Runner.bind`."""
+        """Binds arrays as `Runner.bind` does."""
         first, checks = self.runners[0].bind(inputs, outputs, weights), self.program.checks
         given, results = ([row for block in blocks for row in block] for blocks in (inputs, outputs))
 
@@ -243,7 +243,7 @@ class Arcs:
         return run
 
     def again(self) -> Arcs:
-        """One that may run at the same time."""
+        """Arcs that may run at the same time."""
         return Arcs([runner.again() for runner in self.runners], self.limits)
 
 

@@ -240,7 +240,7 @@ def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> t
 
 
 def _driver_alone(lay: Layout, motion: GivenMotion) -> tuple[Array, Array] | None:
-    """From the joint with the independent coordinates; None where that leaves a loop open."""
+    """Results from the joint with the independent coordinates; None where that leaves a loop open."""
     q = closed_form_positions(lay, motion.y)
     if q is None or np.abs(pose(lay, q[:: max(1, len(q) // 16)]).residual).max() > CLOSED:
         return None

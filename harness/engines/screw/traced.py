@@ -124,7 +124,7 @@ class TracedWork:
         return some.part(clear), q[clear]
 
     def again(self) -> TracedWork:
-        """The same for another thread: with buffers, poses and counts of its own."""
+        """A copy for another thread, with buffers, poses and counts of its own."""
         other = copy(self)
         other.work = Work(self.lay, self.problem)
         other.clock, other.by_array, other.bound = other.work.clock, Counter(), None
@@ -213,7 +213,7 @@ class TracedWork:
         return self.work.predict(motion) if self.guessed else None
 
     def reach(self, motion: GivenMotion) -> Guess | None:
-        """The same for samples in any order; times are their numbers.
+        """Guesses for samples in any order; times are their numbers.
 
         Raises:
             ClosureError: Some are not reached, or not determined by y.
@@ -286,7 +286,7 @@ class TracedWork:
     def _completed(
         self, motion: GivenMotion, guess: Guess | None, loads: Array | None, arrays: Mapping[str, Array], part: Part
     ) -> Part:
-        """The same with the doubtful samples answered by the array solver."""
+        """Answers of the program, with the doubtful samples answered by the array solver."""
         rows = part.doubtful
         if not rows.size:
             return replace(part, moved={name: np.zeros((0, x.shape[1])) for name, x in part.values.items()})

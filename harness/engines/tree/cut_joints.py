@@ -75,7 +75,7 @@ class Chart:
         return self.rates(local[..., None])[..., 0]
 
     def near(self, angles: Array) -> Chart:
-        """The same rotations by the triples of angles, and with the whole turns, that come nearest to others.
+        """A chart of the same rotations by the triples of angles and whole turns that come nearest to others.
 
         Args:
             angles: Shape (n, m).
@@ -83,7 +83,7 @@ class Chart:
         return replace(self, q=rotations.nearest_angles(self.q, angles)[0])
 
     def agreeing(self, i: int, angle: Array) -> Chart:
-        """The same rotations by the triples whose angle `i` comes nearest to a given one. Shape (n,)."""
+        """A chart of the same rotations by the triples whose angle `i` comes nearest to a given one. Shape (n,)."""
         if self.q.shape[1] < 3:
             return self
         two = other_triple(self.q)

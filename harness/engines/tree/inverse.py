@@ -111,7 +111,7 @@ class _Work:
         return np.concatenate(errors, axis=1), closed.closing_rows(q, at, charts, ends)
 
     def _scaled(self, z: Array, y: Array) -> tuple[Array, ...]:
-        """The same without dimension, and the poses there."""
+        """Closure residuals and their derivative without dimension, and the poses there."""
         sizes = self.closed.sizes
         q = z * sizes.q
         at = self.closed.tree.poses(q)
@@ -182,7 +182,7 @@ class _Pass:
         return {name: array for name, array in self.values.items() if name in self.wanted}, trust
 
     def _velocities(self) -> None:
-        """From ``A v = [0; yd]``."""
+        """Solves ``A v = [0; yd]`` for the velocities."""
         poses, yd = self.poses, self.poses.motion.yd
         self.K = self.inverse[..., -yd.shape[1] :] * self.sizes.q[:, None] / self.sizes.y
         self.v = (self.K @ yd[..., None])[..., 0]
@@ -196,7 +196,7 @@ class _Pass:
         self.speed = np.abs(self.v / self.sizes.q).max(axis=1)
 
     def _accelerations(self) -> None:
-        """From ``A a = [-Jdot v; ydd - bias]``, with the engine's own Jdot v."""
+        """Solves ``A a = [-Jdot v; ydd - bias]`` for the accelerations, with the engine's own Jdot v."""
         poses, closed, tree, loops = self.poses, self.closed, self.closed.tree, self.closed.loops
         n, k = poses.motion.ydd.shape
         bias = tree.bias(poses.at, poses.q, self.v, self.V)

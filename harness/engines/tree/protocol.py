@@ -88,7 +88,7 @@ class BodyPoses:
         return np.asarray(np.einsum("nxi,nix->ni", self.screws, self.moves.T @ about))
 
     def _summed(self, screws: Array, v: Array, arms: Array) -> Array:
-        """Over the coordinates that move each body, about its origin: `arms` lead there."""
+        """Sums over the coordinates that move each body, about its origin: `arms` lead there."""
         moved = (screws * v[:, None]).reshape(-1, v.shape[1]) @ self.moves.T  # in one product of matrices
         V: Array = moved.reshape(len(v), 6, -1).swapaxes(1, 2)
         V[..., 3:] += cross(V[..., :3], arms)
@@ -146,7 +146,7 @@ class OpenTree(Protocol):
         """Inverse dynamics of the open tree under gravity alone. Shape (n, n_v)."""
 
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
-        """The same with soft constraints on, and the absolute tolerance that follows; by default there are none.
+        """Inverse dynamics with soft constraints, and the absolute tolerance that follows; by default there are none.
 
         Args:
             residuals: Largest closure residual of position, velocity and acceleration. Shape (3,).
@@ -188,7 +188,7 @@ class Mover(Protocol):
     def notes(self) -> tuple[str, ...]: ...
 
     def place(self, q: Array, v: Array) -> None:
-        """Goes to a state."""
+        """Sets the state."""
 
     def closure(self) -> tuple[Array, Array]:
         """Closure residuals there, couplings' among them [m or rad], shape (m,), and their derivative G, (m, n_v)."""
@@ -226,7 +226,7 @@ class Stepper(Protocol):
         """Another copy of the engine, to look at states by."""
 
     def begin(self, t: float, q: Array, v: Array) -> None:
-        """Goes to the start."""
+        """Sets the state at the start."""
 
     def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
         """Makes n steps of size h from time t on; coordinates and velocities then.
@@ -272,10 +272,10 @@ class TreeDynamics(Protocol):
     naive: bool = False
 
     def mover(self) -> Mover:
-        """Its accelerations, made as exact as it can."""
+        """Accelerations of the engine, made as exact as it can."""
 
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> Stepper | None:
-        """Its own integrator for a problem; by default none: `simulation.ProjectedStepper` on its accelerations."""
+        """Engine's integrator for a problem; by default none: `simulation.ProjectedStepper` on its accelerations."""
         return None
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:

@@ -58,7 +58,7 @@ def _filled(node: Any, values: Spec) -> Any:
 
 
 def ways(field: str, looks: Mapping[str, Look]) -> Spec:
-    """Values that tell things apart by a field: domain and ranges of scales, columns of the legend, clicks on it."""
+    """Values that distinguish things by a field: domain and ranges of scales, columns of the legend, clicks on it."""
     entry = max(map(len, looks), default=0) * LETTER + 42
     kinds = {kind: [getattr(look, kind) for look in looks.values()] for kind in ("colour", "dash", "shape")}
     return {
@@ -143,7 +143,7 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
 
 
 def _still(node: Any) -> Any:
-    """Without what answers a reader, as points that are not seen."""
+    """Parts of a chart without what answers a reader, as points that are not seen."""
     if isinstance(node, list):
         return [_still(item) for item in node if not (isinstance(item, dict) and ("select" in item or _unseen(item)))]
     if not isinstance(node, dict):

@@ -18,7 +18,7 @@ from screwgauge.scene.entries import Figure
 from screwgauge.solution import Solution, Values, common_rows
 from screwgauge.study.comparison import Comparison
 
-MAX_CURVES = 12  # in a panel; more cannot be told apart
+MAX_CURVES = 12  # in a panel; more cannot be distinguished
 FLOOR = 1e-18  # where a difference of exactly zero is drawn if there is no other
 SIGNS = ("stroke", "circle", CROSS, PLUS, *SHAPES[1:])  # of engines; the first is drawn as lines
 HEIGHTS = {1: 180, 2: 110, 3: 130}  # of panels with curves, by panels in a line [pixels]

@@ -66,7 +66,7 @@ def _banner(bench: Bench) -> Banner:
 
 
 def _cheapest(bench: Bench, quantity: str) -> list[Row]:
-    """For each error the quickest family: of those that close the loops, and of those given the joint motion."""
+    """The quickest family for each error: of those that close the loops, and of those given the joint motion."""
     lines = list[Row]()
     for given, start in STARTS.items():
         reached = [row for row in rows(reach(bench.rows)) if row["quantity"] == quantity and row["given"] is given]
@@ -76,7 +76,7 @@ def _cheapest(bench: Bench, quantity: str) -> list[Row]:
 
 
 def _quickest(bench: Bench) -> list[Row]:
-    """Of a simulation: the quickest method for three, six and nine digits."""
+    """The quickest simulation methods for three, six and nine digits."""
     done = [row for row, _ in pairs(bench.rows) if row.status == OK]
 
     def reached(level: float) -> list[Row]:

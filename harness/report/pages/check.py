@@ -221,7 +221,7 @@ def _tolerances(check: Check) -> list[str]:
 
 
 class _Page(Report):
-    """With the files that services for CI read."""
+    """A report with the files that services for CI read."""
 
     def write(
         self, results: Check, out: Path, *, junit: Path | None = None, baseline: Path | None = None, **writing: Any

@@ -118,7 +118,7 @@ def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
 
 
 def _parameters(results: Comparison) -> list[Row]:
-    """From which error on parameters show."""
+    """Smallest error from which parameters show."""
     parameters, hidden = sorted(results.coverage.parameters, key=lambda row: -row["smallest"]), results.coverage.hidden
     untested = {row["parameter"]: "by no motion" if row["parameter"] in hidden else "not tested" for row in parameters}
     return [
@@ -142,7 +142,7 @@ def _estimate(row: Guarded) -> str:
 
 
 def _conditioning(results: Comparison) -> list[Block]:
-    """In a few words: no sample flagged, or the worst of them."""
+    """Conditioning in a few words: no sample flagged, or the worst of them."""
     if not results.guard:
         return []
     bad = [row for row in results.guard if not row.ok]
@@ -200,7 +200,7 @@ def theirs(item: Published) -> Row:
 
 
 def _worst(errors: Sequence[Row], key: str) -> list[Row]:
-    """Of each key and unit: what is out of tolerance first, then the largest; a missing number is worse than any."""
+    """Worst error of each key and unit: out of tolerance first, then the largest; a missing number is worst."""
     return _shown(map(_least, grouped(errors, key, "unit").values()))
 
 

@@ -39,7 +39,7 @@ def _silent_rows(stress: Stress) -> list[Row]:
 
 
 def _worst(stress: Stress) -> Iterator[Row]:
-    """For each engine in how many cases it keeps its digits, says that it does not, or is wrong in silence."""
+    """Counts of the cases in which each engine keeps its digits, reports that it does not, or is wrong in silence."""
     for (engine,), group in grouped(_rows(stress), "who").items():
         cases = grouped(group, "case").values()
         worst = [max((row["verdict"] for row in case), key=VERDICTS.index) for case in cases]
@@ -81,7 +81,7 @@ def _first(case: StressCase, group: Sequence[Row]) -> str:
 
 
 def _engines(stress: Stress) -> Iterator[Row]:
-    """For each case and engine digits; of each verdict but ok the first rung, and how many rows there are."""
+    """Digits of each case and engine; for each verdict but ok the first rung, and how many rows there are."""
     known = {case.name: case for case in stress.cases}
     for (case, engine), group in grouped(_rows(stress), "case", "engine").items():
         kept = [row["digits"] for row in group if np.isfinite(row["digits"])]
@@ -160,7 +160,7 @@ def inks(plots: Sequence[Sequence[str]]) -> list[dict[str, Look]]:
 
 
 def _panel(case: StressCase, rows: Sequence[Finding], looks: dict[str, Look]) -> Spec:
-    """One case; `rows` are those of the quantity drawn."""
+    """Panel of one case; `rows` are those of the quantity drawn."""
     severities = sorted({row.severity for row in rows})
     zero = next((severity for severity in severities if severity > 0.0), 1.0) / 10.0  # where severity 0 stands
     camps, points = list(dict.fromkeys(look.colour for look in looks.values())), list[Spec]()

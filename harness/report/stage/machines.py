@@ -42,15 +42,15 @@ class DrawnMachine:
     differs: tuple[str, ...]
 
     def point(self, at: Array) -> Array:
-        """In A's world. Shape (3,)."""
+        """Position of a point in A's world. Shape (3,)."""
         return np.asarray(self.placement[:3, :3] @ at + self.placement[:3, 3])
 
     def joints(self) -> dict[str, Array]:
-        """Where each stands."""
+        """Position of each joint."""
         return {name: self.point(joint.centre) for name, joint in self.reading.joints.items()}
 
     def links(self) -> Iterator[tuple[str, Array, Array]]:
-        """Lines of bodies: from the joint that moves each to those behind it, or to its centre of mass."""
+        """Lines of bodies: from the joint that moves each to those on it, or to its centre of mass."""
         at, behind = self.joints(), dict[str, list[str]]()
         for name, body in self.reading.bodies.items():
             behind.setdefault(body.near, []).append(name)
@@ -64,7 +64,7 @@ class DrawnMachine:
                 yield name, start, end
 
     def masses(self) -> dict[str, tuple[Array, float]]:
-        """Where each body's mass is, and how much [kg]."""
+        """Position of each body's centre of mass, and its mass [kg]."""
         bodies = {name: body for name, body in self.reading.bodies.items() if body.mass > 0.0}
         return {
             name: (self.point(body.pose[:3, :3] @ body.com + body.pose[:3, 3]), body.mass)
@@ -73,7 +73,7 @@ class DrawnMachine:
 
 
 def machines(diagnosis: Diagnosis) -> Picture:
-    """Both of them; bodies and joints that differ in colour, the first ones named."""
+    """Both machines; bodies and joints that differ in colour, the first ones named."""
     order = [diagnosis.differences[i] for cause in diagnosis.causes for i in cause.differences if cause.kind == "cause"]
     ours, theirs = (
         tuple(dict.fromkeys(filter(None, (getattr(each, side) for each in order)))) for side in ("item_a", "item_b")

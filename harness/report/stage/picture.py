@@ -155,7 +155,7 @@ def _rounded(array: Array, digits: int = 4) -> list[Any]:
 
 
 def _poses(R: Array, p: Array) -> list[list[float]]:
-    """At each sample position and quaternion (w, x, y, z) of each body, one after the other."""
+    """Positions and quaternions (w, x, y, z) of each body, one after the other, at each sample."""
     return _rounded(np.concatenate([p, quaternion(R)], axis=2).reshape(len(R), -1))
 
 

@@ -75,11 +75,11 @@ class Contestant:
 
     @property
     def line(self) -> str:
-        """Its line in a diagram: family, or family and series."""
+        """Name of the contestant's line in a diagram: family, or family and series."""
         return f"{self.family} ({self.series})" if self.series else self.family
 
     def ask(self, posed: PreparedScene) -> Trial:
-        """Its question on a scene."""
+        """Poses the contestant's question on a scene."""
         return self.question(posed, self.method.engine, self.quantities)
 
     def scores(self, trial: Trial, solutions: Sequence[Solution]) -> dict[str, tuple[float, float, str]]:
@@ -127,7 +127,7 @@ MOTION = tuple(name for step in list(WANTED)[:3] for name in WANTED[step])
 
 
 def contestants(*, quick: bool) -> list[Contestant]:
-    """All of them, family by family. `quick`: settings that take longest are left out."""
+    """Contestants, family by family. `quick`: settings that take longest are left out."""
     return [*(one for entry in TABLE["lines"] for one in _expanded(entry, quick)), *leaving_out()]
 
 

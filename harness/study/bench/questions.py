@@ -122,7 +122,7 @@ def differenced(posed: PreparedScene, engine: str, wanted: Sequence[str], *, par
 
 
 def faster(posed: PreparedScene, engine: str, wanted: Sequence[str], *, speed: float) -> Trial:
-    """The same poses at another speed."""
+    """The motion through the same poses at another speed."""
     task, reference = posed.scene.motion, posed.reference
     task = GivenMotion(task.t, task.y, speed * task.yd, speed**2 * task.ydd)
     # all velocity terms are quadratic: at the same poses, s times the speed makes s^2 times the accelerations

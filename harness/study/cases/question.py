@@ -170,7 +170,7 @@ def files_of(scene: Scene, folder: Path, methods: tuple[Method, ...]) -> dict[st
 
 
 def integrated(question: Question, integration: Integration) -> Question:
-    """The same question about a simulation, by another method or tolerance."""
+    """A question on a simulation, by another method or tolerance."""
     task = question.problem.task
     if not isinstance(task, InitialValue):
         raise TypeError("the task is no simulation")

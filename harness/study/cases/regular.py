@@ -60,14 +60,14 @@ def of_bodies(change: Callable[[Tables, float], None]) -> Ask:
 
 
 def speed(w: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """From rest to where centrifugal forces are a million times the weight."""
+    """Speeds from rest to where centrifugal forces are a million times the weight."""
     scene = moving(load_scene(SCENE), quick)
     y, n = scene.motion.y, len(scene.motion)
     yield compare(still(scene, y, w * _RATE[:n], w**2 * _ACCELERATION[:n]), folder)
 
 
 def load(size: float, quick: bool, folder: Path) -> Iterator[Question]:
-    """From no load to the weight of a mountain."""
+    """Loads from none to the weight of a mountain."""
     loads = (Load("platform", None, size * _FORCE, size * _TORQUE),)
     yield compare(moving(load_scene(SCENE).under(loads=loads), quick), folder)
 

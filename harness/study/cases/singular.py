@@ -55,7 +55,7 @@ _FULL = ("pinocchio-full", "mujoco-full")
 _TREE = "the wrist's angles, which lock here, are coordinates of its tree"
 _IMPLICIT = "all coordinates are solved for, and the third rotation, which vanishes, is divided by the distance"
 _SMALL = "the leg's direction is a small difference of lengths, whose rounding is divided by the distance"
-#: How far a motion in a leads past the lock of leg 4 [rad], and the angles that tell the assemblies of that leg.
+#: How far a motion in a leads past the lock of leg 4 [rad], and the angles that distinguish the assemblies of that leg.
 FAR, _ANGLES = 1.2, ("leg4.q1", "leg4.q2")
 _FORCE = "actuator_force"
 #: Angular velocity and acceleration of (a, b), without symmetry.
@@ -317,7 +317,7 @@ def _four_bar_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
 
 
 def _slider_crank_near(name: str, rng: np.random.Generator, gap: float) -> Passing:
-    """One in three has no offset: then the slide may rest."""
+    """Slider-cranks near a singular pose; one in three has no offset: then the slide may rest."""
     crank = float(rng.uniform(0.1, 0.2))
     offset = 0.0 if rng.random() < 1.0 / 3.0 else float(rng.uniform(0.05, 0.2))
     way = float(rng.uniform(0.5, 1.0))

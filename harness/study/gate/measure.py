@@ -284,7 +284,7 @@ def smoked(scene: Scene) -> tuple[Scene, str]:
 
 
 def full_cuts(scene: Scene) -> Scene | None:
-    """The same scene for `screw` and the full cuts of its engines, all on the description, and one quantity.
+    """A copy of a scene for `screw` and its engines' full cuts, all on the description, and one quantity.
 
     Terms that only a full cut has, such as those of welded copies of moving bodies, are seen by nothing else. None
     where there are none, or they run anyway, or nothing is given that they could solve.
