@@ -179,8 +179,8 @@ def test_the_panda_differs_as_its_report_says() -> None:
     rows = re.findall(r"^ *(-?[\d.]+) % (.*?)(?=^ *-?[\d.]+ %|\Z)", table, re.MULTILINE | re.DOTALL)
     assert len(rows) >= 4
     for share, sentence in rows:
-        shown = squeezed(sentence).removesuffix(" ...").partition(", and its ")[0]  # which the report spells out
-        (cause,) = [each for each in report["causes"] if each["sentence"].startswith(shown)]
+        shown = squeezed(sentence).removesuffix(" ...")
+        (cause,) = [each for each in report["causes"] if each["short"].startswith(shown)]
         assert float(share) == pytest.approx(100.0 * cause["share"], abs=0.05 if abs(float(share)) > 1 else 0.0005)
 
 
