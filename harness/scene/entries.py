@@ -184,8 +184,9 @@ def read_applied(mechanism: Mechanism, data: dict[str, Any], where: str) -> dict
     given: dict[str, Any] = {}
     if "gravity" in data:
         given["gravity"] = vector(data["gravity"], f"{where}, gravity")
-    for key in data.keys() & _ACTING.keys():
-        given[key] = read_items(data, key, where, partial(_acting, mechanism, *_ACTING[key]))
+    for key, (read, kind) in _ACTING.items():
+        if key in data:
+            given[key] = read_items(data, key, where, partial(_acting, mechanism, read, kind))
     return given
 
 

@@ -169,13 +169,18 @@ def _unclashed(b: Reading, names: dict[str, dict[str, str]], alone: Collection[s
         taken = set(names[kind].values())
         for name in getattr(b, kind):
             if name not in names[kind]:
-                other = name
-                while other in taken:
-                    other += "'"
-                names[kind][name] = other
-                taken.add(other)
-    strokes = {name: f"{name}'" for name in alone if name in names["joints"].values()}
+                names[kind][name] = _stroked(name, taken)
+    taken = {*names["joints"].values()}
+    strokes = {name: _stroked(name, taken) for name in alone}
     return replace(b, content=tuple(each.renamed({"joints": strokes}) for each in b.content))
+
+
+def _stroked(name: str, taken: set[str]) -> str:
+    """The name, with as many strokes as make it one that is not taken; then it is."""
+    while name in taken:
+        name += "'"
+    taken.add(name)
+    return name
 
 
 def _same(a: Mapping[str, object], b: Mapping[str, object], *, commanded: bool = False) -> dict[str, str]:

@@ -244,7 +244,8 @@ def _crossed(
         They with their partners, and joints whose namesake is such a partner, while they have none themselves.
     """
     alike = counted_as(a, b, joints)
-    tried = [(alike, np.eye(4)), (alike, _placement(a, alike, joints)), (b, np.eye(4))]
+    tried = [(alike, np.eye(4)), (alike, _placement(a, alike, joints))]
+    tried += [] if alike is b else [(b, np.eye(4))]
     crossings = [_permutation(a, one, joints, [n for n in joints if how[n] == "name"], T) for one, T in tried]
     return max(crossings, key=lambda crossing: len(crossing[0]))
 
@@ -284,7 +285,7 @@ def _permutation(
     single = {name: some[0] for name, some in fits.items() if len(some) == 1}
     partners = {name: other for name, other in single.items() if [*single.values()].count(other) == 1}
     # a chain of shifted numbers begins or ends where one model has no joint
-    alone = {n for n in off if not fits[n] and not looped}, {*off} - {*chain(*fits.values())} if not looped else set()
+    alone = ({n for n in off if not fits[n]}, {*off} - {*chain(*fits.values())}) if not looped else (set(), set())
 
     def holds(name: str, other: str) -> bool:
         """Whether the namesakes of two partners have other partners, too."""
