@@ -7,6 +7,7 @@ true forces. What a single case asks stands in the module that ``cases.toml`` na
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from decimal import Decimal
@@ -95,7 +96,7 @@ UNKNOWN = Reference("", {}, "", {})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CaseMethod(Method):
+class CaseMethod(Method, ABC):
     """A method of one case alone, which solves problems itself: there is no model to load.
 
     Attributes:
@@ -107,9 +108,9 @@ class CaseMethod(Method):
     def load(self, files: ModelFiles) -> Self:
         return self
 
+    @abstractmethod
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
         """Answers a problem of the case."""
-        raise NotImplementedError
 
 
 def answered(question: Question, solution: Solution) -> Mapping[str, Values]:
