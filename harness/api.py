@@ -145,14 +145,14 @@ def compile(
     """
     from screwgauge.engines.screw.compiled import Solver
     from screwgauge.quantities import GIVEN, check_quantities
-    from screwgauge.reference.errors import DescriptionError, check_choice
+    from screwgauge.reference.errors import DescriptionError, check_choice, shown
     from screwgauge.scene.preflight import delivered
     from screwgauge.scene.scene import check_scene_type
 
     check_scene_type(scene, "compile")
     check_choice("backend", [backend], ("numpy", "llvm"), "compile")
     if not (isinstance(threads, int) and threads > 0):
-        raise DescriptionError(f"{threads!r} threads", "compile", "give a positive whole number")
+        raise DescriptionError(f"{shown(threads)} threads", "compile", "give a positive whole number")
     wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", GIVEN)
     wanted, left = delivered(scene, wanted) if quantities is None else (wanted, ())
     solver = Solver(scene, wanted, backend, threads)

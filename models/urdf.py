@@ -19,7 +19,7 @@ from screwgauge.models.formats import document, inverse, key, lines, number_text
 from screwgauge.models.layout import CUTS, Closure, Freedom, Link, lay_out
 from screwgauge.reference.couplings import Coupling, check_couplings
 from screwgauge.reference.description import read_axial, read_couplings, read_joint
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError
+from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, shown
 from screwgauge.reference.expressions import rotation_matrix, vector
 from screwgauge.reference.files import LIMITS, check_count
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
@@ -134,7 +134,7 @@ def read_loops(path: Path) -> LoopsFile:
 def _typed(table: Any, key: str, kind: type[Sized], where: str, default: Any = None) -> Any:
     value = required(table, key, where) if default is None else table.get(key, default)
     if not isinstance(value, kind):
-        raise ModelFileError(f"{value!r} is not a {kind.__name__}", f"{where}, {key}", "write the models again")
+        raise ModelFileError(f"{shown(value)} is not a {kind.__name__}", f"{where}, {key}", "write the models again")
     if key in LIMITS:
         check_count(len(value), key, where)
     return value
@@ -144,7 +144,7 @@ def _names(data: dict[str, Any], key: str, where: str) -> tuple[str, ...]:
     names = _typed(data, key, list, where)
     for name in names:
         if not isinstance(name, str):
-            raise ModelFileError(f"{name!r} is not a name", f"{where}, {key}", "write names in quotes")
+            raise ModelFileError(f"{shown(name)} is not a name", f"{where}, {key}", "write names in quotes")
     return tuple(names)
 
 

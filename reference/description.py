@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.reference.couplings import Coupling
-from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.errors import DescriptionError, shown
 from screwgauge.reference.expressions import number, rotation_matrix, unit_vector, vector
 from screwgauge.reference.graph import check_connected
 from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism
@@ -52,7 +52,7 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
     data = read_tables(path, find)
     where = str(path)
     if "mechanism" in data:
-        raise DescriptionError("is a scene, not a mechanism", where, f"give its mechanism, {data['mechanism']!r}")
+        raise DescriptionError("is a scene, not a mechanism", where, f"give its mechanism, {shown(data['mechanism'])}")
     check_keys(data, _TOP, where)
     name = read_name(required(data, "name", where), f"{where}, name")
     bodies, joints = read_table(data, "bodies", where), read_table(data, "joints", where)

@@ -33,6 +33,20 @@ def first_few(things: Iterable[str], most: int, between: str = ", ") -> str:
     return between.join(named[:most]) + (f"{between.rstrip(', ')} and {rest} more" if rest > 0 else "")
 
 
+#: Most characters of a value that a message quotes.
+QUOTED = 60
+
+
+def shown(value: object) -> str:
+    """Quote a value of a user's file or call: on one line, in at most `QUOTED` characters, whatever it is."""
+    try:
+        text = printable(repr(value))
+    except Exception:  # Python prints no whole number of thousands of digits; objects of others do as they like
+        text = f"a value of type {type(value).__name__} that cannot be printed"
+    start = QUOTED * 2 // 3
+    return text if len(text) <= QUOTED else f"{text[:start]}...{text[start + 3 - QUOTED :]}"
+
+
 class ScrewgaugeError(Exception):
     """Base of every error that a user can cause or mend.
 
@@ -69,9 +83,9 @@ class UnknownNameError(ScrewgaugeError):
 
     def __init__(self, kind: str, name: object, known: Iterable[str], where: str = "") -> None:
         names = list(known)
-        near = get_close_matches(str(name)[:100], names, n=1)
+        near = get_close_matches(name[:100], names, n=1) if isinstance(name, str) else []
         hint = f"did you mean '{near[0]}'? Known: " if near else "choose one of: " if names else "there are none"
-        super().__init__(f"unknown {kind} '{name}'", where, hint + ", ".join(names))
+        super().__init__(f"unknown {kind} {shown(name)}", where, hint + ", ".join(names))
 
 
 def check_seed(seed: object) -> None:
@@ -81,7 +95,7 @@ def check_seed(seed: object) -> None:
         DescriptionError: It is not.
     """
     if not (isinstance(seed, Integral) and int(seed) >= 0):
-        raise DescriptionError(f"{seed!r} is not a seed", "seed", "give a whole number from 0 on")
+        raise DescriptionError(f"{shown(seed)} is not a seed", "seed", "give a whole number from 0 on")
 
 
 def check_choice(kind: str, names: object, known: Iterable[str], where: str = "") -> list[str]:
@@ -91,7 +105,7 @@ def check_choice(kind: str, names: object, known: Iterable[str], where: str = ""
         ScrewgaugeError: It is no list, there is none, or one is not known.
     """
     if isinstance(names, str) or not isinstance(names, Iterable):
-        raise DescriptionError(f"{names!r} is not a list of names", where or f"{kind} names", "write a list")
+        raise DescriptionError(f"{shown(names)} is not a list of names", where or f"{kind} names", "write a list")
     wanted, choice = list(names), list(known)
     for name in wanted:
         if name not in choice:

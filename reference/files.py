@@ -19,7 +19,7 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
-from screwgauge.reference.errors import DescriptionError, OutputError
+from screwgauge.reference.errors import DescriptionError, OutputError, shown
 
 #: The most that an input holds. Beyond, memory or time grow without bound: with the square of the bodies, with samples
 #: times terms; and Pinocchio's parser crashes on chains of a few thousand links.
@@ -51,7 +51,7 @@ LIMITS = {
 }
 #: All but line breaks and tabs; halves of a character, which no text has.
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
-#: Digits of a whole number beyond which no double is near it, and Python would take long.
+#: Digits of the longest whole number that is read: doubles end there, and Python refuses to print 4300 digits.
 _DIGITS = 300
 _SAID = "As screwgauge wrote it, lines above: sha256 "
 
@@ -175,21 +175,15 @@ def read_json(path: Path, what: str, remedy: str) -> dict[str, Any]:
 def parse_json(text: str, what: str, where: str, remedy: str) -> Any:
     """The value of a text in JSON, of which nothing nests deep and no number or text is odd; see `read_json`."""
     try:
-        value = json.loads(text, parse_int=_whole)
+        value = json.loads(text)
     except (ValueError, RecursionError):
         raise DescriptionError(f"is no {what}: it is not JSON, or no program can read it", where, remedy) from None
     check_plain(value, where)
     return value
 
 
-def _whole(text: str) -> int:
-    if len(text) > _DIGITS:
-        raise ValueError("too many digits")
-    return int(text)
-
-
 def check_plain(value: Any, where: str) -> None:
-    """Refuses entries in entries without end, and characters that terminals obey and pictures cannot hold.
+    """Refuse what nests without end, control characters, and whole numbers that no double is near.
 
     Args:
         value: What a reader of TOML or JSON gives.
@@ -202,7 +196,10 @@ def check_plain(value: Any, where: str) -> None:
         node, depth = pending.pop()
         check_count(depth, "nested entries", where, "write them flat")
         if isinstance(node, str) and (odd := _CONTROL.search(node)):
-            raise DescriptionError(f"{node!r} holds the control character U+{ord(odd[0]):04X}", where, "remove it")
+            raise DescriptionError(f"{shown(node)} holds the control character U+{ord(odd[0]):04X}", where, "remove it")
+        if isinstance(node, int) and abs(node) >= 10**_DIGITS:
+            what = f"holds a whole number of more than {_DIGITS} digits"
+            raise DescriptionError(what, where, "write one that a double can hold")
         inside = (*node, *node.values()) if isinstance(node, dict) else node if isinstance(node, list) else ()
         pending += [(item, depth + 1) for item in inside]
 

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, shown
 from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.files import LIMITS, check_count, check_plain, read_file
 from screwgauge.reference.rotations import Array
@@ -61,7 +61,7 @@ def check_keys(table: Any, known: Iterable[str], where: str) -> None:
     """Refuses a table with unknown keys, and values that are not tables."""
     known = list(known)
     if not isinstance(table, dict):
-        raise DescriptionError(f"{table!r} is not a table", where, "write key = value entries")
+        raise DescriptionError(f"{shown(table)} is not a table", where, "write key = value entries")
     for key in table:
         if key not in known:
             raise UnknownNameError("key", key, sorted(known), where)
@@ -78,7 +78,7 @@ def read_text(table: dict[str, Any], key: str, where: str, default: str | None =
     """An entry that is text; required if it has no default."""
     value = required(table, key, where) if default is None else table.get(key, default)
     if not isinstance(value, str):
-        raise DescriptionError(f"{value!r} is not text", f"{where}, {key}", "write it in quotes")
+        raise DescriptionError(f"{shown(value)} is not text", f"{where}, {key}", "write it in quotes")
     return value
 
 
@@ -94,7 +94,7 @@ def merge(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
 def read_name(value: Any, where: str) -> str:
     """A name that can stand in file names, URDF and MJCF ('@' marks the parts that these add)."""
     if not re.fullmatch(r"\w[\w.:+-]*", check_text(value, where)):
-        raise DescriptionError(f"{value!r} is not a name", where, "use letters, digits and . _ - + : only")
+        raise DescriptionError(f"{shown(value)} is not a name", where, "use letters, digits and . _ - + : only")
     return str(value)
 
 
@@ -155,21 +155,22 @@ def positive(value: Any, where: str, remedy: str = "give a positive number") -> 
 def read_names(value: Any, where: str) -> tuple[str, ...]:
     """A list of names without repetitions, which may be unknown or none at all."""
     if not isinstance(value, list):
-        raise DescriptionError(f"{value!r} is not a list of names", where, "write a list")
+        raise DescriptionError(f"{shown(value)} is not a list of names", where, "write a list")
     return tuple(dict.fromkeys(str(name) for name in value))
 
 
 def check_text(value: Any, where: str) -> str:
     """A text that is not empty, unless it is a source."""
     if not isinstance(value, str) or (value == "" and not where.endswith("source")):
-        raise DescriptionError(f"{value!r} is not text", where, "write a name in quotes")
+        raise DescriptionError(f"{shown(value)} is not text", where, "write a name in quotes")
     return value
 
 
 def read_coefficients(value: Any, where: str) -> Array:
     """Coefficients of a polynomial, lowest first, at least one. Shape (m,)."""
     if not isinstance(value, list) or not value:
-        raise DescriptionError(f"{value!r} is not a list of coefficients", where, "write them lowest first: [c0, c1]")
+        what = f"{shown(value)} is not a list of coefficients"
+        raise DescriptionError(what, where, "write them lowest first: [c0, c1]")
     check_count(len(value), "coefficients", where)
     return vector(value, where, len(value))
 

@@ -142,6 +142,20 @@ def test_modules_are_short(laid):
     assert {path: n for path, n in lines.items() if n > MOST_LINES} == {}
 
 
+def test_values_are_quoted_in_complaints_by_one_function(modules):
+    """Python's own form of a value has no end, and of a whole number of 5000 digits there is none."""
+    quoting = {
+        f"{path}:{value.lineno}"
+        for path, nodes in modules.items()
+        for node in nodes
+        if (isinstance(node, ast.Call) and _name(node.func).endswith("Error") and _name(node.func) != "AttributeError")
+        or (isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "what")
+        for value in ast.walk(node)
+        if isinstance(value, ast.FormattedValue) and value.conversion == ord("r")
+    }
+    assert not quoting
+
+
 def functions(nodes: list[ast.AST]) -> Iterator[tuple[str, int]]:
     """Names of functions, with how many parameters they have."""
     for node in nodes:

@@ -41,7 +41,7 @@ def test_toml_syntax_error_names_file_and_line(line, paper_scene, refused):
 @pytest.mark.parametrize("names", ["nothing", "screw,joint_position,nothing", "Screw", "screw joint_position"])
 def test_unknown_engine_or_quantity_on_the_command_line_is_refused(option, kind, names, paper_scene, refused):
     said = refused("run", paper_scene(), option, names)
-    assert f"screwgauge: unknown {kind} '" in said
+    assert f"screwgauge: unknown {kind} " in said
     assert ("mujoco" if kind == "engine" else "tree_force") in said
 
 
@@ -49,7 +49,7 @@ def test_unknown_engine_or_quantity_on_the_command_line_is_refused(option, kind,
 @pytest.mark.parametrize("value", ['["nothing"]', "[1]", "[[]]", "[{}]", "[true]", '[""]'])
 def test_unknown_engine_or_quantity_in_the_scene_is_refused(key, kind, value, paper_scene, refused):
     said = refused("run", paper_scene(names=f"{key} = {value}"))
-    assert f"scene.toml: unknown {kind} '" in said
+    assert f"scene.toml: unknown {kind} " in said
 
 
 @pytest.mark.parametrize("value", ['"screw"', "1", "true", "{}"])
@@ -136,7 +136,7 @@ def test_missing_motion_of_a_coordinate_is_named(missing, paper_scene, refused):
 @pytest.mark.parametrize("rule", ['"minimum"', "1", '["min_norm"]', "{}", '""'])
 def test_unknown_rule_is_refused(rule, paper_scene, refused):
     said = refused("run", paper_scene(rule=f"rule = {rule}"))
-    assert "scene.toml: unknown rule '" in said
+    assert "scene.toml: unknown rule " in said
     assert "spherical_axial" in said
 
 
@@ -161,7 +161,7 @@ def test_unknown_mechanism_in_a_scene_is_refused(name, paper_scene, refused):
         ('on = "platform", by = "environment", force = 1000', "is not a list of 3 numbers"),
         ('on = "platform", by = "environment", force = [0, 1000]', "is not a list of 3 numbers"),
         ('on = "platform", by = "environment", force = [0, 0, nan]', "'nan' cannot be read as a number"),
-        ('on = "platform", by = "environment", torque = [0, true, 0]', "'True' cannot be read as a number"),
+        ('on = "platform", by = "environment", torque = [0, true, 0]', "True cannot be read as a number"),
         ('on = "platform", by = "environment", torque = "0"', "is not a list of 3 numbers"),
         ('on = "platform", by = "environment", point = "tip", force = [1, 0, 0]', "is not a list of 3 numbers"),
     ],
@@ -184,14 +184,14 @@ def test_a_load_that_is_none_is_refused(load, what, paper_scene, refused):
         ("{ duration = 0, step = 1 }", "time.duration: 0 is not positive"),
         ("{ duration = nan, step = 1 }", "time.duration: 'nan' cannot be read"),
         ("{ duration = inf, step = 1 }", "time.duration: 'inf' cannot be read"),
-        ("{ duration = true, step = 1 }", "time.duration: 'True' cannot be read"),
+        ("{ duration = true, step = 1 }", "time.duration: True cannot be read"),
         ("{ duration = 1, step = 1, times = [0] }", "'times' is not a list on its own"),
         ("{ times = [] }", "at least one time"),
         ("{ times = 1 }", "'times' is not a list"),
         ('{ times = "0, 1" }', "'times' is not a list"),
         ("{ times = [[0], [1]] }", "cannot be read as a number"),
         ("{ times = [0, nan] }", "'nan' cannot be read as a number"),
-        ("{ times = [0, true] }", "'True' cannot be read as a number"),
+        ("{ times = [0, true] }", "True cannot be read as a number"),
         ("{ times = [{}] }", "cannot be read as a number"),
         ("[0, 1]", "is not a table"),
         ("1", "is not a table"),

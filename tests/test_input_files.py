@@ -8,7 +8,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from fuzz import document
+from fuzz import document, places
 
 from screwgauge import ScrewgaugeError, load_scene
 from support.command import LIMITS, main, named_file, read_file
@@ -148,6 +148,21 @@ def test_a_number_that_is_a_novel_is_refused(folder):
     (folder / "rod.toml").write_text(ROD.replace("mass = 1", f'mass = "{"1+" * 500_000}1"'), encoding="utf-8")
     with pytest.raises(DescriptionError, match="characters, more than 1000"):
         load_mechanism(folder / "rod.toml")
+
+
+@pytest.mark.parametrize("name", ["scene.toml", "rod.toml"])
+@pytest.mark.parametrize("number", [f"0x{'f' * 5000}", "9" * 5000, f"0b1{'0' * 5000}", f"-{'9' * 400}"])
+def test_a_whole_number_of_thousands_of_digits_is_refused_wherever_it_stands(number, name, folder):
+    """Of hexadecimal digits TOML reads any count, and no complaint could print them."""
+    for *above, last in places(tomllib.loads(FILES[name])):
+        node = table = tomllib.loads(FILES[name])
+        for key in above:
+            node = node[key]
+        node[last] = "NUMBER"
+        (folder / name).write_text(document(table).replace('"NUMBER"', number), encoding="utf-8")
+        with pytest.raises(ScrewgaugeError) as refusal:
+            load_scene(folder / "scene.toml")
+        assert str(folder / name) in str(refusal.value)
 
 
 @pytest.mark.slow

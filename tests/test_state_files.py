@@ -16,7 +16,7 @@ import screwgauge
 from screwgauge import ScrewgaugeError
 from support.bench import Journal
 from support.command import LIMITS, digest, main, read_json
-from support.errors import DescriptionError, OutputError, printable
+from support.errors import DescriptionError, OutputError, UnknownNameError, printable, shown
 from support.gate import GateRow, Residual, TableFile, against, from_record, history, is_record, keep, write_baseline
 from support.scene import read_columns
 
@@ -110,7 +110,7 @@ def test_a_baseline_of_odd_text_is_none(text, known):
 
 def test_an_error_of_400_digits_is_none(known):
     known.write_text(known.read_text().replace("2e-14", "9" * 400))
-    with pytest.raises(DescriptionError, match="is no baseline"):
+    with pytest.raises(DescriptionError, match="digits"):
         against(known, [ROW], smoke=False)
 
 
@@ -250,6 +250,26 @@ HIDDEN = ("\u202e", "\u2066", "\u200b", "\u200d", "\ufeff", "\ufe0f", "\u3164", 
 def test_what_steers_a_terminal_or_is_not_seen_becomes_a_space(sign):
     assert printable(f"a{sign}b") == "a b"
     assert printable(f"a{sign}\nb", lines=True) == "a \nb"
+
+
+class Mute:
+    def __repr__(self) -> str:
+        raise RuntimeError("no words")
+
+
+@pytest.mark.parametrize(
+    "value",
+    [16**5000, [1, {"a": 16**5000}], "x" * 10**7, ["x" * 99] * 99, Mute(), [Mute()], "a\nb\u202e::error::", 1.5, None],
+    ids=range(9),
+)
+def test_any_value_is_quoted_on_one_line_of_sixty_characters(value):
+    assert len(shown(value)) <= 60
+    assert shown(value).isprintable()
+    assert len(str(UnknownNameError("engine", value, ["screw"]))) < 200
+
+
+def test_a_short_value_is_quoted_as_it_is():
+    assert (shown("a'b"), shown([1, "x"]), shown("y" * 58)) == ('"a\'b"', "[1, 'x']", f"'{'y' * 58}'")
 
 
 def test_names_of_files_reach_the_terminal_as_printable_text(inside, monkeypatch, command):

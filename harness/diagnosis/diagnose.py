@@ -34,7 +34,7 @@ from screwgauge.diagnosis.verdict import BINDING, RESTATED, SAME, partly, stoppe
 from screwgauge.models.kinematics import draw
 from screwgauge.models.readings.read import implausible
 from screwgauge.models.urdf import WIDE
-from screwgauge.reference.errors import DescriptionError, OutputError, check_seed
+from screwgauge.reference.errors import DescriptionError, OutputError, check_seed, shown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,7 +157,7 @@ def diagnose(
     check_seed(seed)
     deadline = Deadline(limit)
     if not isinstance(map, str | Path | Mapping | None):
-        raise DescriptionError(f"{map!r:.100} is no file and no table of names", "map", "give either")
+        raise DescriptionError(f"{shown(map)} is no file and no table of names", "map", "give either")
     given = read_map(Path(map)) if isinstance(map, str | Path) else map
     first, second = each_loops(loops, (a, b))
     sides = at_home(alike(loaded(a, load, first), loaded(b, load, second), load))

@@ -22,7 +22,7 @@ from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import form_of, weighed_copy
 from screwgauge.models.urdf import read_loops
-from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
+from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError, shown
 from screwgauge.reference.files import digest, is_file, read_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
@@ -179,7 +179,7 @@ def each_loops(
         return one, two
     given = list(loops) if isinstance(loops, Sequence) else []
     if len(given) != len(sides) or not all(each is None or isinstance(each, str | Path) for each in given):
-        raise DescriptionError(f"{loops!r:.100} is no loops file", "loops", "give one file, or one for each side")
+        raise DescriptionError(f"{shown(loops)} is no loops file", "loops", "give one file, or one for each side")
     one, two = (None if not each else Path(each) for each in given)
     return one, two
 

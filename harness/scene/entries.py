@@ -12,7 +12,7 @@ import numpy as np
 
 from screwgauge.quantities import check_quantities
 from screwgauge.reference.applied import JointSpring, Load, Motor, PointSpring, Spring
-from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.errors import DescriptionError, shown
 from screwgauge.reference.expressions import number, vector
 from screwgauge.reference.files import check_count, named_file
 from screwgauge.reference.mechanism import GROUND, Mechanism
@@ -75,7 +75,7 @@ def read_grid(table: Any, sampled: Array | None, where: str) -> Array:
 
 def read_models(table: Any, folder: Path, where: str) -> dict[str, Path]:
     if not isinstance(table, dict):
-        raise DescriptionError(f"{table!r} is not a table", where, "write engine = 'file'")
+        raise DescriptionError(f"{shown(table)} is not a table", where, "write engine = 'file'")
     return {engine: named_file(folder, read_text(table, engine, where)) for engine in table}
 
 

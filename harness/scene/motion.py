@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from screwgauge.problem import GivenMotion, Rows
-from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.errors import DescriptionError, shown
 from screwgauge.reference.expressions import LARGEST, number, vector
 from screwgauge.reference.files import check_count, named_file, read_bytes, read_file
 from screwgauge.reference.rotations import Array
@@ -240,7 +240,7 @@ def read_drive(table: Any, labels: list[str], folder: Path, where: str) -> tuple
     if isinstance(table, dict) and "csv" in table:
         check_keys(table, {"csv"}, where)
         if not isinstance(table["csv"], str):
-            raise DescriptionError(f"{table['csv']!r} is not a file name", f"{where}.csv", "write it in quotes")
+            raise DescriptionError(f"{shown(table['csv'])} is not a file name", f"{where}.csv", "write it in quotes")
         return _sampled(named_file(folder, table["csv"]), labels)
     check_keys(table, labels, where)
     terms = (read_terms(required(table, label, where), f"{where}.{label}") for label in labels)

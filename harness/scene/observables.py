@@ -12,7 +12,7 @@ import numpy as np
 
 from screwgauge.problem import Rows
 from screwgauge.reference.equations.kinematics import pose
-from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.errors import DescriptionError, shown
 from screwgauge.reference.files import named_file
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
@@ -211,7 +211,7 @@ class Recorded:
         if not self.columns:
             raise DescriptionError("has no column besides t", self.where, "name columns as components are named")
         if not isinstance(self.error, Mapping):
-            raise DescriptionError(f"error {self.error!r} is not a table", self.where, "write quantity = number")
+            raise DescriptionError(f"error {shown(self.error)} is not a table", self.where, "write quantity = number")
         error = {name: positive(value, f"{self.where}, error.{name}") for name, value in self.error.items()}
         object.__setattr__(self, "error", error)
         object.__setattr__(self, "t", t)
@@ -237,7 +237,7 @@ def read_tables(tables: Any, folder: Path, where: str) -> dict[str, Recorded]:
         DescriptionError: A name is none, or a file is no table.
     """
     if not isinstance(tables, dict):
-        raise DescriptionError(f"{tables!r} is not a table", where, "write name = 'file'")
+        raise DescriptionError(f"{shown(tables)} is not a table", where, "write name = 'file'")
     return {name: _read(name, table, folder, where) for name, table in tables.items()}
 
 

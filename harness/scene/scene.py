@@ -14,7 +14,7 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Wording
 from screwgauge.quantities import QUANTITIES, integrated_tolerance
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, shown
 from screwgauge.reference.expressions import vector
 from screwgauge.reference.mechanism import Mechanism, same_content
 from screwgauge.reference.rotations import Array
@@ -147,7 +147,7 @@ class Scene:
             DescriptionError: They are no finite numbers, or a motion from samples has none at one of them.
         """
         if isinstance(times, str) or np.ndim(np.asarray(times, dtype=object)) != 1:
-            raise DescriptionError(f"{times!r} is not a list of times", "times", "give a list of times in s")
+            raise DescriptionError(f"{shown(times)} is not a list of times", "times", "give a list of times in s")
         t = read_times(list(times), "times")
         if isinstance(self.task, InitialValue):
             check_order(t, self.task.since)
@@ -240,7 +240,7 @@ class Scene:
 def check_scene_type(what: object, where: str) -> None:
     """Refuses what is no scene, such as the name of one."""
     if not isinstance(what, Scene):
-        raise DescriptionError(f"{what!r:.100} is no scene", where, "give what load_scene makes of a name or path")
+        raise DescriptionError(f"{shown(what)} is no scene", where, "give what load_scene makes of a name or path")
 
 
 def check_order(t: Array, since: float) -> None:

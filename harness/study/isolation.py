@@ -27,7 +27,7 @@ from loky import cpu_count
 from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
 from screwgauge.problem import Progress
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, shown
 from screwgauge.solution import Failure
 from screwgauge.study.lifeline import hold, lifeline
 from screwgauge.threads import ONE
@@ -99,7 +99,7 @@ def isolated(
         ScrewgaugeError: Raised by a work; the others are stopped. Or there are no limits.
     """
     if not isinstance(limits, Limits):
-        raise DescriptionError(f"{limits!r:.100} is no Limits", "limits", "give screwgauge.Limits(seconds=...)")
+        raise DescriptionError(f"{shown(limits)} is no Limits", "limits", "give screwgauge.Limits(seconds=...)")
     # progress goes through files: they outlive their writer, and nobody waits for them
     with TemporaryDirectory(prefix="screwgauge-") as folder:
         jobs = _Jobs(works, limits, lanes, keep, Path(folder))

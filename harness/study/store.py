@@ -21,7 +21,7 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
-from screwgauge.reference.errors import DescriptionError, OutputError
+from screwgauge.reference.errors import DescriptionError, OutputError, shown
 from screwgauge.reference.files import parse_json, read_bytes, read_file, replace_file, why
 
 Row = TypeVar("Row")
@@ -270,7 +270,7 @@ class TableFile:
         rows = [dict(zip(head, line, strict=True)) for line in lines]
         for name, holds in [*zip(self.whole, repeat(_is_whole)), *zip(self.sizes, repeat(_is_size))]:
             if odd := [row[name] for row in rows if not holds(row[name])]:
-                raise OutputError(f"is no table of {self.what}: {name} is {odd[0]!r:.60}", str(self.file), _ELSEWHERE)
+                raise OutputError(f"is no table of {self.what}: {name} is {shown(odd[0])}", str(self.file), _ELSEWHERE)
         return rows
 
 

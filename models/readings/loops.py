@@ -19,7 +19,7 @@ from screwgauge.models.readings.assemble import matrix, retyped
 from screwgauge.models.readings.reading import ClosureReading, Reading, couplings_of
 from screwgauge.models.readings.source import form_of
 from screwgauge.models.urdf import read_loops
-from screwgauge.reference.errors import ModelFileError, UnknownNameError
+from screwgauge.reference.errors import ModelFileError, UnknownNameError, shown
 from screwgauge.reference.files import check_count, is_file, read_file
 from screwgauge.reference.rotations import Array
 
@@ -297,9 +297,9 @@ class _Composer:
             if name == "<<":
                 raise self.refusal(key, "the merge <<", "write the entries themselves")
             if not isinstance(name, str):
-                raise self.refusal(key, f"{name!r:.60} in place of a name", "write a text before the colon")
+                raise self.refusal(key, f"{shown(name)} in place of a name", "write a text before the colon")
             if name in entries:
-                raise self.refusal(key, f"{name!r:.60} twice", "remove one")
+                raise self.refusal(key, f"{shown(name)} twice", "remove one")
             entries[name] = self.value(next(self.events), depth + 1)
         return entries
 

@@ -13,4 +13,5 @@ from screwgauge.reference.errors import (
     SingularPoseError,
     UnknownNameError,
     printable,
+    shown,
 )

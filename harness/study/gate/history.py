@@ -26,7 +26,7 @@ import pandas as pd
 from screwgauge.environment import environment, json_text
 from screwgauge.judging.residual import Residual
 from screwgauge.quantities import SOLVED, digits
-from screwgauge.reference.errors import DescriptionError, OutputError, UnknownNameError
+from screwgauge.reference.errors import DescriptionError, OutputError, UnknownNameError, shown
 from screwgauge.reference.files import parse_json, read_json, replace_file, why
 from screwgauge.scene.motion import read_parquet
 from screwgauge.study.gate.items import EXIT, GateRow
@@ -162,7 +162,7 @@ def _kept(file: Path) -> pd.DataFrame:
             raise DescriptionError(f"is no history of checks (column '{name}' is missing)", str(file), remedy)
         for value in frame[name]:
             if not holds(value):
-                raise DescriptionError(f"is no history of checks ({name} is {value!r:.60})", str(file), remedy)
+                raise DescriptionError(f"is no history of checks ({name} is {shown(value)})", str(file), remedy)
     return frame[[*_COLUMNS]].astype({"error": float, "tolerance": float, "seconds": float})
 
 
@@ -326,7 +326,7 @@ def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, A
     """
     known = read_json(file, "baseline", UPDATE)
     if known.keys() >= {"schema", "scenes", "environment"} and known["schema"] != BASELINE_SCHEMA:
-        raise DescriptionError(f"has schema {known['schema']!r:.60}, not {BASELINE_SCHEMA}", str(file), UPDATE)
+        raise DescriptionError(f"has schema {shown(known['schema'])}, not {BASELINE_SCHEMA}", str(file), UPDATE)
     if not _sound(known):
         raise DescriptionError("is no baseline", str(file), UPDATE)
     before = known["scenes"]

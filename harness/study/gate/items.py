@@ -12,7 +12,7 @@ from screwgauge.judging.residual import JUDGE, Residual
 from screwgauge.models.importing import SUFFIXES, is_model
 from screwgauge.models.readings.loops import OWN as LOOPS
 from screwgauge.quantities import QUANTITIES
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, shown
 from screwgauge.reference.files import is_file, is_path, why
 from screwgauge.reference.tables import check_keys, positive, read_toml
 from screwgauge.scene.default import SUFFIX
@@ -47,7 +47,7 @@ def items(what: Iterable[str | Path]) -> list[Item]:
     what = [*what]
     for each in what:
         if not isinstance(each, str | Path) or each == "":  # which would be the current folder
-            raise DescriptionError(f"{each!r:.100} is no name or path", "check", "name scenes, files or folders")
+            raise DescriptionError(f"{shown(each)} is no name or path", "check", "name scenes, files or folders")
     given = [*map(str, what)] or scene_names()
     models = [name for name in given if is_model(name)]
     if len(models) > 1 and len(models) % 2:
