@@ -20,7 +20,7 @@ from screwgauge.models.formats import vector_text
 from screwgauge.models.mjcf import FAR
 from screwgauge.models.urdf import WIDE
 from screwgauge.reference.errors import first_few
-from screwgauge.reference.files import is_file, read_file
+from screwgauge.reference.files import is_file, read_xml
 from screwgauge.reference.mechanism import Mechanism
 
 #: What becomes of a kind; `content.toml` explains each.
@@ -166,7 +166,7 @@ def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
     Raises:
         ParseError: It is no XML: the parsers of robotics let pass more than is one.
     """
-    root = ET.fromstring(read_file(path))
+    root = ET.fromstring(read_xml(path))
     if form == "mjcf":
         _include(root, path.parent)
     flags = {key: value for flag in root.iter("flag") for key, value in flag.items()}
@@ -199,7 +199,7 @@ def _include(root: ET.Element, folder: Path) -> None:
         element = waiting.pop()
         for i in reversed(range(len(element))):
             if element[i].tag == "include" and is_file(file := folder / element[i].get("file", "")):
-                element[i : i + 1] = [*ET.fromstring(read_file(file))]
+                element[i : i + 1] = [*ET.fromstring(read_xml(file))]
         waiting += element
 
 

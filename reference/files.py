@@ -7,6 +7,7 @@ Nothing here knows a file format but JSON.
 
 from __future__ import annotations
 
+import codecs
 import hashlib
 import json
 import os
@@ -53,6 +54,8 @@ LIMITS = {
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 #: Digits of the longest whole number that is read: doubles end there, and Python refuses to print 4300 digits.
 _DIGITS = 300
+#: What an XML declaration says of the encoding.
+_DECLARED = re.compile(r"""<\?xml\s[^>]*?\bencoding\s*=\s*["']([^"']*)["']""")
 _SAID = "As screwgauge wrote it, lines above: sha256 "
 
 
@@ -97,6 +100,30 @@ def read_file(path: Path, most: str = "MB") -> str:
         return read_bytes(path, most).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise DescriptionError("is not UTF-8 text", str(path), "save it as UTF-8") from None
+
+
+def read_xml(path: Path) -> str:
+    """Read the text of an XML file, which is UTF-8 whatever its declaration says.
+
+    Raises:
+        DescriptionError: It cannot be read, see `read_file`, or means another text in the encoding that it declares.
+    """
+    text = read_file(path)
+    declared = _DECLARED.match(text)
+    if declared and not _means_the_same(text, declared[1]):
+        what = f"declares the encoding {shown(declared[1])} for what is read as UTF-8"
+        raise DescriptionError(what, str(path), 'save it as UTF-8, and write encoding="UTF-8"')
+    return text
+
+
+def _means_the_same(text: str, encoding: str) -> bool:
+    """True if the encoding reads a text in UTF-8 as UTF-8 does."""
+    ascii_signs = bytes(range(128))
+    try:
+        same = ascii_signs.decode(encoding) == ascii_signs.decode()
+        return same and (text.isascii() or codecs.lookup(encoding).name == "utf-8")
+    except (LookupError, ValueError):  # unknown, or it makes no text of these bytes
+        return False
 
 
 def read_bytes(path: Path, most: str = "MB") -> bytes:
@@ -215,7 +242,7 @@ def read_model(path: Path) -> str:
     Raises:
         DescriptionError: It cannot be read, or has too many links.
     """
-    text = read_file(path)
+    text = read_xml(path)
     check_count(len(re.findall(r"<(?:link|body)[\s/>]", text)), "links", str(path))
     return text
 

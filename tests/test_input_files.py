@@ -167,7 +167,7 @@ def test_a_whole_number_of_thousands_of_digits_is_refused_wherever_it_stands(num
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("engine", "suffix"), [("pinocchio", ".urdf"), ("mujoco", ".xml")])
-@pytest.mark.parametrize("damage", ["bom", "latin-1", "links", "fifo"])
+@pytest.mark.parametrize("damage", ["bom", "latin-1", "links", "fifo", "declared"])
 def test_a_model_file_is_read_as_all_others(
     engine, suffix, damage, paper_models, tmp_path, paper_scene, refused, capfd
 ):
@@ -177,6 +177,7 @@ def test_a_model_file_is_read_as_all_others(
     data = {
         "bom": BOM + text,
         "latin-1": text + b"<!-- \xe4 -->",
+        "declared": b'<?xml version="1.0" encoding="UTF-7"?>' + text,
         "links": text[:end] + (many[suffix] * 2001 if suffix == ".urdf" else many[suffix]) + text[end:],
     }
     if damage == "fifo":
@@ -189,7 +190,7 @@ def test_a_model_file_is_read_as_all_others(
         assert main([*command, "--out", str(tmp_path / "out")]) == 0
         return
     said = refused(*command)
-    assert re.search("is not UTF-8 text|links, more than 2000|does not exist", said)
+    assert re.search("is not UTF-8 text|the encoding 'UTF-7'|links, more than 2000|does not exist", said)
 
 
 @pytest.mark.parametrize(

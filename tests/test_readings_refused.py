@@ -84,6 +84,43 @@ def test_bad_files_are_refused(case, write):
     assert "\n" not in str(caught.value)
 
 
+def declared(encoding: str, text: str) -> str:
+    return f'<?xml version="1.0" encoding="{encoding}"?>\n{text}'
+
+
+FOREIGN = ("ISO-8859-1", "windows-1252", "US-ASCII", "UTF-16", "UTF-7", "EBCDIC-CP-US", "x-unknown", "hex", "punycode")
+
+
+@pytest.mark.parametrize("encoding", FOREIGN)
+@pytest.mark.parametrize("text", [ARM, mjcf(BODY)], ids=["urdf", "mjcf"])
+def test_a_declared_encoding_that_means_another_text_is_refused(encoding, text, write):
+    path = write("model", declared(encoding, text.replace('"a"', '"bé"')))
+    with pytest.raises(ScrewgaugeError, match="UTF-8"):
+        read(path, libraries_for(path)[0])
+
+
+@pytest.mark.parametrize("encoding", [name for name in FOREIGN if not name.startswith(("ISO", "win", "US-", "puny"))])
+def test_an_encoding_in_which_letters_are_others_or_that_nobody_knows_is_refused(encoding, write):
+    with pytest.raises(ScrewgaugeError, match=f"'{encoding}'"):
+        read(write("model.urdf", declared(encoding, ARM)), "pinocchio")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "UTF8", "ISO-8859-1", "latin1", "ascii"])
+def test_letters_that_all_encodings_share_are_read(encoding, write):
+    assert [*read(write("model.urdf", declared(encoding, ARM)), "pinocchio").joints] == ["j"]
+
+
+def test_names_of_a_file_in_utf_8_are_read_as_they_are(write):
+    text = declared("utf-8", ARM.replace('"j"', '"jé"'))
+    assert [*read(write("model.urdf", text), "pinocchio").joints] == ["jé"]
+
+
+def test_an_included_file_in_another_encoding_is_refused(write):
+    write("more.xml", declared("UTF-7", "<mujocoinclude/>"))
+    with pytest.raises(ScrewgaugeError, match=r"more\.xml: declares the encoding 'UTF-7'"):
+        read(write("model.xml", mjcf(BODY, '<include file="more.xml"/>')), "mujoco")
+
+
 def test_a_file_that_is_not_there_is_refused(tmp_path):
     for path in (tmp_path / "none.urdf", tmp_path):
         with pytest.raises(ScrewgaugeError, match="cannot be read"):

@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
-from screwgauge.reference.files import check_count, read_file
+from screwgauge.reference.files import check_count, read_xml
 
 
 def parse(path: Path) -> ET.Element:
@@ -20,7 +20,7 @@ def parse(path: Path) -> ET.Element:
     Raises:
         ScrewgaugeError: It cannot be read, is no XML, declares entities, or nests too deeply.
     """
-    builder, parser, depth = ET.TreeBuilder(), expat.ParserCreate(), 0
+    builder, parser, depth = ET.TreeBuilder(), expat.ParserCreate("utf-8"), 0
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth
@@ -40,7 +40,7 @@ def parse(path: Path) -> ET.Element:
     parser.CharacterDataHandler = builder.data
     parser.EntityDeclHandler = entity
     try:
-        parser.Parse(read_file(path).encode(), True)
+        parser.Parse(read_xml(path).encode(), True)
         return builder.close()
     except expat.ExpatError as error:
         raise ModelFileError(f"is no model: not well-formed XML ({error})", str(path), "mend the file") from None
