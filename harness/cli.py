@@ -7,11 +7,12 @@ import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from screwgauge import __version__, commands
 from screwgauge.commands import view
 from screwgauge.commands.execution import check_current
+from screwgauge.reference.errors import log_text
 from screwgauge.report.console import console, ended, say
 from screwgauge.threads import fix_threads
 
@@ -102,8 +103,15 @@ def _sides(text: str) -> str | list[str]:
     return text.split(",") if "," in text and not Path(text).exists() else _named(text)
 
 
+class _Parser(argparse.ArgumentParser):
+    """Parser that complains in one line, whatever it was given."""
+
+    def error(self, message: str) -> NoReturn:
+        super().error(log_text(" ".join(message.split())))
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="screwgauge", usage="%(prog)s COMMAND ...", formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--version", action="version", version=f"screwgauge {__version__}")

@@ -63,10 +63,10 @@ class SceneItem(pytest.Item):
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: object = None) -> str:
         """What differs, and why; no traceback of ours."""
-        from screwgauge.reference.errors import printable
+        from screwgauge.reference.errors import log_text
 
         if excinfo.errisinstance(AssertionError):
-            return printable(str(excinfo.value), lines=True)
+            return log_text(str(excinfo.value))
         return str(super().repr_failure(excinfo))
 
     def reportinfo(self) -> tuple[Path, int, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 from numbers import Integral
@@ -11,6 +12,8 @@ from typing import Any
 _CODES = {0x034F, 0x115F, 0x1160, 0x17B4, 0x17B5, 0x2800, 0x3164, 0xFFA0}
 _CODES |= {*range(0x180B, 0x1810), *range(0xFE00, 0xFE10), *range(0xE0100, 0xE01F0)}
 _UNSEEN = frozenset(map(chr, _CODES))
+#: After which a space breaks a command to a CI service.
+_OBEYED = re.compile(r"^ *:(?=:)|#(?=#(?:vso)?\[)", re.MULTILINE)
 
 
 def printable(text: str, *, lines: bool = False) -> str:
@@ -24,6 +27,14 @@ def printable(text: str, *, lines: bool = False) -> str:
     if text.isprintable() and _UNSEEN.isdisjoint(text):
         return text
     return "".join(sign if sign.isprintable() and sign not in _UNSEEN else " " for sign in text)
+
+
+def log_text(text: str) -> str:
+    """Printable lines, none of which is a command to a CI service that reads the log.
+
+    GitHub obeys lines that begin with ``::`` and lines with ``##[`` in them, Azure lines with ``##vso[``.
+    """
+    return _OBEYED.sub(r"\g<0> ", printable(text, lines=True))
 
 
 def first_few(things: Iterable[str], most: int, between: str = ", ") -> str:

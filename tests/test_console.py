@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,8 +13,11 @@ import sys
 import pytest
 
 from screwgauge import commands
-from screwgauge.report.console import SIGNS, console, say
+from screwgauge.environment import json_text
+from screwgauge.report.console import SIGNS, complain, console, mark, say
 from support.command import main
+from support.errors import OutputError
+from support.pages import Banner, Items, Paragraph, Table, terminal
 
 LIST = [sys.executable, "-m", "screwgauge.cli", "list", "quantities"]
 STOP = "import os, signal\nfrom screwgauge import commands, cli\n"
@@ -46,6 +51,51 @@ def test_a_stream_that_knows_no_signs_gets_others_of_the_same_length():
             say(f"{''.join(SIGNS)} N·m é \udcff|")
     assert stream.buffer.getvalue().decode() == f"{''.join(SIGNS.values())} N.m ?  |\n"
     assert all(len(other) == 1 and other.isascii() for other in SIGNS.values())
+
+
+#: What a name may be that means to be obeyed, by itself or once a line is wrapped before it.
+NAMES = ("::error::x", "  ::stop-commands::tok", ":::debug::x", "a\n::error file=x::y", "x ##[error]y", "##vso[task]z")
+
+
+def obeyed(printed: str) -> list[str]:
+    """Lines that GitHub's or Azure's runner takes for a command."""
+    return [line for line in printed.splitlines() if line.lstrip().startswith("::") or re.search(r"##(vso)?\[", line)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_name_in_the_output_is_a_command_to_a_ci_service(name, capsys, command):
+    texts = [f"{'x' * length} {name}" for length in range(80, 102)]
+    blocks = [
+        Paragraph(name),
+        Banner(name),
+        Items(tuple(texts)),
+        Table(("", name), ((name, name * 9),)),
+        *map(Paragraph, texts),
+    ]
+    say(name)
+    complain(name)
+    say(terminal(blocks))
+    say(json_text({name: name}, escaped=True))
+
+    def breaks() -> int:
+        raise OutputError(name, name, name)
+
+    for debug in ((), ("--debug",)):
+        command(breaks, *debug)
+    with pytest.raises(SystemExit):
+        main(["list", f"--{name}"])
+    printed = capsys.readouterr()
+    assert obeyed(printed.out) == obeyed(printed.err) == obeyed(terminal(blocks)) == []
+
+
+def test_json_says_a_name_that_would_be_obeyed_as_it_is(capsys):
+    say(json_text({"##[a]": "x ###vso[y"}, escaped=True))
+    assert json.loads(capsys.readouterr().out) == {"##[a]": "x ###vso[y"}
+
+
+def test_a_command_to_a_ci_service_is_one_line(capsys):
+    mark("::error file=a,line=1::b\n::stop-commands::c")
+    assert capsys.readouterr().out == "::error file=a,line=1::b ::stop-commands::c\n"
 
 
 @pytest.mark.slow

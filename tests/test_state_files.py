@@ -7,6 +7,7 @@ import os
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
 import pandas as pd
@@ -270,6 +271,14 @@ def test_any_value_is_quoted_on_one_line_of_sixty_characters(value):
 
 def test_a_short_value_is_quoted_as_it_is():
     assert (shown("a'b"), shown([1, "x"]), shown("y" * 58)) == ('"a\'b"', "[1, 'x']", f"'{'y' * 58}'")
+
+
+def test_github_marks_a_file_whatever_its_name_is():
+    name = "a\r\nb: c,d%.toml"
+    (line,) = screwgauge.Check([GateRow("a", "differ", "100 %\n::x", file=name)]).annotations()
+    place, _, text = line.removeprefix("::error file=").partition(",line=1::")
+    assert (unquote(place), unquote(text)) == (name, "a: 100 % ::x")
+    assert not set("\r\n:,") & set(place)
 
 
 def test_names_of_files_reach_the_terminal_as_printable_text(inside, monkeypatch, command):

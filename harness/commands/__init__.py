@@ -13,7 +13,7 @@ from screwgauge.commands.execution import carry_out
 from screwgauge.models.importing import is_model
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import check_free
-from screwgauge.report.console import complain, say
+from screwgauge.report.console import complain, mark, say
 
 if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
@@ -275,7 +275,7 @@ def check(options: argparse.Namespace) -> int:
     if options.store is not None:
         keep(options.store, outcome.rows, outcome.smoke)
     for line in outcome.annotations() if os.environ.get("GITHUB_ACTIONS") and not options.json else ():
-        say(line)
+        mark(line)
     return int(outcome.exit_status)
 
 

@@ -16,7 +16,7 @@ from time import monotonic
 from types import FrameType, TracebackType
 from typing import TextIO
 
-from screwgauge.reference.errors import OutputError, ScrewgaugeError, printable
+from screwgauge.reference.errors import OutputError, ScrewgaugeError, log_text, printable
 from screwgauge.reference.files import why
 
 #: What stands for a sign that a stream cannot encode: as long as the sign, so that columns stay where they are.
@@ -67,15 +67,29 @@ def stopped() -> bool:
 
 
 def say(text: str, end: str = "\n") -> None:
-    """Prints; a reader of the pipe who has gone changes nothing about the exit status.
+    """Print lines, none of which a CI service obeys.
 
     Raises:
         OutputError: Standard output is closed, or there is no room.
     """
+    _print(log_text(text), end)
+
+
+def mark(command: str) -> None:
+    """Print the one line that is a command to a CI service.
+
+    Raises:
+        OutputError: Standard output is closed, or there is no room.
+    """
+    _print(printable(command), "\n")
+
+
+def _print(text: str, end: str) -> None:
+    """Print on standard output; a reader of the pipe who has gone changes nothing about the exit status."""
     try:
         if sys.stdout is None:
             raise OSError(errno.EBADF, "it is closed")
-        print(printable(text, lines=True), end=end, flush=True)
+        print(text, end=end, flush=True)
     except OSError as error:
         if sys.stdout is not None:  # what is left is written once more when Python ends
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -87,7 +101,7 @@ def say(text: str, end: str = "\n") -> None:
 def complain(text: str) -> None:
     """Prints on standard error, if that takes anything."""
     with suppress(OSError):
-        print(printable(text, lines=True), file=sys.stderr, flush=True)
+        print(log_text(text), file=sys.stderr, flush=True)
 
 
 def ended(error: BaseException, *, debug: bool) -> int:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from itertools import zip_longest
 
+from screwgauge.reference.errors import log_text
 from screwgauge.report import blocks as b
 from screwgauge.report.blocks import Block, plain, spans
 
@@ -20,7 +21,7 @@ MARKS = {"": "{}", "code": "`{}`", "strong": "**{}**", "em": "*{}*"}
 def terminal(blocks: Iterable[Block]) -> str:
     """The text, with an empty line between blocks; plots are left out."""
     parts = (_lines(block) for block in blocks)
-    return "\n\n".join("\n".join(map(str.rstrip, lines)) for lines in parts if lines)
+    return log_text("\n\n".join("\n".join(map(str.rstrip, lines)) for lines in parts if lines))
 
 
 def screenful(blocks: Iterable[Block]) -> str:

@@ -139,9 +139,13 @@ class Check:
         """Commands of GitHub that mark a line of a model or scene."""
         for row in self.rows:
             if not row.ok:
-                text = printable(message(row)).replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
-                place = row.file.replace("%", "%25").replace(":", "%3A").replace(",", "%2C")
+                place, text = _escaped(row.file, "%\r\n:,"), _escaped(printable(message(row)), "%")
                 yield f"::error file={place},line={max(row.line, 1)}::{text}"
+
+
+def _escaped(text: str, signs: str) -> str:
+    """A text with codes for the signs that mean something to GitHub."""
+    return "".join(f"%{ord(sign):02X}" if sign in signs else sign for sign in text)
 
 
 #: Elements of JUnit by the status of what they are about.
