@@ -13,7 +13,7 @@ import json
 import os
 import re
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from io import BufferedReader
@@ -311,6 +311,36 @@ def check_free(path: Path, inputs: Iterable[str | Path] = (), *, force: bool = F
     if not is_as_written(path):
         what = "is there, and not as screwgauge wrote it: from elsewhere, or changed since"
         raise OutputError(what, str(path), "name another file, or overwrite it by --force")
+
+
+def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) -> None:
+    """Refuse an output that is an input, and two outputs at one place, before any work.
+
+    Args:
+        outputs: Option or name by which each is written -> its path.
+        inputs: What the command reads; not asked for where no output is there yet.
+
+    Raises:
+        OutputError: Two of these are one file.
+    """
+    writers = dict[tuple[int, int] | str, str]()
+    for name, path in outputs.items():
+        if (other := writers.setdefault(_node(path) or os.path.realpath(path), name)) is not name:
+            raise OutputError(f"is what both {other} and {name} write", str(path), "name two files")
+    there = any(isinstance(place, tuple) for place in writers)
+    for file in inputs if there else ():
+        if (node := _node(Path(file))) in writers:
+            remedy = "name another file, or overwrite it by --force"
+            raise OutputError(f"is what the command reads, and what {writers[node]} writes", str(file), remedy)
+
+
+def _node(path: Path) -> tuple[int, int] | None:
+    """Device and number of a file; None if there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
 
 
 def _same(path: Path, other: Path) -> bool:

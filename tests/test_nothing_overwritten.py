@@ -94,6 +94,52 @@ def test_what_a_command_reads_is_not_overwritten_even_if_it_was_written_here(nam
     assert "--force" in said or name.startswith("check")
 
 
+#: Outputs that are one file, under whatever name: the files that are named twice.
+TWICE = {
+    "junit and baseline": ["--junit", "f", "--baseline", "f", "--update"],
+    "another way": ["--junit", "f", "--baseline", "../{here}/f", "--update"],
+    "junit and report": ["--junit", "out/report.md"],
+    "baseline and numbers": ["--baseline", "out/check.json", "--update"],
+    "junit and journal": ["--junit", "out/check.partial.jsonl"],
+}
+
+
+@pytest.mark.parametrize("force", [[], ["--force"]])
+@pytest.mark.parametrize("name", TWICE)
+def test_two_outputs_at_one_place_are_refused_before_any_work(name, force, capsys):
+    Path("out").mkdir()
+    given = [each.format(here=Path().absolute().name) for each in TWICE[name]]
+    refused("check", "slider-crank", "--out", "out", *given, *force)
+    assert "is what both " in capsys.readouterr().err
+
+
+def test_outputs_of_other_commands_at_one_place_are_refused(bars, capsys):
+    pytest.importorskip("duckdb")
+    refused("diagnose", "four-bar.xml", "b.xml", "--out", "out", "--fix", "out/diagnosis.json")
+    refused("history", "--store", ".", "--out", "out", "--baseline", "out/report.html")
+    assert capsys.readouterr().err.count("is what both ") == 2
+
+
+READ = ("scene.toml", "four-bar.toml", "four-bar.xml", "motion.csv", "tolerances.toml", "more.xml")
+
+
+@pytest.mark.parametrize("name", [*READ, "f", "out/report.md"])
+def test_the_summary_of_a_job_is_added_to_no_file_of_the_command(name, bars, monkeypatch, capsys):
+    """Of a scene that is a mechanism, a motion, models and what these include."""
+    Path("more.xml").write_text("<mujocoinclude/>", encoding="utf-8")
+    Path("four-bar.xml").write_text(
+        Path("four-bar.xml").read_text(encoding="utf-8").replace("</mujoco>", '<include file="more.xml"/></mujoco>')
+    )
+    Path("motion.csv").write_text("t,crank,crankd,crankdd\n0,0,0,0\n1,0,0,0\n", encoding="utf-8")
+    lines = scene('models.mujoco = "four-bar.xml"').splitlines()
+    lines[1:3] = ['motion = { csv = "motion.csv" }']
+    Path("scene.toml").write_text("\n".join(lines), encoding="utf-8")
+    Path("tolerances.toml").write_text("reaction = 1e-9\n", encoding="utf-8")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", name)
+    refused("check", "scene.toml", "--tolerances", "tolerances.toml", "--junit", "f", "--out", "out")
+    assert "GITHUB_STEP_SUMMARY" in capsys.readouterr().err
+
+
 def test_the_second_model_is_never_overwritten(bars, capsys):
     for force in ([], ["--force"]):
         assert main(["diagnose", "four-bar.xml", "b.xml", "--fix", "b.xml", *force]) == 2
@@ -147,7 +193,7 @@ def test_a_report_does_not_replace_the_table_that_it_is_about(capsys):
     text = (Path(screwgauge.__file__).parent / "scenes" / "slider-crank.toml").read_text(encoding="utf-8")
     Path("mine.toml").write_text(f'tables.mine = "out/samples.parquet"\n{text}', encoding="utf-8")
     refused("run", "mine.toml", *asked)
-    assert "the report's samples.parquet would overwrite what is read" in capsys.readouterr().err
+    assert "what the command reads, and what the report's samples.parquet writes" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from screwgauge.commands.execution import carry_out
+from screwgauge.commands.execution import Files, carry_out
 from screwgauge.models.importing import is_model
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import check_free
@@ -119,7 +119,7 @@ def run(options: argparse.Namespace) -> int:
         out,
         lambda progress: run(scene, engines, quantities, progress=progress, **more),
         tell=(lambda answer: json_text(page.summary(answer), escaped=True)) if options.json else None,
-        inputs=_files(scene),
+        files=Files(_files(scene)),
         force=options.force,
         samples=options.samples,
         pdf=options.pdf,
@@ -198,7 +198,7 @@ def diagnose(options: argparse.Namespace) -> int:
         options.out or OUT / "diagnosis",
         lambda progress: diagnose(*sides(options.a, options.b, options.meshes), load=read_isolated, **more),
         tell=tell or (every_difference if options.all else None),
-        inputs=_models(options),
+        files=Files(_models(options), {} if options.fix is None else {"--fix": options.fix}),
         force=options.force,
     )
     if options.fix is not None:
@@ -249,7 +249,7 @@ def _names(text: str | None) -> list[str] | None:
 
 def check(options: argparse.Namespace) -> int:
     """Checks scenes and pairs of models; what CI services read of it is left where they look for it."""
-    from screwgauge.report.pages.check import PAGE, check_files, check_with
+    from screwgauge.report.pages.check import PAGE, check_files, check_inputs, check_outputs, check_with
     from screwgauge.study.gate.history import check_store, keep
     from screwgauge.study.gate.run import NAME
 
@@ -267,7 +267,7 @@ def check(options: argparse.Namespace) -> int:
         lambda progress: check_with(execute, options.what, **more, progress=progress, journal=out / NAME),
         tell=(lambda outcome: outcome.json) if options.json else None,
         again=NAME,
-        inputs=map(Path, options.what),
+        files=Files(check_inputs(options), check_outputs(options)),
         force=options.force,
         junit=options.junit,
         baseline=options.baseline if options.update else None,
@@ -289,7 +289,8 @@ def history(options: argparse.Namespace) -> int:
     if options.baseline is not None:
         check_baseline(options.baseline, force=options.force)
     out = options.out or OUT / "history-report"
-    carry_out(page, out, lambda progress: history(store, options.scene), force=options.force)
+    files = Files(outputs={} if options.baseline is None else {"--baseline": options.baseline})
+    carry_out(page, out, lambda progress: history(store, options.scene), files=files, force=options.force)
     if options.baseline is not None:
         write_latest(options.baseline, store, options.smoke)
     return 0

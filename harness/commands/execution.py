@@ -3,16 +3,33 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError
+from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
+from screwgauge.reference.files import check_apart
 from screwgauge.report.console import say
 
 if TYPE_CHECKING:
     from screwgauge.report.console import Progress
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Files:
+    """Files of a command beside its report.
+
+    Attributes:
+        inputs: All that it reads.
+        outputs: Option -> file that it writes.
+    """
+
+    inputs: Iterable[Path] = ()
+    outputs: Mapping[str, Path] = field(default_factory=dict)
+
+
+NONE = Files()
 
 
 def carry_out(
@@ -22,7 +39,7 @@ def carry_out(
     *,
     tell: Callable[[Any], str] | None = None,
     again: str = "",
-    inputs: Iterable[Path] = (),
+    files: Files = NONE,
     force: bool = False,
     **writing: Any,
 ) -> Any:
@@ -32,7 +49,7 @@ def carry_out(
         work: Takes the progress.
         tell: Text to print for the results; by default the page's text for a terminal.
         again: File that the same command goes on from.
-        inputs: Files that the command reads, which are not written over.
+        files: What else the command reads and writes; nothing of it may be the same file.
         force: Existing files are replaced, whatever their origin.
         writing: What else the page is written with.
 
@@ -40,12 +57,12 @@ def carry_out(
         The results.
     """
     from screwgauge.report.console import Progress
-    from screwgauge.report.folder import PAGES, SAMPLES, check_writable, locked
+    from screwgauge.report.folder import MANIFEST, PAGES, SAMPLES, check_writable, locked
 
     names = [*page.DATA, *([again] if again else []), *([SAMPLES] if writing.get("samples") else [])]
     with locked(out):
-        for file in () if force else inputs:
-            _check_kept(file, out, (*names, *PAGES))
+        written = {f"the report's {name}": out / name for name in (*names, *PAGES, MANIFEST)}
+        check_apart({**written, **files.outputs}, () if force else files.inputs)
         check_writable(out, names, force=force)
         with Progress(sys.stderr) as progress:
             try:
@@ -54,15 +71,6 @@ def carry_out(
                 raise KeyboardInterrupt(again and f"run the same command again to go on from {out / again}") from None
             _write(page, out, results, progress, tell, {**writing, **({"force": True} if force else {})})
     return results
-
-
-def _check_kept(file: Path, out: Path, names: Sequence[str]) -> None:
-    """Refuses to write a report over what it is about."""
-    for name in names:
-        with suppress(OSError, ValueError):  # one of them is not there
-            if file.samefile(out / name):
-                what, remedy = f"the report's {name} would overwrite what is read", "choose another folder with --out"
-                raise OutputError(what, str(file), remedy)
 
 
 def _write(

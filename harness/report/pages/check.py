@@ -27,10 +27,12 @@ from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.history import Against, against, check_baseline, read_baseline, write_baseline
 from screwgauge.study.gate.items import EXIT, GateRow, items, read_tolerances, unread
 from screwgauge.study.gate.measure import GateSettings
-from screwgauge.study.gate.run import check_items
+from screwgauge.study.gate.run import check_items, files_in
 from screwgauge.study.runner import Executor
 
 SCHEMA = 1  #: Of the JSON.
+#: Variable with the name of the file to which GitHub wants the summary of a job to be added.
+SUMMARY = "GITHUB_STEP_SUMMARY"
 WORDS = {"agree": "✓ ok", "judged": "✓ judged", "unread": "✗ not read", "differ": "✗ differ"}
 WORDS |= {"failed": "✗ failed", "refused": "✗ refused"}
 #: Names of files that a verdict lists.
@@ -232,17 +234,17 @@ class _Page(Report):
     ) -> Path:
         """Writes ``check.json``, the report and ``environment.json``; JUnit and baseline where they are asked for.
 
-        The summary of a job is added to the file that ``GITHUB_STEP_SUMMARY`` names.
+        The summary of a job is added to the file that `SUMMARY` names.
         """
         if junit is not None:
             replace_file(junit, stamped(results.junit()))
-        if summary := os.environ.get("GITHUB_STEP_SUMMARY"):
+        if summary := os.environ.get(SUMMARY):
             try:
                 with Path(summary).open("a", encoding="utf-8") as file:
                     file.write(results.markdown())
             except OSError as error:
                 what = f"cannot be written ({why(error)})"
-                raise OutputError(what, f"GITHUB_STEP_SUMMARY, {summary}", "unset it, or name a file") from error
+                raise OutputError(what, f"{SUMMARY}, {summary}", "unset it, or name a file") from error
         super().write(results, out, **writing)
         if baseline is not None:
             results.write_baseline(baseline)
@@ -298,11 +300,25 @@ def check_files(options: Namespace) -> None:
         if path is not None and (os.path.isdir(path) or not os.access(path.parent, os.W_OK)):
             what = "is a folder" if os.path.isdir(path) else "cannot be written (no such folder, or not allowed)"
             raise OutputError(what, str(path), "name another file")
-    read = [name for name in (*options.what, options.tolerances, options.baseline) if name is not None]
     if options.junit is not None:
-        check_free(options.junit, read, force=options.force)
+        check_free(options.junit, force=options.force)
     if options.update:
         check_baseline(options.baseline, force=options.force)
+
+
+def check_outputs(options: Namespace) -> dict[str, Path]:
+    """Option or variable -> file that the command writes beside its report."""
+    known = options.baseline if options.update else None
+    named = {"--junit": options.junit, "--baseline": known, SUMMARY: os.environ.get(SUMMARY)}
+    return {name: Path(file) for name, file in named.items() if file}
+
+
+def check_inputs(options: Namespace) -> Iterator[Path]:
+    """Every file that the command reads."""
+    yield from map(Path, filter(None, (options.tolerances, None if options.update else options.baseline)))
+    for item in items(options.what):
+        yield from map(Path, item.files)
+        yield from files_in(item)
 
 
 def check_with(
