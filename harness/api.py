@@ -140,6 +140,11 @@ def compile(
         backend: ``llvm`` (extra ``fast``) or ``numpy``.
         threads: How many run at once.
 
+    Returns:
+        A function ``solver(y, yd, ydd, out=None)`` of plain float64 arrays of shape (n, k). ``out`` is made by
+        ``solver.buffers(n)``, or by ``solver.buffers(n, {quantity: array})`` of arrays of your own, and filled again
+        and again. Rows that cannot be solved, or whose values are not finite, raise an error.
+
     Raises:
         ScrewgaugeError: Bad input, or a motion that cannot be followed.
     """

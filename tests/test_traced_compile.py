@@ -51,13 +51,6 @@ def test_it_answers_as_the_engine_does(scene, solver):
     assert solver.components["actuator_force"] == ("leg1", "leg2", "leg3", "leg4")
 
 
-def test_buffers_are_filled_in_place(scene, solver):
-    for out in (solver.buffers(100), {"generalized_force": np.empty((100, 2)), "actuator_force": np.empty((100, 4))}):
-        answer = solver(*motion(scene), out=out)
-        assert answer["actuator_force"] is out["actuator_force"]
-        assert far(out["actuator_force"], expected(scene)) <= SAME
-
-
 def test_many_samples_go_through_in_parts(scene, solver):
     y, yd, ydd = (np.tile(x, (50, 1)) for x in motion(scene))
     assert far(solver(y, yd, ydd)["actuator_force"], np.tile(expected(scene), (50, 1))) <= SAME
@@ -91,7 +84,7 @@ def test_singular_samples_are_counted(scene, solver):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (lambda y, yd, ydd: (y[:, :1], yd, ydd), r"y: its shape is \(100, 1\), not \(100, 2\)"),
+        (lambda y, yd, ydd: (y[:, :1], yd, ydd), r"y: its shape is \(100, 1\), not \(n, 2\)"),
         (lambda y, yd, ydd: (y, yd[:-1], ydd), r"yd: its shape is \(99, 2\)"),
         (lambda y, yd, ydd: (y, yd, np.where(np.arange(100)[:, None] == 7, np.nan, ydd)), "ydd: row 7 is not finite"),
         (lambda y, yd, ydd: (y, yd, ydd.astype(np.float32)), "ydd: it is of float32"),
@@ -125,36 +118,13 @@ def test_a_pose_of_an_open_tree_that_is_no_number_is_refused():
         solver(y, yd, ydd)
 
 
-def test_bad_buffers_and_loads_are_refused(scene, solver):
-    given, good = motion(scene), solver.buffers(100)
-    read_only = {name: array.copy() for name, array in good.items()}
-    read_only["actuator_force"].setflags(write=False)
-    for out, message in (
-        ({"actuator_force": good["actuator_force"]}, "buffers for"),
-        ({**good, "actuator_force": np.empty((100, 3))}, r"its shape is \(100, 3\)"),
-        ({**good, "actuator_force": np.empty((100, 4), np.float32)}, "it is of float32"),
-        (read_only, "read-only"),
-    ):
-        with pytest.raises(screwgauge.ScrewgaugeError, match=message):
-            solver(*given, out=out)
-    with pytest.raises(screwgauge.ScrewgaugeError, match="load: its shape"):
-        solver(*given, load=np.zeros(5))
+def test_bad_loads_are_refused(scene, solver):
+    for load in (np.zeros(5), np.zeros((99, 6)), [0.0] * 6, np.float64(1.0), np.ma.zeros(6)):
+        with pytest.raises(screwgauge.ScrewgaugeError, match="load: it"):
+            solver(*motion(scene), load=load)
     bare = screwgauge.compile(scene.under(loads=()), ["actuator_force"], backend="numpy")
     with pytest.raises(screwgauge.ScrewgaugeError, match="no load"):
-        bare(*given, load=np.zeros(6))
-
-
-def test_the_buffers_of_the_last_call_are_looked_at_again(scene, solver):
-    given, out = motion(scene), solver.buffers(100)
-    assert solver(*given, out=out)["actuator_force"] is out["actuator_force"]
-    with pytest.raises(screwgauge.ScrewgaugeError, match="buffers for"):
-        solver(*given, out={name: out[name] for name in [*out][:1]})
-    with pytest.raises(screwgauge.ScrewgaugeError, match="y: it is of list"):
-        solver(given[0].tolist(), *given[1:], out=out)
-    with pytest.raises(screwgauge.ScrewgaugeError, match=r"yd: its shape is \(2,\)"):
-        solver(given[0], given[1][0], given[2], out=out)
-    other = {name: array.copy() for name, array in out.items()}
-    assert solver(*given, out=other)["actuator_force"] is other["actuator_force"]
+        bare(*motion(scene), load=np.zeros(6))
 
 
 @pytest.mark.parametrize(

@@ -224,8 +224,8 @@ def _ir(program: Program, width: int) -> str:
     source, target, weights, offset = block.args
     b = ir.IRBuilder(block.append_basic_block())
     maths = VectorMath(module, b, width, inline=len(program.code) < SMALL)
-    outputs, total = _statements(maths, program, source, target, offset), maths.constant(0.0)
-    for i, x in enumerate(outputs[len(outputs) - program.checks :]):
+    checks, total = _statements(maths, program, source, target, offset)
+    for i, x in enumerate(checks):
         total = maths.fma(x, maths.spread(b.load(b.gep(weights, [ir.Constant(i64, i)]))), total)
     doubt = b.bitcast(b.fcmp_unordered(">", total, maths.constant(1.0)), ir.IntType(width))
     b.ret(b.zext(doubt, i64))
@@ -233,9 +233,10 @@ def _ir(program: Program, width: int) -> str:
     return str(module)
 
 
-def _statements(maths: VectorMath, program: Program, source: Any, target: Any, offset: Any) -> list[Any]:
-    """The program, each output stored as soon as it is there. Returns the outputs."""
-    b, i64 = maths.b, maths.ir.IntType(64)
+def _statements(maths: VectorMath, program: Program, source: Any, target: Any, offset: Any) -> tuple[list[Any], Any]:
+    """The program, each output stored as soon as it is there. Returns checks, and 0, or NaN if values are infinite."""
+    b, i64, zero = maths.b, maths.ir.IntType(64), maths.constant(0.0)
+    lost, values_end = zero, len(program.outputs) - program.checks
 
     def place(rows: Any, row: int) -> Any:
         start = b.load(b.gep(rows, [maths.ir.Constant(i64, row)]))
@@ -255,17 +256,20 @@ def _statements(maths: VectorMath, program: Program, source: Any, target: Any, o
             maths.fetch(line)
 
     def store(value: int) -> None:
+        nonlocal lost
         while waiting and made[waiting[0]] <= value:
             row = waiting.popleft()
             fetch(1)
-            b.store(operand(program.outputs[row]), place(target, row), align=8)
+            b.store(output := operand(program.outputs[row]), place(target, row), align=8)
+            if row < values_end:
+                lost = maths.fma(output, zero, lost)
 
     fetch(AHEAD)
     store(program.inputs - 1)
     for i, (op, args) in enumerate(program.code, program.inputs):
         values[i] = maths.operation(op, [operand(x) for x in args])
         store(i)
-    return [operand(x) for x in program.outputs]
+    return [operand(x) for x in program.outputs[values_end:]], lost
 
 
 def _loop(ir: Any, module: Any, block: Any, width: int) -> None:
@@ -334,7 +338,8 @@ class Native:
 
         Args:
             inputs, outputs: Shapes (m, n) each, in the order of the program; a row's numbers lie side by side.
-            weights: A sample is in doubt whose checks, times these, add up to more than 1; none is by default.
+            weights: A sample is in doubt whose checks, times these, add up to more than 1, or of which an output is
+                not finite; none is by default.
         """
         n = inputs[0].shape[1]
         if n < self.width:

@@ -8,7 +8,9 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from operator import itemgetter
+from threading import Lock, RLock
 from typing import Any
 
 import numpy as np
@@ -160,20 +162,23 @@ class Pool:
 
     def __init__(self, kept: int = KEPT) -> None:
         self.kept, self.shape, self.free = kept, (0, 0), list[Block]()
+        self._lock = RLock()  # a block may come back while one is taken
 
     def take(self, n: int, m: int) -> Block:
         """A block of n rows and m columns that nobody else has."""
-        if (n, m) != self.shape:
-            self.shape, self.free = (n, m), []
-        return self.free.pop() if self.free else Block(n, m)
+        with self._lock:
+            if (n, m) != self.shape:
+                self.shape, self.free = (n, m), []
+            return self.free.pop() if self.free else Block(n, m)
 
     def lend(self, block: Block) -> Array:
         """A block's numbers for someone else; it comes back when they are done with it. Shape (n, m)."""
         return block.lend(self._take_back)
 
     def _take_back(self, block: Block) -> None:
-        if block.array.shape == self.shape and (len(self.free) + 1) * block.array.nbytes <= self.kept:
-            self.free.append(block)
+        with self._lock:
+            if block.array.shape == self.shape and (len(self.free) + 1) * block.array.nbytes <= self.kept:
+                self.free.append(block)
 
 
 #: Samples worked on at a time: a call of NumPy costs as much as some thousand operations in the cache.
@@ -188,8 +193,18 @@ def _maximum(a: Array, b: Array, out: Array) -> None:
 _FUNCTIONS: dict[str, Callable[..., Any]] = {**OPERATIONS, "max": _maximum, "square": np.square}
 
 
+def clear(outputs: Sequence[Array], weights: Array) -> bool:
+    """True if no sample is in doubt, see `screwgauge.reference.traced.native.Native.bind`.
+
+    Args:
+        outputs: Shapes (m, n) each; the last block holds the checks.
+    """
+    checked = (weights @ outputs[-1]).max(initial=0.0) <= 1.0
+    return bool(checked) and all(isfinite(block.sum()) for block in outputs[:-1])
+
+
 class Lanes:
-    """A program with its buffers. Not for two threads at once.
+    """A program with its buffers. Threads that run it wait for each other.
 
     Attributes:
         code: Functions, and what picks their operands, the result last, from all rows: inputs, outputs, buffers and
@@ -197,7 +212,7 @@ class Lanes:
     """
 
     def __init__(self, program: Program, chunk: int = CHUNK) -> None:
-        self.program, self.chunk = program, chunk
+        self.program, self.chunk, self._lock = program, chunk, Lock()
         self.code: list[tuple[Callable[..., Any], itemgetter[Any]]] = []
         operands = (x for args in (*(args for _, args in program.code), program.outputs) for x in args)
         known = dict.fromkeys(x for x in operands if isinstance(x, float))
@@ -239,7 +254,6 @@ class Lanes:
     ) -> Callable[[], bool]:
         """Binds as `screwgauge.reference.traced.native.Native.bind`; numbers of a row may lie apart."""
         codes, constants = [], [np.array(x) for x in self.constants]
-        checks = np.zeros((0, inputs[0].shape[1])) if weights is None else outputs[-1]
         for start in range(0, inputs[0].shape[1], self.chunk):
             given, results = (
                 [row[start : start + self.chunk] for block in x for row in block] for x in (inputs, outputs)
@@ -248,11 +262,11 @@ class Lanes:
             codes.append([(function, pick(rows)) for function, pick in self.code])
 
         def run() -> bool:
-            with np.errstate(all="ignore"):
+            with self._lock, np.errstate(all="ignore"):
                 for code in codes:
                     for function, operands in code:
                         function(*operands)
-                return weights is None or bool((weights @ checks).max(initial=0.0) <= 1.0)
+                return weights is None or clear(outputs, weights)
 
         return run
 

@@ -6,12 +6,13 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from itertools import accumulate
-from operator import is_
+from threading import RLock
+from typing import Any
 
 import numpy as np
 
-from screwgauge.engines.screw.programs import Bound
+from screwgauge.engines.screw.buffers import Buffers, check_array, check_finite, divided
+from screwgauge.engines.screw.programs import Bound, infinite
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.closed.continuation import PathEnd
@@ -48,7 +49,9 @@ class CompiledSolution:
 
 
 class Solver:
-    """Inverse dynamics of one mechanism under one scene's gravity and loads. Not for two threads at once.
+    """Inverse dynamics of one mechanism under one scene's gravity and loads.
+
+    Threads may share a solver where each has buffers of its own, or none. Pickled or copied, it is compiled anew.
 
     Attributes:
         quantities: What it computes.
@@ -66,28 +69,41 @@ class Solver:
         """
         self.scene, self.quantities, self.backend, self.threads = scene, tuple(quantities), backend, threads
         self.works: dict[Mode, list[TracedWork]] = {}
-        self.last: dict[Mode, tuple[Bound, CompiledSolution]] = {}
-        self.pool = Pool()
+        self.pool, self.lock = Pool(), RLock()
         work = self.first = self._works(mode)[0]
         self.components = {name: work.names()[name][0] for name in self.quantities}
+        self.counts = {name: len(names) for name, names in self.components.items()}
         self.notes = tuple(filter(None, [work.note]))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Solver, (self.scene, self.quantities, self.backend, self.threads), {"notes": self.notes}
 
     def _works(self, mode: Mode) -> list[TracedWork]:
         """Traced work of a mode, one for each thread."""
-        if mode not in self.works:
-            lay, motion, problem = layout(self.scene.mechanism), self.scene.motion, self.scene.problem(self.quantities)
-            first = TracedWork(lay, problem, motion, self.backend, loaded=mode[0], estimates=mode[1])
-            self.works[mode] = [first, *(first.again() for _ in range(self.threads - 1))]
-        return self.works[mode]
+        with self.lock:
+            if mode not in self.works:
+                lay, scene = layout(self.scene.mechanism), self.scene
+                problem, (loaded, estimates) = scene.problem(self.quantities), mode
+                first = TracedWork(lay, problem, scene.motion, self.backend, loaded=loaded, estimates=estimates)
+                self.works[mode] = [first, *(first.again() for _ in range(self.threads - 1))]
+            return self.works[mode]
 
     def as_c(self) -> str:
         """The program as C, for reading; empty if there is none."""
         return "" if self.first.traced is None else self.first.traced.program.as_c()
 
-    def buffers(self, n: int) -> dict[str, Array]:
-        """Arrays for `out`, shape (n, n_component); numbers of one component lie side by side."""
-        counts = {name: len(self.components[name]) for name in self.quantities}
-        return _divided(columns(n, sum(counts.values())), counts)
+    def buffers(self, n: int, arrays: Mapping[str, Array] | None = None) -> Buffers:
+        """Arrays for `out` of n samples, one for each quantity, shape (n, n_component).
+
+        Args:
+            arrays: Quantity -> array to fill, for those of your own: plain, of float64, writeable, apart in memory.
+                Those in which numbers of one component lie side by side, as in all that are made here, are filled
+                fastest.
+
+        Raises:
+            ScrewgaugeError: An array is not as it must be, or there is no such quantity.
+        """
+        return Buffers(self, self.counts, n, {} if arrays is None else arrays)
 
     def __call__(
         self,
@@ -97,7 +113,7 @@ class Solver:
         *,
         t: Array | None = None,
         load: Array | None = None,
-        out: Mapping[str, Array] | None = None,
+        out: Buffers | None = None,
         estimates: bool = False,
     ) -> CompiledSolution:
         """Answers samples in any order: a function of each row, whatever came before.
@@ -107,41 +123,54 @@ class Solver:
             t: Times [s]: the rows are a motion, which is followed from home along the curve through them. Shape (n,).
             load: In place of the scene's loads, force [N] and torque [N m] of each. Shape (6 n_load,) or
                 (n, 6 n_load).
-            out: Where the values are written, see `buffers`.
+            out: What the values are written to, see `buffers`; of no use after an error.
             estimates: Whether errors are estimated sample by sample; samples are checked in any case.
 
         Raises:
             ScrewgaugeError: An array of wrong shape or type, or a row that cannot be solved: not reached from home
-                without passing near a singular pose, or in two poses that are both reached.
+                without passing near a singular pose, in two poses that are both reached, or with values beyond what a
+                double can hold.
         """
         given = (y, yd, ydd) if load is None else (y, yd, ydd, load)
         mode = load is not None, estimates
         if out is None:
             return self._lent(given, mode, t)
-        if t is None and mode in self.last and len(out) == len(self.quantities):
-            bound, answer = self.last[mode]  # the buffers of the last call: nothing to prepare
-            if all(map(is_, out.values(), bound.values)) and bound.fill(given):
+        if type(out) is not Buffers or out.owner is not self:
+            made = "buffers of another solver" if type(out) is Buffers else type(out).__name__
+            raise DescriptionError(f"it is {made}", "out", "make it by solver.buffers(n), or solver.buffers(n, arrays)")
+        if not out.writeable:
+            raise DescriptionError("an array has become read-only", "out", "make other buffers")
+        if t is None and mode in out.known:
+            bound, answer = out.known[mode]
+            if bound.fill(given):  # nothing to prepare
                 return answer
-        n, counts, arrays = len(y), self._error_counts(mode), self._checked(out, len(y))
+        if (n := self._length(y)) != out.n:
+            raise DescriptionError(f"it has {out.n} samples, not {n}", "out", f"make it by solver.buffers({n})")
+        counts = self._error_counts(mode)
         errors = columns(n, sum(counts.values()))
-        by_array, last = self._solve(given, mode, arrays | ({"error": errors} if estimates else {}), t)
-        answer = CompiledSolution(arrays, by_array, _divided(errors, counts))
+        by_array, last = self._solve(given, mode, {**out} | ({"error": errors} if estimates else {}), t)
+        answer = CompiledSolution(out, by_array, divided(errors, counts))
         if last is not None:
-            self.last[mode] = last, replace(answer, by_array={})
+            out.known[mode] = last, replace(answer, by_array={})
         return answer
 
     def _lent(self, given: Sequence[Array], mode: Mode, t: Array | None) -> CompiledSolution:
         """An answer in memory that is the solver's again once nothing refers to it, see `Pool`."""
-        counts = {name: len(self.components[name]) for name in self.quantities}, self._error_counts(mode)
+        counts = self.counts, self._error_counts(mode)
         m, all_m = sum(counts[0].values()), sum(map(sum, (each.values() for each in counts)))
-        block, by_array = self.pool.take(len(given[0]), all_m), Counter[str]()
+        block, by_array = self.pool.take(self._length(given[0]), all_m), Counter[str]()
         if not (t is None and mode in block.known and block.known[mode].fill(given)):
-            arrays = _divided(block.array, counts[0]) | ({"error": block.array[:, m:]} if mode[1] else {})
+            arrays = divided(block.array, counts[0]) | ({"error": block.array[:, m:]} if mode[1] else {})
             by_array, last = self._solve(given, mode, arrays, t)
             if last is not None:
                 block.known[mode] = last
         lent = self.pool.lend(block)
-        return CompiledSolution(_divided(lent, counts[0]), by_array, _divided(lent[:, m:], counts[1]))
+        return CompiledSolution(divided(lent, counts[0]), by_array, divided(lent[:, m:], counts[1]))
+
+    def _length(self, y: Array) -> int:
+        """Number of samples of y, which is checked."""
+        check_array(y, (None, len(self.scene.mechanism.independent)), "y")
+        return len(y)
 
     def _error_counts(self, mode: Mode) -> dict[str, int]:
         """Quantity -> how many errors are estimated of it at each sample."""
@@ -150,22 +179,40 @@ class Solver:
     def _solve(
         self, given: Sequence[Array], mode: Mode, arrays: Mapping[str, Array], t: Array | None
     ) -> tuple[Counter[str], Bound | None]:
-        """Fills arrays.
+        """Solves into arrays.
 
         Returns:
             What the array solver answered, and the program bound to these arrays.
+
+        Raises:
+            ScrewgaugeError: See `__call__`.
         """
-        n = len(given[0])
+        n = self._length(given[0])
         for name, array in zip(("y", "yd", "ydd"), given, strict=False):
-            _check_array(array, (n, len(self.scene.mechanism.independent)), name)
-            _check_finite(array, name)
+            check_array(array, (n, len(self.scene.mechanism.independent)), name)
+            check_finite(array, name)
         if t is not None:
-            _check_array(t, (n,), "t")
-            _check_finite(t[:, None], "t")
+            check_array(t, (n,), "t")
+            check_finite(t[:, None], "t")
         elif not all(motor.constant for motor in self.scene.applied.motors):
             raise DescriptionError("a motor changes over time, which samples do not say", "compile", "give t")
         inputs = [*given[:3], *(self._loads(load, n) for load in given[3:])]
-        works = self._works(mode)
+        if any(np.may_share_memory(x, array) for x in inputs for array in arrays.values()):
+            inputs = [x.copy() for x in inputs]  # parts would be answered over those to come
+        with self.lock:
+            by_array, bound = self._solve_checked(inputs, self._works(mode), arrays, t)
+        if (rows := infinite({name: arrays[name] for name in self.quantities})).size:
+            names = (name for name in self.quantities if not np.isfinite(arrays[name][rows[0]]).all())
+            what = f"{', '.join(names)} cannot be held by doubles"
+            raise DescriptionError(what, f"row {rows[0]}", "give smaller coordinates, rates, accelerations or loads")
+        fits = bound is not None and t is None and bound.fits(inputs, arrays)
+        return by_array, bound if fits else None
+
+    def _solve_checked(
+        self, inputs: Sequence[Array], works: Sequence[TracedWork], arrays: Mapping[str, Array], t: Array | None
+    ) -> tuple[Counter[str], Bound | None]:
+        """Solves as `_solve`; the bound program may be that of some of the samples."""
+        n = len(inputs[0])
         for work in works:
             work.by_array.clear()
         if t is not None or self.threads == 1:  # a motion goes on from sample to sample
@@ -174,9 +221,7 @@ class Solver:
             shares = [slice(n * i // self.threads, n * (i + 1) // self.threads) for i in range(len(works))]
             with ThreadPoolExecutor(self.threads) as pool:
                 [*pool.map(lambda work, share: self._fill(work, share, inputs, arrays, t), works, shares)]
-        bound = works[0].bound
-        fits = bound is not None and t is None and bound.fits(inputs, arrays)
-        return sum((work.by_array for work in works), start=Counter[str]()), bound if fits else None
+        return sum((work.by_array for work in works), start=Counter[str]()), works[0].bound
 
     def stream(self, chunks: Iterable[Sequence[Array]], *, estimates: bool = False) -> Iterator[CompiledSolution]:
         """Answers chunks of samples, one after the other, in buffers that are filled again: memory stays constant.
@@ -187,8 +232,8 @@ class Solver:
         """
         out = self.buffers(0)
         for y, yd, ydd, *load in chunks:
-            if any(len(array) != len(y) for array in out.values()):
-                out = self.buffers(len(y))
+            if out.n != (n := self._length(y)):
+                out = self.buffers(n)
             yield self(y, yd, ydd, load=load[0] if load else None, out=out, estimates=estimates)
 
     def _fill(
@@ -206,7 +251,8 @@ class Solver:
                 motion, loads = _motion(given, np.arange(some.start, some.stop, dtype=float) if t is None else t[some])
                 guess = work.reach(motion) if t is None else work.predict(motion)
                 try:
-                    work.part(motion, guess, loads, into)
+                    with np.errstate(all="ignore"):  # what is not finite is refused
+                        work.part(motion, guess, loads, into)
                 except PathEnd as end:
                     where = f"row {end.t:.0f}" if t is None else end.where
                     raise ClosureError(end.what, where, end.remedy) from None
@@ -215,43 +261,12 @@ class Solver:
         m = 6 * len(self.scene.applied.loads)
         if not m:
             raise DescriptionError("the scene has no load that could be replaced", "load", "leave it out")
-        load = np.asarray(load)
-        wide = np.broadcast_to(load, (n, m)) if load.shape == (m,) else load
-        _check_array(wide, (n, m), "load")
-        _check_finite(wide, "load")
-        return wide
-
-    def _checked(self, out: Mapping[str, Array], n: int) -> dict[str, Array]:
-        if out.keys() != {*self.quantities}:
-            raise DescriptionError(f"buffers for {sorted(out)}", "out", f"give them for {', '.join(self.quantities)}")
-        for name, array in out.items():
-            _check_array(array, (n, len(self.components[name])), f"out, {name}")
-            if not array.flags.writeable:
-                raise DescriptionError("the buffer is read-only", f"out, {name}", "give one that can be written to")
-        return {name: out[name] for name in self.quantities}
-
-
-def _divided(array: Array, counts: Mapping[str, int]) -> dict[str, Array]:
-    """Columns of an array under their names, so many of each."""
-    ends = accumulate(counts.values())
-    return {name: array[:, end - count : end] for (name, count), end in zip(counts.items(), ends, strict=True)}
+        check_array(load, (m,) if getattr(load, "ndim", 2) == 1 else (n, m), "load")
+        check_finite(np.atleast_2d(load), "load")
+        return np.broadcast_to(load, (n, m))
 
 
 def _motion(inputs: Sequence[Array], t: Array) -> tuple[GivenMotion, Array | None]:
     """Samples as a motion, and their loads."""
     y, yd, ydd, *loads = (array.copy() for array in inputs)
     return GivenMotion(t.copy(), y, yd, ydd), np.ascontiguousarray(loads[0].T) if loads else None
-
-
-def _check_array(array: Array, shape: tuple[int, ...], where: str) -> None:
-    if not isinstance(array, np.ndarray) or array.dtype != np.float64:
-        kind = array.dtype if isinstance(array, np.ndarray) else type(array).__name__
-        raise DescriptionError(f"it is of {kind}", where, "give an array of float64")
-    if array.shape != shape:
-        raise DescriptionError(f"its shape is {array.shape}, not {shape}", where, "give a row for each sample")
-
-
-def _check_finite(array: Array, where: str) -> None:
-    if not np.isfinite(array).all():
-        row = int(np.isfinite(array).all(axis=1).argmin())
-        raise DescriptionError(f"row {row} is not finite", where, "complete the samples")

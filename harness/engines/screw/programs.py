@@ -22,7 +22,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.equations.rounding import extent
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.program import Lanes, Program
+from screwgauge.reference.traced.program import Lanes, Program, clear
 from screwgauge.reference.traced.trace import NotTraceableError, Scalar, apply
 from screwgauge.reference.traced.tracing import CHECKS, Traced
 from screwgauge.truth import cache
@@ -111,18 +111,24 @@ class Bounds:
         """Whether Newton's method stayed on its assembly. Shape (n,)."""
         return np.asarray(out["moved"] * SAFETY * out["gain"] <= NEAR)
 
-    def left(self, out: Numbers, trust: Trust, counts: Counter[str]) -> Rows:
+    def left(self, out: Numbers, trust: Trust, values: Mapping[str, Array], counts: Counter[str]) -> Rows:
         """Samples for the array solver; `counts` gets how many for which reason."""
         doubts = {
             "badly conditioned": trust.doubtful(SAFETY),
             "not closed": np.flatnonzero(~((out["closing"] <= self.arrived) & self.near(out))),
             "not balanced": np.flatnonzero(~(out["balance"] <= BALANCED * np.maximum(trust.load, 1e-300))),
+            "not finite": infinite(values),
         }
         left: Rows = np.zeros(0, dtype=np.intp)
         for reason, rows in doubts.items():
             counts[reason] += len(np.setdiff1d(rows, left))
             left = np.union1d(left, rows)
         return left
+
+
+def infinite(values: Mapping[str, Array]) -> Rows:
+    """Samples of which a value, shape (n, m), is not finite. Shape (count,)."""
+    return np.flatnonzero(~np.all([np.isfinite(x).all(axis=1) for x in values.values()], axis=0))
 
 
 def examined(part: Part, units: Mapping[str, Sequence[str]], length: float) -> Array:
@@ -168,7 +174,7 @@ class Bound:
         values: What it fills; they are kept, so that no others can take their places.
         inputs: What it is given. Shape (n, m) each.
         unseen: The same, if numbers that are none may leave no residual: loads, and y of an open tree. Shape (n, m).
-        run: Says whether no sample is in doubt.
+        run: Fills the values; says whether all are finite and no sample is in doubt.
     """
 
     values: tuple[Array, ...]
@@ -233,12 +239,12 @@ class Arcs:
         given, results = ([row for block in blocks for row in block] for blocks in (inputs, outputs))
 
         def run() -> bool:
-            clear, rows = first(), np.flatnonzero(~(results[-checks] <= self.limits[0]))
+            sure, rows = first(), np.flatnonzero(~(results[-checks] <= self.limits[0]))
             for runner, limit in zip(self.runners[1:], self.limits[1:], strict=True):
                 if rows.size:
                     rows = rows[~(_retried(runner, rows, given, results) <= limit)]
-                    clear = weights is None or not any(~(weights @ np.array(results[-checks:]) <= 1.0))
-            return clear
+                    sure = weights is None or clear(outputs, weights)
+            return sure
 
         return run
 

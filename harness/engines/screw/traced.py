@@ -276,7 +276,7 @@ class TracedWork:
             if self.charted and guess is not None:
                 self._nearest(values, guess.q)
             trust = self.bounds.trust(out)
-            left = np.zeros(0, dtype=np.intp) if clear else self.bounds.left(out, trust, self.by_array)
+            left = np.zeros(0, dtype=np.intp) if clear else self.bounds.left(out, trust, values, self.by_array)
             if thorough:
                 zeros = np.setdiff1d(vanishing(values, trust, self.units, self.length), left)
                 self.by_array["zero beside their summands"] += len(zeros)

@@ -1,0 +1,129 @@
+"""Arrays that a compiled solver reads and fills: checked once where they are made, and samples in every call."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import accumulate
+from numbers import Integral
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+
+from screwgauge.problem import Rows
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.program import columns
+
+#: Samples at a time.
+MOST = 10**9
+_WRITEABLE = attrgetter("flags.writeable")
+
+
+class Buffers(Mapping[str, Array]):
+    """Quantity -> array of shape (n, n_component) that a solver fills; `Solver.buffers` makes them. One call at a time.
+
+    Pickled or copied, they are a dict of their arrays.
+
+    Attributes:
+        n: Number of samples.
+        owner: The solver that fills them.
+        known: What the owner keeps with them.
+    """
+
+    def __init__(self, owner: object, counts: Mapping[str, int], n: int, given: Mapping[str, Array]) -> None:
+        """Checks given arrays and makes the others.
+
+        Args:
+            counts: Quantity -> number of components.
+
+        Raises:
+            DescriptionError: An array is not plain, writeable and of this shape, or two numbers share memory.
+            UnknownNameError: There is no such quantity.
+        """
+        if not isinstance(n, Integral) or not 0 <= n <= MOST:
+            raise DescriptionError(f"{n!r} samples", "buffers", f"give a whole number from 0 to {MOST}")
+        if not isinstance(given, Mapping):
+            raise DescriptionError(f"{type(given).__name__} is no mapping", "buffers", "give quantity -> array")
+        for name, array in given.items():
+            where = f"buffers, {name}"
+            if name not in counts:
+                raise UnknownNameError("quantity", name, counts, "buffers")
+            check_array(array, (int(n), counts[name]), where)
+            if not array.flags.behaved:
+                raise DescriptionError(
+                    "the array is read-only or not aligned", where, "give one that can be written to"
+                )
+        _check_apart(given)
+        free = {name: count for name, count in counts.items() if name not in given}
+        made = divided(columns(int(n), sum(free.values())), free) | dict(given)
+        self._arrays = {name: made[name] for name in counts}
+        self.owner, self.n, self.known = owner, int(n), dict[Any, Any]()
+
+    def __getitem__(self, quantity: str) -> Array:
+        return self._arrays[quantity]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._arrays)
+
+    def __len__(self) -> int:
+        return len(self._arrays)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (self._arrays,)
+
+    @property
+    def writeable(self) -> bool:
+        """Whether all arrays can be written to still."""
+        return all(map(_WRITEABLE, self._arrays.values()))
+
+
+def divided(array: Array, counts: Mapping[str, int]) -> dict[str, Array]:
+    """Columns of an array under their names, `counts` of each."""
+    ends = accumulate(counts.values())
+    return {name: array[:, end - count : end] for (name, count), end in zip(counts.items(), ends, strict=True)}
+
+
+def check_array(array: Array, shape: tuple[int | None, ...], where: str) -> None:
+    """Rejects what is not a plain array of float64 of this shape; a length of None may be any.
+
+    Raises:
+        DescriptionError: It is not.
+    """
+    if type(array) is not np.ndarray:
+        kind = "None" if array is None else type(array).__name__
+        raise DescriptionError(f"it is of {kind}", where, "give a plain numpy.ndarray of float64")
+    if array.dtype != np.float64:
+        raise DescriptionError(f"it is of {array.dtype}", where, "give an array of float64")
+    if array.ndim != len(shape) or any(m not in (n, None) for n, m in zip(array.shape, shape, strict=True)):
+        wanted = str(shape).replace("None", "n")
+        raise DescriptionError(f"its shape is {array.shape}, not {wanted}", where, "give a row for each sample")
+
+
+def check_finite(array: Array, where: str) -> None:
+    """Rejects rows with numbers that are not finite.
+
+    Raises:
+        DescriptionError: There is one; it names the first.
+    """
+    if not np.isfinite(array).all():
+        row = int(np.isfinite(array).all(axis=1).argmin())
+        raise DescriptionError(f"row {row} is not finite", where, "complete the samples")
+
+
+def _check_apart(arrays: Mapping[str, Array]) -> None:
+    """Rejects arrays in which two numbers share memory.
+
+    Raises:
+        DescriptionError: Two do.
+    """
+    places = np.sort(np.concatenate([np.zeros(0, dtype=np.intp), *map(_addresses, arrays.values())]))
+    if (np.diff(places) < np.dtype(float).itemsize).any():
+        where = f"buffers, {', '.join(arrays)}"
+        raise DescriptionError("two of their numbers share memory", where, "give arrays that lie apart")
+
+
+def _addresses(array: Array) -> Rows:
+    """Where each number of an array lies. Shape (n m,)."""
+    (n, m), (down, across) = array.shape, array.strides
+    return np.asarray(array.ctypes.data + np.add.outer(np.arange(n) * down, np.arange(m) * across).ravel())
