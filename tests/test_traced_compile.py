@@ -84,7 +84,7 @@ def test_singular_samples_are_counted(scene, solver):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (lambda y, yd, ydd: (y[:, :1], yd, ydd), r"y: its shape is \(100, 1\), not \(n, 2\)"),
+        (lambda y, yd, ydd: (y[:, :1], yd, ydd), r"y: its shape is \(100, 1\), not \(100, 2\)"),
         (lambda y, yd, ydd: (y, yd[:-1], ydd), r"yd: its shape is \(99, 2\)"),
         (lambda y, yd, ydd: (y, yd, np.where(np.arange(100)[:, None] == 7, np.nan, ydd)), "ydd: row 7 is not finite"),
         (lambda y, yd, ydd: (y, yd, ydd.astype(np.float32)), "ydd: it is of float32"),

@@ -17,7 +17,7 @@ from screwgauge.reference.traced.program import columns
 
 #: Samples at a time.
 MOST = 10**9
-_WRITEABLE = attrgetter("flags.writeable")
+_WRITEABLE = attrgetter("writeable")
 
 
 class Buffers(Mapping[str, Array]):
@@ -57,8 +57,11 @@ class Buffers(Mapping[str, Array]):
         _check_apart(given)
         free = {name: count for name, count in counts.items() if name not in given}
         made = divided(columns(int(n), sum(free.values())), free) | dict(given)
-        self._arrays = {name: made[name] for name in counts}
-        self.owner, self.n, self.known = owner, int(n), dict[Any, Any]()
+        self._arrays: dict[str, Array] = {name: made[name] for name in counts}
+        self._flags: list[Any] = [array.flags for array in self._arrays.values()]
+        self.owner: object = owner
+        self.n: int = int(n)
+        self.known: dict[Any, Any] = {}
 
     def __getitem__(self, quantity: str) -> Array:
         return self._arrays[quantity]
@@ -75,7 +78,7 @@ class Buffers(Mapping[str, Array]):
     @property
     def writeable(self) -> bool:
         """Whether all arrays can be written to still."""
-        return all(map(_WRITEABLE, self._arrays.values()))
+        return all(map(_WRITEABLE, self._flags))
 
 
 def divided(array: Array, counts: Mapping[str, int]) -> dict[str, Array]:

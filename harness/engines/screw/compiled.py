@@ -141,9 +141,9 @@ class Solver:
         if not out.writeable:
             raise DescriptionError("an array has become read-only", "out", "make other buffers")
         if t is None and mode in out.known:
-            bound, answer = out.known[mode]
-            if bound.fill(given):  # nothing to prepare
-                return answer
+            known: tuple[Bound, CompiledSolution] = out.known[mode]
+            if known[0].fill(given):  # nothing to prepare
+                return known[1]
         if (n := self._length(y)) != out.n:
             raise DescriptionError(f"it has {out.n} samples, not {n}", "out", f"make it by solver.buffers({n})")
         counts = self._error_counts(mode)
@@ -168,8 +168,9 @@ class Solver:
         return CompiledSolution(divided(lent, counts[0]), by_array, divided(lent[:, m:], counts[1]))
 
     def _length(self, y: Array) -> int:
-        """Number of samples of y, which is checked."""
-        check_array(y, (None, len(self.scene.mechanism.independent)), "y")
+        """Number of samples; rejects what has none."""
+        if type(y) is not np.ndarray or y.ndim != 2:
+            check_array(y, (None, len(self.scene.mechanism.independent)), "y")
         return len(y)
 
     def _error_counts(self, mode: Mode) -> dict[str, int]:
