@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from screwgauge.problem import Rows
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, shown
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.program import columns
 
 #: Samples at a time.
 MOST = 10**9
-_WRITEABLE = attrgetter("writeable")
+_WRITEABLE = attrgetter("flags.writeable")
 
 
 class Buffers(Mapping[str, Array]):
@@ -42,7 +42,7 @@ class Buffers(Mapping[str, Array]):
             UnknownNameError: There is no such quantity.
         """
         if not isinstance(n, Integral) or not 0 <= n <= MOST:
-            raise DescriptionError(f"{n!r} samples", "buffers", f"give a whole number from 0 to {MOST}")
+            raise DescriptionError(f"{shown(n)} samples", "buffers", f"give a whole number from 0 to {MOST}")
         if not isinstance(given, Mapping):
             raise DescriptionError(f"{type(given).__name__} is no mapping", "buffers", "give quantity -> array")
         for name, array in given.items():
@@ -58,7 +58,6 @@ class Buffers(Mapping[str, Array]):
         free = {name: count for name, count in counts.items() if name not in given}
         made = divided(columns(int(n), sum(free.values())), free) | dict(given)
         self._arrays: dict[str, Array] = {name: made[name] for name in counts}
-        self._flags: list[Any] = [array.flags for array in self._arrays.values()]
         self.owner: object = owner
         self.n: int = int(n)
         self.known: dict[Any, Any] = {}
@@ -78,7 +77,7 @@ class Buffers(Mapping[str, Array]):
     @property
     def writeable(self) -> bool:
         """Whether all arrays can be written to still."""
-        return all(map(_WRITEABLE, self._flags))
+        return all(map(_WRITEABLE, self._arrays.values()))
 
 
 def divided(array: Array, counts: Mapping[str, int]) -> dict[str, Array]:
