@@ -39,7 +39,7 @@ def run(
         warn: Called with a sentence on what may take long or go wrong, before it begins.
         limits: What each engine may take in a process of its own, as on the command line: one that crashes or hangs is
             a row, too. By default engines run in this process, where a small scene takes less time than to start others
-            and a debugger sees all.
+            and a debugger sees all; those of other packages never do.
 
     Raises:
         ScrewgaugeError: Bad input. An engine that fails is no error but a row of the results.
@@ -70,7 +70,8 @@ def check(
         tolerances: Quantity -> scaled error that is admitted, or a TOML file of them; scenes' own come first.
         baseline: File of a known state, whose errors must not have grown.
         jobs: Processes at a time, if there are limits.
-        limits: What each scene may take in a process of its own; by default all are checked in this process.
+        limits: What each scene may take in a process of its own; by default all are checked in this process, except by
+            engines of other packages.
         progress: Called as work goes on, with what is under way and the share of all that is done.
         journal: File from which an interrupted check goes on.
 

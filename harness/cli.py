@@ -12,9 +12,9 @@ from typing import Any, NoReturn
 from screwgauge import __version__, commands
 from screwgauge.commands import view
 from screwgauge.commands.execution import check_current
+from screwgauge.processes import fix_threads
 from screwgauge.reference.errors import log_text
 from screwgauge.report.console import console, ended, say
-from screwgauge.threads import fix_threads
 
 DEFAULT_SCENE = "3ups-upu-s"
 PURPOSE = "Do two descriptions of a mechanism's motion agree, by how much, and if not, why?"

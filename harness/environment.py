@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.threads import ONE
+from screwgauge.processes import ONE
 
 CODE = ("harness", "models", "reference", "pyproject.toml")
 PACKAGES = ("screwgauge", "numpy", "pandas", "pin", "mujoco", "python-flint")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from screwgauge.threads import ONE
+from screwgauge.processes import ONE
 
 # BLAS reads these when numpy is first imported. One thread, as on the command line: workers are as many as cores, and
 # threads that wait for each other's cores cost forty four-bars six times the processor time.

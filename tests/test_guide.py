@@ -79,7 +79,7 @@ def test_pages_that_are_made_of_the_program_are_current() -> None:
 @pytest.fixture
 def engines_of_pages(inside, monkeypatch):
     """The engine that a page shows is installed, as far as the program can tell."""
-    monkeypatch.setattr(sys, "path", [str(inside), *sys.path])
+    monkeypatch.setattr(sys, "path", [*sys.path, str(inside)])
     monkeypatch.delitem(sys.modules, "my_engine", raising=False)
     with further_engines({"formula": "my_engine:ENGINE"}):
         yield inside

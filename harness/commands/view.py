@@ -15,6 +15,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from screwgauge.commands import imported
+from screwgauge.processes import python
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, UnknownNameError
 from screwgauge.reference.files import check_free, stamped, why
 from screwgauge.report.console import complain, say, stopped
@@ -222,7 +223,7 @@ def _mujoco(mechanism: Mechanism) -> int:
     with TemporaryDirectory() as folder:
         write_models(mechanism, Path(folder), include=frozenset({"geoms"}))
         file = Path(folder) / f"{mechanism.name}.xml"
-        done = subprocess.run([sys.executable, "-m", "mujoco.viewer", f"--mjcf={file}"], check=False, preexec_fn=tied())
+        done = subprocess.run(python("-m", "mujoco.viewer", f"--mjcf={file}"), check=False, preexec_fn=tied())
     if done.returncode:
         raise OutputError(
             f"MuJoCo's viewer ended with status {done.returncode}", "view --mujoco", "use the page instead"

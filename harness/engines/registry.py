@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-import sys
+import json
+import subprocess
 from collections.abc import Callable, Collection, Iterable, Mapping
-from contextlib import redirect_stdout
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
@@ -14,11 +14,13 @@ from inspect import Parameter, signature
 from typing import Any, Protocol, cast
 
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, Task, quiet
+from screwgauge.processes import python, safe_path
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice
 from screwgauge.solution import Solution
 
 GROUP = "screwgauge.engines"
 TEXT = 1000  # characters of a text in the description of an engine
+LONGEST = 60.0  # s that the import of its module may take
 CUTS = ("", "minimal", "full")
 _WORDS: dict[type[Task], str] = {
     GivenMotion: "solve given motions",
@@ -134,10 +136,6 @@ ENGINES: dict[str, Engine] = {
 }
 
 
-#: Engines of other packages, as far as they are loaded.
-_LOADED: dict[EntryPoint, Engine] = {}
-
-
 @lru_cache(maxsize=1)
 def _plugins() -> dict[str, EntryPoint]:
     return {entry.name: entry for entry in entry_points(group=GROUP) if entry.name not in ENGINES}
@@ -154,7 +152,7 @@ def engines() -> dict[str, Engine]:
 
 
 def get_engine(name: str) -> Engine:
-    """An engine by name; one of another package that cannot be loaded gives the reason when it is loaded.
+    """An engine by name; one of another package that cannot be described gives the reason when it is loaded.
 
     Raises:
         UnknownNameError: There is none of that name.
@@ -163,28 +161,53 @@ def get_engine(name: str) -> Engine:
         return ENGINES[name]
     if name not in _plugins():
         raise UnknownNameError("engine", name, engine_names())
-    entry = _plugins()[name]
-    if entry not in _LOADED:
-        keep(entry, load_entry(entry))
-    return _LOADED[entry]
+    return _described(_plugins()[name])
 
 
-def not_loaded(names: Iterable[str]) -> dict[str, EntryPoint]:
-    """Entries of other packages among these names whose engines are not loaded yet."""
-    return {name: _plugins()[name] for name in names if name in _plugins() and _plugins()[name] not in _LOADED}
+#: Loads an engine where its module can do no harm, and prints its description last.
+_DESCRIBE = """
+import json, os, sys
+sys.path[:], value, said = json.loads(sys.argv[1]), sys.argv[2], os.dup(1)
+os.dup2(2, 1)
+from screwgauge.engines.registry import description
+text = description(value)
+os.write(said, text.encode())
+os._exit(0)
+"""
 
 
-def load_entry(entry: EntryPoint) -> Engine | None:
-    """The engine of another package; None if it cannot be loaded, or is not described as an engine is."""
+@lru_cache
+def _described(entry: EntryPoint) -> Engine:
+    """The engine of another package, by a description that a process of its own prints.
+
+    Whatever is none stands for an engine that is loaded, and fails, when it is used.
+    """
     try:
-        with redirect_stdout(sys.stderr):
-            loaded = entry.load()
-        return _described(loaded)
-    except (Exception, SystemExit):
-        return None
+        command = python("-c", _DESCRIBE, json.dumps(safe_path()), entry.value)
+        done = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, check=True, timeout=LONGEST, start_new_session=True
+        )
+        told = json.loads(done.stdout)
+        kinds = {kind.__name__: kind for kind in _ALL}
+        told["tasks"] = frozenset(kinds[name] for name in told["tasks"])
+        return replace(_checked(Engine(**told)), name=entry.name)
+    except (OSError, subprocess.SubprocessError, ValueError, TypeError, KeyError, RecursionError):
+        package = entry.dist.name if entry.dist else entry.module
+        return Engine(entry.name, "cannot be loaded", entry.value, _ALL, package)
 
 
-def _described(engine: object) -> Engine:
+def description(value: str) -> str:
+    """The description of an engine as JSON.
+
+    Args:
+        value: ``module:object`` of its entry.
+    """
+    engine = _checked(EntryPoint("", value, GROUP).load())
+    told = {each.name: getattr(engine, each.name) for each in fields(engine)}
+    return json.dumps({**told, "tasks": [kind.__name__ for kind in engine.tasks], "lacks": dict(engine.lacks)})
+
+
+def _checked(engine: object) -> Engine:
     """An engine whose description has what it must have, and texts that can be shown.
 
     Raises:
@@ -206,14 +229,6 @@ def _described(engine: object) -> Engine:
     if engine.cut not in CUTS or not engine.tasks <= _ALL:
         raise ValueError("its cut, or a task, is none that there is")
     return engine
-
-
-def keep(entry: EntryPoint, engine: Engine | None) -> None:
-    """Remembers an engine that was loaded; what could not be is loaded again, and fails, when it is used."""
-    package = entry.dist.name if entry.dist else entry.module
-    broken = Engine(entry.name, "cannot be loaded", entry.value, _ALL, package)
-    engine = engine or broken
-    _LOADED[entry] = engine if engine.name == entry.name else replace(engine, name=entry.name)
 
 
 def check_engines(

@@ -27,10 +27,10 @@ from loky import cpu_count
 from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
 from screwgauge.problem import Progress
+from screwgauge.processes import ONE, SAFE, inherit_safely
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, shown
 from screwgauge.solution import Failure
 from screwgauge.study.lifeline import hold, lifeline
-from screwgauge.threads import ONE
 
 T = TypeVar("T")
 #: GB of memory that the machine has.
@@ -45,12 +45,14 @@ LONGEST = 1e9  # s that a timer takes
 AGAIN = 3  # times that a work runs again whose process was killed from outside
 KILLED = re.compile("SIG(KILL|TERM|HUP)")  # an engine that crashes gets another one, and would get it again
 STEP = 200  # characters of the name of a step
-#: Of its processes: one thread each, and nothing is drawn there: MuJoCo's import looks for libraries of windows else.
-ENVIRONMENT = {**ONE, "MUJOCO_GL": "disable"}
+#: Of its processes: one thread each, nothing of the current folder is imported there, and nothing is drawn: MuJoCo's
+#: import looks for libraries of windows else.
+ENVIRONMENT = {**ONE, **SAFE, "MUJOCO_GL": "disable"}
 #: Of each name, kept for the next work: starting a process and importing an engine takes a second.
 _EXECUTORS: dict[str, ProcessPoolExecutor] = {}
 #: Since when each has nothing to do [s].
 _FREE: dict[str, float] = {}
+_worker = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +146,7 @@ class _Jobs(Generic[T]):
             name = self.waiting.popleft()
             process = self.free.pop() if self.lanes else name
             alarm = min(self.limits.seconds + GRACE, LONGEST)
-            work = partial(_limited, name, self.works[name], self.limits, alarm, _file(self.folder, name))
+            work = partial(_limited, name, self.works[name], self.limits, alarm, _file(self.folder, name), os.getcwd())
             self.running[_submit(process, work)] = name, process, monotonic()
 
     def collect(self) -> None:
@@ -199,19 +201,30 @@ def _unwatched(work: Callable[[], T], progress: Progress) -> T:
     return work()
 
 
+def is_worker() -> bool:
+    """True in a process that runs jobs of another one."""
+    return _worker
+
+
 def _begin(line: Connection) -> None:
     """Initializer of a process: it ends with its parent, and its standard output goes to standard error."""
+    global _worker
+    _worker = True
     hold(line)
     with suppress(OSError):  # there is no standard error
         os.dup2(2, 1)
 
 
-def _limited(name: str, work: Callable[[Progress], T | Failure], limits: Limits, end: float, file: Path) -> T | Failure:
+def _limited(
+    name: str, work: Callable[[Progress], T | Failure], limits: Limits, end: float, file: Path, home: str
+) -> T | Failure:
     """Runs a job within its limits. Its process ignores the keyboard's interrupt, which is for its parent.
 
     Args:
         end: Time after which the process ends itself [s].
+        home: Folder of the parent when it asked: relative paths of the job mean files there.
     """
+    os.chdir(home)
     faulthandler.disable()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGALRM, signal.SIG_DFL)  # the kernel ends it, whatever it is at
@@ -236,13 +249,14 @@ def _submit(name: str, work: Callable[[], T]) -> Future[T]:
         Finalize(None, _stop_all, exitpriority=100)  # before its children are waited for
     if name in _EXECUTORS and monotonic() - _FREE.get(name, 0.0) > ASKED:
         _stop(name)
-    try:
-        future: Future[T] = _EXECUTORS[name].submit(work)
-    except (KeyError, BrokenProcessPool):
-        _EXECUTORS[name] = ProcessPoolExecutor(
-            max_workers=1, timeout=IDLE, env=ENVIRONMENT, initializer=_begin, initargs=(lifeline(),)
-        )
-        future = _EXECUTORS[name].submit(work)
+    with inherit_safely():
+        try:
+            future: Future[T] = _EXECUTORS[name].submit(work)
+        except (KeyError, BrokenProcessPool):
+            _EXECUTORS[name] = ProcessPoolExecutor(
+                max_workers=1, timeout=IDLE, env=ENVIRONMENT, initializer=_begin, initargs=(lifeline(),)
+            )
+            future = _EXECUTORS[name].submit(work)
     return future
 
 

@@ -24,6 +24,7 @@ from typing import Any
 import pandas as pd
 
 import screwgauge
+from screwgauge import processes
 from screwgauge.casebook.book import CASES, reproduce
 from screwgauge.judging.residual import JUDGE, columns_of
 from screwgauge.problem import Progress, Report, silent
@@ -175,8 +176,8 @@ def fresh(folder: Path, wanted: Sequence[str]) -> Path:
         _run([uv, "venv", "--quiet", "--python", sys.executable, str(folder)])
         _run([uv, "pip", "install", "--quiet", "--python", str(python), *wanted])
     else:
-        _run([sys.executable, "-m", "venv", str(folder)])
-        _run([str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *wanted])
+        _run(processes.python("-m", "venv", str(folder)))
+        _run([str(python), "-P", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *wanted])
     return python
 
 
@@ -218,8 +219,8 @@ def _run(command: Sequence[str], folder: Path | None = None, ends: Collection[in
 
 def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any]:
     """The result of `screwgauge check --smoke` as fields of a row."""
-    command = [str(python), "-m", "screwgauge.cli", "check", *scenes, "--smoke", "--json", "--out", str(folder / "out")]
-    text = _run(command, folder, (0, 1, 3))
+    command = ["screwgauge.cli", "check", *scenes, "--smoke", "--json", "--out", str(folder / "out")]
+    text = _run([str(python), "-P", "-m", *command], folder, (0, 1, 3))
     try:
         rows = json.loads(text)["rows"]
     except (ValueError, KeyError, TypeError):
@@ -255,7 +256,7 @@ def _shown(python: Path, folder: Path, cases: list[str]) -> Iterator[tuple[str, 
     """The status of each case. One that takes its process along is `CRASHED`, and the others go on."""
     while cases:
         try:
-            text = _run([str(python), "-m", "screwgauge.study.matrix", *cases], folder, ())
+            text = _run([str(python), "-P", "-m", "screwgauge.study.matrix", *cases], folder, ())
         except CannotError:
             text = ""
         lines = [line.split("\t") for line in text.splitlines() if line.count("\t") == 1]

@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from screwgauge.engines.registry import Engine, EngineModel, engine_names, get_engine
+from screwgauge.engines.registry import ENGINES, Engine, EngineModel, engine_names, get_engine
 from screwgauge.problem import ModelFiles, Problem, Progress, States
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, ModelFileError, ScrewgaugeError, UnknownNameError, first_few
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost, Failure, Solution, Timing, Values, empty
+from screwgauge.study.apart import CrashedError, apart
 
 if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
@@ -107,15 +108,39 @@ class EngineTask:
             MemoryError: There is not enough memory.
         """
         try:
-            with redirect_stdout(sys.stderr):  # what an engine prints is no output of a command
-                model = self.engine.load(self.files)
-                answer = model.solve(self._ordered(model), progress)
-            answer = replace(sound(answer, len(self.problem.task)), engine=self.engine.name)
+            answer = self._solve(progress) if self.engine.name in ENGINES else self._ask_apart(progress)
+            if isinstance(answer, Failure):
+                return answer
+            answer = replace(answer, engine=self.engine.name)
             return answer if self.scene is None else self._with_mismatch(answer, self.scene)
         except MemoryError:
             raise
         except (Exception, SystemExit) as error:
             return self.failure(error)
+
+    def _solve(self, progress: Progress) -> Solution:
+        with redirect_stdout(sys.stderr):  # what an engine prints is no output of a command
+            model = self.engine.load(self.files)
+            return sound(model.solve(self._ordered(model), progress), len(self.problem.task))
+
+    def _ask_apart(self, progress: Progress) -> Solution | Failure:
+        """Asks an engine of another package, whose answer is looked at where it cannot have changed who looks."""
+
+        def ask() -> Solution | Failure:
+            try:
+                return self._solve(progress)
+            except (MemoryError, ScrewgaugeError):
+                raise
+            except BaseException as error:
+                return failure(error, self.engine.name, self.folder, self.engine)
+
+        try:
+            answer, printed = apart(ask)
+        except CrashedError as error:
+            return Failure(self.engine.name, shortened(str(error), LONG), "\n".join(error.__notes__)[-TRACE:])
+        if not isinstance(answer, Failure):
+            return sound(answer, len(self.problem.task))
+        return sound_failure(replace(answer, traceback=f"{answer.traceback}{printed}"[-TRACE:]))
 
     def _with_mismatch(self, answer: Solution, scene: Scene) -> Solution:
         """The answer with notes on differences between the user's model file and the description."""
@@ -181,6 +206,12 @@ def sound(answer: object, n: int) -> Solution:
         warnings=_texts("warnings", answer.warnings),
         otherwise=_texts("otherwise", answer.otherwise),
     )
+
+
+def sound_failure(failed: Failure) -> Failure:
+    """A failure, made of texts that are not longer than those that are made here."""
+    limits = {"engine": SHORT, "reason": 2 * LONG, "traceback": TRACE}
+    return Failure(**{name: shortened(getattr(failed, name), most) for name, most in limits.items()})
 
 
 def shortened(text: object, most: int) -> str:

@@ -40,7 +40,7 @@ from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Failure, Solution
 from screwgauge.study.comparison import Comparison, facts, provenance
 from screwgauge.study.methods import left_out, without
-from screwgauge.study.solving import ask_engines, description_file, generated, load_engines, model_files
+from screwgauge.study.solving import ask_engines, description_file, generated, model_files
 from screwgauge.study.user_files import check_tables, judge_table, recorded, with_factors
 
 if TYPE_CHECKING:
@@ -95,8 +95,6 @@ def run(
     """
     check_scene_type(scene, "run")
     names, wanted = _requested(scene, engines, quantities)
-    if limits is not None:
-        load_engines(names, limits, progress)
     check_engines(names, str(scene.file or scene.name) if engines is None else "", type(scene.task), scene.tables)
     _check_acting(scene, names)
     progress("preflight", 0.0)

@@ -14,7 +14,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from screwgauge.engines.registry import engine_names, get_engine, keep, load_entry, not_loaded
+from screwgauge.engines.registry import ENGINES, engine_names, get_engine
 from screwgauge.models.generate import stem, write_models
 from screwgauge.models.importing.model import description
 from screwgauge.problem import ModelFiles, Problem, Progress, Report, quiet, silent
@@ -113,13 +113,19 @@ def within(seconds: float) -> Progress:
 
 def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress = quiet) -> Solution | Failure:
     """Loads a model and solves a problem, in full; whatever is raised becomes a failure, but for `TooLongError`."""
+    entry = get_engine(method.engine) if method.engine in engine_names() else None
     try:
-        answer = sound(method.load(files).solve(problem, progress), len(problem.task))
+        if entry is None or method.engine in ENGINES:
+            answer = sound(method.load(files).solve(problem, progress), len(problem.task))
+        else:
+            task = EngineTask(entry, files, problem, files.model.parent, ())
+            (answer,) = _asked({method.name: task}, None, lambda step, share: progress(share)).values()
+            if isinstance(answer, Failure):
+                return answer
         return check_whole(method.engine, problem, answer)
     except TooLongError:
         raise
     except (Exception, SystemExit) as error:
-        entry = get_engine(method.engine) if method.engine in engine_names() else None
         return failure(error, method.name, files.model.parent, entry)
 
 
@@ -153,12 +159,7 @@ def ask_engines(
         files, problem = model_files(scene, name, folder), scene.problem(wanted, name)
         of_user, labels = scene if name in scene.models else None, tuple(scene.mechanism.independent)
         questions[name] = EngineTask(get_engine(name), files, problem, folder, labels, of_user)
-    if limits is None:
-        answers = in_turn(questions, progress)
-    else:
-        from screwgauge.study.isolation import isolated
-
-        answers = isolated(questions, limits, progress)
+    answers = _asked(questions, limits, progress)
     solutions: dict[str, Solution] = {}
     failures: dict[str, Failure] = {}
     for name, answer in answers.items():
@@ -175,14 +176,22 @@ def ask_engines(
     return solutions, failures
 
 
-def load_engines(names: Iterable[str], limits: Limits, progress: Report) -> None:
-    """Loads engines of other packages in their own processes: their modules may do anything when imported."""
-    from screwgauge.study.isolation import isolated_calls
+def _asked(
+    questions: Mapping[str, EngineTask], limits: Limits | None, progress: Report
+) -> dict[str, Solution | Failure]:
+    """Answers of engines, in their order; those of other packages are asked by workers alone."""
+    others = {name: one for name, one in questions.items() if one.engine.name not in ENGINES}
+    if limits is None and not others:
+        return in_turn(questions, progress)
+    from screwgauge.study import isolation
 
-    entries = not_loaded(names)
-    works = {name: partial(load_entry, entry) for name, entry in entries.items()}
-    for name, engine in isolated_calls(works, limits, progress).items():
-        keep(entries[name], None if isinstance(engine, Failure) else engine)
+    if limits is not None:
+        return isolation.isolated(questions, limits, progress)
+    if isolation.is_worker():
+        return in_turn(questions, progress)
+    answers = in_turn({name: one for name, one in questions.items() if name not in others}, progress)
+    answers |= isolation.isolated(others, isolation.Limits(), progress)
+    return {name: answers[name] for name in questions}
 
 
 def in_turn(questions: Mapping[str, EngineTask], progress: Report) -> dict[str, Solution | Failure]:

@@ -10,7 +10,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from screwgauge.threads import fix_threads
+from screwgauge.processes import fix_threads
 
 
 def facts(part: str, case: str) -> tuple[dict, float]:

@@ -15,6 +15,7 @@ from screwgauge.solution import Solution, Values
 print("imported")
 ENGINE = Engine("loud", "prints", f"{__name__}:load", frozenset((GivenMotion,)), "screwgauge")
 IMPOSTOR = replace(ENGINE, name="screw")
+FAILS = replace(ENGINE, source=f"{__name__}:load_failing")
 NO_ENGINE = {"name": "loud"}
 LONG = "x" * 100_000_000
 
@@ -33,6 +34,18 @@ class Loud:
         print("solving", flush=True)
         os.write(1, b"in C\n")
         return replace(self.right.solve(problem, progress), notes=(LONG,))
+
+
+def load_failing(files: ModelFiles) -> Failing:
+    return Failing()
+
+
+class Failing:
+    """Prints, and fails."""
+
+    def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
+        print("solving")
+        raise ValueError("no idea")
 
 
 class UnreadableError(Exception):

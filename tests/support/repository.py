@@ -47,6 +47,14 @@ def edited(file: Path, change: Callable[[str], str]) -> str:
     return text
 
 
+def worse(text: str, by: float) -> str:
+    """An MJCF with the coupler's moment of inertia about y larger by a share."""
+    value = 1.2 * 0.02 * 1.2
+    (written,) = {word for word in text.split() if word.startswith("0.0288")}
+    assert abs(float(written) / value - 1.0) < 1e-15
+    return text.replace(written, repr(value * (1.0 + by)))
+
+
 def tell(results: object) -> str:
     """Ends its process, or never ends, in scenes of such names; pickles."""
     name = results.scene.name

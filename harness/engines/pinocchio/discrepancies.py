@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -21,6 +20,7 @@ import pinocchio as pin
 from screwgauge.engines.pinocchio.tree import initialise
 from screwgauge.engines.toy_models import ARM, INERTIA, MASS, WEIGHT, Evidence, FourBar, joint, link, robot
 from screwgauge.models.readings.pinocchio import overheard
+from screwgauge.processes import python
 from screwgauge.reference.rotations import Array
 
 
@@ -63,7 +63,7 @@ def gaps(*texts: str) -> list[float]:
     with ExitStack() as stack:
         folders = [Path(stack.enter_context(tempfile.TemporaryDirectory())) for _ in texts]
         files = [_written(folder, text, {}) for folder, text in zip(folders, texts, strict=True)]
-        done = subprocess.run([sys.executable, "-c", _GAPS, *files], capture_output=True, text=True, check=False)
+        done = subprocess.run(python("-c", _GAPS, *files), capture_output=True, text=True, check=False)
     sizes = [float(line) for line in done.stdout.split()]
     return sizes + [math.nan] * (len(texts) - len(sizes))
 

@@ -9,12 +9,12 @@ import os
 import resource
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from threading import Lock, Timer
 from typing import Any
 
+from screwgauge.processes import python, safe_path
 from screwgauge.reference.errors import ReportError
 from screwgauge.study.lifeline import lifeline
 
@@ -44,14 +44,13 @@ class Renderer:
             return
         self.end()
         line = lifeline().fileno()
-        places = os.pathsep.join(os.path.abspath(place) for place in sys.path)
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "screwgauge.report.figures.v8", str(line)],
+            python("-m", "screwgauge.report.figures.v8", str(line)),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             pass_fds=(line,),
-            env={**os.environ, "PYTHONPATH": places},
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(safe_path())},
         )
         self.able = False
 

@@ -16,6 +16,7 @@ from screwgauge.judging.answer import answer_at
 from screwgauge.judging.residual import SizedResidual
 from screwgauge.judging.residuals import energy_balance
 from screwgauge.problem import Integration, Problem, Progress, Report, silent, spread
+from screwgauge.processes import one_thread
 from screwgauge.reference.errors import DescriptionError, check_choice
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.scene.observables import known_values, observe
@@ -30,7 +31,6 @@ from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import PreparedScene, Reference, deviation, score, sizes
 from screwgauge.study.runner import Executor, Task, run_tasks
 from screwgauge.study.solving import TooLongError, ask, generated, model_files, within
-from screwgauge.threads import one_thread
 
 NAN = float("nan")
 TIGHTEST = 1e-12  # tolerance of the solver where it is the reference

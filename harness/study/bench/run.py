@@ -21,6 +21,7 @@ from screwgauge.environment import environment, json_text
 from screwgauge.models.catalog import mechanism_tables
 from screwgauge.models.generate import model_texts
 from screwgauge.problem import ModelFiles, Progress, Report, silent
+from screwgauge.processes import one_thread
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
@@ -34,7 +35,6 @@ from screwgauge.study.methods import check_whole, failure
 from screwgauge.study.reference_values import PreparedScene, pose_scene
 from screwgauge.study.runner import Executor, Task, run_tasks
 from screwgauge.study.store import Journal, is_record
-from screwgauge.threads import one_thread
 
 
 @dataclass(frozen=True, slots=True)

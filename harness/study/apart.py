@@ -1,0 +1,149 @@
+"""Calls code of other packages in a fork of this process, which ends with the call: nothing but plain data comes back.
+
+What the code prints, patches, changes, starts or breaks stays in the fork. Its answer is unpickled by a reader that
+knows types of numbers and texts alone, and nothing of it is run here. Forks are made by workers only, whose threads
+wait and hold no lock; whoever is none asks one, see `isolation`.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import io
+import os
+import pickle
+import signal
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NoReturn
+
+from screwgauge import solution
+from screwgauge.reference import errors
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.study.lifeline import tied
+
+#: Types of an answer: what is made of them holds numbers and texts.
+_PLAIN = {(solution.__name__, name) for name in ("Cost", "Failure", "Solution", "Timing", "Values")}
+#: What numpy pickles arrays of numbers by, version 1 and 2.
+_PLAIN |= {("numpy", "dtype"), ("numpy", "ndarray")}
+_PLAIN |= {(f"numpy.{core}.multiarray", "_reconstruct") for core in ("core", "_core")}
+PRINTED = 2000  # characters of what was printed that a traceback ends with, the last ones
+_ANSWER, _SAID = "answer", "printed"
+_RETURNED, _MEMORY = "returned", "memory"
+
+
+class CrashedError(Exception):
+    """A call that ended its process, or whose answer is no plain data. Notes have what it printed."""
+
+
+def apart(call: Callable[[], object]) -> tuple[Any, str]:
+    """Calls in a fork, and returns what that returned, if it is plain, and the end of what it printed.
+
+    Raises:
+        ScrewgaugeError: Raised by the call; notes have its traceback.
+        MemoryError: The call needs more than there is.
+        CrashedError: It raised something else, crashed, or returned something else.
+    """
+    with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:
+        folder, first = Path(name), tied()
+        child = os.fork()
+        if not child:
+            _run(call, folder, first)
+        _, status = os.waitpid(child, os.WUNTRACED)
+        for each in (os.kill, os.killpg) if os.WIFSTOPPED(status) else (os.killpg,):
+            with suppress(OSError):  # it has started no process, or none is left
+                each(child, signal.SIGKILL)
+        if os.WIFSTOPPED(status):
+            os.waitpid(child, 0)
+        try:
+            return _outcome(folder, status), _printed(folder)
+        except Exception as error:
+            error.add_note(_printed(folder))
+            raise
+
+
+def _run(call: Callable[[], object], folder: Path, first: Callable[[], None]) -> NoReturn:
+    """The fork: leads processes of its own, prints into a file, and leaves its answer in another one."""
+    try:
+        first()
+        os.setsid()
+        said = os.open(folder / _SAID, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+        for here, there in ((os.open(os.devnull, os.O_RDONLY), 0), (said, 1), (said, 2)):
+            os.dup2(here, there)
+        sys.stdout = sys.stderr = io.TextIOWrapper(io.FileIO(2, "w", closefd=False), line_buffering=True)
+        faulthandler.enable(2)
+        answer = pickle.dumps(_called(call))
+        place = folder / f"{_ANSWER}.{os.getpid()}"
+        place.write_bytes(answer)
+        place.rename(folder / _ANSWER)
+    except BaseException:
+        with suppress(BaseException):
+            traceback.print_exc()
+    finally:
+        os._exit(0)
+
+
+def _called(call: Callable[[], object]) -> tuple[str, Any]:
+    """How a call ended, and with what."""
+    try:
+        return _RETURNED, call()
+    except MemoryError:
+        return _MEMORY, None
+    except ScrewgaugeError as error:
+        kind = next(each for each in type(error).__mro__ if each.__module__ == errors.__name__)
+        facts = tuple(str(getattr(error, name)) for name in ("what", "where", "remedy"))
+        return kind.__name__, (*facts, "".join(traceback.format_exception(error)))
+
+
+def _outcome(folder: Path, status: int) -> Any:
+    """What the call returned, or raises what it raised."""
+    if os.WIFSTOPPED(status) or os.WIFSIGNALED(status):
+        code = os.WSTOPSIG(status) if os.WIFSTOPPED(status) else os.WTERMSIG(status)
+        raise CrashedError(f"crashed: its process got {signal.Signals(code).name}")
+    try:
+        data = (folder / _ANSWER).read_bytes()
+    except OSError:
+        raise CrashedError(f"crashed: its process exited with status {os.waitstatus_to_exitcode(status)}") from None
+    try:
+        how, what = _Plain(io.BytesIO(data)).load()
+        if how == _RETURNED:
+            return what
+        if how == _MEMORY:
+            raise MemoryError
+        *facts, text = map(str, what)
+        error = _rebuilt(str(how), *facts)
+    except MemoryError:
+        raise
+    except Exception as wrong:  # whatever bytes make of a reader
+        raise CrashedError(f"returned what is no plain data ({wrong})") from None
+    error.add_note(text)
+    raise error
+
+
+def _rebuilt(kind: str, what: str, where: str, remedy: str) -> ScrewgaugeError:
+    """An error of this package as it was before it travelled; its constructor may take other facts."""
+    form = getattr(errors, kind)
+    if not issubclass(form, ScrewgaugeError):
+        raise TypeError(f"{kind} is no error")
+    error: ScrewgaugeError = form.__new__(form)
+    ScrewgaugeError.__init__(error, what, where, remedy)
+    return error
+
+
+def _printed(folder: Path) -> str:
+    with suppress(OSError), (folder / _SAID).open("rb") as file:
+        file.seek(max(0, file.seek(0, os.SEEK_END) - PRINTED))
+        return f"It printed:\n{file.read().decode(errors='replace')}"
+    return ""
+
+
+class _Plain(pickle.Unpickler):
+    """Reads pickles of numbers, texts, arrays and answers; any other type could run code when it is made."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        if (module, name) in _PLAIN:
+            return super().find_class(module, name)
+        raise TypeError(f"it holds {name:.100} of {module:.100}")

@@ -1,0 +1,5 @@
+"""How processes are started."""
+
+from __future__ import annotations
+
+from screwgauge.processes import inherit_safely, safe_path
