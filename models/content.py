@@ -25,6 +25,8 @@ from screwgauge.reference.mechanism import Mechanism
 
 #: What becomes of a kind; `content.toml` explains each.
 FATES = ("held", "compared", "withheld", "aside", "irrelevant")
+#: What a run makes of a kind; `content.toml` explains each.
+RUNS = ("held", "measured", "refused", "idle")
 #: The kind of what is in no other.
 OTHER = "not held by the reading"
 #: Labels and values.
@@ -43,6 +45,8 @@ class Kind:
         alone: ``withheld`` or ``aside`` if that is what it is where one model alone can have it or has it.
         xml: Names by which the walk through a file calls it.
         of, arrays, when, joints: How a compiled MuJoCo model keeps it.
+        run: What a run of the file makes of it, one of `RUNS`.
+        why, remedy: Of a kind that is refused: what would be wrong without it, and what to do.
     """
 
     name: str
@@ -54,6 +58,9 @@ class Kind:
     arrays: tuple[str, ...] = ()
     when: str = ""
     joints: tuple[int, ...] = ()
+    run: str = ""
+    why: str = ""
+    remedy: str = ""
 
 
 @dataclass(frozen=True, slots=True)

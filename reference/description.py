@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, shown
 from screwgauge.reference.expressions import number, rotation_matrix, unit_vector, vector
 from screwgauge.reference.graph import check_connected
+from screwgauge.reference.left_out import LeftOut, read_left_out
 from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import (
@@ -29,7 +30,7 @@ from screwgauge.reference.tables import (
 )
 
 _TOP = {"name", "title", "source", "group", "extends", "bodies", "joints", "couplings"}
-_TOP |= {"independent", "spherical_axial"}
+_TOP |= {"independent", "spherical_axial", "left_out"}
 _BODY = {"mass", "com", "inertia", "inertia_rotation"}
 _JOINT = {"kind", "parent", "child", "axes", "coordinates", "home", "limits", "actuated"}
 _JOINT |= {"parent_frame", "child_frame"}
@@ -56,17 +57,19 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
     check_keys(data, _TOP, where)
     name = read_name(required(data, "name", where), f"{where}, name")
     bodies, joints = read_table(data, "bodies", where), read_table(data, "joints", where)
+    read_joints = tuple(read_joint(key, value, f"{where}, joints.{key}") for key, value in joints.items())
     mechanism = Mechanism(
         name=name,
         title=check_text(data.get("title", name), f"{where}, title"),
         source=check_text(data.get("source", ""), f"{where}, source"),
         group=check_text(data.get("group", "others"), f"{where}, group"),
         bodies=tuple(_body(key, value, f"{where}, bodies.{key}") for key, value in bodies.items()),
-        joints=tuple(read_joint(key, value, f"{where}, joints.{key}") for key, value in joints.items()),
+        joints=read_joints,
         independent=read_table(data, "independent", where),
         axial=read_axial(data.get("spherical_axial"), joints, f"{where}, spherical_axial"),
         where=where,
         couplings=read_couplings(data, where),
+        left_out=_left_out(data, read_joints, bodies, where),
     )
     _check_names(mechanism, where)
     check_connected(mechanism, where)
@@ -84,6 +87,14 @@ def read_tables(path: Path, find: Callable[[str], Path], seen: tuple[Path, ...] 
         return data
     base = find(check_text(data.pop("extends"), f"{path}, extends"))
     return merge(read_tables(base, find, (*seen, path.resolve())), data)
+
+
+def _left_out(
+    data: dict[str, Any], joints: Sequence[Joint], bodies: Collection[str], where: str
+) -> tuple[LeftOut, ...]:
+    coordinates = [name for joint in joints for name in joint.coordinates]
+    turning = [joint.name for joint in joints if joint.angles == 3]
+    return read_left_out(data, where, coordinates, turning, bodies)
 
 
 def _body(name: str, table: Any, where: str) -> Body:

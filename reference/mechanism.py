@@ -18,6 +18,8 @@ from screwgauge.reference.rotations import Array, across
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
+    from screwgauge.reference.left_out import LeftOut
+
 
 GROUND = "ground"
 #: Share of the trace by which rounding may violate the inequalities of an inertia tensor.
@@ -216,6 +218,7 @@ class Mechanism:
             force (eq. 56), if the mechanism has one.
         group: What it is listed under.
         couplings: Joint coordinates that are polynomials of others; none of them twice, and none of itself.
+        left_out: What acts in the model file that it was made from, and is in no engine: a run measures it.
     """
 
     name: str
@@ -228,6 +231,7 @@ class Mechanism:
     axial: tuple[str, Array] | None = None
     where: str = ""
     couplings: tuple[Coupling, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
 
     def __post_init__(self) -> None:
         check_couplings(self.couplings, self.coordinates)

@@ -9,7 +9,7 @@ import mujoco
 import pytest
 
 import screwgauge
-from screwgauge.models.content import FATES, Content, kinds, table
+from screwgauge.models.content import FATES, RUNS, Content, kinds, table
 from support.diagnosis import in_process
 from support.models import MATTER
 
@@ -217,8 +217,8 @@ CASES: dict[str, dict[str, tuple[str, str, str]]] = {
     "put in place": {"include": (".xml", PLAIN, PLAIN.replace("<worldbody>", '<include file="more.xml"/><worldbody>'))},
     "solver and time step": {"step": (".xml", PLAIN, with_(mjcf(option='timestep="0.01" integrator="implicitfast"')))},
 }
-#: Kinds that do not come from the text of a model file alone.
-FROM_ELSEWHERE = {"warnings of the library", "entries of loops files"}
+#: Kinds that do not come from the text of a model file alone, or of which MuJoCo 4 has none.
+FROM_ELSEWHERE = {"warnings of the library", "entries of loops files", "plugins of bodies"}
 
 
 @pytest.fixture
@@ -238,6 +238,8 @@ def test_every_kind_has_a_fate_a_reason_and_a_file():
     assert CASES.keys() | FROM_ELSEWHERE == kinds().keys()
     assert {kind.fate for kind in kinds().values()} == {*FATES}
     assert all(kind.note for kind in kinds().values())
+    assert {kind.run for kind in kinds().values()} == {*RUNS}
+    assert all(bool(kind.why and kind.remedy) == (kind.run == "refused") for kind in kinds().values())
     assert {kind.alone for kind in kinds().values()} == {"", "withheld", "aside"}
 
 

@@ -140,11 +140,12 @@ def test_what_is_attached_many_times_counts_as_often(tmp_path):
         prepare(tmp_path / "0.xml")
 
 
-def test_flexible_bodies_are_imported_as_what_is_rigid_of_them_and_said_to_be_left_out(write):
+def test_flexible_bodies_are_refused_as_the_freedoms_would_differ_without_them(write):
     flex = '<flexcomp type="grid" count="3 3 1" spacing=".1 .1 .1" name="f" dim="2" radius=".01" mass="1"/>'
     body = f'<body name="a"><joint name="j"/>{INERTIAL.format(1)}</body>'
     path = write("cloth.xml", f"<mujoco><worldbody>{body}{flex}</worldbody></mujoco>")
-    assert any("flexible bodies" in phrase for phrase in import_model(path).left_out)
+    with pytest.raises(ModelFileError, match="flexible bodies"):
+        import_model(path)
 
 
 def test_frames_and_copies_are_imported_whole(write):

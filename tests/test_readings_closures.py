@@ -143,15 +143,9 @@ def test_what_is_not_active_is_no_closure_and_said(write):
     assert (reading.closures, "equality e, which is not active" in reading.ignored) == ({}, True)
 
 
-def test_what_couples_tendons_is_said(write):
-    tendon = '<tendon><fixed name="t"><joint joint="a1" coef="1"/></fixed></tendon>'
-    text = ARMS.replace("@", '<tendon name="e" tendon1="t"/>').replace("<equality>", f"{tendon}<equality>")
-    reading = read(write("arms.xml", text), "mujoco")
-    assert "equality e, which is not of bodies or joints" in reading.ignored
-
-
 #: Names of joints -> their coefficients, tendon by tendon; the polynomial; who follows whom, if it is a coupling.
 TENDONS = {
+    "one": ([{"a1": 0.5}], "0.3 0 0 0 0", ("a1", "")),
     "sum of two": ([{"a1": 0.5, "c1": -2.0}], "0.3 0 0 0 0", ("c1", "a1")),
     "two of one each": ([{"d1": 0.5}, {"a1": 2.0}], "0.1 2 0.5 -0.3 0.7", ("d1", "a1")),
     "two of the same two": ([{"a1": 0.5, "c1": 1.0}, {"c1": 3.0, "a1": 1.0}], "0.1 2 0 0 0", ("c1", "a1")),
@@ -177,7 +171,7 @@ def test_tendons_of_two_joints_that_are_equal_couple_these(case, write):
     coupling = reading.couplings["e"]
     assert (coupling.joint, coupling.of) == pair
     # the error of the tendons is that of the coupling times what its joint moves them by
-    x, y = JOINTS[coupling.of], JOINTS[coupling.joint]
+    x, y = JOINTS.get(coupling.of, 0.0), JOINTS[coupling.joint]
     (error,) = residual(path)
     first, second, p = tendons[0], tendons[1] if len(tendons) > 1 else {}, [float(word) for word in powers.split()]
     by = first.get(coupling.joint, 0.0) - p[1] * second.get(coupling.joint, 0.0)

@@ -117,10 +117,12 @@ def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator
         names = [one.coordinate, *([one.of] if one.of else [])]
         unit = "N m" if mechanism.units[mechanism.columns(names)[0]] == "rad" else "N"
         shares = zip(names, rows[:, k, mechanism.columns(names)].T, strict=True)
-        yield UnitWrench(f"{one.name}.coupling", unit, tuple(_along(tree, motion, q, *share) for share in shares))
+        yield UnitWrench(
+            f"{one.name}.coupling", unit, tuple(along_coordinate(tree, motion, q, *share) for share in shares)
+        )
 
 
-def _along(tree: MechanismTree, motion: TreeMotion, q: Array, coordinate: str, amount: Array) -> Act:
+def along_coordinate(tree: MechanismTree, motion: TreeMotion, q: Array, coordinate: str, amount: Array) -> Act:
     """A force along one coordinate: without power on the other coordinates of its joint. `amount`: shape (n,)."""
     joint = next(joint for joint in tree.mechanism.joints if coordinate in joint.coordinates)
     near, _, point = _frames(tree, motion, joint)
@@ -202,7 +204,7 @@ def exerted_wrenches(
         i = index[load.body] - 1
         point = mechanism.bodies[i].com if load.point is None else load.point
         yield i, load.force, load.torque, times(com.R[:, i], point - mechanism.bodies[i].com)
-    acts = [_along(tree, motion, states.q, *each) for each in _joint_forces(mechanism, states, t, applied)]
+    acts = [along_coordinate(tree, motion, states.q, *each) for each in _joint_forces(mechanism, states, t, applied)]
     for act in acts:
         for side, sign in ((act.joint.child, 1.0), (act.joint.parent, -1.0)):
             if (i := index[side] - 1) >= 0:

@@ -16,9 +16,10 @@ import numpy as np
 from screwgauge.models.formats import TENSOR, document, key, lines
 from screwgauge.models.importing.assemble import assemble, choose
 from screwgauge.models.importing.joints import Group, graph_of, groups, joint, left_out, listed, pin_name, springs_of
+from screwgauge.models.importing.left_out import check_whole, kept, left_out_of
 from screwgauge.models.machine import Body as RigidBody
 from screwgauge.models.machine import Machine
-from screwgauge.models.readings.compiled import warned
+from screwgauge.models.readings.compiled import heard, warned
 from screwgauge.models.readings.loops import OWN, loops_for, with_loops
 from screwgauge.models.readings.mujoco import is_single, loaded
 from screwgauge.models.readings.read import dropped, libraries_of, read_source
@@ -29,6 +30,7 @@ from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.files import check_count
+from screwgauge.reference.left_out import LeftOut, entries
 from screwgauge.reference.lint import implausible
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
@@ -45,7 +47,8 @@ def description(mechanism: Mechanism, remarks: Sequence[str] = ()) -> str:
     out += lines({name: value for name, value in head.items() if value})
     parts = [(f"[bodies.{key(body.name)}]", _entries_of_body(body)) for body in mechanism.bodies]
     parts += [(f"[joints.{key(joint.name)}]", _entries_of_joint(joint)) for joint in mechanism.joints]
-    return document(out, mechanism, parts)
+    left_out = [("[[left_out]]", entries(one)) for one in mechanism.left_out]
+    return document(out, mechanism, parts, left_out)
 
 
 def _entries_of_body(body: Body) -> dict[str, Any]:
@@ -117,6 +120,7 @@ def describe(
     wanted: Wanted,
     given: Sequence[Joint] = (),
     keyframes: Mapping[str, Mapping[str, float]] | None = None,
+    beyond: Sequence[LeftOut] = (),
 ) -> Imported:
     """The mechanism that was read.
 
@@ -124,11 +128,13 @@ def describe(
         where: The file, to blame.
         given: Joints that close loops, as they are already known; others are made from the points that coincide.
         keyframes: Poses that may be near a good home, name -> joint -> coordinate [rad or m].
+        beyond: What acts in the file besides, in its names.
 
     Raises:
         ScrewgaugeError: Nothing moves, loops do not close, or a choice does not fit.
     """
-    own, names = _renamed(reading)
+    own, tables = _renamed(reading)
+    names = {old: new for table in tables.values() for old, new in table.items() if old != new}
     poses = {key: {names.get(name, name): x for name, x in q.items()} for key, q in (keyframes or {}).items()}
     reading, moves = assemble(own, where, poses)
     graph = graph_of(reading)
@@ -141,6 +147,7 @@ def describe(
     mechanism, composites = _mechanism(graph, frozenset(actuated or ()), known, where)
     names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
     mechanism, doubt = choose(mechanism, actuated, wanted.independent, where)
+    mechanism = replace(mechanism, left_out=kept(beyond, mechanism, graph, tables, where))
     odd = (f"Check this: {sentence}." for sentence in implausible(mechanism))
     remarks = [*moves, *graph.remarks, *composites, *filter(None, (doubt,)), *odd]
     if not reading.actuators and wanted.actuated is None:
@@ -178,8 +185,8 @@ def _mechanism(
     return mechanism, remarks
 
 
-def _renamed(reading: Reading) -> tuple[Reading, dict[str, str]]:
-    """The reading with names that a description accepts, and those that changed."""
+def _renamed(reading: Reading) -> tuple[Reading, dict[str, dict[str, str]]]:
+    """The reading with names that a description accepts, and these: room of a reading -> name -> accepted name."""
     joints = _accepted(reading.joints, "joint")
     names = {
         "bodies": _accepted(reading.bodies, "body"),
@@ -187,9 +194,8 @@ def _renamed(reading: Reading) -> tuple[Reading, dict[str, str]]:
         "closures": _accepted(reading.closures, "loop", (*TAKEN, *joints.values())),
         "couplings": _accepted(reading.couplings, "coupling"),
     }
-    changed = {old: new for table in names.values() for old, new in table.items() if old != new}
     known = {name: entry for name, entry in reading.couplings.items() if entry.joint in joints}
-    return renamed(replace(reading, couplings=known), names), changed
+    return renamed(replace(reading, couplings=known), names), names
 
 
 def _actuated(graph: Machine, chosen: Sequence[str] | None, where: str) -> list[str] | None:
@@ -319,13 +325,26 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
     reading = read_source(source, library, home=keyframes.pop(HOME, None))
     if lost := dropped(source, reading):
         raise ModelFileError("; ".join(each.sentence for each in lost), str(path), "let another library read it")
+    check_whole(reading, source)
+    beyond = _beyond(source, reading)
     reading = reading if loops is None else with_loops(reading, loops)
     wanted, given = options.wanted, own.joints if own else ()
     if own is not None:
         wanted = wanted.otherwise(own.independent, [joint.coordinates[0] for joint in own.joints if joint.actuated])
-    imported = describe(reading, str(path), wanted, given, keyframes)
+    imported = describe(reading, str(path), wanted, given, keyframes, beyond)
     said = f"Imported from {path.name} as {library} reads it{f', with the loops of {loops.name}' if loops else ''}."
     return replace(imported, remarks=(said, *source.resolved, *imported.remarks))
+
+
+def _beyond(source: Source, reading: Reading) -> tuple[LeftOut, ...]:
+    """What acts in a file besides what its reading holds; of an MJCF as MuJoCo reads it, whoever else does."""
+    where = str(source.path)
+    if source.form != "mjcf":
+        return left_out_of(reading, None, where)
+    own = reading if reading.library == "mujoco" else read_source(source, "mujoco")
+    check_whole(own, source)
+    with heard():
+        return left_out_of(replace(reading, joints=own.joints), loaded(source), where)
 
 
 def _keyframes(source: Source) -> dict[str, dict[str, float]]:

@@ -115,7 +115,9 @@ def content(model: Any, assembly: Assembly) -> Iterator[Content]:
     if model.nflex:
         yield Content("flexible bodies", "flexible bodies", f" ({model.nflex})")
     if model.nplugin:
+        of_bodies = int(np.count_nonzero(model.body_plugin >= 0))
         yield Content("plugins", "plugins", f" ({model.nplugin})")
+        yield from [Content("plugins of bodies", "plugins", f" of {of_bodies} bodies")] * bool(of_bodies)
 
 
 def _entries(model: Any, arrays: Iterable[str], i: int) -> dict[str, Array]:
@@ -207,6 +209,14 @@ def single_joint(model: Any, actuator: int) -> int | None:
     """The hinge or slide that an actuator drives."""
     joint = int(model.actuator_trnid[actuator, 0])
     return joint if _drives(model, actuator) == "joint" and model.jnt_type[joint] not in (_FREE, _BALL) else None
+
+
+def coupled_joints(model: Any, actuator: int) -> dict[int, float]:
+    """Joint -> what it adds to the length of an actuator before its gear; none of one that drives other things."""
+    joint = single_joint(model, actuator)
+    if joint is not None:
+        return {joint: 1.0}
+    return (shares(model, int(model.actuator_trnid[actuator, 0])) or {}) if _drives(model, actuator) == "tendon" else {}
 
 
 def _drives(model: Any, actuator: int) -> str:
@@ -315,6 +325,9 @@ def tendon_equality(model: Any, i: int) -> CouplingReading | None:
         slope = float(p[1]) if len(p) > 1 else 0.0
         both = {joint: first.get(joint, 0.0) - slope * second.get(joint, 0.0) for joint in {**first, **second}}
         moved = [joint for joint, share in both.items() if share]
+        if len(moved) == 1:
+            (y,) = moved
+            return coupling_of(model, y, -1, np.array([p[0] / both[y]]))
         if len(moved) == 2:
             x, y = moved
             return coupling_of(model, y, x, np.array([p[0], -both[x]]) / both[y])

@@ -55,7 +55,7 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
     unread += content(model, assembly)
     closures, couplings = _equalities(model, assembly, unread)
     says_gravity = source.form == "mjcf" or source.root.find("mujoco/option") is not None
-    gravity = np.zeros(3) if _disabled(model, "GRAVITY") else model.opt.gravity.copy()
+    gravity = np.zeros(3) if is_disabled(model, "GRAVITY") else model.opt.gravity.copy()
     return Reading(
         name=source.name,
         library="mujoco",
@@ -80,7 +80,8 @@ def loaded(source: Source) -> Any:
     return compiled(source.text, str(source.path), source.models)
 
 
-def _disabled(model: Any, flag: str) -> bool:
+def is_disabled(model: Any, flag: str) -> bool:
+    """Whether a file switches a stage of MuJoCo off, such as ``GRAVITY`` or ``DAMPER``."""
     import mujoco
 
     flags = mujoco.mjtDisableBit
@@ -126,7 +127,7 @@ def turn(quaternion: Array) -> Array:
 def _joint(model: Any, data: Any, i: int) -> JointReading:
     kind, single, at, dof = _KINDS[model.jnt_type[i]], is_single(model, i), model.jnt_qposadr[i], model.jnt_dofadr[i]
     axis, centre = data.xaxis[i].copy(), data.xanchor[i].copy()
-    limited = single and model.jnt_limited[i] and not _disabled(model, "LIMIT")
+    limited = single and model.jnt_limited[i] and not is_disabled(model, "LIMIT")
     low, high = model.jnt_range[i] if limited else (-math.inf, math.inf)
     return JointReading(
         kind=kind,
@@ -135,9 +136,9 @@ def _joint(model: Any, data: Any, i: int) -> JointReading:
         home=float(data.qpos[at]) if single else 0.0,
         limits=(float(low), float(high)),
         armature=float(model.dof_armature[dof]),
-        damping=0.0 if _disabled(model, "DAMPER") else float(model.dof_damping[dof]),
-        friction=0.0 if _disabled(model, "FRICTIONLOSS") else float(model.dof_frictionloss[dof]),
-        stiffness=0.0 if _disabled(model, "SPRING") else float(model.jnt_stiffness[i]),
+        damping=0.0 if is_disabled(model, "DAMPER") else float(model.dof_damping[dof]),
+        friction=0.0 if is_disabled(model, "FRICTIONLOSS") else float(model.dof_frictionloss[dof]),
+        stiffness=0.0 if is_disabled(model, "SPRING") else float(model.jnt_stiffness[i]),
         rest=float(model.qpos_spring[at]) if single else 0.0,
     )
 
@@ -147,7 +148,7 @@ def _equalities(
 ) -> tuple[dict[str, ClosureReading], dict[str, CouplingReading]]:
     """Closures and couplings; what is neither is added to `unread`."""
     closures, couplings = {}, {}
-    off = _disabled(model, "EQUALITY")
+    off = is_disabled(model, "EQUALITY")
     for i in range(model.neq):
         # those that MuJoCo makes of a URDF's <mimic> have no name
         name, kind = model.equality(i).name or model.joint(model.eq_obj1id[i]).name, int(model.eq_type[i])

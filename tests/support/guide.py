@@ -192,7 +192,54 @@ read in place of a library's.
 FATES = """*Held*: an entry of every reading, compared number by number. *Compared*: item by item, where both models can
 say it; what a format or a reader cannot say is not compared, and withheld. *Withheld*: not compared, and two
 models that have it are not called the same. *Aside*: outside the comparison, which is said. *Irrelevant*: acts
-on nothing that is compared."""
+on nothing that is compared.
+
+## In a run
+
+`import`, `run FILE` and `check` compare engines on one description of a file. *Held*: the description or its scene
+has it. *Measured*: no engine has it, and the run measures what it adds. *Refused*: it acts, and can be neither.
+*Idle*: it exerts nothing along a motion within limits and off contacts.
+
+What acts in a file and is not in a description stays with it as `[[left_out]]`, with the numbers of the file, so
+that a run can measure it when the file is gone: armature of joints, tendons and actuators (with their gear),
+damping, dry friction, springs (those of hinges and slides are `[[springs]]` of the scene that `import` writes; in a
+scene without them they are measured, too), weight that nothing exerts (gravcomp), drag of a medium. The forces are
+those of MuJoCo: of `mj_inverse` without constraints to the last digits, dry friction by the sign of the rate.
+
+A file is refused, and what acts is named, where it can be neither held nor measured: an equality that is not read
+(of a flex, of a fixed tendon over more than two joints, of two tendons over other than two joints in all) leaves
+other freedoms; so do flexible bodies. Springs that yield, tendons over sites that pull, fluid shapes of geoms, and
+plugins of bodies are refused, too. What is not active (`active="false"`) is not.
+
+An entry of `[[left_out]]`:"""
+
+#: Keys of an entry of ``[[left_out]]``, their units, and what they mean.
+LEFT_OUT = (
+    ("`of`", "", 'what has it, a noun and a name: `"joint m1"`; required'),
+    (
+        "`along`",
+        "",
+        "`{ COORDINATE = share }`: it acts along a sum of joint coordinates, of one with share 1 for a joint; or else:",
+    ),
+    ("`joint`", "", "an S or F joint, which resists alike about three axes, an F joint also along three; or else:"),
+    ("`body`", "", "the body on which a weight is borne or a medium drags"),
+    ("`armature`", "kg m^2, kg", "inertia of a rotor, times the square of its gear"),
+    ("`damping`", "N m s/rad, N s/m", "`c`, or `[c0, c1, c2]` of the force v (c0 + c1 abs(v) + c2 v^2)"),
+    ("`friction`", "N m, N", "dry friction"),
+    (
+        "`stiffness`, `rest`",
+        "N m/rad, N/m; rad, m",
+        "`k`, or `[k0, k1, k2]` of the force x (k0 + k1 x + k2 x^2) beyond the coordinate, or "
+        "outside the range `[low, high]`, where it exerts nothing; of `along` only",
+    ),
+    ("`mass`, `point`", "kg, m", "mass whose weight is borne (gravcomp), and where in the body's frame"),
+    ("`density`, `viscosity`, `wind`", "kg/m^3, Pa s, m/s", "of the medium, wind in axes of the world"),
+    (
+        "`box`, `point`, `rotation`",
+        "m",
+        "edges of a box of the same mass and inertia, its centre and its axes in the body's frame",
+    ),
+)
 
 
 def made() -> dict[Path, str]:
@@ -331,9 +378,10 @@ def _builtin() -> str:
 
 
 def _compared() -> str:
-    rows = [f"| {kind.name} | {kind.fate} | {kind.note} |" for kind in kinds().values()]
-    table = ["| content | fate | how, or why not |", "|---|---|---|", *rows]
-    return "\n\n".join([COMPARED, "\n".join(table), FATES])
+    rows = [f"| {kind.name} | {kind.fate} | {kind.note} | {kind.run} |" for kind in kinds().values()]
+    table = ["| content | in a diagnosis | how, or why not | in a run |", "|---|---|---|---|", *rows]
+    keys = ["| entry | unit | meaning |", "|---|---|---|", *(f"| {' | '.join(row)} |" for row in LEFT_OUT)]
+    return "\n\n".join([COMPARED, "\n".join(table), FATES, "\n".join(keys)])
 
 
 if __name__ == "__main__":

@@ -11,7 +11,8 @@ from screwgauge.judging.answer import answer_at
 from screwgauge.judging.assembly_modes import in_one_chart
 from screwgauge.judging.compare import compare
 from screwgauge.judging.coverage import NOTHING, coverage
-from screwgauge.judging.judge import judge
+from screwgauge.judging.judge import admitted_by, judge
+from screwgauge.judging.left_out import measured
 from screwgauge.judging.trust import LIMIT, flagged
 from screwgauge.solution import Solution
 from screwgauge.study.reference_values import Reference, deviation, reference_values, score

@@ -1,0 +1,289 @@
+"""What acts in a model file and in no engine, measured at the states of an answer.
+
+Every entry of `Mechanism.left_out` becomes what bodies need besides, a wrench on each; from there it is a force of
+actuators, along coordinates, or in joints, like any other. Signs are those of demands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from screwgauge.judging.answer import Answer
+from screwgauge.judging.residuals import required_wrenches, unit_wrenches_of
+from screwgauge.quantities import FORCE
+from screwgauge.reference.applied import JointSpring
+from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.left_out import BorneWeight, Drag, LeftOut, Resistance, TurnResistance, damper_law, spring_law
+from screwgauge.reference.rotations import Array, cross, times
+from screwgauge.solution import Values
+from screwgauge.witness.constraints import AdmissibleMotion
+from screwgauge.witness.dynamics import along
+from screwgauge.witness.joints import open_tree
+from screwgauge.witness.kinematics import Moving, move
+from screwgauge.witness.tree import FixedFrame, TreeStates, stacked
+from screwgauge.witness.wrenches import along_coordinate, balancing, wrench_columns
+
+ARMATURE, DAMPING, FRICTION, SPRINGS, WEIGHT, DRAG = (
+    "armature",
+    "damping",
+    "dry friction",
+    "springs",
+    "compensated weight",
+    "drag",
+)
+#: Share of the largest force below which one is rounding.
+NOTHING = 1e-13
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOutTerm:
+    """One kind of what is left out.
+
+    Attributes:
+        kind: One of those above.
+        names: What has it, a noun and a name each: ``joint m1``.
+        size: Largest force that it adds to one of the actuators; where these do not drive all freedoms, along an
+            independent coordinate [unit].
+        of: Largest of these forces with all that is left out [unit].
+        component, t: Where and when [s].
+        file: Name of the model file that has it; empty where that is the one that the description was made from.
+    """
+
+    kind: str
+    names: tuple[str, ...]
+    size: float
+    of: float
+    unit: str
+    component: str
+    t: float
+    file: str = ""
+
+    @property
+    def inertia(self) -> bool:
+        """Whether it is inertia, without which a machine moves otherwise under any force."""
+        return self.kind == ARMATURE
+
+
+Needed = dict[str, Array]
+"""Kind -> what bodies need for it: force, and moment about the centre of mass. Shape (n, n_body, 6)."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredForces:
+    """Forces that are left out, at the states of one answer.
+
+    Attributes:
+        admissible: The motions that its loops admit.
+        needed: By kind.
+        names: Kind -> what has it.
+    """
+
+    answer: Answer
+    admissible: AdmissibleMotion
+    needed: Needed
+    names: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+    def terms(self, file: str = "") -> Iterator[LeftOutTerm]:
+        """Each kind with its largest force; of several units the one with the largest share."""
+        mechanism = self.answer.mechanism
+        names, units = mechanism.actuator_names, mechanism.actuator_units
+        if not self._drives:
+            names, units = tuple(mechanism.independent), self._units
+        forces = {kind: self._forces(wrenches) for kind, wrenches in self.needed.items()}
+        whole = np.abs(sum(forces.values(), self._forces(required_wrenches(self.answer)[0]))).max(axis=0)
+        largest = np.array([max(size for size, has in zip(whole, units, strict=True) if has == unit) for unit in units])
+        for kind, force in forces.items():
+            share = np.abs(force) / np.maximum(largest, np.finfo(float).tiny)
+            i, k = divmod(int(share.argmax()), len(units))
+            size = abs(float(force[i, k])) if share[i, k] > NOTHING else 0.0
+            named = tuple(dict.fromkeys(self.names[kind]))
+            t = float(self.answer.t[i])
+            yield LeftOutTerm(kind, named, size, float(largest[k]), units[k], names[k], t, file)
+
+    @property
+    def _units(self) -> tuple[str, ...]:
+        mechanism = self.answer.mechanism
+        return tuple(FORCE[mechanism.units[column]] for column in mechanism.independent_columns)
+
+    @property
+    def _driven(self) -> Array:
+        """Velocities of the actuators per velocity of y. Shape (n, n_actuator, k)."""
+        return np.asarray(self.admissible.partial[:, self.answer.mechanism.actuated_columns])
+
+    @cached_property
+    def _drives(self) -> bool:
+        """Whether the actuators drive all freedoms everywhere."""
+        freedoms = self._driven.shape[2]
+        return bool(freedoms) and int(np.linalg.matrix_rank(self._driven).min()) == freedoms
+
+    def _forces(self, wrenches: Array) -> Array:
+        return self.actuators(wrenches) if self._drives else self.generalized(wrenches)
+
+    def generalized(self, wrenches: Array) -> Array:
+        """Forces along the independent coordinates that give bodies what they need. Shape (n, k)."""
+        return np.einsum("nbx,nbxj->nj", wrenches, self.admissible.bodies)
+
+    def actuators(self, wrenches: Array) -> Array:
+        """The smallest actuator forces that do. Shape (n, n_actuator)."""
+        back = np.linalg.pinv(np.swapaxes(self._driven, 1, 2))
+        return np.asarray((back @ self.generalized(wrenches)[..., None])[..., 0])
+
+    def _reactions(self, wrenches: Array, names: Sequence[str]) -> Array:
+        """What joints bear of them besides the actuators. Shape (n, m)."""
+        answer, need = self.answer, wrenches.copy()
+        com = answer.motion.com
+        driving = [unit for _, unit in unit_wrenches_of(answer, "actuator_force")]
+        for force, unit in zip(self.actuators(wrenches).T, driving, strict=True):
+            for body, wrench in unit.on_bodies(answer.tree, com):
+                need[:, body] -= force[:, None] * wrench
+        units = [unit for _, unit in unit_wrenches_of(answer, "reaction")]
+        none = np.zeros((len(need), 0, len(units)))
+        columns = wrench_columns(units, answer.tree, com)
+        amounts = balancing(units, columns, need[..., None], answer.scales["m"], none)[..., 0]
+        places = {unit.name: i for i, unit in enumerate(units)}
+        return amounts[:, [places[name] for name in names]]
+
+    def _tree_forces(self, wrenches: Array, names: Sequence[str]) -> Array:
+        """Forces along the coordinates of the open tree of some joints. Shape (n, m)."""
+        mechanism = self.answer.mechanism
+        joints = [joint for joint in mechanism.joints if {*joint.coordinates} <= {*names}]
+        graph = spanning_tree(mechanism, [joint.name for joint in joints])
+        tree, bodies, shares = open_tree(mechanism, graph, {joint.name for joint in joints})
+        still = np.zeros_like(self.answer.q)
+        motion = move(tree, TreeStates(self.answer.q, still, still))
+        return along(motion, wrenches[:, bodies] * shares[:, None])[:, mechanism.columns(names)]
+
+    def added(self, kind: str, quantity: str, values: Values) -> Array:
+        """What a kind adds to the values of a quantity; nothing to what is no force. Shape (n, m)."""
+        mechanism, wrenches, names = self.answer.mechanism, self.needed[kind], values.components
+        match quantity:
+            case "generalized_force":
+                return self.generalized(wrenches)[:, [[*mechanism.independent].index(name) for name in names]]
+            case "actuator_force":
+                return self.actuators(wrenches)[:, [mechanism.actuator_names.index(name) for name in names]]
+            case "reaction":
+                return self._reactions(wrenches, names)
+            case "tree_force" | "tree_force_soft":
+                return self._tree_forces(wrenches, names)
+        return np.zeros((len(wrenches), len(names)))
+
+
+def measured(answer: Answer, admissible: AdmissibleMotion, left_out: Iterable[LeftOut]) -> MeasuredForces:
+    """Forces of entries at the states of an answer that has positions, velocities and accelerations."""
+    needed, names = Needed(), dict[str, list[str]]()
+    for one in left_out:
+        for kind, wrenches in _needed(answer, one):
+            needed[kind] = needed[kind] + wrenches if kind in needed else wrenches
+            names.setdefault(kind, []).append(one.of)
+    return MeasuredForces(answer, admissible, needed, names)
+
+
+def _needed(answer: Answer, one: LeftOut) -> Iterator[tuple[str, Array]]:
+    """Kinds of an entry, and what bodies need for each."""
+    match one:
+        case Resistance():
+            for kind, force in _along_stroke(answer, one).items():
+                total = np.zeros(_shape(answer))
+                for name, share in one.along.items():
+                    act = along_coordinate(answer.tree, answer.motion, answer.q, name, share * force)
+                    total += _between(answer, act.joint.bodies, act.force, act.moment, act.point)
+                yield kind, total
+        case TurnResistance():
+            yield from _about_ball(answer, one)
+        case BorneWeight():
+            at = _fixed_to(answer, one.body, one.point, np.eye(3))
+            force = np.tile(one.mass * answer.applied.g, (len(answer.t), 1))
+            yield WEIGHT, _between(answer, ("", one.body), force, np.zeros_like(force), at.p[:, 0])
+        case Drag():
+            at = _fixed_to(answer, one.body, one.frame.p, one.frame.R)
+            yield DRAG, _between(answer, ("", one.body), *_drag(one, at), at.p[:, 0])
+
+
+def _shape(answer: Answer) -> tuple[int, int, int]:
+    return len(answer.t), len(answer.mechanism.bodies), 6
+
+
+def _between(answer: Answer, bodies: tuple[str, str], force: Array, moment: Array, point: Array) -> Array:
+    """What a force at a point, and a moment, are on the second of two bodies and, turned round, on the first."""
+    total, index = np.zeros(_shape(answer)), answer.mechanism.body_index
+    for body, sign in zip(bodies, (-1.0, 1.0), strict=True):
+        if (i := index.get(body, 0) - 1) >= 0:
+            total[:, i, :3] = sign * force
+            total[:, i, 3:] = sign * (moment + cross(point - answer.motion.com.p[:, i], force + np.zeros_like(point)))
+    return total
+
+
+def _along_stroke(answer: Answer, one: Resistance) -> Needed:
+    """Kind -> force along the stroke, less what the scene's own spring along the joint has of it. Shape (n,)."""
+    columns, shares = answer.mechanism.columns(one.along), np.array([*one.along.values()])
+    stroke, rate, acceleration = (derivative[:, columns] @ shares for derivative in answer.joints)
+    forces = {
+        ARMATURE: one.armature * acceleration,
+        DAMPING: damper_law(one.damping, rate),
+        FRICTION: one.friction * np.sign(rate),
+        SPRINGS: spring_law(one.stiffness, stroke - np.clip(stroke, *one.rest)),
+    }
+    there = {ARMATURE: one.armature, DAMPING: one.damping, FRICTION: one.friction, SPRINGS: one.stiffness}
+    for spring in _scene_springs(answer, one):
+        forces[DAMPING] = forces[DAMPING] - spring.damping * rate
+        forces[SPRINGS] = forces[SPRINGS] - spring.stiffness * (stroke - spring.rest)
+        there[DAMPING] = there[DAMPING] if one.damping != (spring.damping,) else ()
+        alike = one.stiffness == (spring.stiffness,) and one.rest == (spring.rest, spring.rest)
+        there[SPRINGS] = () if alike else there[SPRINGS]
+    return {kind: force for kind, force in forces.items() if there[kind]}
+
+
+def _scene_springs(answer: Answer, one: Resistance) -> list[JointSpring]:
+    """Springs of the scene along the joint that an entry is of."""
+    springs = [spring for spring in answer.applied.springs if isinstance(spring, JointSpring)]
+    return [spring for spring in springs if one.of == f"joint {spring.coordinate}"]
+
+
+def _about_ball(answer: Answer, one: TurnResistance) -> Iterator[tuple[str, Array]]:
+    """A ball resists as its child sees its turn; a free joint also the way of its origin, as the world sees it."""
+    joint = answer.mechanism.joint(one.joint)
+    near, far = (_at(answer, answer.tree.on(body, frame)) for body, frame in joint.sides)
+    R, point = far.R[:, 0], far.p[:, 0]
+    seen, spin = np.swapaxes(R, 1, 2), (far.w - near.w)[:, 0]
+    rates = times(seen, spin), times(seen, (far.b - near.b)[:, 0] - cross(far.w[:, 0], spin))
+    ways = far.v[:, 0], far.a[:, 0]
+    for kind, there in ((ARMATURE, one.armature), (DAMPING, one.damping), (FRICTION, one.friction)):
+        if there:
+            moment, force = times(R, _law(kind, one, *rates)), _law(kind, one, *ways) * (joint.kind == "F")
+            yield kind, _between(answer, joint.bodies, force, moment, point)
+
+
+def _law(kind: str, one: TurnResistance, rate: Array, acceleration: Array) -> Array:
+    if kind == ARMATURE:
+        return one.armature * acceleration
+    return damper_law(one.damping, rate) if kind == DAMPING else one.friction * np.sign(rate)
+
+
+def _fixed_to(answer: Answer, body: str, p: Array, R: Array) -> Moving:
+    return _at(answer, answer.tree.body_frames[body].placed(R, p))
+
+
+def _at(answer: Answer, frame: FixedFrame) -> Moving:
+    """The one frame, in motion."""
+    return answer.motion.links.frames(stacked([frame]))
+
+
+def _drag(one: Drag, at: Moving) -> tuple[Array, Array]:
+    """Force and moment that a box needs in a medium, as MuJoCo has them without ellipsoids. Shape (n, 3) each.
+
+    See mujoco.readthedocs.io, Computation, Passive forces: inertia model.
+    """
+    R = at.R[:, 0]
+    seen = np.swapaxes(R, 1, 2)
+    w, v = times(seen, at.w[:, 0]), times(seen, at.v[:, 0] - one.wind)
+    x, y, z = one.box
+    width = float(np.mean(one.box))
+    faces = np.array([y * z, x * z, x * y])
+    turning = np.array([x * (y**4 + z**4), y * (x**4 + z**4), z * (x**4 + y**4)])
+    force = 3.0 * np.pi * width * one.viscosity * v + 0.5 * one.density * faces * np.abs(v) * v
+    moment = np.pi * width**3 * one.viscosity * w + one.density * turning * np.abs(w) * w / 64.0
+    return times(R, force), times(R, moment)

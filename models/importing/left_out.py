@@ -1,0 +1,255 @@
+"""What a model file has and a description has not: taken as data that a run measures, or refused by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from screwgauge.models.content import kinds
+from screwgauge.models.machine import Machine
+from screwgauge.models.mjcf import without_stand_ins
+from screwgauge.models.readings.compiled import coupled_joints, shares
+from screwgauge.models.readings.mujoco import is_disabled, turn
+from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
+from screwgauge.models.readings.source import Source
+from screwgauge.reference.errors import ModelFileError, first_few
+from screwgauge.reference.left_out import BorneWeight, Drag, LeftOut, Powers, Resistance, TurnResistance
+from screwgauge.reference.mechanism import GROUND, Frame, Mechanism
+from screwgauge.reference.rotations import Array
+
+#: Things of a kind that a sentence names.
+NAMED = 3
+#: Moments of inertia over mass below which MuJoCo's box has no width [m^2].
+NO_WIDTH = 1e-15
+#: Entries of rotations below this are rounding.
+ROUNDING = 4e-16
+#: Closures that every library reads; it depends on the library whether it reads other equalities.
+CLOSURES = ("connect", "weld")
+
+
+def check_whole(reading: Reading, source: Source) -> None:
+    """Refuses a file of which something acts that neither a description holds nor a run can measure.
+
+    Raises:
+        ModelFileError: It names what acts, and what to do.
+    """
+    where = str(source.path)
+    for kind in kinds().values():
+        named = [each.sentence for each in reading.content if each.kind == kind.name] if kind.run == "refused" else []
+        if named:
+            raise ModelFileError(f"{first_few(named, NAMED)}: {kind.why}", where, kind.remedy)
+    other = [] if reading.library == "mujoco" or source.form != "mjcf" else _equalities(source)
+    if other:
+        what = f"equality {first_few(other, NAMED)}, which {reading.library} does not read, would be left out"
+        raise ModelFileError(what, where, "let mujoco read it (--reader mujoco)")
+
+
+def _equalities(source: Source) -> list[str]:
+    """Equalities of an MJCF that are neither connect nor weld, as far as they are active."""
+    root = source.root
+    if any(flag.get(name) == "disable" for flag in root.iter("flag") for name in ("equality", "constraint")):
+        return []
+    rows = (row for section in root.iterfind("equality") for row in section)
+    return [row.get("name", row.tag) for row in rows if row.tag not in CLOSURES and row.get("active") != "false"]
+
+
+def left_out_of(reading: Reading, model: Any | None, where: str) -> tuple[LeftOut, ...]:
+    """All that acts in a file besides rigid bodies, joints, closures and gravity, in the names of the file.
+
+    Args:
+        reading: Of the file.
+        model: The file as MuJoCo has compiled it; None of a file that MuJoCo does not read.
+        where: The file, to blame.
+
+    Raises:
+        ModelFileError: Something of it cannot be measured.
+    """
+    found = list[LeftOut]()
+    for name, joint in reading.joints.items():
+        found += _of_joint(name, joint, model, where)
+    if model is not None:
+        found += _of_tendons(model)
+        found += _of_actuators(model, where)
+        found += _of_bodies(model, reading, where)
+    return tuple(found)
+
+
+def _of_joint(name: str, joint: JointReading, model: Any | None, where: str) -> Iterator[LeftOut]:
+    of, stiffness, damping = f"joint {name}", [joint.stiffness], [joint.damping]
+    if model is not None:
+        i = model.joint(name).id
+        stiffness += [] if is_disabled(model, "SPRING") else _further(model, "jnt_stiffnesspoly", i)
+        damping += [] if is_disabled(model, "DAMPER") else _further(model, "dof_dampingpoly", model.jnt_dofadr[i])
+    laws: dict[str, Any] = {"armature": joint.armature, "damping": _powers(damping), "friction": joint.friction}
+    if FREEDOMS[joint.kind] == 1:
+        if any(laws.values()) or any(stiffness):
+            yield Resistance(of, {name: 1.0}, **laws, stiffness=_powers(stiffness), rest=(joint.rest, joint.rest))
+        return
+    if any(stiffness):
+        what = f"joint {name} is a {joint.kind} joint with a spring, which cannot be measured"
+        raise ModelFileError(what, where, "make it three hinges, or take its stiffness out")
+    if any(laws.values()):
+        yield TurnResistance(of, name, **laws)
+
+
+def _further(model: Any, array: str, i: int) -> list[float]:
+    """Further coefficients of a law, which MuJoCo has since 4.0."""
+    return [float(x) for x in np.ravel(getattr(model, array)[i])] if hasattr(model, array) else []
+
+
+def _powers(values: Iterable[float]) -> Powers:
+    """A law without zeros at its end."""
+    return tuple(np.trim_zeros(np.array([*values], dtype=float), "b").tolist())
+
+
+def _of_tendons(model: Any) -> Iterator[LeftOut]:
+    """Fixed tendons that pull."""
+    springs, dampers = (not is_disabled(model, flag) for flag in ("SPRING", "DAMPER"))
+    for i in range(model.ntendon):
+        stiffness = (float(model.tendon_stiffness[i]), *_further(model, "tendon_stiffnesspoly", i))
+        damping = (float(model.tendon_damping[i]), *_further(model, "tendon_dampingpoly", i))
+        low, high = np.broadcast_to(model.tendon_lengthspring[i], 2).tolist()
+        rubs = not is_disabled(model, "FRICTIONLOSS")
+        one = Resistance(
+            f"tendon {model.tendon(i).name}",
+            _coordinates(model, shares(model, i) or {}),
+            float(model.tendon_armature[i]) if hasattr(model, "tendon_armature") else 0.0,
+            _powers(damping) if dampers else (),
+            float(model.tendon_frictionloss[i]) if rubs else 0.0,
+            _powers(stiffness) if springs else (),
+            (low, high),
+        )
+        if one.along and (one.armature or one.damping or one.friction or one.stiffness):
+            yield one
+
+
+def _coordinates(model: Any, shares_of: Mapping[int, float], factor: float = 1.0) -> dict[str, float]:
+    return {model.joint(joint).name: factor * share for joint, share in shares_of.items() if share}
+
+
+def _of_actuators(model: Any, where: str) -> Iterator[LeftOut]:
+    """Rotors and dampers of actuators, which gears multiply by the square of their ratio."""
+    dampers = not is_disabled(model, "DAMPER")
+    for i in range(model.nu if hasattr(model, "actuator_armature") else 0):
+        damping = _powers((*np.ravel(model.actuator_damping[i]), *_further(model, "actuator_dampingpoly", i)))
+        armature, damping = float(model.actuator_armature[i]), damping if dampers else ()
+        if not (armature or damping):
+            continue
+        name, joints = model.actuator(i).name, coupled_joints(model, i)
+        if not joints:
+            what = f"actuator {name} has armature or damping, and drives no hinge, slide or fixed tendon"
+            raise ModelFileError(what, where, "take its armature and damping out")
+        square = float(model.actuator_gear[i, 0]) ** 2
+        along = _coordinates(model, joints)
+        scaled = tuple(square * c for c in damping)
+        yield Resistance(f"actuator {name}", along, armature=square * armature, damping=scaled)
+
+
+def _of_bodies(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
+    """Weight that is borne, and drag, of every body of the file that moves."""
+    masses, moments = without_stand_ins(model.body_mass, model.body_inertia)
+    weighs = not is_disabled(model, "GRAVITY")
+    density, viscosity = float(model.opt.density), float(model.opt.viscosity)
+    for i in range(1, model.nbody):
+        name, mass = model.body(i).name, float(masses[i])
+        place = reading.place(name)
+        if place is None or place[0] == GROUND or not mass:
+            continue
+        body, T = place
+        centre = T @ np.append(model.body_ipos[i], 1.0)
+        share = float(model.body_gravcomp[i]) if weighs else 0.0
+        if share and not _borne_by_actuators(model, i, where):
+            yield BorneWeight(f"body {name}", body, share * mass, centre[:3])
+        if density or viscosity:
+            box = np.sqrt(np.maximum(NO_WIDTH, moments[i].sum() - 2.0 * moments[i]) / mass * 6.0)
+            frame = Frame(centre[:3], _clean(T[:3, :3] @ turn(model.body_iquat[i])))
+            yield Drag(f"body {name}", body, density, viscosity, model.opt.wind.copy(), box, frame)
+
+
+def _borne_by_actuators(model: Any, body: int, where: str) -> bool:
+    """Whether actuators bear the weight of a body along all joints before it: then nothing is left out.
+
+    Raises:
+        ModelFileError: They do along some of them only.
+    """
+    borne, name = set[bool](), model.body(body).name
+    while body:
+        first = model.body_jntadr[body]
+        borne |= {bool(model.jnt_actgravcomp[first + k]) for k in range(model.body_jntnum[body])}
+        body = model.body_parentid[body]
+    if len(borne) > 1:
+        what = f"actuators bear the weight of body {name} along some of its joints only, which cannot be measured"
+        raise ModelFileError(what, where, "give actuatorgravcomp to all of them, or to none")
+    return borne == {True}
+
+
+def kept(
+    left_out: Iterable[LeftOut],
+    mechanism: Mechanism,
+    graph: Machine,
+    names: Mapping[str, Mapping[str, str]],
+    where: str,
+) -> tuple[LeftOut, ...]:
+    """What is left out, in the names and frames of the description; that of joints that are no part of it is gone.
+
+    Args:
+        left_out: In the names of the file.
+        graph: Of which the mechanism was made.
+        names: ``bodies`` and ``joints`` -> name in the file -> name in the description.
+
+    Raises:
+        ModelFileError: A coordinate on which it acts is no coordinate of the description.
+    """
+    found = list[LeftOut]()
+    for one in left_out:
+        if isinstance(one, BorneWeight | Drag):
+            found.append(_on_part(one, names["bodies"].get(one.body, one.body), graph))
+        elif isinstance(one, TurnResistance):
+            found += _of_turning_joint(one, names["joints"].get(one.joint, one.joint), mechanism)
+        else:
+            found += _along_coordinates(one, names["joints"], mechanism, graph, where)
+    return tuple(found)
+
+
+def _of_turning_joint(one: TurnResistance, name: str, mechanism: Mechanism) -> Iterator[LeftOut]:
+    """The same of the joint that a ball or free joint of the file has become."""
+    made = (joint for joint in mechanism.joints if joint.angles == 3)  # its coordinates tell whose it is
+    yield from (replace(one, of=f"joint {name}", joint=j.name) for j in made if j.coordinates[-1] == f"{name}.q3")
+
+
+def _along_coordinates(
+    one: Resistance, joints: Mapping[str, str], mechanism: Mechanism, graph: Machine, where: str
+) -> Iterator[LeftOut]:
+    single = {name for name, joint in graph.reading.joints.items() if FREEDOMS[joint.kind] == 1}
+    there = single & {name for link in graph.links for name in link.joints}  # a loops file makes hinges balls
+    along = {joints.get(name, name): share for name, share in one.along.items()}
+    along = {name: share for name, share in along.items() if name in there}
+    if missing := [name for name in along if name not in mechanism.coordinates]:
+        what = f"{one.of} acts along '{missing[0]}', which is no coordinate of the description"
+        raise ModelFileError(what, where, "take its armature, damping, friction and springs out")
+    if along:
+        noun, _, name = one.of.partition(" ")
+        yield replace(one, of=f"joint {joints.get(name, name)}" if noun == "joint" else one.of, along=along)
+
+
+def _on_part(one: BorneWeight | Drag, body: str, graph: Machine) -> LeftOut:
+    """The same in the frame of the body of the machine that a body of the reading is part of."""
+    part = graph.part_of(body)
+    if part == body:
+        return replace(one, body=part)
+    T = np.linalg.inv(graph.bodies[part].pose) @ graph.reading.bodies[body].pose
+    if isinstance(one, BorneWeight):
+        return replace(one, body=part, point=_at(T, one.point))
+    return replace(one, body=part, frame=Frame(_at(T, one.frame.p), _clean(T[:3, :3] @ one.frame.R)))
+
+
+def _clean(R: Array) -> Array:
+    """A rotation without what rounding leaves of zeros, as descriptions are read."""
+    return np.where(np.abs(R) < ROUNDING, 0.0, R)
+
+
+def _at(T: Array, point: Array) -> Array:
+    return np.asarray(T[:3, :3] @ point + T[:3, 3])

@@ -1,0 +1,226 @@
+"""What acts in a model file and has no entry in a description or scene: rotors, resistance, weight borne, a medium.
+
+It is kept as data, so that a run can measure it: no engine applies it. Forces are those of MuJoCo's own formulas.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.expressions import number, rotation_matrix, vector
+from screwgauge.reference.mechanism import Frame
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.tables import check_keys, check_name, read_list, read_text, required
+
+Powers = tuple[float, ...]
+"""Coefficients c0, c1, ... of the force ``x (c0 + c1 s + c2 s^2 + ...)``: s is x of a spring, and |x| of a damper."""
+
+
+def spring_law(powers: Powers, x: Array) -> Array:
+    """Force of a spring. Shape of `x`."""
+    return _law(powers, x, x)
+
+
+def damper_law(powers: Powers, rate: Array) -> Array:
+    """Force of a damper, which resists both ways alike. Shape of `rate`."""
+    return _law(powers, rate, np.abs(rate))
+
+
+def _law(powers: Powers, x: Array, s: Array) -> Array:
+    return np.asarray(sum((c * x * s**k for k, c in enumerate(powers)), np.zeros_like(x)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Resistance:
+    """Inertia and passive forces along a sum of joint coordinates: of a hinge, slide, fixed tendon or actuator.
+
+    Attributes:
+        of: What has them, a noun and a name: ``joint m1``.
+        along: Coordinate -> what a unit of it adds to the stroke.
+        armature: [kg m^2 or kg] of a stroke in rad or m.
+        damping: Law of the rate [N m s/rad or N s/m, ...].
+        friction: Dry friction [N m or N].
+        stiffness: Law of what the stroke lacks to, or exceeds, the range `rest` [N m/rad or N/m, ...].
+        rest: Where the spring exerts nothing [rad or m].
+    """
+
+    of: str
+    along: Mapping[str, float]
+    armature: float = 0.0
+    damping: Powers = ()
+    friction: float = 0.0
+    stiffness: Powers = ()
+    rest: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TurnResistance:
+    """The same of a joint that turns about three axes (S), or is free (F), alike in all directions.
+
+    Attributes:
+        joint: Name of the joint.
+    """
+
+    of: str
+    joint: str
+    armature: float = 0.0
+    damping: Powers = ()
+    friction: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BorneWeight:
+    """Weight that something bears which is neither joint nor actuator (MuJoCo's gravcomp).
+
+    Attributes:
+        body: On which it acts.
+        mass: Whose weight is borne [kg].
+        point: Where, in the body's frame [m]. Shape (3,).
+    """
+
+    of: str
+    body: str
+    mass: float
+    point: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drag:
+    """Drag of a medium on a box that has the mass and inertia of a body, or of a part of one.
+
+    Attributes:
+        body: On which it acts.
+        density, viscosity: Of the medium [kg/m^3, Pa s].
+        wind: World axes [m/s]. Shape (3,).
+        box: Edges [m]. Shape (3,).
+        frame: Centre and axes of the box in the body's frame.
+    """
+
+    of: str
+    body: str
+    density: float
+    viscosity: float
+    wind: Array
+    box: Array
+    frame: Frame = field(default_factory=Frame)
+
+
+LeftOut = Resistance | TurnResistance | BorneWeight | Drag
+
+_LAWS = {"armature", "damping", "friction"}
+
+
+def read_left_out(
+    data: dict[str, Any], where: str, coordinates: Collection[str], joints: Collection[str], bodies: Collection[str]
+) -> tuple[LeftOut, ...]:
+    """Reads ``[[left_out]]`` of a description; there may be none.
+
+    Args:
+        coordinates, joints, bodies: Names that entries may use: of coordinates, of S and F joints, of bodies.
+
+    Raises:
+        DescriptionError: An entry is none of these.
+    """
+    known = {"along": coordinates, "joint": joints, "body": bodies}
+    return tuple(_entry(item, f"{where}, left_out", known) for item in read_list(data, "left_out", where))
+
+
+def _entry(table: Any, where: str, known: Mapping[str, Collection[str]]) -> LeftOut:
+    kind = next((kind for kind in _READERS if isinstance(table, dict) and kind <= table.keys()), None)
+    if kind is None:
+        keys = ", ".join(" with ".join(sorted(kind)) for kind in _READERS)
+        raise DescriptionError("an entry acts on nothing that is known", where, f"give it one of: {keys}")
+    keys, read = _READERS[kind]
+    check_keys(table, {"of", *kind, *keys}, where)
+    return read(table, f"{where}, {read_text(table, 'of', where)}", known)
+
+
+def _resistance(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]]) -> Resistance:
+    shares = table["along"]
+    check_keys(shares, known["along"], f"{where}, along")
+    rest = table.get("rest", 0.0)
+    low, high = vector(rest, f"{where}, rest", 2) if isinstance(rest, list) else [number(rest, f"{where}, rest")] * 2
+    return Resistance(
+        along={name: number(share, f"{where}, along.{name}") for name, share in shares.items()},
+        stiffness=_powers(table, "stiffness", where),
+        rest=(float(low), float(high)),
+        **_laws(table, where),
+    )
+
+
+def _turn_resistance(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]]) -> TurnResistance:
+    joint = check_name("S or F joint", read_text(table, "joint", where), known["joint"], f"{where}, joint")
+    return TurnResistance(joint=joint, **_laws(table, where))
+
+
+def _laws(table: dict[str, Any], where: str) -> dict[str, Any]:
+    single = {name: number(table.get(name, 0.0), f"{where}, {name}") for name in ("armature", "friction")}
+    return {"of": table["of"], **single, "damping": _powers(table, "damping", where)}
+
+
+def _powers(table: dict[str, Any], key: str, where: str) -> Powers:
+    """A law from one number, or a list of them."""
+    value = table.get(key, [])
+    some = value if isinstance(value, list) else [value]
+    return tuple(float(x) for x in vector(some, f"{where}, {key}", len(some))) if some else ()
+
+
+def _weight(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]]) -> BorneWeight:
+    body = check_name("body", read_text(table, "body", where), known["body"], f"{where}, body")
+    mass, point = number(table["mass"], f"{where}, mass"), vector(table.get("point", [0, 0, 0]), f"{where}, point")
+    return BorneWeight(table["of"], body, mass, point)
+
+
+def _drag(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]]) -> Drag:
+    return Drag(
+        of=table["of"],
+        body=check_name("body", read_text(table, "body", where), known["body"], f"{where}, body"),
+        density=number(table.get("density", 0.0), f"{where}, density"),
+        viscosity=number(table.get("viscosity", 0.0), f"{where}, viscosity"),
+        wind=vector(table.get("wind", [0, 0, 0]), f"{where}, wind"),
+        box=vector(required(table, "box", where), f"{where}, box"),
+        frame=Frame(
+            vector(table.get("point", [0, 0, 0]), f"{where}, point"),
+            rotation_matrix(table.get("rotation", []), f"{where}, rotation"),
+        ),
+    )
+
+
+_Reader = Callable[[dict[str, Any], str, Mapping[str, Collection[str]]], LeftOut]
+#: Keys that tell what an entry is -> its further keys, and who reads it.
+_READERS: dict[frozenset[str], tuple[set[str], _Reader]] = {
+    frozenset({"along"}): ({*_LAWS, "stiffness", "rest"}, _resistance),
+    frozenset({"joint"}): (_LAWS, _turn_resistance),
+    frozenset({"body", "box"}): ({"density", "viscosity", "wind", "point", "rotation"}, _drag),
+    frozenset({"body", "mass"}): ({"point"}, _weight),
+}
+
+
+def entries(one: LeftOut) -> dict[str, Any]:
+    """An entry of ``[[left_out]]``, without what is zero."""
+    match one:
+        case Resistance():
+            rest = {"rest": np.array(one.rest)} if any(one.rest) and one.stiffness else {}
+            laws = {"stiffness": np.array(one.stiffness)} if one.stiffness else {}
+            return {"of": one.of, "along": dict(one.along), **_written(one), **laws, **rest}
+        case TurnResistance():
+            return {"of": one.of, "joint": one.joint, **_written(one)}
+        case BorneWeight():
+            return {"of": one.of, "body": one.body, "mass": one.mass, "point": one.point}
+    medium = {"density": one.density, "viscosity": one.viscosity, "wind": one.wind}
+    placed = {"point": one.frame.p, "rotation": {"matrix": one.frame.R}}
+    return {"of": one.of, "body": one.body, "box": one.box, **medium, **placed}
+
+
+def _written(one: Resistance | TurnResistance) -> dict[str, Any]:
+    numbers: Iterable[tuple[str, Any]] = (
+        ("armature", one.armature),
+        ("damping", np.array(one.damping) if one.damping else None),
+        ("friction", one.friction),
+    )
+    return {name: value for name, value in numbers if value is not None and np.any(value)}

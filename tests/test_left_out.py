@@ -1,0 +1,202 @@
+"""What acts in a model file and is not modelled is measured at the compared states, or the file is refused by name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+import screwgauge
+from support.errors import DescriptionError, ModelFileError, UnknownNameError
+from support.judging import admitted_by, answer_at, measured
+from support.mechanism import load_mechanism, same_content
+from support.models import Options, description, import_model
+
+INERTIAL = '<inertial pos="0.1 0.02 0.03" mass="{}" diaginertia="0.02 0.03 0.025"/>'
+CHAIN = (
+    '<mujoco><compiler angle="radian"/><option {option}/><worldbody>'
+    '<body name="a" {a}><joint name="ja" axis="0 1 0" {ja}/>' + INERTIAL.format(1.2) + '<site name="s"/>'
+    '<body name="b" pos="0.3 0 0" euler="0.2 0.3 0.1"><joint name="jb" type="slide" axis="1 0 0" {jb}/>'
+    + INERTIAL.format(0.7)
+    + '<body name="c" pos="0.3 0 0.1" {c}><joint name="jc" axis="1 0 0" {jc}/>'
+    + INERTIAL.format(0.5)
+    + '<body name="d" pos="0.1 0 0.1" {d}>'
+    + INERTIAL.format(0.2)
+    + "</body></body></body></body>{world}</worldbody>"
+    '{end}<actuator><motor name="ma" joint="ja" {ma}/><motor joint="jb"/><motor joint="jc"/>{motors}</actuator>'
+    "</mujoco>"
+)
+
+
+def chain(**parts: str) -> str:
+    """Three joints in a row: a hinge, a slide, a hinge."""
+    names = ("option", "a", "ja", "jb", "c", "jc", "d", "world", "end", "ma", "motors")
+    return CHAIN.format(**{**dict.fromkeys(names, ""), **parts})
+
+
+THREE = (
+    '<tendon><fixed name="t" {}><joint joint="ja" coef="1.5"/><joint joint="jb" coef="2"/>'
+    '<joint joint="jc" coef="-2"/></fixed></tendon>'
+)
+FLEX = (
+    '<body name="cloth"><flexcomp name="f" type="grid" count="3 3 1" spacing="0.1 0.1 0.1" dim="2" radius="0.01" '
+    'mass="0.1"><contact contype="0" conaffinity="0"/><edge equality="{}"/></flexcomp></body>'
+)
+PATH = '<tendon><spatial name="r" stiffness="5"><site site="w"/><site site="s"/></spatial></tendon>'
+BALL = '<body name="z" pos="0 1 0"><joint name="ball" type="ball" {}/>' + INERTIAL.format(0.8) + "</body>"
+#: File, and what its refusal names.
+REFUSED = {
+    "tendon held": (chain(end=THREE.format("") + '<equality><tendon name="e" tendon1="t"/></equality>'), "equality e"),
+    "flex held": (chain(world=FLEX.format("true")), "equality"),
+    "flex": (chain(world=FLEX.format("false")), "flexible bodies"),
+    "spatial tendon": (chain(world='<site name="w" pos="0 0 1"/>', end=PATH), "spatial tendon r"),
+    "spring that yields": (chain(ja='stiffness="2" springyield="0.1"'), "yield of springs of joint ja"),
+    "ellipsoid": (
+        chain(option='density="2"', world='<geom fluidshape="ellipsoid" size="1"/>'),
+        "fluid shape of geoms",
+    ),
+    "weight borne by some": (
+        chain(c='gravcomp="1"', jc='actuatorgravcomp="true"'),
+        "actuators bear the weight of body c",
+    ),
+    "rotor of a ball": (
+        chain(world=BALL.format(""), motors='<motor name="x" joint="ball" armature="1"/>'),
+        "actuator x",
+    ),
+    "spring of a ball": (chain(world=BALL.format('stiffness="1"')), "joint ball is a ball joint with a spring"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_acts_and_cannot_be_measured_is_refused_by_name(case, write):
+    text, name = REFUSED[case]
+    path = write("own.xml", text)
+    with pytest.raises(ModelFileError, match=name):
+        import_model(path)
+    with pytest.raises(ModelFileError, match=name):
+        screwgauge.load_scene(path)
+
+
+@pytest.mark.parametrize("end", ['<tendon name="e" tendon1="t" active="false"/>', ""])
+def test_what_is_not_active_is_not_refused(end, write):
+    import_model(write("own.xml", chain(end=THREE.format("") + f"<equality>{end}</equality>")))
+
+
+def test_an_equality_that_the_reader_does_not_read_is_refused(write):
+    path = write("own.xml", chain(end='<equality><joint name="e" joint1="jc" joint2="ja"/></equality>'))
+    with pytest.raises(ModelFileError, match="equality e, which pinocchio does not read"):
+        import_model(path, Options(library="pinocchio"))
+
+
+LAWS = 'armature="0.02" damping="0.3 0.1 0.2" frictionloss="0.4" stiffness="2 1 3" springref="0.1"'
+#: A file with everything that is measured, by what it has.
+MEASURED = {
+    "hinge and slide": {"ja": LAWS, "jb": 'armature="0.3" damping="2" frictionloss="0.2" stiffness="5"'},
+    "actuator": {"ma": 'gear="10" armature="1e-3" damping="0.002 0.001"'},
+    "tendon": {"end": THREE.format('stiffness="3 2" damping="0.5 0.1" armature="0.01" springlength="-0.1 0.1"')},
+    "actuator of a tendon": {
+        "end": THREE.format(""),
+        "motors": '<motor tendon="t" gear="3" armature="2e-3" damping="0.01 0.02"/>',
+    },
+    "weight borne by some parts": {"a": 'gravcomp="1"', "c": 'gravcomp="0.5"'},
+    "weight borne by actuators": {
+        **dict.fromkeys(("a", "c"), 'gravcomp="1"'),
+        **dict.fromkeys(("ja", "jb", "jc"), 'actuatorgravcomp="true"'),
+    },
+    "dense medium in the wind": {"option": 'density="100" wind="1 0.5 0.2"'},
+    "viscous medium": {"option": 'viscosity="3"'},
+    "switched off": {"option": 'density="0"><flag spring="disable" damper="disable"/></option><option', "ja": LAWS},
+}
+
+
+def moving(path, bare: bool = True):
+    """Forces that are left out of a file along the motion of its scene, whose springs are taken off if `bare`."""
+    scene = screwgauge.load_scene(path)
+    scene = replace(scene, applied=replace(scene.applied, springs=())) if bare else scene
+    wanted = ("joint_position", "joint_velocity", "joint_acceleration", "generalized_force")
+    solution = screwgauge.run(scene, ["screw"], wanted).solutions["screw"]
+    answer = answer_at(scene.mechanism, scene.problem(wanted), solution, np.arange(len(scene.t)))
+    return solution, measured(answer, admitted_by(answer), scene.mechanism.left_out)
+
+
+def of_mujoco(path, answer, bare: bool) -> np.ndarray:
+    """``mj_inverse`` along the coordinates of an answer, dry friction off: with it MuJoCo follows the acceleration."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    data, out = mujoco.MjData(model), []
+    columns = [answer.mechanism.coordinates.index(model.joint(i).name) for i in range(model.njnt)]
+    for q, qd, qdd in zip(*answer.joints, strict=True):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q[columns], qd[columns], qdd[columns]
+        mujoco.mj_inverse(model, data)
+        out.append(data.qfrc_inverse[np.argsort(columns)].copy())
+    return np.array(out)[:, answer.mechanism.independent_columns]
+
+
+@pytest.mark.parametrize("case", MEASURED)
+def test_what_is_left_out_is_what_mujoco_adds(case, write):
+    path = write("own.xml", chain(**MEASURED[case]))
+    solution, forces = moving(path)
+    added = [forces.generalized(wrenches) for kind, wrenches in forces.needed.items() if kind != "dry friction"]
+    rigid = solution.values["generalized_force"].array
+    expected = of_mujoco(path, forces.answer, bare=True)
+    assert np.abs(rigid + sum(added, np.zeros_like(rigid)) - expected).max() <= 1e-13 * np.abs(expected).max()
+    assert added or case in ("switched off", "weight borne by actuators")
+
+
+@pytest.mark.parametrize("kind", ["ball", "free"])
+def test_a_joint_of_several_freedoms_resists_as_in_mujoco(kind, write):
+    laws = 'armature="0.3" damping="0.4 0.2"'
+    path = write("own.xml", chain(world=BALL.format(laws).replace('type="ball"', f'type="{kind}"')))
+    _, forces = moving(path)
+    (one,) = forces.answer.mechanism.left_out
+    assert (one.of, one.armature, one.damping) == ("joint ball", 0.3, (0.4, 0.2))
+    answer, k = forces.answer, forces.answer.mechanism.body_index["z"] - 1
+    com, body = answer.motion.com, answer.motion.bodies
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    data = mujoco.MjData(model)
+    dof, i = model.joint("ball").dofadr[0], model.joint("ball").qposadr[0]
+    for n in range(0, len(answer.t), 10):
+        R, p = body.R[n, k], body.p[n, k]
+        w, b = R.T @ body.w[n, k], R.T @ body.b[n, k]
+        q = np.zeros(4)
+        mujoco.mju_mat2Quat(q, np.ascontiguousarray(R).ravel())
+        free = kind == "free"
+        data.qpos[i : i + 4 + 3 * free] = np.concatenate([p, q]) if free else q
+        data.qvel[dof:] = np.concatenate([body.v[n, k], w]) if free else w
+        data.qacc[dof:] = np.concatenate([body.a[n, k], b]) if free else b
+        mujoco.mj_inverse(model, data)
+        expected = model.dof_armature[dof:] * data.qacc[dof:] - data.qfrc_passive[dof:]
+        wrench = sum(wrenches[n, k] for wrenches in forces.needed.values())
+        moment = wrench[3:] - np.cross(p - com.p[n, k], wrench[:3])
+        got = np.concatenate([wrench[:3], R.T @ moment]) if free else R.T @ moment
+        assert np.abs(got - expected).max() <= 1e-12 * np.abs(expected).max()
+
+
+def test_a_description_keeps_what_is_left_out_of_its_file(write):
+    parts = {"ja": LAWS, "a": 'gravcomp="0.5"', "option": 'density="9" viscosity="2" wind="1 0 2"'}
+    parts["end"] = THREE.format('stiffness="3 2" frictionloss="0.2" springlength="-0.1 0.1"')
+    mechanism = import_model(write("own.xml", chain(world=BALL.format('damping="0.2"'), **parts))).mechanism
+    again = load_mechanism(write("again.toml", description(mechanism)))
+    assert len(mechanism.left_out) == len(again.left_out) == 9
+    for one, other in zip(mechanism.left_out, again.left_out, strict=True):
+        assert type(one) is type(other)
+        assert same_content(one, other)
+
+
+def test_a_description_refuses_what_it_does_not_know(write):
+    text = description(import_model(write("own.xml", chain(ja=LAWS))).mechanism)
+    head, entry = text.split("[[left_out]]")
+    wrong = {
+        "unknown coordinate": entry.replace("ja = 1", "jx = 1"),
+        "unknown key": entry + "mass = 1\n",
+        "no number": entry.replace("armature = 0.02", 'armature = "much"'),
+        "acts on nothing": "\nof = 'joint ja'\n",
+        "no name": entry.replace('of = "joint ja"', ""),
+    }
+    for name, bad in wrong.items():
+        assert bad != entry, name
+        with pytest.raises((DescriptionError, UnknownNameError)):
+            load_mechanism(write("bad.toml", f"{head}[[left_out]]{bad}"))
