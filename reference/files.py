@@ -33,6 +33,7 @@ LIMITS = {
     "bodies": 500,
     "joints": 1000,
     "links": 2000,
+    "copies": 10_000,
     "closures": 1000,
     "couplings": 1000,
     "harmonics": 1000,

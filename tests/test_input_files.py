@@ -173,7 +173,7 @@ def test_a_model_file_is_read_as_all_others(
 ):
     text = paper_models[f"3ups-upu-s{suffix}"].encode()
     end = text.rindex(b"</")
-    many = {".urdf": b"<link name='x'/>", ".xml": b"<worldbody>" + b"<body></body>" * 2001 + b"</worldbody>"}
+    many = {".urdf": b"<link name='x'/>", ".xml": b'<worldbody><replicate count="2001"><body/></replicate></worldbody>'}
     data = {
         "bom": BOM + text,
         "latin-1": text + b"<!-- \xe4 -->",

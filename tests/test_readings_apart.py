@@ -6,6 +6,7 @@ import os
 
 import pytest
 
+from screwgauge import ScrewgaugeError
 from screwgauge.study import isolation, loading
 from support.errors import LoaderError, ModelFileError
 
@@ -31,6 +32,21 @@ def test_a_crash_costs_one_reading(write, monkeypatch):
     with pytest.raises(LoaderError, match=r"pinocchio does not survive it \(crashed: its process got SIGABRT\)"):
         loading.read_isolated(roots, "pinocchio")
     assert list(loading.read_isolated(roots, "mujoco").bodies) == ["a", "b", "c"]
+
+
+@pytest.mark.slow
+def test_a_reading_that_takes_all_memory_ends_and_names_no_option_of_engines(write, monkeypatch):
+    def greedy(path, *rest, **more):
+        return len(bytearray(4_500_000_000))  # never touched: that it may be had is enough
+
+    monkeypatch.setattr(isolation, "isolated", REAL)
+    monkeypatch.setattr(loading, "read", greedy)
+    monkeypatch.setattr(loading, "import_model", greedy)
+    path = write("roots.xml", f"<mujoco><worldbody>{ROOTS}</worldbody></mujoco>")
+    for load in (lambda: loading.read_isolated(path, "mujoco"), lambda: loading.import_isolated(path)):
+        with pytest.raises(ScrewgaugeError, match="needs more than 4 GB of memory") as refusal:
+            load()
+        assert "--memory" not in str(refusal.value)
 
 
 @pytest.mark.slow

@@ -148,6 +148,55 @@ def test_too_many_or_too_deep_links_are_refused(write):
         read(write("deep.xml", mjcf("<frame>" * n + "</frame>" * n)), "mujoco")
 
 
+def hanging(inside: str) -> str:
+    """A body that swings, and what a file has MuJoCo make beside it."""
+    return mjcf(f"{BODY}{inside}")
+
+
+FREE = f'<body name="b"><freejoint/>{INERTIAL}</body>'
+FLEX = '<flexcomp name="f" type="{}" {}="{}" dim="2" radius="0.01" mass="1"/>'
+#: Few tags of which MuJoCo makes very much.
+MULTIPLIED = {
+    "bodies": f'<replicate count="10000000">{FREE}</replicate>',
+    "nested": '<replicate count="1000">' * 3 + FREE + "</replicate>" * 3,
+    "nested without end": '<replicate count="999999999">' * 400 + FREE + "</replicate>" * 400,
+    "in a frame": f'<frame><replicate count="2001">{FREE}</replicate></frame>',
+    "sites": '<replicate count="10001"><site/></replicate>',
+    "grid": FLEX.format("grid", "count", "400 400 400"),
+    "points": FLEX.format("direct", "point", "0 " * 9000),
+    "cable": '<composite type="cable" count="3000 1 1" size="1" curve="s"/>',
+    "cables": '<replicate count="100"><composite type="cable" count="30 1 1" size="1" curve="s"/></replicate>',
+}
+
+
+@pytest.mark.parametrize("case", MULTIPLIED)
+def test_what_a_tag_makes_is_counted_before_a_library_sees_it(case, write):
+    with pytest.raises(ScrewgaugeError, match=r"(links|copies), more than"):
+        read(write("many.xml", hanging(MULTIPLIED[case])), "mujoco")
+
+
+def test_models_that_are_attached_in_copies_count_as_often(write):
+    write("part.xml", mjcf(BODY * 1).replace("<mujoco", '<mujoco model="part"'))
+    attach = '<replicate count="2001"><frame><attach model="part" body="a" prefix="x"/></frame></replicate>'
+    asset = '<asset><model name="part" file="part.xml"/></asset>'
+    with pytest.raises(ScrewgaugeError, match="links, more than"):
+        read(write("many.xml", mjcf(BODY + attach, asset)), "mujoco")
+
+
+def test_copies_as_many_as_they_may_be_are_read(write):
+    swinging = f'<body name="b"><joint name="k"/>{INERTIAL}</body>'
+    text = hanging(f'<replicate count="20">{swinging}</replicate><replicate count="100"><site/></replicate>')
+    assert len(read(write("some.xml", text), "mujoco").joints) == 21
+
+
+SIZES = ("nuser_body", "nuser_jnt", "nuser_geom", "nuser_site", "nuser_tendon", "nuser_sensor", "nkey", "njmax")
+
+
+@pytest.mark.parametrize("size", [*(f'{name}="1000000000"' for name in SIZES), 'memory="900G"'])
+def test_memory_that_a_file_asks_for_is_not_taken(size, write):
+    assert [*read(write("large.xml", mjcf(BODY, f"<size {size}/>")), "mujoco").joints] == ["j"]
+
+
 @pytest.mark.parametrize("library", ["mujoco", "pinocchio"])
 def test_chains_as_long_as_they_may_be_are_read(library, write):
     n = LIMITS["nested elements"] // 2 - 10

@@ -17,7 +17,7 @@ from screwgauge.solution import Failure
 from screwgauge.study.isolation import Limits, isolated_calls
 
 #: Of one reading: the largest models take a second. Of one import: the largest public models take a few.
-LOADING, IMPORTING = Limits(seconds=60.0), Limits(seconds=120.0)
+LOADING, IMPORTING = Limits(seconds=60.0, memory=4.0), Limits(seconds=120.0, memory=4.0)
 
 
 def read_isolated(path: Path, library: str, floating: bool = False) -> Reading:
@@ -30,7 +30,8 @@ def read_isolated(path: Path, library: str, floating: bool = False) -> Reading:
     process = f"{library}-reading"
     reading = isolated_calls({process: partial(read, path, library, floating=floating)}, LOADING)[process]
     if isinstance(reading, Failure):
-        raise LoaderError(f"{library} does not survive it ({reading.reason})", str(path), "let another library read it")
+        what = f"{library} does not survive it ({_reason(reading)})"
+        raise LoaderError(what, str(path), "let another library read it")
     return reading
 
 
@@ -47,7 +48,7 @@ def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
     for each in (a, b):
         one = isolated_calls({"meshes": partial(weighed, each, scratch_folder())}, LOADING)["meshes"]
         if isinstance(one, Failure):
-            what = f"mujoco does not survive its meshes ({one.reason})"
+            what = f"mujoco does not survive its meshes ({_reason(one)})"
             raise LoaderError(what, each, "give its bodies an <inertial>")
         models.append(one)
     return models[0], models[1]
@@ -62,5 +63,10 @@ def import_isolated(path: Path, options: Options | None = None) -> Imported:
     imported = isolated_calls({"import": partial(import_model, path, options or Options())}, IMPORTING)["import"]
     if isinstance(imported, Failure):
         remedy = "let another library read it (--reader), or give a smaller model"
-        raise ModelFileError(f"cannot be read: {imported.reason}", str(path), remedy)
+        raise ModelFileError(f"cannot be read: {_reason(imported)}", str(path), remedy)
     return imported
+
+
+def _reason(failure: Failure) -> str:
+    """Why a reading failed, without the options of engines, which set no limit of a reading."""
+    return failure.reason.partition("; --")[0]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
@@ -254,14 +256,45 @@ def _collect(root: ET.Element, path: Path, folder: Path, above: tuple[Path, ...]
 
 
 def _check_size(collected: Mapping[Path, Part]) -> None:
-    """Refuses files that attach each other so often that there would be too many bodies."""
-    counts = dict[Path, int]()
+    """Refuses files that attach each other so often that there would be too many bodies, or too much of anything."""
+    bodies = dict[Path, float]()
     for path, part in collected.items():
-        own = sum(element.tag == "body" for element in part.root.iter())
         names = {name or collected[file].root.get("model", ""): file for name, file in part.models.items()}
-        attached = [names.get(element.get("model", "")) for element in part.root.iter("attach")]
-        counts[path] = own + sum(counts[file] for file in attached if file is not None)
-        check_count(counts[path], "links", str(path))
+        attached = {name: bodies[file] for name, file in names.items()}
+        bodies[path] = check_copies(part.root, str(path), attached)
+
+
+def check_copies(root: ET.Element, where: str, attached: Mapping[str, float] = MappingProxyType({})) -> float:
+    """Count the bodies that MuJoCo makes of an MJCF, and refuse too many of them or of any copies.
+
+    Args:
+        attached: Model that the file attaches -> bodies that MuJoCo makes of that.
+
+    Raises:
+        DescriptionError: There would be too many.
+    """
+    bodies = copies = 0.0
+    waiting = [(root, 1.0)]
+    while waiting:
+        element, times = waiting.pop()
+        if element.tag in MAKERS:
+            times *= _count(element)
+        if element.tag == "attach":
+            bodies += times * attached.get(element.get("model", ""), 0.0)
+        elif element.tag in ("body", "composite") or (element.tag == "flexcomp" and element.get("rigid") != "true"):
+            bodies += times
+        copies += times if times > 1.0 else 0.0
+        waiting += [(child, times) for child in element]
+    check_count(bodies, "links", where)
+    check_count(copies, "copies", where)
+    return bodies
+
+
+def _count(maker: ET.Element) -> float:
+    """How many copies are made of what is in an element, at most; what is no number MuJoCo refuses itself."""
+    words = maker.get("count", "10 10 10" if maker.tag == "flexcomp" else "").split()
+    counts = [max(float(word), 1.0) for word in words if word.isdecimal()]
+    return max(math.prod(counts), len(maker.get("point", "").split()) / 3)
 
 
 def _include(root: ET.Element, path: Path, folder: Path) -> list[str]:

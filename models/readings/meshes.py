@@ -17,8 +17,8 @@ from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import check_count, read_bytes
 
 _FROM_FILES = ("mesh", "hfield", "sdf")
-#: Sections of an MJCF that a reading does not hold, and that name what is taken out.
-_SECTIONS = ("asset", "visual", "sensor", "statistic", "custom")
+#: Sections of an MJCF that a reading does not hold, and that name what is taken out, or how much memory it takes.
+_SECTIONS = ("asset", "visual", "sensor", "statistic", "custom", "size")
 #: Elements that read other files without an attribute `file`.
 _READERS = ("skin",)
 
