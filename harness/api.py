@@ -65,7 +65,7 @@ def check(
     """Compares engines on scenes, or pairs of model files, with tolerances.
 
     Args:
-        what: Built-in scenes, files, folders of TOML; two model files are a pair. All built-in scenes by default.
+        what: Built-in scenes, files, folders of TOML, at least one; two model files are a pair.
         smoke: A few samples of an exciting motion in place of a scene's own.
         tolerances: Quantity -> scaled error that is admitted, or a TOML file of them; scenes' own come first.
         baseline: File of a known state, whose errors must not have grown.
@@ -78,9 +78,12 @@ def check(
     Raises:
         ScrewgaugeError: Bad input. What is wrong with one scene is no error but a row.
     """
+    from screwgauge.reference.errors import DescriptionError
     from screwgauge.report.pages.check import check_with
     from screwgauge.study.runner import InTurn, Processes
 
+    if not what:
+        raise DescriptionError("nothing is named", "check", "name scenes, folders or model files")
     execute = InTurn() if limits is None else Processes(jobs, limits)
     return check_with(
         execute, what, smoke=smoke, tolerances=tolerances, baseline=baseline, progress=progress, journal=journal

@@ -255,6 +255,8 @@ def check(options: argparse.Namespace) -> int:
 
     if options.update and options.baseline is None:
         raise DescriptionError("--update does not know what", "check", "name a file by --baseline")
+    if options.no_default and not options.what:
+        raise DescriptionError("nothing is named", "check", "name scenes, folders or model files")
     check_files(options)
     if options.store is not None:
         check_store(options.store)
