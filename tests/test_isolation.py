@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import pickle
 from dataclasses import replace
 from functools import partial
+from importlib import import_module
 
 import numpy as np
 import pytest
 
 import screwgauge
 from screwgauge import Limits, ScrewgaugeError
+from screwgauge.study import isolation
 from support import bad_works
+from support.command import main
 from support.engines import ENGINES, Failure, Values, check_same, further_engines, isolated, silent
 from support.errors import ModelFileError, UnknownNameError
 
@@ -40,6 +44,25 @@ def ended():
 def test_what_ends_its_process_says_how(name, reason, ended):
     assert ended[name].reason == reason
     assert ended[name].engine == name
+
+
+@pytest.mark.parametrize("command", ["run", "import"])
+@pytest.mark.parametrize("lacking", ["/dev/shm", "/proc"])
+def test_a_system_without_the_folders_of_processes_is_named_in_one_sentence(
+    lacking, command, monkeypatch, inside, refused, capfd
+):
+    def refuse(*arguments):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(isolation, "_EXECUTORS", {})
+    if lacking == "/dev/shm":
+        monkeypatch.setattr(import_module("loky.backend.synchronize"), "_SemLock", refuse)
+    else:
+        real = os.path.exists
+        monkeypatch.setattr(os.path, "exists", lambda path: not str(path).startswith("/proc") and real(path))
+    assert main(["models", "slider-crank", "--out", "."]) == 0
+    capfd.readouterr()
+    assert refused(command, "slider-crank.xml").startswith(f"screwgauge: {lacking}: ")
 
 
 def test_what_cannot_be_told_is_a_failure(ended):

@@ -7,6 +7,7 @@ import os
 import re
 import resource
 import signal
+import sys
 import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
@@ -29,6 +30,7 @@ from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 from screwgauge.problem import Progress
 from screwgauge.processes import ONE, SAFE, inherit_safely
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, shown
+from screwgauge.reference.files import why
 from screwgauge.solution import Failure
 from screwgauge.study.lifeline import hold, lifeline
 
@@ -253,11 +255,26 @@ def _submit(name: str, work: Callable[[], T]) -> Future[T]:
         try:
             future: Future[T] = _EXECUTORS[name].submit(work)
         except (KeyError, BrokenProcessPool):
-            _EXECUTORS[name] = ProcessPoolExecutor(
-                max_workers=1, timeout=IDLE, env=ENVIRONMENT, initializer=_begin, initargs=(lifeline(),)
-            )
+            _EXECUTORS[name] = _executor()
             future = _EXECUTORS[name].submit(work)
     return future
+
+
+def _executor() -> ProcessPoolExecutor:
+    """A process that waits for jobs.
+
+    Raises:
+        ScrewgaugeError: The system has no place for its semaphores, or no /proc, by which it is ended.
+    """
+    remedy = "mount it as systems usually do, or call screwgauge.run from Python, which starts no processes"
+    if sys.platform == "linux" and not os.path.exists("/proc/self/stat"):
+        raise ScrewgaugeError("is not there, without which no process is watched and ended", "/proc", remedy)
+    try:
+        return ProcessPoolExecutor(
+            max_workers=1, timeout=IDLE, env=ENVIRONMENT, initializer=_begin, initargs=(lifeline(),)
+        )
+    except OSError as error:
+        raise ScrewgaugeError(f"cannot hold semaphores of processes ({why(error)})", "/dev/shm", remedy) from None
 
 
 def _stop(name: str) -> None:
