@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from time import perf_counter, perf_counter_ns, process_time
@@ -14,6 +14,8 @@ from screwgauge.reference.rotations import Array
 
 #: Name of the known solution with which the engines of a simulated scene are compared.
 REFERENCE = "reference"
+#: The engine that proves how far its numbers may be off: the measure of all others.
+TRUTH = "truth"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +72,42 @@ class Cost:
     evaluations: int = 0
 
 
+#: Whence an engine knows how far its numbers may be off.
+ROUNDING, SOFTNESS, ENCLOSURE = "rounding of its largest summands", "softness of constraints", "enclosure"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Error:
+    """How far the numbers of one quantity may be off, as its engine says.
+
+    Attributes:
+        scaled: At each sample, over the largest magnitude of the unit over all samples, worst unit; what is zero within
+            rounding is measured by its largest summand. Infinite where not one digit is right, or there is no number.
+            Shape (n,).
+        absolute: Unit -> what its `source` makes of a number that may be zero [unit].
+        condition: Condition number of all that it was solved from; NaN where it is not known. Shape (n,).
+        source: What makes the absolute error.
+        radius: Rigorous bounds of the distance to the true value; None of an engine that has none. The shape of the
+            values.
+    """
+
+    scaled: Array
+    absolute: Mapping[str, float] = field(default_factory=dict)
+    condition: Array | None = None
+    source: str = ROUNDING
+    radius: Array | None = None
+
+    @property
+    def largest(self) -> float:
+        """The largest scaled error; infinite where one is not known."""
+        return float(np.nan_to_num(self.scaled, nan=np.inf, posinf=np.inf).max(initial=0.0))
+
+    @property
+    def worst_condition(self) -> float:
+        """The largest condition number; NaN where none is known."""
+        return float("nan") if self.condition is None else float(np.max(self.condition))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
     """What a model answers, for every kind of task.
@@ -78,16 +116,8 @@ class Solution:
         values: Quantity -> values.
         condition: Condition number of the closing system with the selection of y, as it was solved. Shape (n,).
         notes: Sentences for the report, such as samples where a rule is singular.
-        tolerances: Errors that the engine itself admits, quantity -> unit -> absolute error [unit]: what rounding of
-            its largest summands makes of a number that may be zero, what soft constraints leave.
-        stated: Quantity -> what its numbers may be off by [their units], as whoever recorded them says.
-        radius: Rigorous bounds of the distance to the true value, quantity -> array of the shape of its values.
-            An engine that has them is the reference of the others.
-        estimate: Quantity -> estimated error at each sample, over its largest magnitude over all samples, worst unit;
-            infinite where not one digit is right, or there is no number. Shape (n,).
-        integration: Of a simulation: quantity -> unit -> estimated error of its integration up to each sample [unit],
-            NaN where that is not known. Shape (n,). Empty where all agrees without it, see `judging.trust`.
-        conditions: Quantity -> condition number of all that it was solved from. Shape (n,).
+        errors: Quantity -> how far its numbers may be off. What it says above 1e-8 never makes two numbers agree, see
+            `judging.allowance`.
         assembly: All joint coordinates [rad or m] in the order of the description, which tell the assembly that was
             solved, whatever was asked for; None where it is not known. Shape (n, n_q).
         rows: The samples that it solved, if not all of them; its arrays are NaN at the others. Shape (n_solved,).
@@ -99,6 +129,7 @@ class Solution:
         warnings: What the engine itself warned of, and what its model file says otherwise than the description or
             beyond it; these are notes, too. With them, agreement is not plain.
         otherwise: What of the latter is physical, with both values, the largest difference first.
+        lacks: Quantity that its engine does not give -> why not. Who loads the engine writes it, never the engine.
     """
 
     engine: str
@@ -107,12 +138,7 @@ class Solution:
     condition: Array
     timings: tuple[Timing, ...] = ()
     notes: tuple[str, ...] = ()
-    tolerances: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    stated: Mapping[str, float] = field(default_factory=dict)
-    radius: Mapping[str, Array] = field(default_factory=dict)
-    estimate: Mapping[str, Array] = field(default_factory=dict)
-    integration: Mapping[str, Mapping[str, Array]] = field(default_factory=dict)
-    conditions: Mapping[str, Array] = field(default_factory=dict)
+    errors: Mapping[str, Error] = field(default_factory=dict)
     assembly: Array | None = None
     rows: Rows | None = None
     setting: str = ""
@@ -121,22 +147,28 @@ class Solution:
     cost: Cost | None = None
     warnings: tuple[str, ...] = ()
     otherwise: tuple[str, ...] = ()
+    lacks: Mapping[str, str] = field(default_factory=dict)
 
     def arranged(self, order: Mapping[str, tuple[str, ...]]) -> Solution:
         """The solution with the components of some quantities in another order."""
         moved = {name: order[name] for name in {*order} & {*self.values} if order[name] != self.values[name].components}
         values = {name: self.values[name].pick(components) for name, components in moved.items()}
-        radius = {
-            name: self.radius[name][..., [self.values[name].components.index(c) for c in components]]
-            for name, components in moved.items()
-            if name in self.radius
-        }
-        return replace(self, values={**self.values, **values}, radius={**self.radius, **radius})
+        errors = dict(self.errors)
+        for name, components in moved.items():
+            if name in errors and (radius := errors[name].radius) is not None:
+                columns = [self.values[name].components.index(c) for c in components]
+                errors[name] = replace(errors[name], radius=radius[:, columns])
+        return replace(self, values={**self.values, **values}, errors=errors)
 
     @property
     def n_solved(self) -> int:
         """How many of the samples it solved."""
         return len(self.condition) if self.rows is None else len(self.rows)
+
+
+def reference_first(solutions: Iterable[Solution]) -> list[Solution]:
+    """The solutions in their order, but for the truth, which comes first."""
+    return sorted(solutions, key=lambda one: one.engine != TRUTH)
 
 
 def common_rows(n: int, *solutions: Solution) -> Rows:

@@ -47,7 +47,7 @@ def test_an_engine_alone_that_leaves_out_is_no_success(stand_in, scene):
     stand_in(mujoco=only("joint_position", "joint_velocity"))
     results = screwgauge.run(scene, engines=["mujoco"], quantities=QUANTITIES)
     assert results.exit_status == 1
-    assert repr(results).startswith(f"✗ NO NUMBER: mujoco: {SAID}.")
+    assert repr(results).startswith(f"✗ PARTLY: mujoco: {SAID}.")
     (refused,) = summary(results)["refused"]
     assert refused == {"engine": "mujoco", "quantities": QUANTITIES[2:], "samples": 2, "reason": SAID}
 
@@ -72,10 +72,13 @@ def test_a_simulation_without_all_joint_motions_is_no_agreement(given, stand_in)
     assert "mujoco: gives no " in repr(results)
 
 
-def test_observables_alone_need_joint_positions_alone(stand_in):
-    stand_in(mujoco=only("joint_position", of="a01-pendulum"))
+def test_observables_alone_need_joint_positions_alone_and_rates_to_be_judged(stand_in):
     scene = load_scene("a01-pendulum").at([0.0, 0.1])
+    stand_in(mujoco=only("joint_position", "joint_velocity", "joint_acceleration", of="a01-pendulum"))
     assert screwgauge.run(scene, engines=["screw", "mujoco"], quantities=["observable"]).ok
+    stand_in(mujoco=only("joint_position", of="a01-pendulum"))
+    results = screwgauge.run(scene, engines=["screw", "mujoco"], quantities=["observable"])
+    assert (results.outcome, results.unjudged) == ("unjudged", ("mujoco",))
 
 
 def test_what_an_engine_cannot_give_is_said_and_no_failure(monkeypatch, stand_in, scene):

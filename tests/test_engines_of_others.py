@@ -13,7 +13,7 @@ import screwgauge
 from screwgauge.study.methods import LONG
 from support import hostile_engine
 from support.command import main
-from support.engines import ENGINES, Solution, Values, ask, engines, further_engines, get_engine, model_files
+from support.engines import ENGINES, Error, Solution, Values, ask, engines, further_engines, get_engine, model_files
 
 QUANTITIES = ["joint_position", "generalized_force"]
 
@@ -57,8 +57,8 @@ def test_any_double_can_be_compared_and_told(value, stand_in, scene, tmp_path):
         extreme = np.full(len(problem.task), abs(value))
         values["unheard"] = values["joint_position"]
         more = {"condition": extreme, "work": extreme}
-        more["estimate"] = dict.fromkeys(QUANTITIES, extreme)
-        return Solution("any", "", values, **more, tolerances={"joint_position": {"rad": value}})
+        errors = dict.fromkeys(QUANTITIES, Error(extreme, {"rad": value}))
+        return Solution("any", "", values, **more, errors=errors)
 
     stand_in(mujoco=answer)
     results = screwgauge.run(scene, quantities=QUANTITIES)

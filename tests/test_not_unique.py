@@ -14,7 +14,7 @@ import pytest
 import screwgauge
 from support.engines import Values
 from support.freedoms import mobility
-from support.judging import compare
+from support.judging import Allowance, compare
 from support.pages import terminal
 from support.report import run_in_terminal, verdict
 from support.scene import sampled
@@ -73,7 +73,7 @@ def compared(results, engine, **changed):
     scene, lay = results.scene, layout(results.scene.mechanism)
     counts = mobility(lay, pose(lay, results.solutions["screw"].assembly[1:2]))
     both = {"screw": results.solutions["screw"], engine: other}
-    return compare(scene.mechanism, scene.problem(()), both, {}, counts, scene.tolerance)
+    return compare(scene.mechanism, scene.problem(()), both, {}, counts, Allowance(scene.tolerance))
 
 
 def test_any_value_of_theirs_leaves_the_verdict_as_it_is_but_what_is_no_number_fails(results, open_):

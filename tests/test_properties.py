@@ -58,7 +58,8 @@ def check(pairs: tuple[dict[str, Solution], ...], factors: dict[str, float]) -> 
             columns = [i for i, has in enumerate(values.units) if has == unit]
             a, b = (each.values[quantity].array[:, columns] for each in (one, other))
             factor = factors.get(quantity, 1.0)
-            admitted = max(ROUNDING, one.estimate[quantity].max()) * np.abs(a).max() + one.tolerances[quantity][unit]
+            error = one.errors[quantity]
+            admitted = max(ROUNDING, error.scaled.max()) * np.abs(a).max() + error.absolute[unit]
             assert np.abs(factor * a - b).max(initial=0.0) <= max(1.0, abs(factor)) * admitted, (engine, quantity, unit)
 
 

@@ -87,7 +87,7 @@ def answers(folder):
             for unit in set(has.units):
                 columns = [i for i, name in enumerate(has.components) if has.units[i] == unit and name not in open_]
                 scale = np.abs(has.array[:, columns]).max(initial=1e-6)
-                admitted = max(ROUNDING, solution.estimate[quantity].max(initial=0.0))
+                admitted = max(ROUNDING, solution.errors[quantity].scaled.max(initial=0.0))
                 for i in columns:
                     values[engine, quantity, has.components[i]] = has.array[:, i], scale * admitted
     return results.ok, values

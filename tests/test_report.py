@@ -85,6 +85,7 @@ def row(quantity: str, unit: str, a: Solution, b: Solution, name: str) -> dict[s
         "unique": True,
         "tolerance": TOLERANCE,
         "ok": bool(worst / 2 <= TOLERANCE),
+        "undecided": 0,
     }
 
 
@@ -105,6 +106,7 @@ def judged(engine: str, ok: bool = True) -> dict[str, Any]:
         "worst_t": 0.5,
         "tolerance": TOLERANCE,
         "ok": ok,
+        "undecided": 0,
         "reason": "",
     }
 
@@ -193,7 +195,7 @@ def test_summary_follows_the_contract(make: Make, tmp_path: Path) -> None:
     fixed = ["scene", "ok", "engines", "quantities", "judge", "timings", "environment"]
     judged_files = ["models", "scene_file", "scene_sha256", "description", "date", "schema"]
     told = ["coverage", "failures", "first_difference", "guard", "known", "refused", "warnings", "engine_warnings"]
-    told += ["not_unique", "forces"]
+    told += ["not_unique", "forces", "outcomes", "undecided"]
     assert set(found) == {*fixed, *judged_files, *told}
     assert {key: found[key] for key in judged_files} == PROVENANCE
     assert found["scene"] == "toy"

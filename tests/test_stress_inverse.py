@@ -164,7 +164,7 @@ def test_truth_encloses_what_is_close_to_a_lock(name: str, lock: float) -> None:
     solutions, failures = solve(still(scene, y, np.ones_like(y)), ("truth",), ("com_acceleration", "reaction"))
     assert not failures
     assert solutions["truth"].rows is None
-    for quantity, radius in solutions["truth"].radius.items():
+    for quantity, radius in {q: error.radius for q, error in solutions["truth"].errors.items()}.items():
         assert radius.max() < 1e-20 * np.abs(solutions["truth"].values[quantity].array).max()
 
 

@@ -16,7 +16,7 @@ from screwgauge import ScrewgaugeError
 from screwgauge.study import stress as study
 from support.acting import Applied
 from support.command import main
-from support.engines import Cost, Method, ModelFiles, Problem, Progress, Solution, Values, quiet
+from support.engines import Cost, Error, Method, ModelFiles, Problem, Progress, Solution, Values, quiet
 from support.errors import ClosureError
 from support.judging import Reference
 from support.mechanism import load_mechanism
@@ -43,8 +43,8 @@ class Fake(Method):
         if math.isnan(self.admitted):
             raise ClosureError("it does not close", "the fake", "start elsewhere")
         values = {"force": Values(("f", "unasked"), ("N", "N"), np.array([[self.error, 7.0]]))}
-        estimate = {"force": np.array([self.admitted])}
-        answer = Solution(self.engine, "", values, np.array([3.0]), estimate=estimate, notes=self.notes)
+        errors = {"force": Error(np.array([self.admitted]))}
+        answer = Solution(self.engine, "", values, np.array([3.0]), errors=errors, notes=self.notes)
         return replace(answer, stopped=self.stopped, cost=Cost(0.1))
 
 

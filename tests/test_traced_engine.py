@@ -45,7 +45,7 @@ def worst(mine, other):
             columns = [i for i, u in enumerate(values.units) if u == unit]
             a, b = mine.values[name].array[:, columns], values.array[:, columns]
             assert np.array_equal(np.isnan(a), np.isnan(b)), name
-            slack = 2.0 * max(solution.tolerances.get(name, {}).get(unit, 0.0) for solution in (mine, other))
+            slack = 2.0 * max(solution.errors[name].absolute[unit] for solution in (mine, other))
             away, size = np.nanmax(np.abs(a - b), initial=0.0), np.nanmax(np.abs(b), initial=0.0)
             found[name, unit] = 0.0 if away <= slack else away / (size or 1.0)
     return max(found.items(), key=lambda item: item[1])
@@ -124,7 +124,7 @@ def test_random_states_on_both_sides_of_the_leg_singularity(backend):
         right = np.isfinite(size).all(axis=1)
         assert (away[right].max(axis=1) <= LOCAL * size[right].max(axis=1)).all(), name
         size = size[right].max()
-        bound = (mine.estimate[name] + other.estimate[name])[right] * size
+        bound = (mine.errors[name].scaled + other.errors[name].scaled)[right] * size
         assert (away[right].max(axis=1) <= bound).all(), name
 
 

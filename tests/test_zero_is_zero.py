@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.engines.error_estimate import Part, Trust, errors
+from screwgauge.engines.error_estimate import Part, Trust, error_of
 from support.engines import Solution, Values
 from support.freedoms import mobility_at_home
-from support.judging import compare, compared, judge
+from support.judging import Allowance, compare, compared, judge
 from support.near import BASE, moving_at
 from support.planar import Bar, at_random, four_bar, moving, slider_crank
 from support.scene import check_actuation, check_scene
@@ -61,8 +61,8 @@ def test_an_error_is_measured_by_no_less_than_a_millionth_of_the_natural_scale()
     trust = Trust(np.full(2, 60.0), np.full(2, 20.0), np.ones(2), load=np.full(2, 1e-4))
     noise = np.array([[1e-19], [0.0]])
     part = Part({"reaction": noise}, trust, np.zeros(0, dtype=np.intp), {"reaction": np.zeros((0, 1))})
-    estimate, _ = errors("reaction", [part], Values(("m",), ("N m",), noise), length=1.0, mass=1.0)
-    assert estimate.max() < 1e-9
+    error = error_of("reaction", [part], Values(("m",), ("N m",), noise), length=1.0, mass=1.0)
+    assert error.largest < 1e-9
 
 
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (0.0, -9.81, 0.0), (0.0, 0.0, 0.0)])
@@ -102,9 +102,9 @@ def test_a_share_of_any_force_is_noticed(write):
             for unit in dict.fromkeys(values.units):
                 for wrong, size in disturbed(alone, quantity, unit):
                     problem, both = scene.problem(()), {"screw": alone, "other": wrong}
-                    errors, _ = compare(scene.mechanism, problem, both, {}, counts, scene.tolerance)
+                    errors, _ = compare(scene.mechanism, problem, both, {}, counts, Allowance(scene.tolerance))
                     rows = errors[(errors["quantity"] == quantity) & (errors["unit"] == unit)]
-                    if size < rows["scale"].max() or size < 1e3 * right.tolerances[quantity][unit]:
+                    if size < rows["scale"].max() or size < 1e3 * right.errors[quantity].absolute[unit]:
                         continue  # it vanishes beside the natural scale, or beside its summands
                     compared = rows[(rows["max_abs"] > 0.0) & (rows["rule"] != "undetermined")]
                     assert not compared["ok"].any(), (seed, compared.to_string())
@@ -148,7 +148,7 @@ def test_a_small_force_among_large_ones_is_seen(write):
     """A millionth of a newton, where weights are ten."""
     scene = moving(write, slider_crank([Bar(0.2), Bar(0.7), Bar(0.0)], 0.6), [0.6], 1.0)
     right = screwgauge.run(scene, engines=["screw"]).solutions["screw"]
-    assert all(size < 1e-12 for by_unit in right.tolerances.values() for size in by_unit.values())
+    assert all(size < 1e-12 for error in right.errors.values() for size in error.absolute.values())
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.engines.error_estimate import Part, errors
+from screwgauge.engines.error_estimate import Part, error_of
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress
 from screwgauge.quantities import BODY_UNITS, FORCE, GIVEN, OF_JOINTS, QUANTITIES, RATE, Quantity
 from screwgauge.reference.equations.joint_types import reaction_names
@@ -121,7 +121,6 @@ def assemble(
         progress(min(1.0, (first + PART) / n))
     table, (engine, version, setting) = names(), labels
     values = {key: Values(*table[key], np.concatenate([part.values[key] for part in parts])) for key in parts[0].values}
-    rounding = {name: errors(name, parts, has, length, mass) for name, has in values.items()}
     return Solution(
         engine=engine,
         version=version,
@@ -129,9 +128,7 @@ def assemble(
         values=values,
         condition=np.concatenate([part.trust.condition for part in parts]),
         timings=clock.timings(engine, setting, n),
-        estimate={name: relative for name, (relative, _) in rounding.items()},
-        tolerances={name: absolute for name, (_, absolute) in rounding.items()},
-        conditions={name: np.concatenate([part.trust.of(name) for part in parts]) for name in values},
+        errors={name: error_of(name, parts, has, length, mass) for name, has in values.items()},
     )
 
 

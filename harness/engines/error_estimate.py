@@ -22,7 +22,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.linear import DIGIT, ROUNDED
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.trace import Scalar, apply
-from screwgauge.solution import Clock, Values
+from screwgauge.solution import Clock, Error, Values
 
 #: Norms of the inverse above which a sample is solved again instead of extrapolated; force systems, being larger,
 #: have condition numbers of a thousand where nothing is wrong.
@@ -210,7 +210,7 @@ def _by_unit(
         yield unit, columns, size, size + summands * arm(unit, length), (whole + summands) * arm(unit, length)
 
 
-def errors(name: str, parts: Sequence[Part], has: Values, length: float, mass: float) -> tuple[Array, dict[str, float]]:
+def error_of(name: str, parts: Sequence[Part], has: Values, length: float, mass: float) -> Error:
     """What rounding makes of a quantity.
 
     What is less than `FLOOR` of its largest summand, or has not one digit, is no measure: if the error is within the
@@ -220,10 +220,8 @@ def errors(name: str, parts: Sequence[Part], has: Values, length: float, mass: f
         length, mass: Of the mechanism [m, kg].
 
     Returns:
-        Estimated error at each sample over the largest magnitude of the unit over all samples, worst unit, shape (n,);
-        that magnitude is at least `FLOOR` of the natural one, as in a scaled error. It is
-        infinite where there is no number, or not one digit of it is right. And by unit the largest of these errors as
-        it is, at most the tolerance of the largest summand.
+        The magnitude that scales it is at least `FLOOR` of the natural one, as in a scaled error. By unit the absolute
+        error is the largest at any sample, at most the tolerance of the largest summand.
     """
     lost, worst, rounding = np.isnan(has.array).any(axis=1), np.zeros(len(has.array)), dict[str, float]()
     natural, numbers = scales_of(length, mass), [np.nan_to_num(x.values[name], posinf=np.inf) for x in parts]
@@ -247,7 +245,8 @@ def errors(name: str, parts: Sequence[Part], has: Values, length: float, mass: f
             error, scale = most, most_of_all
         scale = max(scale or float(size.max(initial=0.0)), FLOOR * natural[unit])
         worst = np.maximum(worst, error / scale)
-    return np.where(lost | ~(worst < DIGIT), np.inf, worst), rounding
+    scaled = np.where(lost | ~(worst < DIGIT), np.inf, worst)
+    return Error(scaled, rounding, np.concatenate([part.trust.of(name) for part in parts]))
 
 
 def absolute(name: str, part: Part, local: Array, columns: Sequence[int], *, zero: bool = False) -> Array:

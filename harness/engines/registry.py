@@ -33,7 +33,7 @@ class EngineModel(Protocol):
     """A loaded model file, to which any number of problems can be put.
 
     It may have an attribute `independent`: labels of its independent coordinates, if they are to be in another order
-    than that of the description.
+    than that of the description, and `lacks`: quantities that it cannot give of this model -> why not.
     """
 
     def solve(self, problem: Problem, progress: Progress = quiet) -> Solution:
@@ -57,6 +57,8 @@ class Engine:
         reads: Ending of its model file.
         cut: Which generated model it reads, ``minimal`` or ``full``; empty if it reads the description.
         lacks: Quantity that it cannot give -> why not. All other quantities it has to give.
+        most: Samples that it solves at the most, see `problem.spread`; 0 for all. Of engines of other packages missing
+            samples count as missing, whatever they say.
         sprung: Whether it knows springs and motors.
     """
 
@@ -69,6 +71,7 @@ class Engine:
     cut: str = ""
     lacks: Mapping[str, str] = field(default_factory=dict)
     sprung: bool = True
+    most: int = 0
 
     @property
     def installed(self) -> bool:
@@ -130,7 +133,14 @@ ENGINES: dict[str, Engine] = {
         _tree_engine("pinocchio-full", "Pinocchio, all joints in the tree", _PINOCCHIO, "full"),
         _tree_engine("mujoco-full", "MuJoCo, all joints in the tree", _MUJOCO, "full"),
         Engine(
-            "truth", _TRUTH, f"{_HERE}.truth:load", frozenset((GivenMotion,)), "python-flint", lacks=_OPEN, sprung=False
+            "truth",
+            _TRUTH,
+            f"{_HERE}.truth:load",
+            frozenset((GivenMotion,)),
+            "python-flint",
+            lacks=_OPEN,
+            sprung=False,
+            most=201,
         ),
     )
 }

@@ -28,7 +28,7 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.graph import layout, spanning_tree
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Clock, Solution, Timing, Values, empty
+from screwgauge.solution import ENCLOSURE, Clock, Error, Solution, Timing, Values, empty
 from screwgauge.truth import cache
 from screwgauge.truth.exact import LONG
 from screwgauge.truth.forces import RoutesDisagree
@@ -37,7 +37,7 @@ from screwgauge.truth.linkage import Linkage
 from screwgauge.truth.samples import Balls, Sampler, SampleTable, centred, enclosed, enclosures, ruled
 
 BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are wanted
-MOST = 201
+MOST = ENGINES["truth"].most
 
 
 def load(files: ModelFiles) -> TruthModel:
@@ -205,7 +205,7 @@ def _solution(
             for stage, seconds in table.spent.items()
         ),
         notes=tuple(note for note in [*_notes(table, names, mechanism, f"{len(solved)} of {n}"), *notes] if note),
-        radius={name: spread(table.radius[name]) for name in wanted},
+        errors={name: Error(np.zeros(n), source=ENCLOSURE, radius=spread(table.radius[name])) for name in wanted},
         rows=None if len(solved) == n else solved,
     )
 

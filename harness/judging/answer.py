@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from screwgauge.judging.allowance import LIMIT
 from screwgauge.judging.residual import JUDGE, SizedResidual
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Rows, States
 from screwgauge.quantities import FLOOR, SOLVED, arm, natural_scales
@@ -14,7 +15,7 @@ from screwgauge.reference.applied import Applied
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Solution, Values
+from screwgauge.solution import SOFTNESS, Solution, Values
 from screwgauge.witness.joints import MechanismTree, mechanism_tree
 from screwgauge.witness.kinematics import TreeMotion, move
 from screwgauge.witness.tree import TreeStates
@@ -36,7 +37,8 @@ class Answer:
         motion: What these make of the mechanism.
         scales: Natural scale of each unit.
         tolerance: Scaled residual up to which an equation holds.
-        tolerances: Errors that the engine admits, see `Solution`.
+        admitted: Largest scaled error that the engine admits of any of its numbers.
+        softness: Unit -> what soft constraints of the engine make of a force of its tree.
         looser: Quantity -> scaled error that the scene admits where that is more than `tolerance`.
     """
 
@@ -52,7 +54,8 @@ class Answer:
     motion: TreeMotion
     scales: Mapping[str, float]
     tolerance: float
-    tolerances: Mapping[str, Mapping[str, float]]
+    admitted: float = 0.0
+    softness: Mapping[str, float] = field(default_factory=dict)
     looser: Mapping[str, float] = field(default_factory=dict)
 
     def __getitem__(self, quantity: str) -> Array:
@@ -73,12 +76,25 @@ class Answer:
         """Whether it has all of these quantities."""
         return set(quantities) <= set(self.values)
 
-    def admitted(self, quantity: str, unit: str) -> float:
+    def loosened(self, quantity: str, unit: str) -> float:
         """What an error of a quantity that the scene admits more of is a share of: its largest magnitude in a unit."""
         if quantity not in self.looser or not self.has(quantity):
             return 0.0
         values = self.values[quantity]
         return largest(values.array[:, [has == unit for has in values.units]])
+
+    def fastest(self, order: int, unit: str) -> float:
+        """Largest derivative of a joint coordinate, or rate squared beside accelerations, as a number of a unit; of
+        coordinates themselves the natural scale.
+
+        Coordinates of the other kind are turned into it by the length of the mechanism.
+        """
+        if not order:
+            return self.scales[unit]
+        L = self.scales["m"]
+        per = [1.0 / arm(has, L) for has in self.mechanism.units]
+        size, rate = largest(self.joints[order] * per), largest(self.joints[1] * per)
+        return arm(unit, L) * (max(size, rate**2) if order == 2 else size)
 
     def moving(self, joints: Array) -> Answer:
         """The answer with other joint coordinates and derivatives. Shape (3, n, n_q)."""
@@ -92,23 +108,18 @@ class Answer:
         Args:
             components: Names of the columns.
             missing: What the equation leaves over. Shape (n, m).
-            size: What that is measured by, one number or one for each component, shape (m,).
-            of: Quantities that the equation is about. Their rounding alone, as the engine admits it, is no fault, and
-                what the scene admits of one of them is the tolerance.
+            size: What that is measured by, one number or one for each component, shape (m,): the largest summand.
+            of: Quantities that the equation is about. What the scene admits of one of them is the tolerance.
         """
         tolerance = max([self.tolerance, *(self.looser[name] for name in of if name in self.looser)])
-        L, kind = self.scales["m"], _kind(unit)
-        admitted = [
-            size * arm(unit, L) / arm(has, L)
-            for name in of
-            for has, size in self.tolerances.get(name, {}).items()
-            if _kind(has) == kind
-        ]
-        rounding = max(admitted, default=0.0) / tolerance
-        scaled = np.abs(missing) / np.maximum(size, max(FLOOR * self.scales[unit], rounding))
+        scaled = np.abs(missing) / np.maximum(size, FLOOR * self.scales[unit])
         lost = ~np.isfinite(scaled)
+        conditioned = tolerance < self.admitted <= LIMIT and not lost.any() and scaled.max(initial=0.0) > tolerance
+        tolerance = self.admitted if conditioned else tolerance
+        open_at = ((scaled > tolerance) & ~lost).any(axis=1)
         i, k = divmod(int(np.argmax(np.where(lost, np.inf, scaled))), len(components))
         worst, t = float(scaled[i, k]), float(self.t[i])
+        undecided = int(open_at.sum()) if worst <= self.admitted and self.admitted > LIMIT else 0
         return SizedResidual(
             name,
             unit,
@@ -116,17 +127,21 @@ class Answer:
             JUDGE,
             error=worst,
             tolerance=tolerance,
-            reason=f"not a number at t = {t:g} s" if lost.any() else "",
+            reason=self._reason(t, lost=bool(lost.any()), undecided=undecided, conditioned=conditioned),
             ok=worst <= tolerance,
+            undecided=undecided,
             component=components[k],
             t=t,
             max_abs=float(np.abs(missing).max()),
         )
 
-
-def _kind(unit: str) -> str:
-    """Kind of a unit: the same for units that a length turns into each other."""
-    return unit.replace("rad", "m").replace("N m", "N")
+    def _reason(self, t: float, *, lost: bool, undecided: int, conditioned: bool) -> str:
+        """Why a residual is out of tolerance, or has a larger one."""
+        if lost:
+            return f"not a number at t = {t:g} s"
+        if undecided:
+            return f"within the error that {self.engine} admits by its conditioning"
+        return f"within {self.admitted:.2g}, rounding times the condition of {self.engine}" if conditioned else ""
 
 
 def answer_at(
@@ -160,7 +175,8 @@ def answer_at(
         motion=move(tree, TreeStates(*joints)),
         scales={**scales, "J": scales["N m"]},
         tolerance=tolerance,
-        tolerances=solution.tolerances,
+        admitted=max((error.largest for error in solution.errors.values()), default=0.0),
+        softness=next((error.absolute for error in solution.errors.values() if error.source == SOFTNESS), {}),
         looser=looser or {},
     )
 

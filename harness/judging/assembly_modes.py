@@ -24,7 +24,7 @@ from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, nearest_angles, nearest_turn, rotation, within_half_turn
-from screwgauge.solution import Solution, Values, common_rows
+from screwgauge.solution import Solution, Values, common_rows, reference_first
 
 #: Positions of a joint that differ by more are not the same [rad or lengths of the mechanism]: far above rounding,
 #: which leaves 1e-4 rad at 1e-12 rad from a singular pose, and far below the distance of assemblies.
@@ -152,7 +152,7 @@ def in_one_chart(mechanism: Mechanism, solutions: Mapping[str, Solution]) -> dic
     Returns:
         The same in the same order. Where an engine's angles were the other triple, its notes say so.
     """
-    ordered = sorted(solutions.values(), key=lambda one: not one.radius)
+    ordered = reference_first(solutions.values())
     complete = (one for one in ordered if _POSITION in one.values and _has(one.values[_POSITION], mechanism))
     if (reference := next(complete, None)) is None:
         return {**solutions}

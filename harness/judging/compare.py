@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pandas as pd
 
+from screwgauge.judging.allowance import Allowance, Granted
 from screwgauge.judging.answer import largest, timed
 from screwgauge.judging.assembly_modes import other_assemblies
 from screwgauge.judging.residual import ERROR_COLUMNS, PAIR_COLUMNS, SizedResidual, frame
-from screwgauge.judging.trust import LIMIT, Left, Refusal, left
+from screwgauge.judging.trust import Refusal
 from screwgauge.problem import Problem
 from screwgauge.quantities import FLOOR, QUANTITIES, natural_scales
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Failure, Solution, Values, common_rows
+from screwgauge.solution import Failure, Solution, Values, common_rows, reference_first
 
 #: Of the largest error of all components: the first that has this share is named, whichever rounding made larger.
 ALIKE = 1.0 - 1e-9
@@ -32,26 +33,24 @@ def compare(
     solutions: Mapping[str, Solution],
     failures: Mapping[str, Failure],
     mobility: Mobility,
-    tolerance_of: Callable[[str], float],
+    allowance: Allowance,
     refusals: Sequence[Refusal] = (),
-    binding: Container[str] = (),
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors of every pair of solutions, whose joint angles are of one chart (see `charts`).
 
     Args:
         failures: Engines that have none; their pairs are rows that say why.
         mobility: Which forces are unique, and which are determined at all.
-        tolerance_of: Quantity -> scaled error up to which two engines agree.
+        allowance: What two of them may differ by.
         refusals: Samples without numbers, and why.
-        binding: Quantities of which the scene itself states the tolerance: no error of integration is admitted besides.
 
     Returns:
         One row per component, and one row per quantity and unit (see `Results`).
     """
     errors, pairs = list[SizedResidual](), list[SizedResidual]()
     t, scales = timed(problem).t, natural_scales(mechanism)
-    # what has radii is the reference: first of its pairs, and the measure of all others
-    ordered = sorted(solutions.values(), key=lambda solution: not solution.radius)
+    # the truth is the reference: first of its pairs, and the measure of all others
+    ordered, tolerance_of = reference_first(solutions.values()), allowance.tolerance_of
     apart = other_assemblies(mechanism, problem, ordered)
     for quantity in QUANTITIES:
         having = [solution for solution in ordered if quantity in solution.values]
@@ -69,14 +68,13 @@ def compare(
             # measured by the first engine of the run that has these components: one scale for all pairs
             reference = next(v for s in having if {*(v := s.values[quantity]).components} >= {*names} & {*others})
             for unit in dict.fromkeys(reference.units):
-                scale, tolerance = reference_scale(reference, unit, scales[unit]), tolerance_of(quantity)
-                limit, why = _limit(quantity, unit, (a, b), scale, tolerance)
-                limits = np.maximum(limit, _conditioned(quantity, (a, b), tolerance, len(t)))
-                grown = left(quantity, unit, (a, b), scale, binding=quantity in binding)
-                rows = [_held(row, rules) for row in _components(quantity, unit, a, b, t, limits, grown)]
+                scale = reference_scale(reference, unit, scales[unit])
+                granted = allowance.granted(quantity, unit, (a, b), scale, scales[unit], len(t))
+                rows = [_held(row, rules) for row in _components(quantity, unit, a, b, t, granted)]
                 errors += rows
                 if compared := [row for row in rows if row.ok is not None]:
-                    pairs.append(_explained(_within(_pair(compared), tolerance, limit, why), a, b, refusals))
+                    row = _within(_pair(compared), tolerance_of(quantity), granted)
+                    pairs.append(_explained(row, a, b, refusals))
     for solution in solutions.values():
         for failure in failures.values():
             for name in solution.values:
@@ -92,12 +90,12 @@ def _comparable(quantity: str, a: Solution, b: Solution) -> bool:
     return not (names < others or others < names) if quantity.startswith("tree_force") else bool(names & others)
 
 
-def _within(row: SizedResidual, tolerance: float, limit: float, why: str) -> SizedResidual:
+def _within(row: SizedResidual, tolerance: float, granted: Granted) -> SizedResidual:
     """A pair that agrees, with the reason where that is by more than the tolerance of the scene."""
     if not row.ok:
         return row
     conditioned = f"within {row.tolerance:.2g}, rounding times the condition there"
-    reason = row.reason or (conditioned if row.error > limit else why)
+    reason = row.reason or (conditioned if row.error > granted.usual else granted.why)
     return replace(row, reason=reason if row.error > tolerance else "")
 
 
@@ -114,31 +112,6 @@ def _rules(quantity: str, rule: str, mobility: Mobility) -> dict[str, tuple[str,
     return {"": (rule, True), **{name: (rule if fixed else UNDETERMINED, unique) for name, unique, fixed in named}}
 
 
-def _limit(
-    quantity: str, unit: str, pair: tuple[Solution, Solution], scale: float, tolerance: float
-) -> tuple[float, str]:
-    """Scaled error up to which two agree, and why that is more than the tolerance of the scene."""
-    # a scene that asks for less than the usual tolerance asks for less of what rounding makes, too
-    strict = min(1.0, tolerance / QUANTITIES[quantity].tolerance)
-    admitted = strict * max(one.tolerances.get(quantity, {}).get(unit, 0.0) for one in pair)
-    stated = sum(one.stated.get(quantity, 0.0) for one in pair)
-    why = f"zero within {admitted:.1g} {unit}, the rounding of its largest summands"
-    if stated > admitted:
-        why = f"within {stated:.3g} {unit}, the error that {pair[1].engine} states"
-    return max(tolerance, admitted / scale, stated / scale), "" if quantity == "tree_force_soft" else why
-
-
-def _conditioned(quantity: str, pair: tuple[Solution, Solution], tolerance: float, n: int) -> Array:
-    """Scaled error that the condition of what two solutions were solved from explains, by their own estimates. (n,)
-
-    Of a sample that is flagged, or of a scene that asks for more than is usual, it explains none.
-    """
-    usual = QUANTITIES[quantity].tolerance
-    estimates = [one.estimate.get(quantity, np.zeros(n)) for one in pair]
-    known = np.all([each <= LIMIT for each in estimates], axis=0) & (tolerance <= usual)
-    return np.where(known, tolerance / usual * np.sum(estimates, axis=0), 0.0)
-
-
 def _held(row: SizedResidual, rules: Mapping[str, tuple[str, bool]]) -> SizedResidual:
     """A component's errors with the rule that fixes it, held against their tolerance.
 
@@ -151,15 +124,12 @@ def _held(row: SizedResidual, rules: Mapping[str, tuple[str, bool]]) -> SizedRes
 
 
 def _components(
-    quantity: str, unit: str, a: Solution, b: Solution, t: Array, limits: Array, grown: Left
+    quantity: str, unit: str, a: Solution, b: Solution, t: Array, granted: Granted
 ) -> Iterator[SizedResidual]:
     """Errors of each component of a unit that both have, over the samples that both have solved.
 
     The largest; where conditions explain more at other samples, or integration leaves more in later ones, that which is
     most beyond what it may be, if one is. Their reason is what integration has of them.
-
-    Args:
-        limits: Scaled error up to which the two agree at each sample, without that of integration. Shape (n,).
     """
     first, second, rows = a.values[quantity], b.values[quantity], common_rows(len(t), a, b)
     columns, some = {x: k for k, x in enumerate(second.components)}, rows if len(rows) < len(t) else slice(None)
@@ -167,8 +137,14 @@ def _components(
     names = [first.components[k] for k in chosen]
     difference = np.abs(first.array[some][:, chosen] - second.array[some][:, [columns[x] for x in names]])
     known = np.isfinite(difference)  # what is not a number is worse than anything
+    grown, limits = granted.left, granted.limits
     scale, admitted = grown.scale, grown.admitted(len(t))[some]
-    beyond = np.where(known, difference / scale - (limits[some] + admitted)[:, None], np.inf)
+    scaled, most = difference / scale, (limits[some] + admitted)[:, None]
+    beyond = np.where(known, scaled - most, np.inf)
+    open_at = known & (beyond > 0.0) & (scaled <= granted.doubts[some][:, None])
+    undecided, lost = int(open_at.any(axis=1).sum()), (beyond > 0.0) & ~open_at
+    # what is decided comes first
+    beyond = np.where(open_at & lost.any(axis=0), 0.0, beyond)
     at = np.argmax(np.where(known, difference, np.inf), axis=0)
     at = np.where(beyond.max(axis=0) > 0.0, np.argmax(beyond, axis=0), at)
     rms, usual = np.sqrt(np.mean(difference**2, axis=0)), float(limits.min())
@@ -188,6 +164,7 @@ def _components(
             tolerance=tolerance,
             reason=grown.reason(worst / scale, int(rows[i]), ok=ok, usual=limit),
             ok=ok,
+            undecided=0 if ok or lost[:, k].any() else undecided,
             component=component,
             t=float(t[rows[i]]),
             max_abs=worst,
@@ -199,6 +176,7 @@ def _components(
 def _pair(rows: Sequence[SizedResidual]) -> SizedResidual:
     """Sums up the components of one quantity and unit, by the worst of those that are out of tolerance, or of all."""
     every, rows = rows, [row for row in rows if not row.ok] or rows
+    rows = [row for row in rows if not row.undecided] or rows
     sizes = np.array([row.error for row in rows])
     lost = ~np.isfinite(sizes)
     return replace(
@@ -218,11 +196,11 @@ def _explained(row: SizedResidual, a: Solution, b: Solution, refusals: Sequence[
             return replace(row, reason=f"{one.engine}: {one.sentence}")
     if row.reason:  # of integration
         return row
-    admitted = {s.engine: largest(s.estimate.get(row.quantity, np.zeros(1))) for s in (a, b)}
+    admitted = {s.engine: s.errors[row.quantity].largest if row.quantity in s.errors else 0.0 for s in (a, b)}
     engine = max(admitted, key=lambda name: admitted[name])
-    if admitted[engine] >= row.error:
+    if row.undecided:
         size = f"{admitted[engine]:.1g}" if np.isfinite(admitted[engine]) else "no digit"
-        return replace(row, reason=f"within the error that {engine} admits by its conditioning ({size})")
+        return replace(row, reason=f"within the error that {engine} admits ({size})")
     return row if np.isfinite(row.error) else replace(row, reason=f"not a number at t = {row.t:g} s")
 
 

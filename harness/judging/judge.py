@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,11 +21,12 @@ from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, 
 MOST = 201  # samples of what takes a walk for every joint coordinate, or has to be solved for
 _MOTION = ("joint_velocity", "joint_acceleration")
 _FORCES = ("generalized_force", "actuator_force", "reaction")
+_PER = ("", "/s", "/s^2")
 #: Residual, quantity that it judges, and what the order of the derivative adds to the unit of a coordinate.
 _CLOSURE = (
-    ("loop_closure", "joint_position", ""),
-    ("loop_rate", "joint_velocity", "/s"),
-    ("loop_acceleration", "joint_acceleration", "/s^2"),
+    ("loop_closure", "joint_position", _PER[0]),
+    ("loop_rate", "joint_velocity", _PER[1]),
+    ("loop_acceleration", "joint_acceleration", _PER[2]),
 )
 
 
@@ -54,9 +55,9 @@ def judge(
     for one in refused:
         if one.engine == solution.engine:
             rows = np.setdiff1d(rows, one.rows)
-    if not rows.size or ("joint_position" not in solution.values and solution.assembly is None):
+    if not rows.size or not _located(solution):
         return frame((), JUDGE_COLUMNS)
-    few = np.unique(np.linspace(0, len(rows) - 1, MOST).astype(np.intp))
+    few = _few(rows)
     if isinstance(task, GivenMotion):
         looser = {name: tolerance_of(name) for name in QUANTITIES if tolerance_of(name) > tolerance}
         whole, some = (answer_at(mechanism, problem, solution, part, tolerance, looser) for part in (rows, rows[few]))
@@ -64,13 +65,9 @@ def judge(
         table = [*closure(whole, task.part(rows), range(3 if whole.has("joint_velocity") else 1))]
         if not {*whole.values} <= {"joint_position", "joint_velocity"}:
             table += _beyond(whole, some, task.part(rows[few]))
-        admitted = max((largest(estimate) for estimate in solution.estimate.values()), default=0.0)
-        excuse = f"within the error that {solution.engine} admits by its conditioning"
-        table = [
-            row if row.ok or row.reason or not admitted >= row.error else replace(row, reason=excuse) for row in table
-        ]
     else:  # what a simulation has passed on its way excuses no sample
-        whole, some = (answer_at(mechanism, problem, solution, part, tolerance) for part in (rows, rows[few]))
+        parts = (answer_at(mechanism, problem, solution, part, tolerance) for part in (rows, rows[few]))
+        whole, some = (replace(part, admitted=0.0) for part in parts)
         table = [*closure(whole)]
         if whole.has(*_MOTION):
             table += residuals.virtual_work(some, admitted_by(some), *residuals.required_wrenches(some))
@@ -79,6 +76,16 @@ def judge(
         others = [answer_at(mechanism, problem, one, rows, tolerance) for one in as_far]
         table += residuals.energy_balance(replace(whole, tolerance=grown), others)
     return frame(table, JUDGE_COLUMNS)
+
+
+def _located(solution: Solution) -> bool:
+    """Whether it is known where its joints are."""
+    return "joint_position" in solution.values or solution.assembly is not None
+
+
+def _few(rows: Rows) -> Rows:
+    """Places of `MOST` rows, evenly spread."""
+    return np.unique(np.linspace(0, len(rows) - 1, MOST).astype(np.intp))
 
 
 def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals:
@@ -111,9 +118,9 @@ def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Residu
     if some.has("reaction"):
         yield from residuals.newton_euler(every, *needed)
     if some.has("actuator_force"):
-        yield from residuals.power_balance(every, needed[0])
+        yield from residuals.power_balance(every, *needed)
     if full.has("actuator_force"):
-        yield from residuals.force_rule(full, admissible)
+        yield from residuals.force_rule(full, admissible, required[1])
     if some.has("actuator_force") or some.has("generalized_force"):
         yield from residuals.virtual_work(some, admissible, *required)
 
@@ -148,15 +155,8 @@ def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[i
                     columns.append(values[:, [column]] - y[order][:, [k]])
             if components:
                 # velocities and accelerations are measured against the largest of the motion
-                size = _largest(answer, order, unit) if order else answer.scales[unit]
+                size = answer.fastest(order, unit)
                 yield answer.residual(name, unit, components, np.concatenate(columns, axis=1), size, (quantity,))
-
-
-def _largest(answer: Answer, order: int, unit: str) -> float:
-    """Largest derivative of a joint coordinate in a unit, those of the other kind being turned into it by the length of
-    the mechanism."""
-    L = answer.scales["m"]
-    return largest(answer.joints[order] * [arm(unit, L) / arm(has, L) for has in answer.mechanism.units])
 
 
 def body_motions(answer: Answer) -> Residuals:
@@ -165,15 +165,41 @@ def body_motions(answer: Answer) -> Residuals:
         if answer.has(quantity):
             values = answer.values[quantity]
             walked = residuals.body_motion(answer, what).reshape(values.array.shape)
-            missing, size = values.array - walked, largest(values.array)
+            order, unit = "qva".index(QUANTITIES[quantity].needs), values.units[0]
+            missing, size = values.array - walked, max(largest(values.array), answer.fastest(order, unit))
             about = (quantity, *_MOTION)
-            yield answer.residual("body_motion", values.units[0], values.components, missing, size, about)
+            yield answer.residual("body_motion", unit, values.components, missing, size, about)
 
 
 def admitted_by(answer: Answer) -> AdmissibleMotion:
     """The motions that the loops admit at the poses of an answer."""
     mechanism = answer.mechanism
     return admissible_motion(answer.motion, answer.q, mechanism.units, mechanism.independent_columns)
+
+
+def summands(mechanism: Mechanism, problem: Problem, solutions: Iterable[Solution]) -> dict[str, float]:
+    """Unit -> size of what is summed up at the states of a given motion: rates, accelerations, forces.
+
+    Of several answers the smallest counts, so that none can make its own errors small.
+    """
+    found = list[dict[str, float]]()
+    for solution in solutions:
+        rows: Rows = np.arange(len(timed(problem))) if solution.rows is None else solution.rows
+        if rows.size and _located(solution):
+            some = rows[_few(rows)]
+            found.append(_summands(answer_at(mechanism, problem, solution, some), problem, some))
+    return {unit: min(one[unit] for one in found) for unit in found[0]} if found else {}
+
+
+def _summands(answer: Answer, problem: Problem, rows: Rows) -> dict[str, float]:
+    motion, L = timed(problem), answer.scales["m"]
+    if isinstance(motion, GivenMotion):
+        answer = completed(answer, admitted_by(answer), motion.part(rows))
+    given = [answer.values[name] for name in _FORCES if answer.has(name)]
+    forces = [values.array / [arm(unit, L) for unit in values.units] for values in given]
+    load = largest(residuals.levelled(residuals.required_wrenches(answer)[1], L)[:, 0], *forces)
+    moved = {f"{unit}{per}": answer.fastest(k, f"{unit}{per}") for unit in ("rad", "m") for k, per in enumerate(_PER)}
+    return {**moved, "N": load, "N m": load * L}
 
 
 def completed(answer: Answer, admissible: AdmissibleMotion, given: GivenMotion) -> Answer:

@@ -68,6 +68,8 @@ class SizedResidual(Residual):
         scale: What errors are divided by [unit].
         rule: What fixes the quantity where it is redundant.
         unique: Whether its value is the same whatever the rule.
+        undecided: At how many samples it is out of tolerance by no more than whoever is judged admits; 0 where it is by
+            more at any.
     """
 
     max_abs: float = math.nan
@@ -75,6 +77,7 @@ class SizedResidual(Residual):
     scale: float = math.nan
     rule: str = ""
     unique: bool = True
+    undecided: int = 0
 
 
 Residuals = Iterator[SizedResidual]
@@ -91,13 +94,13 @@ ERROR_COLUMNS = _columns(
     worst_t="t",
 )
 PAIR_COLUMNS = _columns(
-    "quantity a b unit max_abs rms max_scaled worst_component worst_t rule unique tolerance ok reason",
+    "quantity a b unit max_abs rms max_scaled worst_component worst_t rule unique tolerance ok undecided reason",
     max_scaled="error",
     worst_component="component",
     worst_t="t",
 )
 JUDGE_COLUMNS = _columns(
-    "engine residual unit max_abs max_scaled worst_component worst_t tolerance ok reason",
+    "engine residual unit max_abs max_scaled worst_component worst_t tolerance ok undecided reason",
     engine="a",
     residual="quantity",
     max_scaled="error",

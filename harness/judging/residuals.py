@@ -9,10 +9,11 @@ from itertools import combinations
 
 import numpy as np
 
+from screwgauge.judging.allowance import LIMIT, MOST, is_zero
 from screwgauge.judging.answer import Answer, largest
 from screwgauge.judging.residual import Residuals
-from screwgauge.judging.trust import MOST, SAFETY
-from screwgauge.quantities import BODY_MOTION, FLOOR, FORCE, OF_BODIES
+from screwgauge.judging.trust import SAFETY
+from screwgauge.quantities import BODY_MOTION, FLOOR, FORCE, OF_BODIES, arm
 from screwgauge.reference.graph import Layout, spanning_tree
 from screwgauge.reference.rotations import Array, cross, lanes
 from screwgauge.solution import Values
@@ -76,6 +77,17 @@ def _vectors(array: Array) -> Array:
     return vectors
 
 
+def levelled(sizes: Array, length: float) -> Array:
+    """Sizes of forces and moments, each no less than what the length of the mechanism makes of the other.
+
+    Args:
+        sizes: Largest force [N] and moment [N m]. Shape (..., 2).
+        length: [m].
+    """
+    force = np.maximum(sizes[..., 0], sizes[..., 1] / length)
+    return np.stack([force, force * length], axis=-1)
+
+
 def unit_wrenches_of(answer: Answer, *quantities: str) -> Iterator[tuple[str, UnitWrench]]:
     """Unit wrenches of all components of ``reaction`` or ``actuator_force``, each with its quantity."""
     for quantity in quantities:
@@ -89,17 +101,21 @@ def amount(answer: Answer, quantity: str, unit: UnitWrench) -> Array:
 
 
 def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
-    """What the reported reactions and actuator forces leave over of the balance of each body."""
+    """What the reported reactions and actuator forces leave over of the balance of each body.
+
+    It is measured by the largest force on the body, or moment over the length of the mechanism: rounding of a force is
+    rounding of its moment, though its lever may be zero at this body.
+    """
     mechanism, missing, sizes, loose = answer.mechanism, required.copy("K"), sizes.copy(), np.zeros_like(sizes)
     for quantity, unit in unit_wrenches_of(answer, "reaction", "actuator_force"):
-        admitted, size = answer.admitted(quantity, unit.unit), amount(answer, quantity, unit)
+        admitted, size = answer.loosened(quantity, unit.unit), amount(answer, quantity, unit)
         for body, wrench in unit.on_bodies(answer.tree, answer.motion.com):
             exerted = size * wrench
             missing[:, body] -= exerted
             sizes[body] = np.maximum(sizes[body], [largest(exerted[:, :3]), largest(exerted[:, 3:])])
             if admitted:
                 loose[body] += admitted * np.array([largest(wrench[:, :3]), largest(wrench[:, 3:])])
-    sizes = np.maximum(sizes, loose)
+    sizes = levelled(np.maximum(sizes, loose), answer.scales["m"])
     for part, (unit_name, label) in enumerate((("N", "f"), ("N m", "m"))):
         names = [f"{body.name}.{label}{axis}" for body in mechanism.bodies for axis in "xyz"]
         values = missing[:, :, 3 * part : 3 * part + 3].reshape(len(missing), -1)
@@ -107,27 +123,28 @@ def newton_euler(answer: Answer, required: Array, sizes: Array) -> Residuals:
         yield answer.residual("newton_euler", unit_name, names, values, np.repeat(sizes[:, part], 3), about)
 
 
-def power_balance(answer: Answer, required: Array) -> Residuals:
+def power_balance(answer: Answer, required: Array, sizes: Array) -> Residuals:
     """What motion, gravity and loads take up less the power of the actuators."""
     rates = answer.joints[1][:, answer.mechanism.actuated_columns]
     given = answer["actuator_force"] * rates
-    taken = required * np.concatenate([answer.motion.com.v, answer.motion.com.w], axis=2)
+    moved = np.concatenate([answer.motion.com.v, answer.motion.com.w], axis=2)
+    taken, terms = required * moved, np.repeat(sizes, 3, axis=1) * moved
     missing = np.sum(taken, axis=(1, 2)) - np.sum(given, axis=1)
     # at a dead centre the sum is zero and only its terms tell how large rounding is
-    size, about = largest(given, taken, _loose(answer, rates)), ("actuator_force", "joint_velocity", *OF_BODIES)
+    size, about = largest(given, terms, _loose(answer, rates)), ("actuator_force", "joint_velocity", *OF_BODIES)
     yield answer.residual("power_balance", "W", ["all actuators"], missing[:, None], size, about)
 
 
 def _loose(answer: Answer, rates: Array) -> Array:
     """Power of the actuators that an error admitted by the scene is a share of, rates being (n, n_actuator, ...)."""
-    forces = [answer.admitted("actuator_force", unit) for unit in answer.mechanism.actuator_units]
+    forces = [answer.loosened("actuator_force", unit) for unit in answer.mechanism.actuator_units]
     return np.tensordot(np.abs(rates), forces, (1, 0))
 
 
 def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, sizes: Array) -> Residuals:
     """Work of the required wrenches on every admissible motion less that of the generalised and actuator forces.
 
-    Where an answer has no forces the first must vanish, whatever the reactions, and is measured by its largest term.
+    Where an answer has no forces the first must vanish, whatever the reactions. It is measured by its largest term.
     """
     mechanism = answer.mechanism
     joints, bodies = admissible.partial, admissible.bodies
@@ -145,7 +162,7 @@ def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, 
         columns = [k for k, has in enumerate(units) if has == unit]
         names = [f"{list(mechanism.independent)[k]}{how}" for how in given or [""] for k in columns]
         missing = [needed[:, columns] - forces[:, columns] for forces in given.values()] or [needed[:, columns]]
-        size = largest(needed[:, columns], loose[..., columns]) if given else terms[columns]
+        size = np.tile(np.maximum(terms, largest(loose))[columns], len(missing))
         left, about = np.concatenate(missing, axis=1), ("generalized_force", "actuator_force", *OF_BODIES)
         yield answer.residual("virtual_work", FORCE[unit], names, left, size, about)
 
@@ -174,20 +191,33 @@ def tree_forces(answer: Answer) -> Residuals:
             yield replace(row, reason="its components are not the joint coordinates of a tree of the mechanism")
             continue
         if names not in needed:
-            needed[names] = _required(answer, tree, {joint.name for joint in joints})[:, mechanism.columns(names)]
+            along_joints, load = _required(answer, tree, {joint.name for joint in joints})
+            needed[names] = along_joints[:, mechanism.columns(names)]
         for unit in dict.fromkeys(values.units):
             right = needed[names][:, units == unit]
             left = values.array[:, units == unit] - right
             some = [name for name, has in zip(names, units, strict=True) if has == unit]
-            yield answer.residual(quantity, unit, some, left, largest(right), (quantity,))
+            size = max(largest(right), load * arm(unit, answer.scales["m"]))
+            judged = _softened(answer, unit, size) if quantity == "tree_force_soft" else answer
+            yield judged.residual(quantity, unit, some, left, size, (quantity,))
 
 
-def _required(answer: Answer, graph: Layout, joints: Collection[str]) -> Array:
-    """Force along each joint coordinate of the open tree of some joints. Shape (n, n_q)."""
+def _softened(answer: Answer, unit: str, size: float) -> Answer:
+    """An answer of which a force may be off by what soft constraints make of the closure that rounding leaves."""
+    softness = answer.softness.get(unit, 0.0)
+    share = softness / max(size, FLOOR * answer.scales[unit])
+    if share <= LIMIT or is_zero(softness, answer.scales[unit]):
+        return replace(answer, tolerance=max(answer.tolerance, share))
+    return replace(answer, admitted=max(answer.admitted, share))
+
+
+def _required(answer: Answer, graph: Layout, joints: Collection[str]) -> tuple[Array, float]:
+    """Force along each joint coordinate of the open tree of some joints, shape (n, n_q), and the largest term [N]."""
     tree, bodies, shares = open_tree(answer.mechanism, graph, joints)
     still = np.zeros_like(answer.q)
-    wrenches = required_wrenches(answer, loaded=False)[0][:, bodies] * shares[:, None]
-    return along(move(tree, TreeStates(answer.q, still, still)), wrenches)
+    required, sizes = required_wrenches(answer, loaded=False)
+    wrenches, load = required[:, bodies] * shares[:, None], largest(levelled(sizes, answer.scales["m"])[:, 0])
+    return along(move(tree, TreeStates(answer.q, still, still)), wrenches), load
 
 
 def _ruled(answer: Answer) -> bool:
@@ -223,13 +253,13 @@ def _solved(answer: Answer, required: Array, quantity: str) -> Answer:
     return replace(answer, values={**answer.values, quantity: solved})
 
 
-def force_rule(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
+def force_rule(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Residuals:
     """What the forces of redundant actuators leave over of the rule that fixes them."""
     if _ruled(answer):
-        yield from _axial(answer) if answer.rule == "spherical_axial" else _smallest(answer, admissible)
+        yield from _axial(answer) if answer.rule == "spherical_axial" else _smallest(answer, admissible, sizes)
 
 
-def _smallest(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
+def _smallest(answer: Answer, admissible: AdmissibleMotion, sizes: Array) -> Residuals:
     """The part of the actuator forces that moves nothing: those of the smallest norm have none.
 
     They are orthogonal to every preload, which does no work on any admissible motion.
@@ -242,7 +272,8 @@ def _smallest(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
     for unit in dict.fromkeys(mechanism.actuator_units):
         names = [name for name, has in zip(mechanism.actuator_names, units, strict=True) if has == unit]
         left = preload[:, units == unit]
-        size = max(largest(f[:, units == unit]), len(units) * answer.admitted("actuator_force", unit))
+        load = largest(levelled(sizes, answer.scales["m"])[:, 0]) * arm(unit, answer.scales["m"])
+        size = max(largest(f[:, units == unit]), load, len(units) * answer.loosened("actuator_force", unit))
         yield answer.residual("force_rule", unit, names, left, size, ("actuator_force",))
 
 

@@ -6,13 +6,14 @@ description alone."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations, compress
 
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.judging.allowance import LIMIT, Integrated
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
@@ -25,14 +26,10 @@ from screwgauge.reference.mobility import gimbal_lock, near_singularity
 from screwgauge.reference.rotations import Array, within_half_turn
 from screwgauge.solution import Solution, Values
 
-#: Relative error from which a result is flagged: half of the digits of a double, and a thousand times the tolerance
-#: of the comparison, so that what is flagged cannot be mistaken for a modelling error of interest, nor the reverse.
-LIMIT = 1e-8
-
 
 def flagged(solution: Solution) -> dict[str, NDArray[np.bool_]]:
     """Samples of each quantity whose estimated error is above `LIMIT`. Quantity -> booleans of shape (n,)."""
-    return {name: ~(estimate <= LIMIT) for name, estimate in solution.estimate.items()}
+    return {name: ~(error.scaled <= LIMIT) for name, error in solution.errors.items() if error.radius is None}
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,9 +60,10 @@ def guarded(solution: Solution, t: Array) -> list[Guarded]:
     """One row for each quantity with an estimate. `t`: times [s], shape (n,)."""
     rows = []
     for name, flags in flagged(solution).items():
-        worst, condition = int(np.argmax(solution.estimate[name])), float(np.max(solution.conditions[name]))
-        size = float(solution.estimate[name][worst])
-        rows.append(Guarded(solution.engine, name, condition, size, int(flags.sum()), len(t), float(t[worst])))
+        error = solution.errors[name]
+        worst, counts = int(np.argmax(error.scaled)), (int(flags.sum()), len(t))
+        size = float(error.scaled[worst])
+        rows.append(Guarded(solution.engine, name, error.worst_condition, size, *counts, float(t[worst])))
     return rows
 
 
@@ -111,30 +109,25 @@ LOOSER = (3.0, 10.0)
 #: Where rounding decides, all runs are off by as much, each by chance: of 40 light cart-poles, whose motion is known,
 #: the largest difference of three runs was 0.31 of the error of the first at least, that of two runs 0.05.
 SAFETY = 4.0
-#: Largest scaled error that is put down to integration: behind more, a mistake of a thousandth could hide.
-MOST = 1e-4
-#: How the reason of a pair begins that agrees by what integration leaves.
-WITHIN = "within the error of integration"
 
 
-def with_estimate(solution: Solution, looser: Sequence[Solution]) -> Solution:
-    """A simulation with the estimated error of its integration, as runs with looser tolerances show it.
+def integration_note(found: Integrated) -> str:
+    """The sentence on the error that integration leaves of a simulation."""
+    if not found:
+        return "the error of its integration is not known"
+    sizes = found.get("joint_position") or next(iter(found.values()))
+    largest = ", ".join(f"{np.nanmax(error):.1e} {unit}" for unit, error in sizes.items())
+    times = " and ".join(f"{factor:g}" for factor in LOOSER)
+    return f"error that integration leaves, from further runs with {times} times the tolerances: at most {largest}"
+
+
+def integrated(solution: Solution, looser: Sequence[Solution]) -> Integrated:
+    """Estimated error of a simulation, as runs with looser tolerances show it: of what all of them reached, never less
+    than at an earlier sample, NaN where one has no number.
 
     Args:
         looser: The same quantities from those runs; none where they failed.
     """
-    estimate = estimated(solution, looser)
-    if not estimate:
-        return replace(solution, notes=(*solution.notes, "the error of its integration is not known"))
-    sizes = estimate.get("joint_position") or next(iter(estimate.values()))
-    largest = ", ".join(f"{np.nanmax(error):.1e} {unit}" for unit, error in sizes.items())
-    times = " and ".join(f"{factor:g}" for factor in LOOSER)
-    note = f"error that integration leaves, from further runs with {times} times the tolerances: at most {largest}"
-    return replace(solution, integration=estimate, notes=(*solution.notes, note))
-
-
-def estimated(solution: Solution, looser: Sequence[Solution]) -> dict[str, dict[str, Array]]:
-    """Estimated error of what all runs reached, never less than at an earlier sample; NaN where one has no number."""
     errors: dict[str, dict[str, Array]] = {}
     for name, has in solution.values.items() if looser else ():
         runs = [has, *(one.values[name] for one in looser)]
@@ -150,48 +143,6 @@ def _apart(a: Values, b: Values, unit: str) -> Array:
     if unit == "rad":
         difference = within_half_turn(difference)
     return np.asarray(np.maximum.accumulate(np.abs(difference).max(axis=1)))  # what is NaN stays so
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Left:
-    """What integration leaves in the difference of two motions, in one quantity and unit.
-
-    Attributes:
-        scale: Of the scaled errors.
-        errors: Engine -> its estimated error, scaled. Shape (n,).
-        binding: The scene states how large the difference may be, whatever integration leaves.
-    """
-
-    scale: float
-    errors: Mapping[str, Array] = field(default_factory=dict)
-    binding: bool = False
-
-    def admitted(self, n: int) -> Array:
-        """Scaled error that is admitted besides the tolerance of the scene. Shape (n,)."""
-        if self.binding or not self.errors:
-            return np.zeros(n)
-        whole = np.sum([np.nan_to_num(error) for error in self.errors.values()], axis=0)
-        return np.asarray(np.minimum(whole, MOST))
-
-    def reason(self, size: float, row: int, *, ok: bool, usual: float) -> str:
-        """What part of a scaled difference at a sample is integration, and which is not; "" where nothing is known."""
-        sizes = {engine: float(error[row]) for engine, error in self.errors.items() if np.isfinite(error[row])}
-        if not sizes or (ok and size <= usual):
-            return ""
-        shares = " and ".join(f"{error:.1g} by {engine}" for engine, error in sizes.items())
-        whole = sum(sizes.values())
-        if ok:
-            return f"{WITHIN}: at most {shares}"
-        if size > usual + whole:
-            return f"integration makes at most {shares}; at least {size - whole:.2g} of it is none"
-        why = "the tolerance is that of the scene" if self.binding else f"more than {MOST:g} is not put down to it"
-        return f"{WITHIN} that its engines admit: at most {shares}; {why}"
-
-
-def left(quantity: str, unit: str, pair: tuple[Solution, Solution], scale: float, *, binding: bool) -> Left:
-    """What integration leaves in the difference of two solutions."""
-    errors = {one.engine: one.integration.get(quantity, {}).get(unit) for one in pair}
-    return Left(scale, {name: error / scale for name, error in errors.items() if error is not None}, binding)
 
 
 #: Condition number above which a singular pose, or a gimbal lock, is near enough to be what was met.
@@ -225,7 +176,9 @@ def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tupl
     for quantity in (name for name in QUANTITIES if name in solution.values):
         lost = ~np.isfinite(solution.values[quantity].array)
         # an engine that estimates no conditioning has refused nothing: what it lacks is its own fault
-        lost &= ~(solution.conditions.get(quantity, np.zeros(1)) <= linear.SINGULAR)[:, None]
+        error = solution.errors.get(quantity)
+        condition = np.zeros(1) if error is None or error.condition is None else error.condition
+        lost &= ~(condition <= linear.SINGULAR)[:, None]
         if lost.any():
             some = [bool(column.any()) for column in lost.T]
             part = () if all(some) else tuple(compress(solution.values[quantity].components, some))

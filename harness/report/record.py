@@ -16,9 +16,8 @@ from screwgauge.reference.rotations import Array
 from screwgauge.report.formatting import Row, number, rows, span, vector
 from screwgauge.report.verdict import first_difference
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import REFERENCE, Solution, Timing
+from screwgauge.solution import REFERENCE, TRUTH, Solution, Timing
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.reference_values import TRUTH
 
 JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance", "ok")
 KINDS = {"N": "force", "N m": "moment"}
@@ -96,6 +95,8 @@ def summary(results: Comparison) -> dict[str, Any]:
     content = {
         "scene": results.scene.name,
         "ok": results.ok,
+        "outcomes": results.outcomes,
+        "undecided": {"samples": results.undecided, "of": len(results.times)},
         "engines": {name: s.version for name, s in results.solutions.items() if name != REFERENCE},
         "failures": {name: failure.reason for name, failure in results.failures.items()},
         "warnings": results.warnings,
@@ -126,9 +127,9 @@ def summary(results: Comparison) -> dict[str, Any]:
 
 def _quantity(row: Row) -> Row:
     worst = {"component": row["worst_component"], "t": row["worst_t"]}
-    reason = {"reason": row["reason"]} if row.get("reason") else {}
+    more = {key: row[key] for key in ("undecided", "reason") if row.get(key)}
     first = {key: row[key] for key in ("quantity", "a", "b", "unit", "max_abs", "rms", "max_scaled")}
-    return {**first, "worst": worst, **{key: row[key] for key in ("rule", "unique", "tolerance", "ok")}, **reason}
+    return {**first, "worst": worst, **{key: row[key] for key in ("rule", "unique", "tolerance", "ok")}, **more}
 
 
 def judged(provenance: Mapping[str, Any]) -> dict[str, str]:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
-from screwgauge.judging.trust import WITHIN
+from screwgauge.judging.allowance import WITHIN
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import first_few
 from screwgauge.report.blocks import Banner, Status
 from screwgauge.report.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.methods import DOUBTS
+from screwgauge.study.outcome import Outcome
 
 #: What a reader has to know about quantities that nobody asks for, where they have the fewest digits.
 OPEN_TREE = {
@@ -24,8 +25,7 @@ OPEN_TREE = {
 
 def compared(results: Comparison) -> list[Row]:
     """Rows of pairs of which both engines ran, with the name of the pair."""
-    ran = (row for row in rows(results.pairs) if not {row["a"], row["b"]} & set(results.failures))
-    return [{**row, "pair": f"{row['a']} - {row['b']}"} for row in ran]
+    return [{**row, "pair": f"{row['a']} - {row['b']}"} for row in rows(results.compared)]
 
 
 def first_difference(results: Comparison) -> Row | None:
@@ -48,19 +48,12 @@ def conclusion(results: Comparison) -> tuple[Banner, list[str]]:
 
 
 def _conclusion(results: Comparison) -> tuple[list[str], str, Status]:
-    refused = _refused(results)
-    difference = _difference(results, explained=bool(refused))
-    wrong = [*refused, *difference, *_fault(results, explained=bool(difference))]
-    if results.failures:
-        failed = "; ".join(f"{name}: {f.reason.rstrip('.')}" for name, f in results.failures.items())
-        head = "An engine failed" if len(results.failures) == 1 else f"{len(results.failures)} engines failed"
-        return [f"{head}: {failed}.", *(wrong or _agreement(results))], "✗ FAILED", "failed"
-    if wrong:
-        return wrong, "✗ DIFFER" if difference else "✗ NO NUMBER" if refused else "✗ OUT OF TOLERANCE", "differ"
-    agreement = _agreement(results)
+    outcome = results.outcome
+    news = [sentence for each in results.outcomes for sentence in _SENTENCES.get(each, _nothing)(results)]
     if not results.ok:
-        return agreement, "✗ NOTHING COMPARED", "differ"
-    word = "✓ AGREE" if compared(results) else "✓ WITHIN TOLERANCE"
+        rest = [] if {"differ", "faulted"} & {*results.outcomes} else _agreement(results)
+        return [*news, *rest], WORDS[outcome], "failed" if outcome == "failed" else "differ"
+    agreement, word = _agreement(results), WORDS[outcome]
     warned = (text for solution in results.solutions.values() for text in solution.warnings)
     if doubts := [*dict.fromkeys(f"{text.rstrip('.')}." for text in (*results.doubts, *warned))]:
         more = [f"All {len(doubts)} are listed below."] if len(doubts) > DOUBTS else []
@@ -68,31 +61,75 @@ def _conclusion(results: Comparison) -> tuple[list[str], str, Status]:
     return agreement, word, "agree"
 
 
-def _refused(results: Comparison) -> list[str]:
-    """Samples without numbers, those of the same kind named once."""
+#: Word of each outcome of a run.
+WORDS: dict[Outcome, str] = {
+    "agree": "✓ AGREE",
+    "judged": "✓ WITHIN TOLERANCE",
+    "undecided": "✗ NOT DECIDED",
+    "partly": "✗ PARTLY",
+    "unjudged": "✗ NOT JUDGED",
+    "nothing": "✗ NOTHING COMPARED",
+    "faulted": "✗ OUT OF TOLERANCE",
+    "differ": "✗ DIFFER",
+    "failed": "✗ FAILED",
+}
+
+
+def _nothing(results: Comparison) -> list[str]:
+    """What needs no sentence beside those on agreement."""
+    return []
+
+
+def _failed(results: Comparison) -> list[str]:
+    failed = "; ".join(f"{name}: {f.reason.rstrip('.')}" for name, f in results.failures.items())
+    head = "An engine failed" if len(results.failures) == 1 else f"{len(results.failures)} engines failed"
+    return [f"{head}: {failed}."]
+
+
+def _partly(results: Comparison) -> list[str]:
+    """What was asked and not compared; samples of the same kind are named once."""
     engines_by_sentence: dict[str, list[str]] = {}
     for one in results.refusals:
         engines_by_sentence.setdefault(one.sentence, []).append(one.engine)
-    return [f"{listed(names)}: {sentence}." for sentence, names in engines_by_sentence.items()]
+    lost = [f"{listed(names)}: {sentence}." for sentence, names in engines_by_sentence.items()]
+    return [*lost, *(f"Nothing is comparable of {name}: its engines cut other trees." for name in results.apart)]
 
 
-def _difference(results: Comparison, *, explained: bool) -> list[str]:
-    """The first difference; `explained`: missing numbers are already, and passed over."""
-    pairs = compared(results)
-    bad = [row for row in pairs if not row["ok"] and not (explained and missing(row["max_scaled"]))]
-    if not bad:
-        return []
+def _unjudged(results: Comparison) -> list[str]:
+    text = f"Nothing judges {listed(results.unjudged)}: no equation of mechanics can be tried on what it gives."
+    return [text] if len(results.solutions) > 1 else []
+
+
+def _undecided(results: Comparison) -> list[str]:
+    """How far what is out of tolerance is not decided, by the pair, or the residual, of which that is most."""
+    found = [row for row in [*compared(results), *rows(results.judge)] if row["undecided"]]
+    row = max(found, key=lambda row: row["undecided"])
+    count = f"{results.undecided} of {len(results.times)} samples"
+    if "a" not in row:
+        return [f"Not decided at {count}: the {words(row['residual'])} residual of {row['engine']} is {row['reason']}."]
+    first = f"{row['a']} and {row['b']} differ in {row['quantity']}{_place(row)} by {_amount(row)}{_because(row)}"
+    return [f"Not decided at {count}: {first}."]
+
+
+def _difference(results: Comparison) -> list[str]:
+    """The first difference."""
+    bad, pairs = rows(results.differences), compared(results)
     row = bad[0]
     more = [f"{len(bad)} of {len(pairs)} comparisons are out of tolerance."] if len(bad) > 1 else []
-    where = f"{row['quantity']}" + (f" at {row['worst_component']}" if row["worst_component"] else "")
     if missing(row["max_scaled"]):
         reason = str(row.get("reason") or "not a number").rstrip(".")
         if not row["b"]:  # an engine that stopped, with no other engine
             return [f"{reason}.", *more]
+        where = f"{row['quantity']}" + (f" at {row['worst_component']}" if row["worst_component"] else "")
         return [f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).", *more]
+    where = f"first in {row['quantity']} at {row['worst_component']}" if row["worst_component"] else row["quantity"]
     at = f" at t = {number(row['worst_t'])} s"
-    differ = f"{row['a']} and {row['b']} differ: first in {where}, by {_amount(row)}{at}{_because(row)}."
+    differ = f"{row['a']} and {row['b']} differ: {where}, by {_amount(row)}{at}{_because(row)}."
     return [differ, *_model_differences(results, row["a"], row["b"]), *more, *results.known]
+
+
+def _place(row: Row) -> str:
+    return f" at {row['worst_component']}, t = {number(row['worst_t'])} s," if row["worst_component"] else ""
 
 
 def _model_differences(results: Comparison, *engines: str) -> list[str]:
@@ -101,15 +138,23 @@ def _model_differences(results: Comparison, *engines: str) -> list[str]:
     return [f"The models differ, too: {first_few(differences, DOUBTS, '; ')}."] if differences else []
 
 
-def _fault(results: Comparison, *, explained: bool) -> list[str]:
-    """The first judge residual out of tolerance; `explained`: how models differ stands already with a difference."""
-    bad = [row for row in rows(results.judge) if not row["ok"] and row["engine"] not in results.failures]
-    if not bad:
-        return []
-    row = bad[0]
+def _fault(results: Comparison) -> list[str]:
+    """The first judge residual out of tolerance; how models differ stands already with a difference."""
+    row = rows(results.faults)[0]
     at = f" at {row['worst_component']}, t = {number(row['worst_t'])} s" if row.get("worst_component") else ""
     sentence = f"The judge faults {row['engine']}: {words(row['residual'])} residual {_amount(row)}{at}{_because(row)}."
-    return [sentence] if explained else [sentence, *_model_differences(results, row["engine"])]
+    return [sentence] if len(results.differences) else [sentence, *_model_differences(results, row["engine"])]
+
+
+#: What is said of each outcome.
+_SENTENCES: dict[Outcome, Callable[[Comparison], list[str]]] = {
+    "failed": _failed,
+    "differ": _difference,
+    "faulted": _fault,
+    "unjudged": _unjudged,
+    "partly": _partly,
+    "undecided": _undecided,
+}
 
 
 def _amount(row: Row) -> str:
@@ -123,18 +168,8 @@ def _because(row: Row) -> str:
 
 def _alone(results: Comparison) -> Iterator[str]:
     """What one engine alone gives."""
-    compared_with = {(row[side], row["quantity"]) for row in rows(results.pairs) for side in ("a", "b")}
-    engines = {name: one for name, one in results.solutions.items() if name not in results.scene.tables}
-    for engine, solution in engines.items() if len(engines) > 1 else ():  # a table has remarks of its own
-        names = [
-            name
-            for name, values in solution.values.items()
-            if values.array.size
-            and (engine, name) not in compared_with
-            and not {*values.components} <= {*results.not_unique.get(name, ())}
-        ]
-        if names:
-            yield f"Compared with no other engine: {listed(names)} of {engine}."
+    for engine, names in results.alone:
+        yield f"Compared with no other engine: {listed(names)} of {engine}."
 
 
 def not_unique(results: Comparison) -> Iterator[str]:
@@ -160,11 +195,16 @@ def _agreement(results: Comparison) -> list[str]:
         return ["No engine ran."]
     if pairs:
         untested = [*not_unique(results), *_alone(results), *filter(None, [results.coverage.poor])]
+        agree = [row for row in pairs if row["ok"]]
+        if not agree:
+            return untested
         # what is zero within rounding has no digits
-        counted = [row for row in pairs if not row["reason"] or results.scene.simulated]
-        least = min(counted or pairs, key=lambda row: digits(row["max_scaled"]))
+        counted = [row for row in agree if not row["reason"] or results.scene.simulated]
+        least = min(counted or agree, key=lambda row: digits(row["max_scaled"]))
         every = "the one comparison is" if len(pairs) == 1 else f"all {len(pairs)} comparisons are"
         fewest = f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']})"
+        if len(agree) < len(pairs):
+            return [f"{len(agree)} of {len(pairs)} comparisons are within tolerance, {fewest}.", *untested]
         remarks = [*filter(None, [OPEN_TREE.get(least["quantity"])]), *_integrated(pairs), *untested]
         return [f"{listed(engines)} agree: {every} within tolerance, {fewest}.", *remarks]
     residuals = "its residuals are" if len(engines) == 1 else "their residuals are"

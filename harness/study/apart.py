@@ -26,7 +26,7 @@ from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.study.lifeline import tied
 
 #: Types of an answer: what is made of them holds numbers and texts.
-_PLAIN = {(solution.__name__, name) for name in ("Cost", "Failure", "Solution", "Timing", "Values")}
+_PLAIN = {(solution.__name__, name) for name in ("Cost", "Error", "Failure", "Solution", "Timing", "Values")}
 #: What numpy pickles arrays of numbers by, version 1 and 2.
 _PLAIN |= {("numpy", "dtype"), ("numpy", "ndarray")}
 _PLAIN |= {(f"numpy.{core}.multiarray", "_reconstruct") for core in ("core", "_core")}

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 import pandas as pd
 
 from screwgauge.judging.coverage import Coverage
@@ -21,7 +22,8 @@ from screwgauge.reference.mobility import Mobility
 from screwgauge.reference.rotations import Array
 from screwgauge.scene import read as scenes
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Failure, Solution, Values
+from screwgauge.solution import REFERENCE, Failure, Solution, Values
+from screwgauge.study.outcome import EXIT, Outcome, weakest
 
 T = TypeVar("T")
 
@@ -68,16 +70,33 @@ class Comparison:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     undetermined: Sequence[str] = ()
 
+    @cached_property
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """All that became of it, the weakest first."""
+        alone = len(self.solutions) == 1
+        holds: dict[Outcome, bool] = {
+            "failed": bool(self.failures),
+            "differ": bool(len(self.differences)),
+            "faulted": bool(len(self.faults)),
+            "nothing": not len(self.compared) and not (alone and len(self.judge)),
+            "unjudged": bool(self.unjudged),
+            "partly": bool(self.refusals or self.apart),
+            "undecided": bool(self.undecided),
+        }
+        return tuple(outcome for outcome, here in holds.items() if here) or ("judged" if alone else "agree",)
+
+    @property
+    def outcome(self) -> Outcome:
+        """What its verdict begins with."""
+        return weakest(self.outcomes)
+
     @property
     def ok(self) -> bool:
-        """Every engine ran and gave every number; all is within its tolerance, and something was compared.
+        """Every engine ran; all that was asked was compared and judged, and is within its tolerance.
 
-        With a single engine it is enough that something was judged.
+        With a single engine it is enough that it was judged.
         """
-        looked_at = len(self.pairs) or (len(self.solutions) == 1 and len(self.judge))
-        if self.failures or self.refusals or not looked_at:
-            return False
-        return bool(self.pairs["ok"].all()) and bool(self.judge["ok"].all())
+        return not EXIT[self.outcome]
 
     def __bool__(self) -> bool:
         """``assert results`` passes only if they are ok."""
@@ -85,10 +104,61 @@ class Comparison:
 
     @property
     def exit_status(self) -> int:
-        """0 agreement, 1 out of tolerance or nothing compared, 3 an engine failed or is missing."""
-        if self.failures:
-            return 3
-        return 0 if self.ok else 1
+        """0 agreement, 1 out of tolerance or not all compared, 3 an engine failed or is missing."""
+        return EXIT[self.outcome]
+
+    @property
+    def compared(self) -> pd.DataFrame:
+        """Rows of pairs of which both engines ran."""
+        lost = [*self.failures]
+        return self.pairs[~self.pairs["a"].isin(lost) & ~self.pairs["b"].isin(lost)]
+
+    @property
+    def differences(self) -> pd.DataFrame:
+        """Rows of pairs that are out of tolerance by more than the engines admit, and not for want of a number."""
+        rows = self.compared
+        lost = np.array([self._refused(row) for row in rows.to_dict("records")], dtype=bool)
+        return rows[~rows["ok"].astype(bool) & ~(rows["undecided"] > 0) & ~lost]
+
+    @property
+    def faults(self) -> pd.DataFrame:
+        """Rows of equations that do not hold by more than the engine admits."""
+        rows = self.judge[~self.judge["engine"].isin([*self.failures])]
+        return rows[~rows["ok"].astype(bool) & ~(rows["undecided"] > 0)]
+
+    @property
+    def undecided(self) -> int:
+        """At how many samples differences, or residuals, are within what the engines admit, and not in tolerance."""
+        return max((int(rows["undecided"].max()) for rows in (self.compared, self.judge) if len(rows)), default=0)
+
+    @property
+    def unjudged(self) -> tuple[str, ...]:
+        """Engines of which no equation of mechanics was looked at."""
+        known = {*self.judge["engine"], *self.scene.tables, REFERENCE}
+        return tuple(name for name in self.solutions if name not in known)
+
+    @property
+    def alone(self) -> Iterator[tuple[str, list[str]]]:
+        """Engines with those of their quantities that were compared with no other engine."""
+        seen = {(row[side], row["quantity"]) for row in self.pairs.to_dict("records") for side in "ab"}
+        unique = {name: {*components} for name, components in self.not_unique.items()}
+        for engine, solution in self.solutions.items() if len(self.solutions) > 1 else ():
+            sized = {name: {*one.components} - unique.get(name, set()) for name, one in solution.values.items()}
+            names = [name for name, components in sized.items() if components and (engine, name) not in seen]
+            if names and engine not in self.scene.tables:  # a table has remarks of its own
+                yield engine, names
+
+    @property
+    def apart(self) -> tuple[str, ...]:
+        """Quantities that several engines give and of which one was compared with none: forces of unlike trees, say."""
+        names = dict.fromkeys(name for _, quantities in self.alone for name in quantities)
+        return tuple(name for name in names if len(self._having(name)) > 1)
+
+    def _refused(self, row: Mapping[Any, Any]) -> bool:
+        """Whether a row lacks numbers of which it is known why an engine does not give them."""
+        engines = (row["a"], row["b"])
+        known = (one.engine in engines and row["quantity"] in one.quantities for one in self.refusals)
+        return not np.isfinite(row["max_scaled"]) and any(known)
 
     @property
     def guard(self) -> list[Guarded]:
@@ -139,7 +209,7 @@ class Comparison:
         Raises:
             UnknownNameError: No engine has radii for this quantity.
         """
-        return self._pick("radius", quantity, {name: s.radius for name, s in self.solutions.items()}, engine)
+        return self._pick("radius", quantity, {name: _radii(one) for name, one in self.solutions.items()}, engine)
 
     def components(self, quantity: str, engine: str | None = None) -> tuple[str, ...]:
         """Names in column order."""
@@ -155,6 +225,10 @@ class Comparison:
                 return table[quantity]
         known = dict.fromkeys(name for table in tables for name in table)
         raise UnknownNameError(kind, quantity, known or ["none, as the engine truth was not run"])
+
+
+def _radii(solution: Solution) -> dict[str, Array]:
+    return {name: error.radius for name, error in solution.errors.items() if error.radius is not None}
 
 
 SCHEMA = 1  #: Of ``summary.json``: raised when a key goes or changes its meaning.

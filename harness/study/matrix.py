@@ -30,8 +30,8 @@ from screwgauge.judging.residual import JUDGE, columns_of
 from screwgauge.problem import Progress, Report, silent
 from screwgauge.quantities import digits
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.study.gate.items import EXIT
 from screwgauge.study.lifeline import tied
+from screwgauge.study.outcome import EXIT
 from screwgauge.study.runner import Executor, InTurn, Task, grow_table
 from screwgauge.study.store import TableFile
 

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from screwgauge.engines.registry import ENGINES, Engine, EngineModel, engine_names, get_engine
+from screwgauge.engines.registry import ENGINES, Engine, EngineModel, get_engine
 from screwgauge.problem import ModelFiles, Problem, Progress, States
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, ModelFileError, ScrewgaugeError, UnknownNameError, first_few
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Cost, Failure, Solution, Timing, Values, empty
+from screwgauge.solution import Cost, Error, Failure, Solution, Timing, Values
 from screwgauge.study.apart import CrashedError, apart
 
 if TYPE_CHECKING:
@@ -121,7 +121,8 @@ class EngineTask:
     def _solve(self, progress: Progress) -> Solution:
         with redirect_stdout(sys.stderr):  # what an engine prints is no output of a command
             model = self.engine.load(self.files)
-            return sound(model.solve(self._ordered(model), progress), len(self.problem.task))
+            answer = sound(model.solve(self._ordered(model), progress), len(self.problem.task))
+            return declared(answer, model, self.engine)
 
     def _ask_apart(self, progress: Progress) -> Solution | Failure:
         """Asks an engine of another package, whose answer is looked at where it cannot have changed who looks."""
@@ -184,7 +185,6 @@ def sound(answer: object, n: int) -> Solution:
         raise TypeError(f"its answer is of type {type(answer).__name__}, not a Solution")
     values = {name: _values(name, one, n) for name, one in _items("values", answer.values)}
     shapes = {name: one.array.shape for name, one in values.items()}
-    estimate, conditions = (_over_time(what, getattr(answer, what), n) for what in ("estimate", "conditions"))
     return Solution(
         engine=shortened(answer.engine, SHORT),
         version=shortened(answer.version, SHORT),
@@ -192,11 +192,7 @@ def sound(answer: object, n: int) -> Solution:
         condition=_sizes("condition", answer.condition, n),
         timings=tuple(map(_timing, _some("timings", answer.timings))),
         notes=_texts("notes", answer.notes),
-        tolerances={name: _floats("tolerances", by_unit) for name, by_unit in _items("tolerances", answer.tolerances)},
-        stated=_floats("stated", answer.stated),
-        radius={x: _numbers(f"radius of {x}", r, shapes.get(x, ())) for x, r in _items("radius", answer.radius)},
-        estimate=estimate,
-        conditions={name: empty(n) for name in estimate} | conditions,  # not known of those without
+        errors={name: _error(name, one, n, shapes.get(name, ())) for name, one in _items("errors", answer.errors)},
         assembly=None if answer.assembly is None else _numbers("assembly", answer.assembly, (n, None)),
         rows=None if answer.rows is None else _rows(answer.rows, n),
         setting=shortened(answer.setting, LONG),
@@ -205,6 +201,7 @@ def sound(answer: object, n: int) -> Solution:
         cost=None if answer.cost is None else _cost(answer.cost),
         warnings=_texts("warnings", answer.warnings),
         otherwise=_texts("otherwise", answer.otherwise),
+        lacks={name: shortened(why, LONG) for name, why in _items("lacks", answer.lacks)},
     )
 
 
@@ -285,14 +282,25 @@ def _sizes(what: str, array: object, n: int) -> Array:
     return sizes
 
 
-def _over_time(what: str, by_name: object, n: int) -> dict[str, Array]:
-    return {name: _sizes(f"{what} of {name}", array, n) for name, array in _items(what, by_name)}
+def _size(what: str, number: Any) -> float:
+    """A number that is not negative."""
+    if not (size := float(number)) >= 0.0:
+        raise ValueError(f"its {what} is {size}: no size, or negative")
+    return size
 
 
-def _floats(what: str, table: object) -> dict[str, float]:
-    if not isinstance(table, Mapping):
-        raise TypeError(f"its {what} are of type {type(table).__name__}, not a mapping")
-    return {shortened(name, SHORT): float(value) for name, value in table.items()}
+def _error(name: str, error: object, n: int, shape: tuple[int, ...]) -> Error:
+    """An error of a quantity whose values have some shape."""
+    if not isinstance(error, Error):
+        raise TypeError(f"its error of {name} is of type {type(error).__name__}, not an Error")
+    radius, condition, what = error.radius, error.condition, f"of {name}"
+    return Error(
+        scaled=_sizes(f"error {what}", error.scaled, n),
+        absolute={unit: _size(f"error {what}", size) for unit, size in _items(f"error {what}", error.absolute)},
+        condition=None if condition is None else _sizes(f"condition {what}", condition, n),
+        source=shortened(error.source, SHORT),
+        radius=None if radius is None else _numbers(f"radius {what}", radius, shape),
+    )
 
 
 def _rows(rows: object, n: int) -> Any:
@@ -326,9 +334,15 @@ class LeftOutError(Exception):
     """An answer that lacks requested quantities."""
 
 
-def left_out(engine: str, wanted: Collection[str], answer: Solution) -> tuple[str, ...]:
-    """Requested quantities that an answer lacks, except those that the engine's entry excepts."""
-    return tuple(q for q in QUANTITIES if q in wanted and q not in answer.values and q not in _lacks(engine))
+def declared(answer: Solution, model: EngineModel, engine: Engine | None) -> Solution:
+    """The answer with what its engine has said beforehand that it does not give."""
+    lacks = {**(engine.lacks if engine else {}), **dict(_items("lacks", getattr(model, "lacks", {})))}
+    return replace(answer, lacks={name: shortened(why, LONG) for name, why in lacks.items()})
+
+
+def left_out(wanted: Collection[str], answer: Solution) -> tuple[str, ...]:
+    """Requested quantities that an answer lacks, except those that its engine has excepted."""
+    return tuple(q for q in QUANTITIES if q in wanted and q not in answer.values and q not in answer.lacks)
 
 
 def without(quantities: Iterable[str]) -> str:
@@ -336,23 +350,18 @@ def without(quantities: Iterable[str]) -> str:
     return f"gives no {', '.join(quantities)}, though asked for"
 
 
-def excepted(engine: str, wanted: Collection[str]) -> Iterator[str]:
-    """Notes from an engine's entry on requested quantities that it cannot give."""
-    return (f"gives no {name}: {why}" for name, why in _lacks(engine).items() if name in wanted)
+def excepted(answer: Solution, wanted: Collection[str]) -> Iterator[str]:
+    """Notes on requested quantities that an engine has excepted."""
+    return (f"gives no {name}: {why}" for name, why in answer.lacks.items() if name in wanted)
 
 
-def _lacks(engine: str) -> Mapping[str, str]:
-    """Exceptions of an entry; none of a method without an entry, such as the paper's scheme."""
-    return get_engine(engine).lacks if engine in engine_names() else {}
-
-
-def check_whole(engine: str, problem: Problem, answer: Solution) -> Solution:
+def check_whole(problem: Problem, answer: Solution) -> Solution:
     """The answer, if it has all requested quantities.
 
     Raises:
         LeftOutError: It has not.
     """
-    if lost := left_out(engine, problem.wanted, answer):
+    if lost := left_out(problem.wanted, answer):
         raise LeftOutError(without(lost))
     return answer
 

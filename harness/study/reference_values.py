@@ -20,14 +20,14 @@ from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Failure, Values
+from screwgauge.solution import TRUTH, Failure, Values
 from screwgauge.study.run import run
 from screwgauge.study.solving import model_files, write_scene_models
 from screwgauge.witness.joints import mechanism_tree
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import TreeStates, stacked
 
-TRUTH, STANDIN = "truth", "screw"
+STANDIN = "screw"
 _NOTES = {
     TRUTH: "Errors are against the engine truth: ball arithmetic with a rigorous radius.",
     STANDIN: f"Errors are against the engine {STANDIN} in double precision, not against a truth ({{reason}}): "

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,25 +19,27 @@ from screwgauge.casebook.book import suspects
 from screwgauge.engines.chunks import Names, described
 from screwgauge.engines.registry import ENGINES, check_engines, get_engine
 from screwgauge.environment import environment
+from screwgauge.judging.allowance import Allowance, Integrated
 from screwgauge.judging.assembly_modes import assembly_of, in_one_chart
 from screwgauge.judging.compare import compare, nothing
 from screwgauge.judging.coverage import coverage
-from screwgauge.judging.judge import judge
+from screwgauge.judging.judge import judge, summands
 from screwgauge.judging.residual import JUDGE_COLUMNS, PAIR_COLUMNS, SizedResidual, frame
-from screwgauge.judging.trust import LOOSER, Refusal, passed, refusals, with_estimate
-from screwgauge.problem import Report, silent
+from screwgauge.judging.trust import LOOSER, Refusal, integrated, integration_note, passed, refusals
+from screwgauge.problem import Report, silent, spread
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import is_file
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mobility import Mobility, mobility
+from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import Sampled
 from screwgauge.scene.observables import Known, known_values, observe
 from screwgauge.scene.preflight import beyond_limits, check_actuation, check_scene, doubts, far_from_home
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
-from screwgauge.solution import REFERENCE, Failure, Solution
+from screwgauge.solution import REFERENCE, Error, Failure, Solution
 from screwgauge.study.comparison import Comparison, facts, provenance
 from screwgauge.study.methods import left_out, without
 from screwgauge.study.solving import ask_engines, description_file, generated, model_files
@@ -126,7 +128,7 @@ def run(
         warnings=warnings,
         doubts=doubted,
         unread=unread,
-        refusals=(*steps.refused, *steps.missing),
+        refusals=(*steps.refused, *steps.missing, *steps.short),
         cover=partial(coverage, scene.mechanism, steps.problem, steps.answers, checked.mobility, scene.tolerance),
         known=[*_known(pairs, steps.solutions)],
         provenance=judged_files,
@@ -141,7 +143,8 @@ class _RunSteps:
         answers: Engine or table -> its answer, with notes on what it lacks.
         solutions: What is compared: answers in one chart of joint angles; of a simulation, with its observables.
         judged: Engine or table -> rows of the judge.
-        refused, missing: Samples, and whole quantities, of which an engine gives no number.
+        refused, missing, short: What an engine gives no number of: some quantities at some samples, whole quantities,
+            whole samples.
     """
 
     def __init__(self, scene: Scene, checked: _Checked, progress: Report, limits: Limits | None) -> None:
@@ -153,7 +156,8 @@ class _RunSteps:
         self.answers, self.solutions = dict[str, Solution](), dict[str, Solution]()
         self.failures, self.judged = dict[str, Failure](), dict[str, pd.DataFrame]()
         self.tables: Mapping[str, Solution] = {}
-        self.refused, self.missing = list[Refusal](), list[Refusal]()
+        self.refused, self.missing, self.short = list[Refusal](), list[Refusal](), list[Refusal]()
+        self.integration = dict[str, Integrated]()
 
     def solve(self, scene: Scene, names: Iterable[str], folder: Path) -> tuple[dict[str, Solution], dict[str, Failure]]:
         """Puts the scene, or the same with other tolerances, to engines."""
@@ -168,7 +172,8 @@ class _RunSteps:
         scene, problem = self.scene, self.problem
         self.refused = [one for answer in answers.values() for one in refusals(scene.mechanism, problem, answer)]
         self.missing = list(_missing(self.requested, answers, len(scene.t)))
-        lacking = [*self.refused, *self.missing]
+        self.short = list(_short(self.checked.wanted, answers, scene.t))
+        lacking = [*self.refused, *self.missing, *self.short]
         self.answers = {name: _noted(scene, answer, lacking) for name, answer in answers.items()}
         self.judged = {name: self.judge(answer) for name, answer in self.answers.items()}
         self.judged |= {
@@ -202,8 +207,15 @@ class _RunSteps:
 
     def _compared(self) -> tuple[pd.DataFrame, pd.DataFrame]:
         scene = self.scene
-        failed, binding = ({}, scene.tolerances) if scene.simulated else (self.failures, ())
-        held = failed, self.checked.mobility, scene.tolerance, self.refused, binding
+        allowance = Allowance(
+            scene.tolerance,
+            scene.tolerances if scene.simulated else (),
+            {name: table.error for name, table in scene.tables.items()},
+            self.integration,
+            cache(partial(summands, scene.mechanism, self.problem, [*self.answers.values()])),
+        )
+        failed = {} if scene.simulated else self.failures
+        held = failed, self.checked.mobility, allowance, self.refused
         return compare(scene.mechanism, self.problem, self.solutions, *held)
 
     def _estimate_integration(self, lay: Layout, unsure: Sequence[str]) -> None:
@@ -216,7 +228,8 @@ class _RunSteps:
             self.judged[name] = self.judge(self.answers[name], [runs[name] for runs in looser if name in runs])
             runs = {f"{k}": run[name] for k, run in enumerate(seen) if name in run}
             first, *again = in_one_chart(scene.mechanism, {"": self.solutions[name], **runs}).values()
-            self.solutions[name] = with_estimate(first, again)
+            self.integration[name] = integrated(first, again)
+            self.solutions[name] = replace(first, notes=(*first.notes, integration_note(self.integration[name])))
 
 
 def _known(pairs: pd.DataFrame, solutions: Mapping[str, Solution]) -> Iterator[str]:
@@ -300,8 +313,18 @@ def _check_simulated(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
 def _missing(requested: Sequence[str], answers: Mapping[str, Solution], n: int) -> Iterator[Refusal]:
     """Requested quantities that engines give at none of the n samples."""
     for name, answer in answers.items():
-        if lost := left_out(name, requested, answer):
+        if lost := left_out(requested, answer):
             yield Refusal(name, lost, np.arange(n), without(lost), without(lost))
+
+
+def _short(wanted: Iterable[str], answers: Mapping[str, Solution], t: Array) -> Iterator[Refusal]:
+    """Samples that engines do not answer, though they do not say beforehand that they answer fewer."""
+    for name, answer in answers.items():
+        asked = spread(len(t), (ENGINES[name].most if name in ENGINES else 0) or len(t))
+        if answer.rows is not None and (rows := np.setdiff1d(asked, answer.rows)).size:
+            what = f"answers {len(asked) - len(rows)} of {len(asked)} samples"
+            why = f", nothing after t = {t[rows[0] - 1]:g} s: {answer.stopped}" if answer.stopped else ""
+            yield Refusal(name, tuple(wanted), rows, what, f"{what}{why}")
 
 
 def _lost(
@@ -365,8 +388,7 @@ def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]
     return replace(
         answer,
         values=values,
-        estimate=dict.fromkeys(values, estimate),
-        conditions=dict.fromkeys(values, met),
+        errors=dict.fromkeys(values, Error(estimate, condition=met)),
         notes=tuple(filter(None, notes)),
         warnings=(*answer.warnings, *doubts),
     )

@@ -29,6 +29,7 @@ from screwgauge.study.methods import (
     check_components,
     check_units,
     check_whole,
+    declared,
     excepted,
     failure,
     left_out,
@@ -52,7 +53,7 @@ def solve(
     with generated(scene) as folder:
         answers, failures = ask_engines(scene, names, wanted, folder, progress)
     for name, answer in [*answers.items()]:
-        if lost := left_out(name, wanted, answer):
+        if lost := left_out(wanted, answer):
             failures[name] = Failure(name, without(lost))
             del answers[name]
     return answers, failures
@@ -116,13 +117,14 @@ def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress 
     entry = get_engine(method.engine) if method.engine in engine_names() else None
     try:
         if entry is None or method.engine in ENGINES:
-            answer = sound(method.load(files).solve(problem, progress), len(problem.task))
+            model = method.load(files)
+            answer = declared(sound(model.solve(problem, progress), len(problem.task)), model, entry)
         else:
             task = EngineTask(entry, files, problem, files.model.parent, ())
             (answer,) = _asked({method.name: task}, None, lambda step, share: progress(share)).values()
             if isinstance(answer, Failure):
                 return answer
-        return check_whole(method.engine, problem, answer)
+        return check_whole(problem, answer)
     except TooLongError:
         raise
     except (Exception, SystemExit) as error:
@@ -169,7 +171,7 @@ def ask_engines(
         try:
             check_components(answer, len(scene.t), expected or {})
             check_units(answer, units or {}, len(scene.mechanism.coordinates))
-            answer = replace(answer, notes=(*answer.notes, *excepted(name, wanted)))
+            answer = replace(answer, notes=(*answer.notes, *excepted(answer, wanted)))
             solutions[name] = answer.arranged(_orders(answer, scene.mechanism, expected or {}))
         except Exception as error:
             failures[name] = questions[name].failure(error)

@@ -103,7 +103,6 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
         values=values,
         condition=empty(n),
         notes=(*long, *unused, *(f"gives no {tree}: {NO_TREE}" for tree in wanted if tree.startswith("tree_force"))),
-        stated=table.error,
         assembly=None if _whole(values, names, "joint_position") else assembly,
         rows=None if len(rows) == n else rows,
         warnings=short,
@@ -189,7 +188,7 @@ def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) 
     values = {name: one for name, one in answer.values.items() if _whole(answer.values, names, name)}
 
     def tolerance_of(quantity: str) -> float:
-        usual, stated = scene.tolerance(quantity), answer.stated.get(quantity)
+        usual, stated = scene.tolerance(quantity), scene.tables[answer.engine].error.get(quantity)
         if stated is None or quantity not in values:
             return usual
         columns = {u: [has == u for has in values[quantity].units] for u in values[quantity].units}

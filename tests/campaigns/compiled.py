@@ -99,7 +99,7 @@ def by_truth(scene: Scene, motion: GivenMotion) -> tuple[Rows, Answers]:
     problem = replace(scene, task=motion.part(rows), drive=None, text={}).problem(GIVEN)
     truth = get_engine("truth").load(ModelFiles(scene.mechanism_file)).solve(problem)
     done = np.arange(len(rows)) if truth.rows is None else truth.rows
-    answers = {name: (x.array[done], truth.radius[name][done].copy()) for name, x in truth.values.items()}
+    answers = {name: (x.array[done], truth.errors[name].radius[done].copy()) for name, x in truth.values.items()}
     if "reaction" in answers:
         lay, three = layout(scene.mechanism), motion.part(rows[done[[0, len(done) // 2, -1]]])
         at = pose(lay, positions(lay, three.y, three.t, (three.yd, three.ydd)))

@@ -6,11 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.judging.answer import largest
 from screwgauge.judging.assembly_modes import assembly_of, other_assemblies
 from screwgauge.study.comparison import Comparison
-
-EXPLAINED = "within the error"  # how the comparison begins where an estimate admits what differs
 
 
 def judged(results: Comparison) -> dict[str, Any]:
@@ -35,17 +32,17 @@ def judged(results: Comparison) -> dict[str, Any]:
     ]
     if numbers := [pair for pair in ranked if np.isfinite(pair["max_scaled"])]:
         worst = max(numbers, key=lambda pair: pair["max_scaled"] / pair["tolerance"])
-        estimates = (solutions[worst[side]].estimate.get(worst["quantity"]) for side in "ab")
+        estimates = (solutions[worst[side]].errors.get(worst["quantity"]) for side in "ab")
         row |= {key: f"{worst[key]:.2g}" for key in ("max_scaled", "tolerance")}
         row |= {"quantity": worst["quantity"], "pair": f"{worst['a']} - {worst['b']}"}
         row |= {"component": worst["worst_component"]}
-        row |= {"estimate": f"{max((largest(one) for one in estimates if one is not None), default=0.0):.2g}"}
+        row |= {"estimate": f"{max((one.largest for one in estimates if one is not None), default=0.0):.2g}"}
     if beyond := [dict[Any, Any](residual) for residual in results.judge.to_dict("records") if not residual["ok"]]:
         worst = max(beyond, key=lambda residual: float(np.nan_to_num(residual["max_scaled"], nan=np.inf)))
         row |= {"judge": f"{worst['engine']} {worst['residual']} {worst['max_scaled']:.2g}", "verdict": "judged"}
-    if wrong := [pair["reason"] for pair in pairs if not pair["ok"]]:
-        open_ = [reason for reason in wrong if not reason.startswith(EXPLAINED)]
-        row |= {"reason": (open_ or wrong)[0], "verdict": "differ" if open_ else "estimated"}
+    if wrong := [pair for pair in pairs if not pair["ok"]]:
+        decided = [pair for pair in wrong if not pair["undecided"]]
+        row |= {"reason": (decided or wrong)[0]["reason"], "verdict": "differ" if decided else "estimated"}
     if results.failures:
         reasons = (f"{name}: {failure.reason}" for name, failure in results.failures.items())
         row |= {"reason": "; ".join(reasons), "verdict": "failed"}

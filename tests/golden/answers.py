@@ -26,8 +26,9 @@ def largest(values: Any) -> dict[str, float]:
 
 def offs(solution: Any, quantity: str, least: float = LEAST) -> dict[str, float]:
     """Unit -> what numbers of a quantity may be off by: ten times the error that the engine admits."""
-    estimate, admitted = solution.estimate.get(quantity), solution.tolerances.get(quantity, {})
-    share = max(least, SLACK * float(np.max(estimate)) if estimate is not None else 0.0)
+    error = solution.errors.get(quantity)
+    admitted = {} if error is None else error.absolute
+    share = max(least, SLACK * float(np.max(error.scaled)) if error is not None else 0.0)
     sizes = largest(solution.values[quantity])
     return {unit: max(share * size, SLACK * admitted.get(unit, 0.0)) for unit, size in sizes.items()}
 
@@ -70,16 +71,19 @@ def errors_of(solution: Any) -> Iterator[Row]:
 
     Conditions are that of the closing system, and the worst that any quantity was solved from.
     """
-    name, met = solution.engine, [float(np.max(each)) for each in solution.conditions.values()]
+    name, errors = solution.engine, [*solution.errors.values()]
+    proved = [error.radius for error in errors if error.radius is not None]
+    errors = [error for error in errors if error.radius is None]
+    met = [error.worst_condition for error in errors]
     conditions = [float(np.max(solution.condition)), *([max(met)] if met else [])]
-    admitted = [size for sizes in solution.tolerances.values() for size in sizes.values()]
-    sizes = {"estimates": [*solution.estimate.values()], "tolerances": admitted, "conditions": conditions}
+    admitted = [size for error in errors for size in error.absolute.values()]
+    sizes = {"estimates": [error.scaled for error in errors], "tolerances": admitted, "conditions": conditions}
     for what, arrays in sizes.items():
         off = MEASURED if what == "tolerances" and name.startswith("mujoco") else ESTIMATED
         if arrays:
             yield f"{name} {what}", logarithms([float(np.max(each)) for each in arrays], off)
-    if solution.radius:
-        radii = [max(PROVED, float(np.max(each))) for each in solution.radius.values()]
+    if proved:
+        radii = [max(PROVED, float(np.max(each))) for each in proved]
         yield f"{name} radii", logarithms(radii, 0.5)
 
 
@@ -129,7 +133,7 @@ def facts_of(results: Any) -> Iterator[Row]:
 
 def noted(solution: Any) -> bool:
     """Whether its notes are the same anywhere: steps and times of a simulation are not, nor radii."""
-    return solution.cost is None and not solution.radius
+    return solution.cost is None and all(error.radius is None for error in solution.errors.values())
 
 
 def measured(table: Any, names: list[str], scaled: str, size: str) -> Iterator[Row]:

@@ -21,7 +21,7 @@ from screwgauge.models.generate import stem
 from screwgauge.problem import ModelFiles, Problem, Progress, Task, quiet, silent
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import REFERENCE, Clock, Cost, Failure, Solution, Timing, Values, common_rows
+from screwgauge.solution import REFERENCE, Clock, Cost, Error, Failure, Solution, Timing, Values, common_rows
 from screwgauge.study.isolation import isolated
 from screwgauge.study.methods import Method
 from screwgauge.study.solving import ask as put
@@ -125,10 +125,9 @@ def arrays(solution: Solution) -> dict[str, Array]:
         held = getattr(solution, field.name)
         if isinstance(held, np.ndarray):
             found[field.name] = held
-        elif field.name in ("radius", "estimate", "conditions"):
-            found |= {f"{field.name} {name}": value for name, value in held.items()}
-        elif field.name == "tolerances":
-            found |= {f"{field.name} {name} {unit}": np.asarray(x) for name in held for unit, x in held[name].items()}
+    for name, error in solution.errors.items():
+        each = {"scaled": error.scaled, "condition": error.condition, "radius": error.radius, **error.absolute}
+        found |= {f"{what} of {name}": np.asarray(x) for what, x in each.items() if x is not None}
     return found
 
 

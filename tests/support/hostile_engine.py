@@ -10,7 +10,7 @@ import numpy as np
 from screwgauge.engines.registry import Engine, EngineModel
 from screwgauge.engines.screw import model as screw
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
-from screwgauge.solution import Solution, Values
+from screwgauge.solution import Error, Solution, Values
 
 print("imported")
 ENGINE = Engine("loud", "prints", f"{__name__}:load", frozenset((GivenMotion,)), "screwgauge")
@@ -96,20 +96,23 @@ WRONG = {
     "condition": (_with(condition="large"), "condition"),
     "condition of one": (_with(condition=np.ones(1)), "condition"),
     "condition in words": (_with(condition=np.array(["a", "b"])), "condition"),
-    "estimate": (_with(estimate={"joint_position": np.zeros((2, 2))}), "estimate"),
-    "estimate in words": (_with(estimate={"joint_position": np.array(["a", "b"])}), "estimate"),
-    "estimate below zero": (_with(estimate={"joint_position": -np.ones(2)}), "negative"),
+    "error": (_with(errors={"joint_position": Error(np.zeros((2, 2)))}), "error"),
+    "error in words": (_with(errors={"joint_position": Error(np.array(["a", "b"]))}), "error"),
+    "error below zero": (_with(errors={"joint_position": Error(-np.ones(2))}), "negative"),
     "condition below zero": (_with(condition=-np.ones(2)), "negative"),
-    "conditions": (_with(conditions={"joint_position": None}), "conditions"),
-    "radius": (_with(radius={"joint_position": np.zeros(3)}), "radius"),
+    "condition of one quantity": (_with(errors={"joint_position": Error(np.zeros(2), condition="large")}), "condition"),
+    "radius": (_with(errors={"joint_position": Error(np.zeros(2), radius=np.zeros(3))}), "radius"),
     "assembly": (_with(assembly=np.zeros((7, 26))), "assembly"),
     "assembly too small": (_with(assembly=np.zeros((2, 1))), "assembly"),
     "rows": (_with(rows=np.array([0, 9])), "rows"),
     "rows twice": (_with(rows=np.array([1, 1])), "rows"),
     "work": (_with(work=np.zeros((2, 3))), "work"),
-    "tolerances": (_with(tolerances={"joint_position": 1.0}), "tolerances"),
-    "tolerances in words": (_with(tolerances={"joint_position": {"rad": "much"}}), "much"),
-    "stated": (_with(stated=7), "stated"),
+    "no error": (_with(errors={"joint_position": 1.0}), "not an Error"),
+    "errors": (_with(errors=7), "errors"),
+    "absolute errors": (_with(errors={"joint_position": Error(np.zeros(2), absolute=1.0)}), "error of joint_position"),
+    "absolute errors in words": (_with(errors={"joint_position": Error(np.zeros(2), {"rad": "much"})}), "much"),
+    "absolute errors below zero": (_with(errors={"joint_position": Error(np.zeros(2), {"rad": -1.0})}), "negative"),
+    "an absolute error that is none": (_with(errors={"joint_position": Error(np.zeros(2), {"rad": np.nan})}), "nan"),
     "timings": (_with(timings=("fast",)), "timing"),
     "cost": (_with(cost="nothing"), "cost"),
     "notes": (_with(notes=(1, 2)), "int"),

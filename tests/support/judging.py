@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import pandas as pd
 
 from screwgauge import Results, Scene
+from screwgauge.judging.allowance import LIMIT, Allowance, Integrated
 from screwgauge.judging.answer import answer_at
 from screwgauge.judging.assembly_modes import in_one_chart
 from screwgauge.judging.compare import compare
 from screwgauge.judging.coverage import NOTHING, coverage
 from screwgauge.judging.judge import admitted_by, judge
 from screwgauge.judging.left_out import measured
-from screwgauge.judging.trust import LIMIT, flagged
+from screwgauge.judging.trust import flagged
 from screwgauge.solution import Solution
 from screwgauge.study.reference_values import Reference, deviation, reference_values, score
 from screwgauge.witness.wrenches import held as exerted
@@ -27,7 +29,9 @@ def agreed(results: Results) -> Results:
     return results
 
 
-def compared(scene: Scene, solutions: Mapping[str, Solution]) -> tuple[pd.DataFrame, pd.DataFrame]:
+def compared(
+    scene: Scene, solutions: Mapping[str, Solution], integration: Mapping[str, Integrated] = MappingProxyType({})
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Errors and pairs of a scene's solutions, compared as if these were all that was wanted."""
-    counts = mobility_at_home(scene.mechanism)
-    return compare(scene.mechanism, scene.problem(()), solutions, {}, counts, scene.tolerance)
+    counts, allowance = mobility_at_home(scene.mechanism), Allowance(scene.tolerance, integration=integration)
+    return compare(scene.mechanism, scene.problem(()), solutions, {}, counts, allowance)

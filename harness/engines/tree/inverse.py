@@ -22,7 +22,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.closed.continuation import Continuation
 from screwgauge.reference.closed.walk import Loops
 from screwgauge.reference.rotations import Array, cross
-from screwgauge.solution import Clock, Solution
+from screwgauge.solution import SOFTNESS, Clock, Error, Solution
 
 
 def solve_motion(closed: ClosedTree, problem: Problem, motion: GivenMotion, progress: Progress) -> Solution:
@@ -31,11 +31,16 @@ def solve_motion(closed: ClosedTree, problem: Problem, motion: GivenMotion, prog
     size = {"length": closed.sizes.length, "mass": float(tree.masses.sum())}
     labels = (tree.engine, tree.version, f"{closed.file.cut} cut, rule {problem.rule}")
     solution = assemble(labels, len(motion), work.part, work.names, work.clock, progress, **size)
-    tolerances = {
-        name: {unit: max(size, work.tolerances.get(name, 0.0)) for unit, size in by_unit.items()}
-        for name, by_unit in solution.tolerances.items()
-    }
-    return replace(solution, tolerances=tolerances, assembly=np.concatenate(work.assembly))
+    errors = {name: _softened(error, work.softness.get(name, 0.0)) for name, error in solution.errors.items()}
+    return replace(solution, errors=errors, assembly=np.concatenate(work.assembly))
+
+
+def _softened(error: Error, softness: float) -> Error:
+    """An error that is at least what soft constraints leave [N or N m]."""
+    if not softness:
+        return error
+    absolute = {unit: max(size, softness) for unit, size in error.absolute.items()}
+    return replace(error, absolute=absolute, source=SOFTNESS)
 
 
 #: Quantities for which the accelerations of all bodies are needed.
@@ -69,7 +74,7 @@ class _Work:
         self.residual = 0.0
         self.assembly: list[Array] = []
         self.reaction_names: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
-        self.tolerances: dict[str, float] = {}
+        self.softness = dict[str, float]()
 
     def part(self, rows: slice) -> Part:
         loops, motion = self.closed.loops, self.motion.part(rows)
@@ -242,8 +247,8 @@ class _Pass:
             with self.clock.stage("soft tree forces"):
                 soft, tolerance = tree.soft_force(*state, self.residuals)
                 self.values["tree_force_soft"] = soft[:, order]
-                known = self.work.tolerances.get("tree_force_soft", 0.0)
-                self.work.tolerances["tree_force_soft"] = max(known, tolerance)
+                known = self.work.softness.get("tree_force_soft", 0.0)
+                self.work.softness["tree_force_soft"] = max(known, tolerance)
 
     def _inertia_and_weight(self) -> Array:
         """Largest force along a coordinate that these can make, as if nothing cancelled [N]. Shape (n,)."""

@@ -22,7 +22,7 @@ from screwgauge.reference.closed.newton import velocity_map
 from screwgauge.reference.errors import DescriptionError, ModelFileError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Solution, Values, empty
+from screwgauge.solution import Error, Solution, Values, empty
 
 
 def loops_file(files: ModelFiles) -> LoopsFile:
@@ -137,7 +137,9 @@ def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, t
             {"joint_acceleration": Values(task.coordinates, units, answer.a[:, out])},
             nothing if answer.condition is None else answer.condition,
             setting=dynamics.setting,
-            tolerances={name: dict.fromkeys(units, size) for name, size in answer.tolerances.items()},
+            errors={
+                name: Error(np.zeros(len(q)), dict.fromkeys(units, size)) for name, size in answer.tolerances.items()
+            },
             notes=answer.notes,
             cost=answer.cost,
         )

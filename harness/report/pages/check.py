@@ -25,16 +25,28 @@ from screwgauge.report.text import markdown, terminal
 from screwgauge.report.verdict import verdict
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.history import Against, against, check_baseline, read_baseline, write_baseline
-from screwgauge.study.gate.items import EXIT, GateRow, items, read_tolerances, unread
+from screwgauge.study.gate.items import GateRow, items, read_tolerances, unread
 from screwgauge.study.gate.measure import GateSettings
 from screwgauge.study.gate.run import check_items, files_in
+from screwgauge.study.outcome import EXIT, Outcome
 from screwgauge.study.runner import Executor
 
 SCHEMA = 1  #: Of the JSON.
 #: Variable with the name of the file to which GitHub wants the summary of a job to be added.
 SUMMARY = "GITHUB_STEP_SUMMARY"
-WORDS = {"agree": "✓ ok", "judged": "✓ judged", "unread": "✗ not read", "differ": "✗ differ"}
-WORDS |= {"failed": "✗ failed", "refused": "✗ refused"}
+WORDS: dict[Outcome, str] = {
+    "agree": "✓ ok",
+    "judged": "✓ judged",
+    "unread": "✗ not read",
+    "undecided": "✗ not decided",
+    "partly": "✗ partly",
+    "unjudged": "✗ not judged",
+    "nothing": "✗ nothing compared",
+    "faulted": "✗ out of tolerance",
+    "differ": "✗ differ",
+    "refused": "✗ refused",
+    "failed": "✗ failed",
+}
 #: Names of files that a verdict lists.
 SHOWN = 5
 
@@ -121,10 +133,10 @@ class Check:
 
     def junit(self) -> str:
         """JUnit XML: a test case for each row, and one for the baseline."""
-        cases = [(row.scene, row.seconds, row.status, message(row)) for row in self.rows]
+        cases = [(row.scene, row.seconds, EXIT[row.status], message(row)) for row in self.rows]
         if self.against is not None:
             lost = "; ".join(self.against.worse)
-            cases.append((f"baseline {self.against.file}", 0.0, "differ" if lost else "agree", lost))
+            cases.append((f"baseline {self.against.file}", 0.0, int(bool(lost)), lost))
         kinds = Counter(_KINDS.get(status, "") for _, _, status, _ in cases)
         suite = ET.Element("testsuite", name="screwgauge", tests=str(len(cases)))
         for name, kind in (("failures", "failure"), ("errors", "error")):
@@ -150,8 +162,8 @@ def _escaped(text: str, signs: str) -> str:
     return "".join(f"%{ord(sign):02X}" if sign in signs else sign for sign in text)
 
 
-#: Elements of JUnit by the status of what they are about.
-_KINDS = {"unread": "failure", "differ": "failure", "failed": "error", "refused": "error"}
+#: Elements of JUnit by the exit status of what they are about.
+_KINDS = {1: "failure", 2: "error", 3: "error"}
 
 
 def _banners(check: Check) -> list[Banner]:

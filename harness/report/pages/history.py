@@ -13,7 +13,7 @@ from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import Spec, numbered
 from screwgauge.report.formatting import Row, digits_text, grouped, rows
 from screwgauge.report.layout import study
-from screwgauge.study.gate.items import EXIT
+from screwgauge.study.outcome import EXIT
 
 PASSED = [status for status, ends in EXIT.items() if not ends]
 MOST = 7  # scenes that are drawn; all are in the table

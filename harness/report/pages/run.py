@@ -11,8 +11,9 @@ from typing import Any
 
 import pandas as pd
 
+from screwgauge.judging.allowance import LIMIT
 from screwgauge.judging.residual import ERROR_COLUMNS
-from screwgauge.judging.trust import LIMIT, Guarded
+from screwgauge.judging.trust import Guarded
 from screwgauge.report.blocks import Banner, Block, Folded, Marked, Picture
 from screwgauge.report.figures.run import drawings, make_plots, unmatched
 from screwgauge.report.folder import SAMPLES

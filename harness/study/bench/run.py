@@ -294,7 +294,7 @@ class _Measurements:
         with np.errstate(all="ignore"):
             seconds, solutions = timing.once(call, self.protocol.clock)
         for problem, solution in zip(trial.problems, solutions, strict=True):
-            check_whole(contestant.method.engine, problem, solution)
+            check_whole(problem, solution)
         scores = contestant.scores(trial, solutions)
         return {"status": OK, "n_sample": trial.n_sample, "first": seconds, "scores": scores}
 

@@ -21,7 +21,7 @@ from screwgauge.reference.graph import layout, spanning_tree
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution, Stopwatch, Values
+from screwgauge.solution import TRUTH, Solution, Stopwatch, Values
 from screwgauge.study.cases.question import (
     ACCELERATION,
     ENGINES,
@@ -37,7 +37,7 @@ from screwgauge.study.cases.question import (
     tree_coordinates,
 )
 from screwgauge.study.methods import Method
-from screwgauge.study.reference_values import TRUTH, Reference, pushed
+from screwgauge.study.reference_values import Reference, pushed
 from screwgauge.study.solving import solve
 from screwgauge.witness.joints import mechanism_tree
 from screwgauge.witness.kinematics import move

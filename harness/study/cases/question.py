@@ -31,9 +31,9 @@ from screwgauge.reference.mechanism import Frame, Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Failure, Solution, Values
+from screwgauge.solution import TRUTH, Failure, Solution, Values
 from screwgauge.study.methods import Method
-from screwgauge.study.reference_values import TRUTH, PreparedScene, Reference, deviation, pose_scene, sizes
+from screwgauge.study.reference_values import PreparedScene, Reference, deviation, pose_scene, sizes
 from screwgauge.study.solving import ask, model_files, solve
 from screwgauge.witness.joints import MechanismTree
 from screwgauge.witness.kinematics import TreeMotion
@@ -230,7 +230,7 @@ def _measured(
     """The error of a quantity, the admitted one, and why."""
     quantity, right = blank.quantity, question.right
     error = scaled_error(values, right.values[quantity], right.scales[quantity])
-    scales, admitted = right.scales[quantity], solution.tolerances.get(quantity, {})
+    scales, admitted = right.scales[quantity], solution.errors[quantity].absolute if quantity in solution.errors else {}
     bound = max([_estimated(solution, quantity), *(admitted.get(unit, 0.0) / scales[unit] for unit in scales)])
     bound = max(GOOD, question.admitted.get(quantity, bound))
     condition = float(np.max(solution.condition)) if question.condition is None else question.condition
@@ -252,7 +252,7 @@ def _judged(question: Question, solution: Solution, blank: Finding) -> Finding:
         blank,
         quantity="judge",
         error=float(table["max_scaled"].max(skipna=False)),
-        tolerance=max([GOOD, *(_estimated(solution, quantity) for quantity in solution.estimate)]),
+        tolerance=max([GOOD, *(_estimated(solution, quantity) for quantity in solution.errors)]),
         condition=float(np.nanmax(solution.condition)),
         reason="largest residual of the judge: no truth could be had",
     )
@@ -268,9 +268,7 @@ def _excuses(question: Question, solution: Solution) -> dict[str, str]:
 
 def _estimated(solution: Solution, quantity: str) -> float:
     """Largest error that the engine estimates for a quantity; infinite where it cannot be estimated."""
-    if quantity not in solution.estimate:
-        return 0.0
-    return float(np.nan_to_num(solution.estimate[quantity], nan=np.inf, posinf=np.inf).max(initial=0.0))
+    return solution.errors[quantity].largest if quantity in solution.errors else 0.0
 
 
 def _time(solution: Solution) -> float:

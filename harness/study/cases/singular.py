@@ -27,7 +27,7 @@ from screwgauge.reference.mechanism import in_precision
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution, Stopwatch, Values
+from screwgauge.solution import Error, Solution, Stopwatch, Values
 from screwgauge.study.cases.question import (
     ENGINES,
     QUANTITIES,
@@ -137,8 +137,7 @@ class WholeSystem(CaseMethod):
             __version__,
             {_FORCE: Values(lay.mechanism.actuator_names, lay.mechanism.actuator_units, f)},
             system.condition,
-            estimate={_FORCE: linear.EPS * system.condition},
-            conditions={_FORCE: system.condition},
+            errors={_FORCE: Error(linear.EPS * system.condition, condition=system.condition)},
             cost=clock.cost(),
         )
 

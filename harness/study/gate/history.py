@@ -29,7 +29,8 @@ from screwgauge.quantities import SOLVED, digits
 from screwgauge.reference.errors import DescriptionError, OutputError, UnknownNameError, shown
 from screwgauge.reference.files import parse_json, read_json, replace_file, why
 from screwgauge.scene.motion import read_parquet
-from screwgauge.study.gate.items import EXIT, GateRow
+from screwgauge.study.gate.items import GateRow
+from screwgauge.study.outcome import EXIT
 from screwgauge.study.store import is_record
 
 #: Of the columns.

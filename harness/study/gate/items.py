@@ -6,7 +6,6 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 from screwgauge.judging.residual import JUDGE, Residual
 from screwgauge.models.importing import SUFFIXES, is_model
@@ -17,6 +16,7 @@ from screwgauge.reference.files import is_file, is_path, why
 from screwgauge.reference.tables import check_keys, positive, read_toml
 from screwgauge.scene.default import SUFFIX
 from screwgauge.scene.read import scene_names
+from screwgauge.study.outcome import EXIT, Outcome
 
 #: Keys that only scenes have: a file that misses one of them is no other file but a scene that is refused.
 _OF_SCENES = frozenset(("mechanism", "motion", "time", "forward"))
@@ -152,20 +152,13 @@ def read_tolerances(given: str | Path | Mapping[str, float] | None) -> dict[str,
     return {name: positive(value, f"{where}, {name}") for name, value in table.items()}
 
 
-Status = Literal["agree", "judged", "unread", "differ", "failed", "refused"]
-#: Exit status of the command by what became of a row; the highest of all rows counts.
-EXIT: dict[Status, int] = {"agree": 0, "judged": 0, "unread": 1, "differ": 1, "refused": 2, "failed": 3}
-
-
 @dataclass(frozen=True, slots=True)
 class GateRow:
     """A scene or a pair of models.
 
     Attributes:
         scene: Its name; of a pair, ``A.urdf - B.xml``.
-        status: ``agree``; ``judged`` (the equations hold for each engine, and no two were compared); ``unread`` (the
-            scene names files that nobody read, and the rest agrees); ``differ``; ``failed`` (an engine, or its
-            process); ``refused`` (bad input).
+        status: What became of it.
         sentence: The result, with the cause where one is known.
         errors: One for each quantity, pair and unit.
         coverage: What the motion tests, in a sentence.
@@ -177,7 +170,7 @@ class GateRow:
     """
 
     scene: str
-    status: Status
+    status: Outcome
     sentence: str
     errors: Sequence[Residual] = ()
     coverage: str = ""

@@ -17,10 +17,9 @@ from screwgauge.diagnosis.notes import INEXACT
 from screwgauge.diagnosis.verdict import SAME
 from screwgauge.engines.registry import ENGINES
 from screwgauge.environment import environment
-from screwgauge.judging.answer import largest
+from screwgauge.judging.allowance import Allowance
 from screwgauge.judging.compare import compare
 from screwgauge.judging.residual import JUDGE, Residual
-from screwgauge.judging.trust import LIMIT
 from screwgauge.models.catalog import description_files
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
@@ -32,7 +31,8 @@ from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution, Values
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.gate.items import GateRow, Item, Status
+from screwgauge.study.gate.items import GateRow, Item
+from screwgauge.study.outcome import Outcome, weakest
 from screwgauge.study.run import run
 from screwgauge.study.user_files import physical
 
@@ -99,7 +99,7 @@ def compared(
     results = run(scene, progress=lambda step, share: progress(share, step))
     errors = tuple(_errors(results, given))
     status = _status(results, errors)
-    agree, sentence = status not in ("failed", "differ"), settings.tell(results)
+    agree, sentence = status in ("unread", "agree", "judged"), settings.tell(results)
     if agree and not results.ok:
         sentence = "all is within tolerances that are wider than the usual ones for the reasons given"
     file, line = str(scene.file or ""), 0
@@ -116,13 +116,17 @@ def compared(
     return replace(row, doubts=results.doubts, unread=results.unread, read=read), results
 
 
-def _status(results: Comparison, errors: Sequence[Residual]) -> Status:
-    if results.failures:
-        return "failed"
-    judged = all(one.b == JUDGE for one in errors)
-    if not errors or results.refusals or not all(one.ok for one in errors) or (judged and len(results.solutions) != 1):
-        return "differ"
-    return "unread" if results.unread else "judged" if judged else "agree"
+def _status(results: Comparison, errors: Sequence[Residual]) -> Outcome:
+    """The weakest of what became of a comparison, where digits of a model file may have widened tolerances."""
+    outcomes = [*results.outcomes, *_UNREAD[: len(results.unread)]]
+    if all(one.ok for one in errors):
+        outcomes = [each for each in outcomes if each not in _SIZED] or ["agree"]
+    return weakest(outcomes)
+
+
+_UNREAD: list[Outcome] = ["unread"]
+#: Outcomes that wider tolerances change.
+_SIZED: list[Outcome] = ["differ", "faulted", "undecided"]
 
 
 def files_of(scene: Scene, engines: Iterable[str] | None = None) -> list[Path]:
@@ -161,19 +165,19 @@ def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Residual]
 def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str]) -> tuple[float, str]:
     """The tolerance of a pair or residual, and where it comes from.
 
-    What the scene or a file gives, or else rounding of a well-conditioned mechanism, and what adds to that: what an
-    engine admits (softness, rounding of summands that cancel), what it estimates by its condition, up to `LIMIT`, and
-    the digits that a model file is cut to where it differs from the description in nothing else.
+    That of the comparison, and the digits that a model file is cut to where it differs from the description in nothing
+    else.
     """
     quantity, tolerance, scene = str(row["quantity"]), float(row["tolerance"]), results.scene
     usual = "the tolerance of the integration" if scene.simulated else "rounding times the usual condition"
     reason = f"from {given[quantity]}" if quantity in given else usual
     solutions = [results.solutions[name] for name in row["of"] if name in results.solutions]
     if quantity in QUANTITIES and tolerance > scene.tolerance(quantity):
-        reason = f"{reason}, {_admitted(quantity, solutions)}"
+        reason = f"{reason}, {_admitted(scene, quantity, solutions)}"
+    if quantity not in QUANTITIES and row["ok"] and row["reason"]:
+        reason = str(row["reason"])
     if quantity in given or row["max_scaled"] <= tolerance:
         return tolerance, reason
-    tolerance, reason = _conditioned(quantity, solutions, tolerance, reason)
     for solution in solutions:
         model = scene.models.get(solution.engine)
         differences = physical(scene, solution.engine, model) if model else []
@@ -183,24 +187,15 @@ def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str
     return tolerance, reason
 
 
-def _admitted(quantity: str, solutions: Sequence[Solution]) -> str:
+def _admitted(scene: Scene, quantity: str, solutions: Sequence[Solution]) -> str:
     """What makes the tolerance of a quantity wider than that of the scene."""
-    if stated := [one.engine for one in solutions if quantity in one.stated]:
-        return f"the error that {stated[0]} states"
-    if any(quantity in one.integration for one in solutions):
+    if scene.simulated:
         return "what integration leaves"
-    return "softness of constraints" if quantity == "tree_force_soft" else "rounding of its largest summands"
-
-
-def _conditioned(quantity: str, solutions: Sequence[Solution], tolerance: float, reason: str) -> tuple[float, str]:
-    """A tolerance and its reason, or the largest error that an engine estimates by its condition, up to `LIMIT`."""
-    for solution in solutions:
-        # a residual is of all that an engine gives
-        of = [name for name in solution.estimate if name == quantity or quantity not in QUANTITIES]
-        estimate, condition = (largest(*(by[name] for name in of)) for by in (solution.estimate, solution.conditions))
-        if tolerance < estimate <= LIMIT:
-            tolerance, reason = estimate, f"rounding times the condition {condition:.1g} of {solution.engine}"
-    return tolerance, reason
+    tables = [one.engine for one in solutions if one.engine in scene.tables]
+    if stated := [name for name in tables if quantity in scene.tables[name].error]:
+        return f"the error that {stated[0]} states"
+    errors = [one.errors[quantity] for one in solutions if quantity in one.errors]
+    return max(errors, key=lambda error: max(error.absolute.values(), default=0.0)).source
 
 
 def _value(results: Comparison, pair: Mapping[Any, Any], side: str) -> float:
@@ -233,7 +228,7 @@ def _pair(item: Item, settings: GateSettings) -> GateRow:
     within = given is not None and all(each.size <= given for each in diagnosis.differences)
     agree = (diagnosis.same or rounded or within) and bool(errors) and all(one.ok for one in errors)
     agree &= not diagnosis.not_compared and (diagnosis.together is None or diagnosis.together.row.scaled <= tolerance)
-    status: Status = "failed" if diagnosis.exit_status == 3 else "agree" if agree else "differ"
+    status: Outcome = "failed" if diagnosis.exit_status == 3 else "agree" if agree else "differ"
     known = environment()["packages"]
     packages = {name: known[name] for name in ("pin", "mujoco")}
     hashes = {model.label: model.sha256 for model in (diagnosis.a, diagnosis.b)}
@@ -306,7 +301,7 @@ def blind(results: Comparison) -> str:
     scene = results.scene
     for quantity, unit, first, second, size in _planted(next(iter(results.solutions.values()), None), scene):
         both, problem = {one.engine: one for one in (first, second)}, scene.problem((quantity,))
-        pairs = compare(scene.mechanism, problem, both, {}, _ALL_DETERMINED, scene.tolerance)[1]
+        pairs = compare(scene.mechanism, problem, both, {}, _ALL_DETERMINED, Allowance(scene.tolerance))[1]
         compared_rows = [row for row in pairs.to_dict("records") if row["unit"] == unit]
         what = f"{quantity} [{unit}]: a planted difference of {size:.3g} scaled"
         if len(compared_rows) != 1:
@@ -336,5 +331,5 @@ def _planted(solution: Solution | None, scene: Scene) -> Iterator[tuple[str, str
             size = PLANTED * scene.tolerance(quantity)
             array[row, of[column]] -= np.sign(array[row, of[column]]) * size * largest
             other = Values(values.components, values.units, array)
-            first = replace(solution, values={quantity: values}, tolerances={}, stated={}, radius={}, estimate={})
+            first = replace(solution, values={quantity: values}, errors={})
             yield quantity, unit, first, replace(first, engine=TWIN, values={quantity: other}), size

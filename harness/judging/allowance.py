@@ -1,0 +1,144 @@
+"""What two numbers of one quantity may differ by, and why: the one place where tolerance is granted.
+
+The scene admits what it likes: a tolerance, the error that a table states. Whoever is judged admits errors of its own,
+too, but what an engine says explains a difference up to `LIMIT` only; beyond that the difference is not decided. What
+integration leaves is measured by further runs, and explains no more than `MOST`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from screwgauge.quantities import QUANTITIES, SOLVED
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Error, Solution
+
+#: Relative error from which a result is flagged: half of the digits of a double, and a thousand times the tolerance
+#: of the comparison, so that what is flagged cannot be mistaken for a modelling error of interest, nor the reverse.
+LIMIT = 1e-8
+#: Largest scaled error that is put down to integration: behind more, a mistake of a thousandth could hide.
+MOST = 1e-4
+#: How the reason of a pair begins that agrees by what integration leaves.
+WITHIN = "within the error of integration"
+
+
+def is_zero(absolute: float, own: float) -> bool:
+    """Whether a number that may be off by so much is no more than rounding at the machine's own size [its unit]."""
+    return absolute <= SOLVED * own
+
+
+Integrated = Mapping[str, Mapping[str, Array]]
+"""Of a simulation: quantity -> unit -> estimated error of its integration up to each sample [unit]. Shape (n,)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Left:
+    """What integration leaves in the difference of two motions, in one quantity and unit.
+
+    Attributes:
+        scale: Of the scaled errors.
+        errors: Engine -> its estimated error, scaled. Shape (n,).
+        binding: The scene states how large the difference may be, whatever integration leaves.
+    """
+
+    scale: float
+    errors: Mapping[str, Array] = field(default_factory=dict)
+    binding: bool = False
+
+    def admitted(self, n: int) -> Array:
+        """Scaled error that is admitted besides the tolerance of the scene. Shape (n,)."""
+        if self.binding or not self.errors:
+            return np.zeros(n)
+        whole = np.sum([np.nan_to_num(error) for error in self.errors.values()], axis=0)
+        return np.asarray(np.minimum(whole, MOST))
+
+    def reason(self, size: float, row: int, *, ok: bool, usual: float) -> str:
+        """What part of a scaled difference at a sample is integration, and which is not; "" where nothing is known."""
+        sizes = {engine: float(error[row]) for engine, error in self.errors.items() if np.isfinite(error[row])}
+        if not sizes or (ok and size <= usual):
+            return ""
+        shares = " and ".join(f"{error:.1g} by {engine}" for engine, error in sizes.items())
+        whole = sum(sizes.values())
+        if ok:
+            return f"{WITHIN}: at most {shares}"
+        if size > usual + whole:
+            return f"integration makes at most {shares}; at least {size - whole:.2g} of it is none"
+        why = "the tolerance is that of the scene" if self.binding else f"more than {MOST:g} is not put down to it"
+        return f"{WITHIN} that its engines admit: at most {shares}; {why}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Granted:
+    """What two solutions may differ by in one quantity and unit, scaled.
+
+    Attributes:
+        usual: At any sample.
+        limits: At each sample, by the condition there; without what integration leaves. Shape (n,).
+        doubts: Up to which a difference is not decided: what the engines admit where that is more. Shape (n,).
+        why: Why `usual` is more than the tolerance of the scene.
+        left: What integration leaves.
+    """
+
+    usual: float
+    limits: Array
+    doubts: Array
+    why: str
+    left: Left
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Allowance:
+    """Who admits which errors.
+
+    Attributes:
+        tolerance_of: Quantity -> scaled error up to which two engines agree, as the scene has it.
+        binding: Quantities of which the scene itself states the tolerance: no error of integration is admitted besides.
+        stated: Table -> quantity -> what its numbers may be off by [their units], as the scene says.
+        integration: Engine -> what its integration leaves, as further runs show.
+        summands: Makes unit -> size of what is summed up at the states of the scene: what is less than rounding of that
+            is zero.
+    """
+
+    tolerance_of: Callable[[str], float]
+    binding: Container[str] = ()
+    stated: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    integration: Mapping[str, Integrated] = field(default_factory=dict)
+    summands: Callable[[], Mapping[str, float]] = dict
+
+    def granted(
+        self, quantity: str, unit: str, pair: tuple[Solution, Solution], scale: float, natural: float, n: int
+    ) -> Granted:
+        """What two solutions may differ by.
+
+        Args:
+            scale, natural: Of the scaled errors, and the machine's own [unit].
+            n: Number of samples.
+        """
+        tolerance, usual = self.tolerance_of(quantity), QUANTITIES[quantity].tolerance
+        errors = [one.errors.get(quantity, Error(np.zeros(n))) for one in pair]
+        # a scene that asks for less than the usual tolerance asks for less of what rounding makes, too
+        strict = min(1.0, tolerance / usual)
+        source = max(errors, key=lambda error: error.absolute.get(unit, 0.0))
+        zero = strict * source.absolute.get(unit, 0.0)
+        stated = sum(self.stated.get(one.engine, {}).get(quantity, 0.0) for one in pair)
+        own = max(natural, self.summands().get(unit, 0.0)) if zero > LIMIT * scale else 0.0
+        decided = zero <= LIMIT * scale or is_zero(zero, own)
+        limit = max(tolerance, stated / scale, zero / scale if decided else 0.0)
+        why = f"zero within {zero:.1g} {unit}, the {source.source}"
+        if stated > zero:
+            why = f"within {stated:.3g} {unit}, the error that {pair[1].engine} states"
+        scaled = [error.scaled for error in errors]
+        known = np.all([each <= LIMIT for each in scaled], axis=0)
+        explained = np.sum(scaled, axis=0) * tolerance / usual
+        limits = np.maximum(limit, np.where(known & (tolerance <= usual), explained, 0.0))
+        doubts = np.where(known, 0.0, np.sum([np.nan_to_num(each, posinf=np.inf) for each in scaled], axis=0))
+        doubts = np.maximum(doubts, 0.0 if decided else zero / scale)
+        return Granted(limit, limits, doubts, why, self._left(quantity, unit, pair, scale))
+
+    def _left(self, quantity: str, unit: str, pair: tuple[Solution, Solution], scale: float) -> Left:
+        found = {one.engine: self.integration.get(one.engine, {}).get(quantity, {}).get(unit) for one in pair}
+        errors = {engine: error / scale for engine, error in found.items() if error is not None}
+        return Left(scale, errors, quantity in self.binding)
