@@ -14,7 +14,7 @@ import screwgauge
 from screwgauge import Scene
 from screwgauge.judging.allowance import MOST, WITHIN, Left
 from screwgauge.judging.trust import integrated
-from screwgauge.study.run import loosened, observed
+from screwgauge.study.simulations import loosened, observed
 from support.engines import REFERENCE, Solution, Values, ask, model_files
 from support.geometry import within_half_turn
 from support.judging import compared

@@ -1,0 +1,98 @@
+"""Simulated motions: what is compared of them, their reference, and further runs that show the error of integration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from screwgauge.judging.trust import LOOSER, passed
+from screwgauge.quantities import SIMULATED
+from screwgauge.reference.graph import Layout
+from screwgauge.scene.observables import Known, known_values, observe
+from screwgauge.scene.preflight import beyond_limits
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import REFERENCE, Error, Failure, Solution
+
+MOTION = SIMULATED[:3]
+#: Loosest tolerance of a further run: beyond it errors go with no tolerance.
+COARSEST = 0.1
+
+
+def observed(scene: Scene, lay: Layout, answers: Mapping[str, Solution], wanted: Sequence[str]) -> dict[str, Solution]:
+    """Simulated motions with what is compared of them, and the reference of the scene, if it has one."""
+    solutions = {
+        name: _observed(scene, lay, answer, wanted)
+        for name, answer in answers.items()
+        if "joint_position" in answer.values
+    }
+    if scene.known is not None and "observable" in wanted:
+        solutions[REFERENCE] = _reference(scene, scene.known)
+    return solutions
+
+
+def loosened(scene: Scene) -> list[Scene]:
+    """The scene with the looser tolerances of the runs that estimate the error of integration."""
+    steps = scene.start.integration
+    looser = [replace(steps, rtol=min(x * steps.rtol, COARSEST), atol=x * steps.atol) for x in LOOSER]
+    return [replace(scene, task=replace(scene.start, integration=each)) for each in looser]
+
+
+def doubtful(pairs: pd.DataFrame, judged: Iterable[pd.DataFrame]) -> set[str]:
+    """Engines with a number out of tolerance: the error of their integration has to be known."""
+    bad = pairs[~pairs["ok"].astype(bool) & np.isfinite(pairs["max_scaled"].astype(float))]
+    energy = [one[(one["residual"] == "energy_balance") & ~one["ok"].astype(bool)] for one in judged if len(one)]
+    return {*bad["a"], *bad["b"], *(name for one in energy for name in one["engine"])}
+
+
+def _observed(scene: Scene, lay: Layout, answer: Solution, wanted: Sequence[str]) -> Solution:
+    """A simulated motion with its observables, and the conditions and error estimates of its poses."""
+    n, m = len(scene.t), answer.n_solved
+    values = {name: answer.values[name] for name in MOTION if name in wanted and name in answer.values}
+    q = answer.values["joint_position"].array[:m]
+    if "observable" in wanted:
+        has = observe(lay, scene.observables, q)
+        array = np.pad(has.array, ((0, n - m), (0, 0)), constant_values=np.nan)
+        values = {"observable": replace(has, array=array), **values}
+    met, estimate, note = passed(lay, q, scene.t[:m], scene.start.integration.near)
+    estimate = np.pad(estimate, (0, n - m), constant_values=np.inf)  # there is no number
+    met = np.pad(met, (0, n - m), mode="edge")
+    cost, beyond = answer.cost, beyond_limits(scene.mechanism, q)
+    doubts = [f"{beyond[1]} at t = {scene.t[beyond[0]]:g} s; limits are no stops here"] if beyond else []
+    notes = (
+        f"stopped: {answer.stopped}" if answer.stopped else "",
+        f"{answer.setting}: {cost.steps} steps, {cost.evaluations} evaluations of the accelerations" if cost else "",
+        *answer.notes,
+        note,
+        *doubts,
+    )
+    return replace(
+        answer,
+        values=values,
+        errors=dict.fromkeys(values, Error(estimate, condition=met)),
+        notes=tuple(filter(None, notes)),
+        warnings=(*answer.warnings, *doubts),
+    )
+
+
+def _reference(scene: Scene, known: Known) -> Solution:
+    """The reference of the scene, at those of its times that the scene has."""
+    values, rows = known_values(known, scene.observables, scene.t, scene.name)
+    n = len(scene.t)
+    solved = None if len(rows) == n else rows
+    return Solution(REFERENCE, "", {"observable": values}, np.full(n, np.nan), notes=(known.source,), rows=solved)
+
+
+def ends(
+    scene: Scene, wanted: Sequence[str], answers: Mapping[str, Solution], failures: Mapping[str, Failure]
+) -> Iterator[tuple[str, str, str]]:
+    """Quantity, engine and reason where one failed, or stopped before the end of a simulation."""
+    quantity = "observable" if "observable" in wanted else wanted[0]
+    for failure in failures.values():
+        yield quantity, failure.engine, failure.reason
+    for name, answer in answers.items():
+        if answer.n_solved < len(scene.t):
+            t = scene.t[answer.n_solved - 1]
+            yield quantity, name, f"{name} has nothing after t = {t:g} s: {answer.stopped}"
