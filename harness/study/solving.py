@@ -118,7 +118,9 @@ def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress 
     try:
         if entry is None or method.engine in ENGINES:
             model = method.load(files)
-            answer = declared(sound(model.solve(problem, progress), len(problem.task)), model, entry)
+            answer: Solution | Failure = declared(
+                sound(model.solve(problem, progress), len(problem.task)), model, entry
+            )
         else:
             task = EngineTask(entry, files, problem, files.model.parent, ())
             (answer,) = _asked({method.name: task}, None, lambda step, share: progress(share)).values()
