@@ -241,7 +241,8 @@ def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Ite
 def viewed_from(mechanism: Mechanism) -> Array:
     """Direction to who looks: face-on where all is in a plane, else from the front, so that joints hide none."""
     points = np.array([one.a for one in placed(mechanism) if one.group == "masses" or one.kind in ("slide", "ball")])
-    points = np.unique(np.concatenate([points, [place for _, place, _ in joint_marks(mechanism)]]).round(6), axis=0)
+    places = [place for _, place, _ in joint_marks(mechanism)]  # none where all bodies are free
+    points = np.unique(np.concatenate([points, np.reshape(places, (-1, 3))]).round(6), axis=0)
     lay = layout(mechanism)
     screws = pose(lay, mechanism.home[None]).S[0]
     planar = facing(points, screws[:, :3])

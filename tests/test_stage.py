@@ -306,3 +306,32 @@ def test_marks_of_the_legend_are_drawn_and_not_spelled() -> None:
     ]
     assert any("driven" in group.get("class", "") for group in groups)
     assert not [group.text for group in groups if (group.text or "").strip() or not len(group)]
+
+
+#: A body at x that nothing holds: a drone.
+FREE = """
+[bodies.{0}]
+mass = 1.0
+com = [{1}, 0, 0]
+inertia = {{ xx = 0.1, yy = 0.2, zz = 0.25 }}
+[joints.j{0}]
+kind = "F"
+parent = "ground"
+child = "{0}"
+axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+home = [{1}, 0, 0, 0, 0, 0]
+coordinates = [{2}]
+"""
+
+
+@pytest.mark.parametrize("bodies", [{"a": 0.0}, {"a": 0.1}, {"a": 0.0, "b": 0.0}, {"a": 0.0, "b": 0.2}])
+def test_bodies_that_nothing_holds_are_drawn(bodies: dict[str, float], write) -> None:
+    """A free joint has no mark, and here are no others."""
+    names = {body: [f"{body}{i}" for i in range(6)] for body in bodies}
+    text = 'name = "free"\n[independent]\n' + "".join(f'{q} = "{q}"\n' for each in names.values() for q in each)
+    for body, x in bodies.items():
+        text += FREE.format(body, x, ", ".join(f'"{q}"' for q in names[body]))
+    mechanism = load_mechanism(write("free.toml", text))
+    assert np.linalg.norm(viewed_from(mechanism)) == pytest.approx(1.0, rel=1e-12)
+    assert {*bodies} <= {*", ".join(words_of(drawing(mechanism))).split(", ")}
+    assert data_of(stage(mechanism))["poses"]
