@@ -13,6 +13,7 @@ from support.errors import DescriptionError, SingularPoseError
 from support.judging import agreed
 from support.mechanism import load_mechanism
 from support.models import check_models, write_models
+from support.planar import Bar, four_bar
 from support.tolerances import LINEAR, STEPPED
 
 TREES = ["pinocchio", "mujoco", "pinocchio-full", "mujoco-full"]
@@ -242,3 +243,50 @@ def test_a_body_lighter_than_mujoco_takes_is_told_so(scene):
 def test_what_a_massless_body_cannot_have_is_refused(old, new, said, write):
     with pytest.raises(DescriptionError, match=re.escape(said)):
         load_mechanism(write("m.toml", CROSS.replace(old, new)))
+
+
+#: A wheel that is a point mass at its own hinge, and turns as the arm does by a gear.
+GEARED = """
+name = "geared"
+independent.arm = "arm"
+[bodies.arm]
+mass = 1
+com = [0.5, 0, 0]
+inertia = { xx = 0.01, yy = 0.1, zz = 0.1 }
+[bodies.wheel]
+mass = 2
+inertia = { xx = 0, yy = 0, zz = 0 }
+[joints.arm]
+kind = "R"
+parent = "ground"
+child = "arm"
+axes = [[0, 1, 0]]
+[joints.spin]
+kind = "R"
+parent = "arm"
+child = "wheel"
+axes = [[0, 1, 0]]
+parent_frame.position = [1, 0, 0]
+[couplings.gear]
+coordinate = "spin"
+of = "arm"
+polynomial = [0, -3]
+"""
+
+
+def point_mass_coupler() -> str:
+    """A four-bar whose coupler is a point mass at its hinge with the crank."""
+    text = 'name = "four-bar"\nindependent.arm = "a"\n' + four_bar([Bar(0.3), Bar(0.6), Bar(0.4)], 0.5, 1.0)
+    whole = Bar(0.6).written("coupler")
+    assert whole in text
+    return text.replace(whole, "[bodies.coupler]\nmass = 1.2\ninertia = { xx = 0, yy = 0, zz = 0 }\n")
+
+
+@pytest.mark.parametrize(("text", "body"), [(GEARED, "wheel"), (point_mass_coupler(), "coupler")])
+def test_a_point_mass_at_its_own_hinge_is_named_where_pinocchio_cannot_accelerate_it(text, body, scene):
+    results = screwgauge.run(scene(text, "[forward]\nrates = { arm = 0.5 }"), engines=["screw", "pinocchio", "mujoco"])
+    assert {*results.failures} == {"pinocchio"}
+    reason = results.failures["pinocchio"].reason
+    assert f"'{body}' has no inertia" in reason
+    assert "moment of inertia" in reason
+    assert results.errors["ok"].all()

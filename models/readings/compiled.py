@@ -20,7 +20,8 @@ from screwgauge.reference.rotations import Array
 
 #: What MuJoCo says of a file that others may take -> what to do.
 _REMEDIES = {
-    "larger than mjMINVAL": "give that link a share of its neighbour's mass (1e-6 of it), or let Pinocchio read it",
+    "larger than mjMINVAL": "give that link mass and moments of inertia above 1e-15 kg and kg m^2, such as 1e-6 of its "
+    "neighbour's, or let Pinocchio read it",
     "positive eigenvalues": "give that link a tensor with three positive principal moments, or let Pinocchio read it",
     "A + B >= C": "give that link the tensor of a body that can be, or let Pinocchio read it",
     "top level": "let Pinocchio read it: MuJoCo lets only bodies of the world float",

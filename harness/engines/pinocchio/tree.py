@@ -16,13 +16,15 @@ from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
 from screwgauge.models.readings.pinocchio import overheard
 from screwgauge.models.urdf import LoopsFile
 from screwgauge.reference.couplings import bind
-from screwgauge.reference.errors import LoaderError, ModelFileError
+from screwgauge.reference.errors import LoaderError, ModelFileError, SingularPoseError
 from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross
 
 #: Singular values below this share of the largest are those of couplings that the loops keep already.
 REDUNDANT = 1e-9
+#: A joint moves no inertia below this share of the largest in the tree.
+WEIGHTLESS = 1e-15
 #: Whether the data of constraints want to be initialised and placed, too (casebook: pin-4-constraint-api).
 PIN_4 = int(pin.__version__.split(".")[0]) >= 4
 ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -190,7 +192,7 @@ class Constraints:
             frames: Every closure is a 6D contact of its two frames, as a weld would be.
             gains: Baumgarte's, of position and velocity; none by default.
         """
-        self.model, self.data = tree.model, tree.model.createData()
+        self.tree, self.model, self.data = tree, tree.model, tree.model.createData()
         self.couplings, self.gains = bind(tree.couplings, tree.coordinates), gains or (0.0, 0.0)
         self.models, self.datas = _contacts(tree, frames), pin.StdVec_RigidConstraintData()
         for model in self.models:
@@ -210,6 +212,9 @@ class Constraints:
         keep the couplings; what rounding leaves of them is taken out once more.
         """
         a = self._closed(q, v, tau, settings)
+        if not np.isfinite(a).all():
+            self._check_inertia(q)
+            return a
         if not len(self.couplings):
             return a
         C = self.couplings.matrix(q[None])[0]
@@ -218,6 +223,23 @@ class Constraints:
             tau = tau - C.T @ np.linalg.lstsq(C @ answers, self.uncoupled(q, v, a), rcond=REDUNDANT)[0]
             a = self._closed(q, v, tau, settings)
         return a
+
+    def _check_inertia(self, q: Array) -> None:
+        """Refuse a joint that moves no inertia in the open tree, whose mass matrix is singular, by name.
+
+        Raises:
+            SingularPoseError: There is one.
+        """
+        upper = np.triu(pin.crba(self.model, self.data, q))
+        M = upper + np.triu(upper, 1).T
+        nothing = WEIGHTLESS * M.diagonal().max()
+        for k in reversed(range(len(M))):  # joints behind it are eliminated: their bodies are free to stay behind
+            if M[k, k] <= nothing:
+                joint, body = self.tree.coordinates[k], self.tree.bodies[int(self.tree.moves[1:, k].argmax())]
+                what = f"'{body}' has no inertia for joint '{joint}' to move in the open tree"
+                remedy = "give it a moment of inertia about that axis, or run it with screw or mujoco"
+                raise SingularPoseError(f"{what}, which Pinocchio has to accelerate", self.tree.engine, remedy)
+            M -= np.outer(M[:, k], M[k]) / M[k, k]
 
     def uncoupled(self, q: Array, v: Array, a: Array) -> Array:
         """What accelerations leave over of the couplings' second derivatives. Shape (n_v,) each -> (n_coupling,)."""
