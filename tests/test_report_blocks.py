@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from html import escape
+from pathlib import Path
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -29,8 +31,10 @@ from support.pages import (
     page,
     prose,
     size,
+    stage_script,
     table,
     terminal,
+    three_js,
 )
 from support.scene import digits
 
@@ -327,3 +331,31 @@ def test_numbers_read_well() -> None:
 
 def test_cells_cannot_break_a_table() -> None:
     assert markdown([Table(("a",), (("x | <y>\nz",),))]).splitlines()[-1] == "| x \\| &lt;y&gt; z |"
+
+
+@pytest.mark.parametrize("content", [None, "a page without it"])
+def test_without_three_js_the_still_picture_stays(
+    content: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    archive = tmp_path / "viewer.zip"
+    if content:
+        with ZipFile(archive, "w") as viewer:
+            viewer.writestr("viewer.html.template", content)
+    monkeypatch.setattr("screwgauge.report.html.viewer_archive", lambda: archive)
+    assert three_js() == ""
+    assert "carries no three.js" in stage_script()
+
+
+@pytest.mark.parametrize("added", ["alert(1);", " "])
+def test_a_three_js_that_nobody_read_is_not_put_into_pages(
+    added: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    changed = three_js().replace("*/", f"*/{added}", 1)
+    assert "THREE" in stage_script()
+    archive = tmp_path / "viewer.zip"
+    with ZipFile(archive, "w") as viewer:
+        viewer.writestr("viewer.html.template", f"<script>{changed}</script>")
+    monkeypatch.setattr("screwgauge.report.html.viewer_archive", lambda: archive)
+    assert three_js() == changed
+    assert "a three.js that" in stage_script()
+    assert len(stage_script()) < 1000

@@ -7,14 +7,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from zipfile import ZipFile
 
 import pytest
 
 import screwgauge
 from support.browser import Opened, open_page
 from support.errors import OutputError
-from support.pages import Heading, Paragraph, Picture, stage_script, three_js
+from support.pages import Heading, Paragraph, Picture, three_js
 from support.pages import page as page_of
 from support.report import print_page, run_page
 
@@ -197,19 +196,6 @@ def test_a_page_with_three_js_holds_its_licence(opened: Opened) -> None:
     text = opened.path.read_text(encoding="utf-8")
     for said in ("The MIT License", "three.js authors", "Permission is hereby granted", 'PROVIDED "AS IS"'):
         assert said in text
-
-
-@pytest.mark.parametrize("content", [None, "a page without it"])
-def test_without_three_js_the_still_picture_stays(
-    content: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    archive = tmp_path / "viewer.zip"
-    if content:
-        with ZipFile(archive, "w") as viewer:
-            viewer.writestr("viewer.html.template", content)
-    monkeypatch.setattr("screwgauge.report.html.viewer_archive", lambda: archive)
-    assert three_js() == ""
-    assert "carries no three.js" in stage_script()
 
 
 def test_only_what_a_page_needs_is_put_in(monkeypatch: pytest.MonkeyPatch) -> None:

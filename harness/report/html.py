@@ -5,6 +5,8 @@ It carries the scripts that its pictures need: vega draws charts, three.js draws
 
 from __future__ import annotations
 
+import hashlib
+import json
 import re
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -33,6 +35,15 @@ STAGE = Path(__file__).with_name("stage") / "stage.js"
 THREE = re.compile(
     r"/\*\*\s*\* @license\s*\* Copyright \S+ Three\.js Authors.*?\}\)\s*\)\s*;?(?=\n|</script>)", re.DOTALL
 )
+#: SHA-256 of the texts that `THREE` finds in releases of trimesh which were read: 5.2.0.
+KNOWN = frozenset({"1baf8525cd80caceabd6eb50da7961aa47f191ac7a68adb454c3a761b29244e2"})
+#: What a page runs in their place.
+UNDRAWN = """window.screwgaugeStage = (element) => {
+  const note = document.createElement("figcaption");
+  note.textContent = REASON;
+  element.parentElement.append(note);
+  throw new Error(note.textContent);
+};"""
 #: three.js names its licence only; this is the text that has to go with every copy.
 LICENCE = """/*! three.js. The MIT License. Copyright © 2010-2022 three.js authors
 
@@ -245,13 +256,14 @@ def chart_script() -> str:
 def stage_script() -> str:
     """three.js with its licence, and what draws a mechanism with it.
 
-    Where the installed trimesh carries no three.js, the script says so on the page's console and the still picture
-    stays.
+    Where the installed trimesh carries no three.js that is in `KNOWN`, the script says so below the still picture.
     """
-    if three := three_js():
+    three = three_js()
+    if hashlib.sha256(three.encode()).hexdigest() in KNOWN:
         return f"{LICENCE}\n{three}\n{STAGE.read_text(encoding='utf-8')}"
-    reason = f"no picture in space: trimesh {version('trimesh')} carries no three.js where 5.2 does"
-    return f"window.screwgaugeStage = () => {{ throw new Error({reason!r}); }};"
+    what = "a three.js that screwgauge does not know" if three else "no three.js"
+    reason = f"No picture in space: trimesh {version('trimesh')} carries {what}; install trimesh 5.2.0."
+    return UNDRAWN.replace("REASON", json.dumps(reason))
 
 
 def three_js() -> str:
