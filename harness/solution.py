@@ -10,6 +10,7 @@ from time import perf_counter, perf_counter_ns, process_time
 import numpy as np
 
 from screwgauge.problem import Rows
+from screwgauge.reference.left_out import LeftOut
 from screwgauge.reference.rotations import Array
 
 #: Name of the known solution with which the engines of a simulated scene are compared.
@@ -130,6 +131,7 @@ class Solution:
             beyond it; these are notes, too. With them, agreement is not plain.
         otherwise: What of the latter is physical, with both values, the largest difference first.
         lacks: Quantity that its engine does not give -> why not. Who loads the engine writes it, never the engine.
+        left_out: What acts in a model file of the user's own, and in no other engine.
     """
 
     engine: str
@@ -148,6 +150,7 @@ class Solution:
     warnings: tuple[str, ...] = ()
     otherwise: tuple[str, ...] = ()
     lacks: Mapping[str, str] = field(default_factory=dict)
+    left_out: tuple[LeftOut, ...] = ()
 
     def arranged(self, order: Mapping[str, tuple[str, ...]]) -> Solution:
         """The solution with the components of some quantities in another order."""

@@ -134,8 +134,8 @@ def _whose(owners: list[str]) -> str:
 FORMATS = {".urdf": "urdf", ".xml": "mjcf"}
 _ALL, _WITH_ALL_IN_IT = "*", "..."
 #: Kinds in the table, in the order in which they are looked up, and those of them that are worth a word.
-_KINDS = ("compared", "nothing", "applied", "ignored")
-SAID = ("ignored", "applied", "unknown", "lost")
+_KINDS = ("compared", "nothing", "measured", "applied", "ignored")
+SAID = ("measured", "ignored", "applied", "unknown", "lost")
 #: Those of a library's readings, looked up before.
 _OF_READINGS = ("lost", "held")
 

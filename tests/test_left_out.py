@@ -13,6 +13,8 @@ from support.errors import DescriptionError, ModelFileError, UnknownNameError
 from support.judging import admitted_by, answer_at, measured
 from support.mechanism import load_mechanism, same_content
 from support.models import Options, description, import_model
+from support.pages import markdown, terminal
+from support.report import conclusion, phrase, report, run_in_terminal, summary, verdict
 
 INERTIAL = '<inertial pos="0.1 0.02 0.03" mass="{}" diaginertia="0.02 0.03 0.025"/>'
 CHAIN = (
@@ -200,3 +202,118 @@ def test_a_description_refuses_what_it_does_not_know(write):
         assert bad != entry, name
         with pytest.raises((DescriptionError, UnknownNameError)):
             load_mechanism(write("bad.toml", f"{head}[[left_out]]{bad}"))
+
+
+FIVE_BAR = """<mujoco model="five-bar"><option gravity="0 0 -9.81"/><default><joint axis="0 1 0"/></default><worldbody>
+<body name="l1" pos="-.06 0 0"><joint name="m1" {0}/>
+<inertial pos="-.03 0 -.04" mass=".12" diaginertia="2e-4 2e-4 1e-4"/>
+<body name="l2" pos="-.06 0 -.08"><joint name="p1" {1}/>
+<inertial pos=".06 0 -.05" mass=".11" diaginertia="2e-4 2e-4 1e-4"/><site name="e1" pos=".12 0 -.10"/></body></body>
+<body name="r1" pos=".06 0 0"><joint name="m2" {0}/><inertial pos=".03 0 -.04" mass=".12" diaginertia="2e-4 2e-4 1e-4"/>
+<body name="r2" pos=".06 0 -.08"><joint name="p2"/><inertial pos="-.06 0 -.05" mass=".11" diaginertia="2e-4 2e-4 1e-4"/>
+<site name="e2" pos="-.12 0 -.10"/></body></body></worldbody><equality><connect site1="e1" site2="e2"/></equality>
+<actuator><motor name="m1" joint="m1"/><motor name="m2" joint="m2"/></actuator></mujoco>"""
+GAIT = """mechanism = "{}"
+motion.m1.harmonics = [[12, 0, 0.2]]
+motion.m2.harmonics = [[12, 0, -0.2]]
+time = {{ duration = 0.5, step = 0.05 }}
+quantities = ["actuator_force"]
+engines = ["screw", "mujoco"]
+"""
+ROTOR = 0.005
+
+
+@pytest.fixture
+def gait(write):
+    """A scene of a five-bar whose motors have rotors, and the torques that these take along its motion."""
+
+    def make(driven: str = f'armature="{ROTOR}"', passive: str = "", source: str = ""):
+        path = write(f"five-bar-{len(driven)}.xml", FIVE_BAR.format(driven, passive))
+        if source == "gone":
+            text = description(import_model(path).mechanism)
+            path.unlink()
+            path = write("five-bar.toml", text)
+        return screwgauge.load_scene(write("gait.toml", GAIT.format(path.name)))
+
+    return make
+
+
+def logged(scene, torques):
+    """The scene with a table of torques. Shape (n, 2)."""
+    table = screwgauge.Recorded(
+        scene.t, dict(zip(("m1", "m2"), torques.T, strict=True)), error={"actuator_force": 1e-9}
+    )
+    return scene.beside(log=table)
+
+
+@pytest.fixture
+def rigid(gait):
+    """Torques without rotors, and what the rotors take besides: they are on the driven joints."""
+    scene = gait("")
+    torques = screwgauge.run(scene, ["screw"]).values("actuator_force")
+    return torques, ROTOR * scene.motion.ydd
+
+
+@pytest.mark.parametrize("source", ["there", "gone"])
+def test_a_log_of_a_machine_with_rotors_is_right_and_the_rotors_are_named(source, gait, rigid):
+    torques, rotors = rigid
+    results = screwgauge.run(logged(gait(source=source), torques + rotors), ["screw", "mujoco", "log"])
+    (term,) = results.left_out.terms
+    assert (term.kind, term.names, term.inertia) == ("armature", ("joint m1", "joint m2"), True)
+    assert term.size == pytest.approx(np.abs(rotors).max(), rel=1e-12, abs=0)
+    assert term.of == pytest.approx(np.abs(torques + rotors).max(), rel=1e-9, abs=0)
+    assert results.left_out.contained == {"log": ("armature",)}
+    assert results.pairs["ok"].all()
+    assert results.judge["ok"].all()
+    assert (results.ok, results.exit_status) == (False, 1)
+    assert conclusion(results)[0].text.endswith(f"the file has more: {phrase(term)}.")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda torques, rotors: torques + 2.0 * rotors,
+        lambda torques, rotors: torques - rotors,
+        lambda torques, rotors: -(torques + rotors),
+        lambda torques, rotors: torques + rotors + 1e-6 * np.sin(np.arange(torques.size)).reshape(torques.shape),
+        lambda torques, rotors: (torques + rotors)[:, ::-1],
+    ],
+    ids=["twice the rotors", "rotors turned round", "sign", "noise", "columns exchanged"],
+)
+def test_a_log_that_is_wrong_for_another_reason_is_faulted(wrong, gait, rigid):
+    results = screwgauge.run(logged(gait(), wrong(*rigid)), ["screw", "mujoco", "log"])
+    assert not results.judge[results.judge["engine"] == "log"]["ok"].all()
+    assert results.exit_status == 1
+    assert verdict(results).word == "✗ DIFFER"
+
+
+def test_a_log_without_rotors_agrees_as_it_is(gait, rigid):
+    results = screwgauge.run(logged(gait(), rigid[0]), ["screw", "mujoco", "log"])
+    assert results.pairs["ok"].all()
+    assert results.left_out.contained == {}
+
+
+def test_passive_forces_alone_are_named_and_pass(gait):
+    results = screwgauge.run(gait('frictionloss="0.02" damping="0.1"', 'damping="0.01"'))
+    damping, friction = results.left_out.terms  # a scene of the user's own has no springs
+    assert (damping.kind, damping.names) == ("damping", ("joint m1", "joint p1", "joint m2"))
+    assert (friction.kind, friction.size) == ("dry friction", pytest.approx(0.02))
+    assert (results.ok, results.exit_status) == (True, 0)
+    assert conclusion(results)[0].text.endswith(f"the file has more: {phrase(damping)}; {phrase(friction)}.")
+
+
+def test_springs_that_the_scene_has_are_not_left_out(write):
+    scene = screwgauge.load_scene(write("own.xml", chain(jb='stiffness="5" damping="2"')))
+    assert len(scene.applied.springs) == 1
+    assert screwgauge.run(scene.at([0.0, 0.1])).left_out.terms == ()
+
+
+def test_what_is_left_out_stands_on_every_page(gait):
+    results = screwgauge.run(gait())
+    (term,) = results.left_out.terms
+    (entry,) = summary(results)["left_out"]
+    assert (entry["kind"], entry["size"], entry["inertia"]) == ("armature", term.size, True)
+    said = markdown(report(results, ()))
+    assert phrase(term) in said
+    assert "joint m1, joint m2" in said
+    assert phrase(term) in " ".join(terminal(run_in_terminal(results)).split())

@@ -15,7 +15,7 @@ import numpy as np
 from screwgauge.judging.answer import Answer
 from screwgauge.judging.residuals import required_wrenches, unit_wrenches_of
 from screwgauge.quantities import FORCE
-from screwgauge.reference.applied import JointSpring
+from screwgauge.reference.applied import JointSpring, Spring
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.left_out import BorneWeight, Drag, LeftOut, Resistance, TurnResistance, damper_law, spring_law
 from screwgauge.reference.rotations import Array, cross, times
@@ -172,21 +172,29 @@ class MeasuredForces:
         return np.zeros((len(wrenches), len(names)))
 
 
-def measured(answer: Answer, admissible: AdmissibleMotion, left_out: Iterable[LeftOut]) -> MeasuredForces:
-    """Forces of entries at the states of an answer that has positions, velocities and accelerations."""
+def measured(
+    answer: Answer, admissible: AdmissibleMotion, left_out: Iterable[LeftOut], springs: Iterable[Spring] = ()
+) -> MeasuredForces:
+    """Forces of entries at the states of an answer that has positions, velocities and accelerations.
+
+    Args:
+        springs: Of the scene; what those along a joint exert is not left out of that joint.
+    """
+    along_joints = [spring for spring in springs if isinstance(spring, JointSpring)]
     needed, names = Needed(), dict[str, list[str]]()
     for one in left_out:
-        for kind, wrenches in _needed(answer, one):
+        for kind, wrenches in _needed(answer, one, along_joints):
             needed[kind] = needed[kind] + wrenches if kind in needed else wrenches
             names.setdefault(kind, []).append(one.of)
     return MeasuredForces(answer, admissible, needed, names)
 
 
-def _needed(answer: Answer, one: LeftOut) -> Iterator[tuple[str, Array]]:
+def _needed(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Iterator[tuple[str, Array]]:
     """Kinds of an entry, and what bodies need for each."""
     match one:
         case Resistance():
-            for kind, force in _along_stroke(answer, one).items():
+            there = [spring for spring in springs if one.of == f"joint {spring.coordinate}"]
+            for kind, force in _along_stroke(answer, one, there).items():
                 total = np.zeros(_shape(answer))
                 for name, share in one.along.items():
                     act = along_coordinate(answer.tree, answer.motion, answer.q, name, share * force)
@@ -217,8 +225,8 @@ def _between(answer: Answer, bodies: tuple[str, str], force: Array, moment: Arra
     return total
 
 
-def _along_stroke(answer: Answer, one: Resistance) -> Needed:
-    """Kind -> force along the stroke, less what the scene's own spring along the joint has of it. Shape (n,)."""
+def _along_stroke(answer: Answer, one: Resistance, springs: Iterable[JointSpring]) -> Needed:
+    """Kind -> force along the stroke, less what springs along the joint have of it. Shape (n,)."""
     columns, shares = answer.mechanism.columns(one.along), np.array([*one.along.values()])
     stroke, rate, acceleration = (derivative[:, columns] @ shares for derivative in answer.joints)
     forces = {
@@ -228,19 +236,13 @@ def _along_stroke(answer: Answer, one: Resistance) -> Needed:
         SPRINGS: spring_law(one.stiffness, stroke - np.clip(stroke, *one.rest)),
     }
     there = {ARMATURE: one.armature, DAMPING: one.damping, FRICTION: one.friction, SPRINGS: one.stiffness}
-    for spring in _scene_springs(answer, one):
+    for spring in springs:
         forces[DAMPING] = forces[DAMPING] - spring.damping * rate
         forces[SPRINGS] = forces[SPRINGS] - spring.stiffness * (stroke - spring.rest)
         there[DAMPING] = there[DAMPING] if one.damping != (spring.damping,) else ()
         alike = one.stiffness == (spring.stiffness,) and one.rest == (spring.rest, spring.rest)
         there[SPRINGS] = () if alike else there[SPRINGS]
     return {kind: force for kind, force in forces.items() if there[kind]}
-
-
-def _scene_springs(answer: Answer, one: Resistance) -> list[JointSpring]:
-    """Springs of the scene along the joint that an entry is of."""
-    springs = [spring for spring in answer.applied.springs if isinstance(spring, JointSpring)]
-    return [spring for spring in springs if one.of == f"joint {spring.coordinate}"]
 
 
 def _about_ball(answer: Answer, one: TurnResistance) -> Iterator[tuple[str, Array]]:

@@ -104,6 +104,8 @@ def summary(results: Comparison) -> dict[str, Any]:
         "first_difference": first_difference(results),
         "known": results.known,
         "not_unique": results.not_unique,
+        "left_out": [{**asdict(term), "inertia": term.inertia} for term in results.left_out.terms],
+        "left_out_contained": results.left_out.contained,
         "quantities": [_quantity(row) for row in rows(results.pairs)],
         "judge": [{key: row[key] for key in JUDGE_KEYS} for row in rows(results.judge)],
         "guard": [{**asdict(row), "ok": row.ok} for row in results.guard],

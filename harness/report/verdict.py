@@ -9,6 +9,7 @@ from screwgauge.quantities import digits
 from screwgauge.reference.errors import first_few
 from screwgauge.report.blocks import Banner, Status
 from screwgauge.report.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
+from screwgauge.report.left_out import sentences
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.methods import DOUBTS
 from screwgauge.study.outcome import Outcome
@@ -50,14 +51,16 @@ def conclusion(results: Comparison) -> tuple[Banner, list[str]]:
 def _conclusion(results: Comparison) -> tuple[list[str], str, Status]:
     outcome = results.outcome
     news = [sentence for each in results.outcomes for sentence in _SENTENCES.get(each, _nothing)(results)]
+    left = sentences(results, agree=outcome in ("agree", "judged", "rigid"))
     if not results.ok:
         rest = [] if {"differ", "faulted"} & {*results.outcomes} else _agreement(results)
-        return [*news, *rest], WORDS[outcome], "failed" if outcome == "failed" else "differ"
+        return [*news, *left, *rest], WORDS[outcome], "failed" if outcome == "failed" else "differ"
     agreement, word = _agreement(results), WORDS[outcome]
     warned = (text for solution in results.solutions.values() for text in solution.warnings)
-    if doubts := [*dict.fromkeys(f"{text.rstrip('.')}." for text in (*results.doubts, *warned))]:
+    doubts = [*dict.fromkeys(f"{text.rstrip('.')}." for text in (*results.doubts, *warned))]
+    if doubts or left:
         more = [f"All {len(doubts)} are listed below."] if len(doubts) > DOUBTS else []
-        return [*doubts[:DOUBTS], *more, *agreement], f"{word}, but", "note"
+        return [*left, *doubts[:DOUBTS], *more, *agreement], f"{word}, but", "note"
     return agreement, word, "agree"
 
 
@@ -65,6 +68,7 @@ def _conclusion(results: Comparison) -> tuple[list[str], str, Status]:
 WORDS: dict[Outcome, str] = {
     "agree": "✓ AGREE",
     "judged": "✓ WITHIN TOLERANCE",
+    "rigid": "✗ INERTIA LEFT OUT",
     "undecided": "✗ NOT DECIDED",
     "partly": "✗ PARTLY",
     "unjudged": "✗ NOT JUDGED",

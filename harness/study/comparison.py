@@ -23,6 +23,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene import read as scenes
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Failure, Solution, Values
+from screwgauge.study.left_out import LeftOutForces
 from screwgauge.study.outcome import EXIT, Outcome, weakest
 
 T = TypeVar("T")
@@ -51,6 +52,7 @@ class Comparison:
         cover: Computes `coverage`, which is not always wanted.
         known: Sentences about discrepancies of the engines that have a name and touch what is out of tolerance.
         provenance: Files that were judged, date and schema, see `screwgauge.study.comparison`.
+        left_out: What acts in files and in no engine.
     """
 
     scene: Scene
@@ -69,6 +71,7 @@ class Comparison:
     known: Sequence[str] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
     undetermined: Sequence[str] = ()
+    left_out: LeftOutForces = field(default_factory=LeftOutForces)
 
     @cached_property
     def outcomes(self) -> tuple[Outcome, ...]:
@@ -82,6 +85,7 @@ class Comparison:
             "unjudged": bool(self.unjudged),
             "partly": bool(self.refusals or self.apart),
             "undecided": bool(self.undecided),
+            "rigid": self.left_out.inertia,
         }
         return tuple(outcome for outcome, here in holds.items() if here) or ("judged" if alone else "agree",)
 

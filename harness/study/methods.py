@@ -145,12 +145,13 @@ class EngineTask:
 
     def _with_mismatch(self, answer: Solution, scene: Scene) -> Solution:
         """The answer with notes on differences between the user's model file and the description."""
-        from screwgauge.study.user_files import departures, physical_mismatch
+        from screwgauge.study.user_files import departures, left_out_of_file, physical_mismatch
 
+        beyond = left_out_of_file(scene, self.engine, self.files.model)
         mismatch = departures(scene, self.engine.name, self.files)
         physical = physical_mismatch(scene, self.engine.name, self.files) if mismatch else ()
         notes, warnings = (*answer.notes, *mismatch), (*answer.warnings, *mismatch)
-        return replace(answer, notes=notes, warnings=warnings, otherwise=physical)
+        return replace(answer, notes=notes, warnings=warnings, otherwise=physical, left_out=beyond)
 
     def failure(self, error: BaseException) -> Failure:
         """An exception as a failure, with physical differences between the user's model file and the description."""

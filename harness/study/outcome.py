@@ -9,6 +9,7 @@ Outcome = Literal[
     "agree",
     "judged",
     "unread",
+    "rigid",
     "undecided",
     "partly",
     "unjudged",
@@ -23,6 +24,7 @@ EXIT: dict[Outcome, int] = {
     "agree": 0,  # all that was asked was compared, and is within tolerance
     "judged": 0,  # one engine, for which the equations of mechanics hold
     "unread": 1,  # a gate names a file that nobody read
+    "rigid": 1,  # inertia of a file is left out, and the rest agrees
     "undecided": 1,  # out of tolerance by no more than the engines admit
     "partly": 1,  # not all that was asked was compared
     "unjudged": 1,  # of an engine no equation was looked at

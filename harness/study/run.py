@@ -40,6 +40,7 @@ from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Failure, Solution
 from screwgauge.study.comparison import Comparison, facts, provenance
+from screwgauge.study.left_out import LeftOutForces, without_left_out
 from screwgauge.study.methods import left_out, without
 from screwgauge.study.simulations import MOTION, doubtful, ends, loosened, observed
 from screwgauge.study.solving import ask_engines, description_file, generated, model_files
@@ -128,6 +129,7 @@ def run(
         known=[*_known(pairs, steps.solutions)],
         provenance=judged_files,
         undetermined=checked.mobility.undetermined,
+        left_out=steps.left_out,
     )
 
 
@@ -140,19 +142,22 @@ class _RunSteps:
         judged: Engine or table -> rows of the judge.
         refused, missing, short: What an engine gives no number of: some quantities at some samples, whole quantities,
             whole samples.
+        left_out: What acts in files and in no engine.
     """
 
     def __init__(self, scene: Scene, checked: _Checked, progress: Report, limits: Limits | None) -> None:
         self.scene, self.checked, self.progress, self.limits = scene, checked, progress, limits
         self.problem, wanted = scene.problem(checked.wanted), checked.wanted
         # in a simulation observables and conditions of poses follow from positions
-        motion = tuple(name for name in MOTION if name in wanted or name == "joint_position")
+        measured = bool(scene.mechanism.left_out or scene.models)
+        motion = tuple(name for name in MOTION if name in wanted or name == "joint_position" or measured)
         self.requested = wanted if checked.lay is None else motion
         self.answers, self.solutions = dict[str, Solution](), dict[str, Solution]()
         self.failures, self.judged = dict[str, Failure](), dict[str, pd.DataFrame]()
         self.tables: Mapping[str, Solution] = {}
         self.refused, self.missing, self.short = list[Refusal](), list[Refusal](), list[Refusal]()
         self.integration = dict[str, Integrated]()
+        self.left_out = LeftOutForces()
 
     def solve(self, scene: Scene, names: Iterable[str], folder: Path) -> tuple[dict[str, Solution], dict[str, Failure]]:
         """Puts the scene, or the same with other tolerances, to engines."""
@@ -169,7 +174,9 @@ class _RunSteps:
         self.missing = list(_missing(self.requested, answers, len(scene.t)))
         self.short = list(_short(self.checked.wanted, answers, scene.t))
         lacking = [*self.refused, *self.missing, *self.short]
-        self.answers = {name: _noted(scene, answer, lacking) for name, answer in answers.items()}
+        noted = {name: _noted(scene, answer, lacking) for name, answer in answers.items()}
+        every, self.left_out = without_left_out(scene, problem, noted, tables)
+        self.answers, tables = ({name: every[name] for name in some} for some in (noted, tables))
         self.judged = {name: self.judge(answer) for name, answer in self.answers.items()}
         self.judged |= {
             name: judge_table(scene, problem, each, self.checked.components) for name, each in tables.items()

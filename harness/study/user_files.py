@@ -26,13 +26,23 @@ from screwgauge.models.check import (
     expected_reading,
 )
 from screwgauge.models.content import FORMATS, extras, unread_rows
-from screwgauge.models.readings.read import LIBRARIES, read
+from screwgauge.models.importing.left_out import check_whole, left_out_of
+from screwgauge.models.readings.read import LIBRARIES, read, read_source
+from screwgauge.models.readings.source import prepare
 from screwgauge.models.urdf import loops_of
 from screwgauge.problem import ModelFiles, Problem, Rows
 from screwgauge.reference.closed.assembly_mode import positions
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, UnknownNameError, check_choice, first_few
+from screwgauge.reference.errors import (
+    DescriptionError,
+    ModelFileError,
+    ScrewgaugeError,
+    UnknownNameError,
+    check_choice,
+    first_few,
+)
 from screwgauge.reference.files import read_file
 from screwgauge.reference.graph import layout
+from screwgauge.reference.left_out import LeftOut, Resistance, TurnResistance
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import same_times
@@ -228,11 +238,12 @@ def _factor(a: Array, b: Array) -> float:
     return factor if np.abs(b - factor * a).max() <= ALIKE * np.abs(b).max() else 1.0
 
 
-#: Library -> what a description lacks and the library does not apply: `departures` tells what becomes of it.
-_UNUSED = {"pinocchio": {"limits", "damping", "friction", "stiffness", "rest"}, "mujoco": {"limits"}}
+#: What a description lacks of a file: `departures` tells what becomes of limits, all else is measured.
+_NOT_DESCRIBED = {"limits", "armature", "damping", "friction", "stiffness", "rest", "gravcomp", "medium"}
 
 #: What an engine of this package makes of something beyond the description, by its kind.
 _FATE = {"ignored": "ignored by {} in {}", "applied": "applied by {} in {}, beyond the description"}
+MEASURED = "measured"  # which a run names with its size
 _NOT_KNOWN = "not known whether applied by {} in {}"
 _NAMED, _LONGEST = 3, 80  # things of a kind that are named, the others being counted; characters of one
 
@@ -249,16 +260,40 @@ def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
         return tuple(_other_than_described(files.model, _of_description(mechanism, files.model)))
     if engine.reads not in FORMATS:
         return (_NOT_KNOWN.format(name, f"{files.model.name}: anything"),)
-    known, library = name in ENGINES, name.partition("-")[0]
-    reader = library if known else _reader(engine)
+    reader = _reader(engine)
     sentences = [
-        *_beyond(mechanism, engine, files.model, known=known),
+        *_beyond(mechanism, engine, files.model, known=name in ENGINES),
         *_other_than_described(
             files.model, check_file(mechanism, engine.cut, files.model, reader, gravity=scene.applied.g)
         ),
     ]
     ignored, other = of_loops(scene, name, files)
     return (*sentences, *ignored, *other)
+
+
+def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut, ...]:
+    """What acts in a user's model file and in no engine on the description, along its coordinates and on its bodies.
+
+    Raises:
+        ModelFileError: A constraint acts that the engine leaves out, or something that cannot be measured.
+    """
+    if engine.reads not in FORMATS:
+        return ()
+    source = prepare(model)
+    reading = read_source(source, _reader(engine))
+    check_whole(reading, source)
+    coupled = {coupling.coordinate for coupling in scene.mechanism.couplings}
+    if lost := [each.joint for each in reading.couplings.values() if each.joint not in coupled]:
+        what = f"joint {first_few(lost, _NAMED)} follows another one or is held, which the description does not say"
+        raise ModelFileError(what, str(model), "take its mimic or equality out, or give the description a coupling")
+    mechanism, found = scene.mechanism, list[LeftOut]()
+    for one in left_out_of(source, reading):
+        if isinstance(one, Resistance):
+            along = {name: share for name, share in one.along.items() if name in mechanism.coordinates}
+            found += [replace(one, along=along)] if along else []
+        elif not isinstance(one, TurnResistance) and one.body in mechanism.body_index:
+            found.append(one)
+    return tuple(found)
 
 
 def physical_mismatch(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
@@ -293,7 +328,7 @@ def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
         digits = digits_of(read_file(model))
     except ScrewgaugeError:
         return []  # `departures` tells that it cannot be compared
-    silent = _UNUSED.get(library, set()) | ({"closure", "gravity", "coupling"} if actual.gravity is None else set())
+    silent = _NOT_DESCRIBED | ({"closure", "gravity", "coupling"} if actual.gravity is None else set())
     pairing = paired(expected, actual)
     changes = [*missing(expected, actual, pairing), *differences(brought(expected, actual, pairing))[0]]
     return sorted_by_size([each for each in marked(changes, (ALL, digits)) if each.what not in silent])
@@ -310,8 +345,9 @@ def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], lis
 
 
 def _reader(engine: Engine) -> str:
-    """The library that reads the model files of an engine of another package."""
-    return next(name for name, ending in SUFFIXES.items() if ending == engine.reads)
+    """The library that reads the model files of an engine; of another package, the one of its format."""
+    own = engine.name.partition("-")[0]
+    return own if engine.name in ENGINES else next(name for name, ending in SUFFIXES.items() if ending == engine.reads)
 
 
 def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -> Iterator[str]:
@@ -321,7 +357,7 @@ def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -
     except (ParseError, LookupError, ValueError) as error:
         yield f"{model.name} cannot be searched for what is beyond the description ({error})"
         return
-    for extra in beyond:
+    for extra in (extra for extra in beyond if not (known and extra.kind == MEASURED)):
         fate = _FATE.get(extra.kind, _NOT_KNOWN) if known else _NOT_KNOWN
         by_fate.setdefault(fate, {}).setdefault(extra.what, []).append(extra.whose)
     for fate in sorted(by_fate, key=[*_FATE.values(), _NOT_KNOWN].index):

@@ -11,8 +11,9 @@ import numpy as np
 from screwgauge.models.content import kinds
 from screwgauge.models.machine import Machine
 from screwgauge.models.mjcf import without_stand_ins
-from screwgauge.models.readings.compiled import coupled_joints, shares
-from screwgauge.models.readings.mujoco import is_disabled, turn
+from screwgauge.models.readings.compiled import coupled_joints, heard, shares
+from screwgauge.models.readings.mujoco import is_disabled, loaded, turn
+from screwgauge.models.readings.read import read_source
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
 from screwgauge.models.readings.source import Source
 from screwgauge.reference.errors import ModelFileError, first_few
@@ -56,16 +57,31 @@ def _equalities(source: Source) -> list[str]:
     return [row.get("name", row.tag) for row in rows if row.tag not in CLOSURES and row.get("active") != "false"]
 
 
-def left_out_of(reading: Reading, model: Any | None, where: str) -> tuple[LeftOut, ...]:
-    """All that acts in a file besides rigid bodies, joints, closures and gravity, in the names of the file.
+def left_out_of(source: Source, reading: Reading) -> tuple[LeftOut, ...]:
+    """What acts in a file besides rigid bodies, joints, closures and gravity; of an MJCF as MuJoCo reads it.
+
+    Raises:
+        ModelFileError: Something of it cannot be measured.
+    """
+    where = str(source.path)
+    if source.form != "mjcf":
+        return _everything(reading, None, where)
+    try:
+        own = reading if reading.library == "mujoco" else read_source(source, "mujoco")
+    except ModelFileError:  # another library reads it, and has all that is known
+        return _everything(reading, None, where)
+    check_whole(own, source)
+    with heard():
+        return _everything(replace(reading, joints=own.joints), loaded(source), where)
+
+
+def _everything(reading: Reading, model: Any | None, where: str) -> tuple[LeftOut, ...]:
+    """All of it, in the names of the file.
 
     Args:
         reading: Of the file.
         model: The file as MuJoCo has compiled it; None of a file that MuJoCo does not read.
         where: The file, to blame.
-
-    Raises:
-        ModelFileError: Something of it cannot be measured.
     """
     found = list[LeftOut]()
     for name, joint in reading.joints.items():

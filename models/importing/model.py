@@ -19,7 +19,7 @@ from screwgauge.models.importing.joints import Group, graph_of, groups, joint, l
 from screwgauge.models.importing.left_out import check_whole, kept, left_out_of
 from screwgauge.models.machine import Body as RigidBody
 from screwgauge.models.machine import Machine
-from screwgauge.models.readings.compiled import heard, warned
+from screwgauge.models.readings.compiled import warned
 from screwgauge.models.readings.loops import OWN, loops_for, with_loops
 from screwgauge.models.readings.mujoco import is_single, loaded
 from screwgauge.models.readings.read import dropped, libraries_of, read_source
@@ -326,7 +326,7 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
     if lost := dropped(source, reading):
         raise ModelFileError("; ".join(each.sentence for each in lost), str(path), "let another library read it")
     check_whole(reading, source)
-    beyond = _beyond(source, reading)
+    beyond = left_out_of(source, reading)
     reading = reading if loops is None else with_loops(reading, loops)
     wanted, given = options.wanted, own.joints if own else ()
     if own is not None:
@@ -334,17 +334,6 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
     imported = describe(reading, str(path), wanted, given, keyframes, beyond)
     said = f"Imported from {path.name} as {library} reads it{f', with the loops of {loops.name}' if loops else ''}."
     return replace(imported, remarks=(said, *source.resolved, *imported.remarks))
-
-
-def _beyond(source: Source, reading: Reading) -> tuple[LeftOut, ...]:
-    """What acts in a file besides what its reading holds; of an MJCF as MuJoCo reads it, whoever else does."""
-    where = str(source.path)
-    if source.form != "mjcf":
-        return left_out_of(reading, None, where)
-    own = reading if reading.library == "mujoco" else read_source(source, "mujoco")
-    check_whole(own, source)
-    with heard():
-        return left_out_of(replace(reading, joints=own.joints), loaded(source), where)
 
 
 def _keyframes(source: Source) -> dict[str, dict[str, float]]:

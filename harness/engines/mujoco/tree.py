@@ -58,11 +58,19 @@ class DataBlock:
 
 
 _SITE = mujoco.mjtObj.mjOBJ_SITE
+_CLOSING = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 _CONSTRAINT = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+_FRICTION = int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
 
 
 def prepare(model: mujoco.MjModel) -> None:
-    """Undoes what the compiler does to every model: small masses that it insists on, frames that it takes for one."""
+    """Undoes what the compiler does to every model: small masses that it insists on, frames that it takes for one.
+
+    Switched off is what a user's model may have and MuJoCo has in some of its forces only: dry friction, which inverse
+    dynamics take from the acceleration, not the rate; borne weight and drag, which forces between bodies lack.
+    """
+    model.opt.disableflags |= _FRICTION
+    model.body_gravcomp[:], model.opt.density, model.opt.viscosity = 0.0, 0.0, 0.0
     model.body_mass[:], model.body_inertia[:] = without_stand_ins(model.body_mass, model.body_inertia)
     for kind in ("body", "site"):  # frames within 1e-6 m count as one, which small mechanisms do not survive
         getattr(model, f"{kind}_sameframe")[:] = 0
@@ -135,9 +143,12 @@ class MujocoTree(OpenTree):
                 )
             if self.model.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT:
                 continue
+            where = f"MJCF of {file.mechanism}, equality constraint {e}"
+            if self.model.eq_type[e] not in _CLOSING:
+                what = "is none of bodies or joints: without it the freedoms would differ"
+                raise ModelFileError(what, where, 'state it by connect, weld or a joint equality, or active="false"')
             if self.model.eq_objtype[e] != _SITE:
-                where = f"constraint {e} of {file.mechanism}"
-                raise ModelFileError("an equality constraint joins no sites", where, "use site1, site2")
+                raise ModelFileError("joins no sites", where, "use site1, site2")
             sites = int(self.model.eq_obj1id[e]), int(self.model.eq_obj2id[e])
             joint = self.model.site(sites[0]).name.split("@")[0]
             pairs_of.setdefault(joint, []).append(sites)

@@ -38,6 +38,7 @@ WORDS: dict[Outcome, str] = {
     "agree": "✓ ok",
     "judged": "✓ judged",
     "unread": "✗ not read",
+    "rigid": "✗ inertia left out",
     "undecided": "✗ not decided",
     "partly": "✗ partly",
     "unjudged": "✗ not judged",

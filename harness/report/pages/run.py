@@ -33,6 +33,7 @@ from screwgauge.report.formatting import (
     words,
 )
 from screwgauge.report.layout import Report, Value
+from screwgauge.report.left_out import left_out_rows
 from screwgauge.report.record import about, forces, judged, samples, samples_table, short, summary, timings
 from screwgauge.report.stage.picture import stage
 from screwgauge.report.verdict import compared, conclusion, verdict
@@ -222,6 +223,7 @@ VALUES: dict[str, Value] = {
     "overview": _overview,
     "differ": lambda results: not all(row["ok"] for row in compared(results)),
     "forces": forces,
+    "left out": left_out_rows,
     "actuators": lambda results: [row for row in forces(results) if row["what"].startswith("actuator")],
     "forces by": lambda results: listed(dict.fromkeys(row["engine"] for row in forces(results))),
     "parameters": _parameters,

@@ -1,0 +1,70 @@
+"""What acts in files and in no engine, in words: `armature of 2 joints, up to 6.4 of 7.4 N·m`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+from screwgauge.judging.left_out import LeftOutTerm
+from screwgauge.report.formatting import Row, listed, number, unit_text
+from screwgauge.study.comparison import Comparison
+
+FIGURES = 3
+
+
+def more(results: Comparison) -> str:
+    """What each file has more than the rigid machine: ``the file has more: armature of joint m1, ...``."""
+    by_file: dict[str, list[str]] = {}
+    for term in results.left_out.terms:
+        by_file.setdefault(term.file or "the file", []).append(phrase(term))
+    return "; ".join(f"{file} has more: {'; '.join(phrases)}" for file, phrases in by_file.items())
+
+
+def sentences(results: Comparison, *, agree: bool) -> list[str]:
+    """What files have more; where engines agree, they do so on the rigid machine."""
+    if not results.left_out.terms:
+        return [*contained(results)]
+    text = more(results)
+    who = listed(results.solutions)
+    if len(results.solutions) == 1:
+        head = f"{who} is about the rigid machine; {text}."
+    else:
+        head = f"{who} agree on the rigid machine; {text}." if agree else f"{text.replace('the file', 'The file', 1)}."
+    return [head, *contained(results)]
+
+
+def phrase(term: LeftOutTerm) -> str:
+    """One kind, and how much it is."""
+    amount = f"up to {number(term.size, FIGURES)} of {number(term.of, FIGURES)} {unit_text(term.unit)}"
+    return f"{term.kind} of {owners(term.names)}, {amount}"
+
+
+def owners(names: Sequence[str]) -> str:
+    """``joint m1``, or ``2 joints and 1 tendon``."""
+    if len(names) == 1:
+        return names[0]
+    nouns = Counter(name.partition(" ")[0] for name in names)
+    plurals = {"body": "bodies"}
+    return listed(f"{n} {noun if n == 1 else plurals.get(noun, f'{noun}s')}" for noun, n in nouns.items())
+
+
+def contained(results: Comparison) -> Iterator[str]:
+    """Sentences on tables and engines whose numbers contain it."""
+    for name, kinds in results.left_out.contained.items():
+        yield f"Numbers of {name} contain {listed(kinds)}, and are compared without."
+
+
+def left_out_rows(results: Comparison) -> list[Row]:
+    """Rows what, whose, size, of, unit, worst_at, file."""
+    return [
+        {
+            "what": term.kind,
+            "whose": ", ".join(term.names),
+            "size": term.size,
+            "of": term.of,
+            "unit": term.unit,
+            "at": f"{term.component} @ {number(term.t)} s",
+            "file": term.file or "that of the description",
+        }
+        for term in results.left_out.terms
+    ]

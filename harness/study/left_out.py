@@ -1,0 +1,142 @@
+"""What acts in a file and in no engine: measured at the compared states, and taken off answers that contain it.
+
+A table that was measured contains rotors and friction; so does the answer of an engine on a model file of the user's
+own. Both are right about another machine than the rigid one, and are compared with it without what is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import numpy as np
+
+from screwgauge.judging.answer import Answer, answer_at
+from screwgauge.judging.assembly_modes import assembly_of
+from screwgauge.judging.judge import admitted_by, completed
+from screwgauge.judging.left_out import LeftOutTerm, MeasuredForces, measured
+from screwgauge.problem import GivenMotion, Problem, Rows
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Solution, Values
+from screwgauge.witness.constraints import AdmissibleMotion
+
+FORCES = ("tree_force", "tree_force_soft", "generalized_force", "actuator_force", "reaction")
+#: Share of a difference that may be left where what is left out explains it.
+LEFT = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LeftOutForces:
+    """What is left out of a comparison.
+
+    Attributes:
+        terms: By kind, of the description's own file first.
+        contained: Table or engine -> kinds that were taken off its numbers.
+    """
+
+    terms: tuple[LeftOutTerm, ...] = ()
+    contained: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def inertia(self) -> bool:
+        """Whether inertia is left out that the motion shows."""
+        return any(term.inertia and term.size for term in self.terms)
+
+
+def without_left_out(
+    scene: Scene, problem: Problem, answers: Mapping[str, Solution], tables: Mapping[str, Solution]
+) -> tuple[dict[str, Solution], LeftOutForces]:
+    """Answers and tables without what no engine has of the machine, and what that is.
+
+    Args:
+        answers: Of engines; those with a model file of the user's own name what it has more.
+    """
+    every = {**answers, **tables}
+    own = {name: one.left_out for name, one in answers.items() if one.left_out}
+    base = next((one for one in answers.values() if _moves(scene, one)), None)
+    if not (scene.mechanism.left_out or own) or base is None:
+        return every, LeftOutForces()
+    rows = np.arange(len(scene.t)) if base.rows is None else base.rows
+    at = _moving(scene, problem, base, rows)
+    of_scene = measured(*at, scene.mechanism.left_out, scene.applied.springs)
+    terms, contained, forces = [*of_scene.terms()], dict[str, tuple[str, ...]](), dict[str, MeasuredForces]()
+    for name, entries in own.items():
+        forces[name] = measured(*at, entries)  # springs of the scene act in the engine besides those of its file
+        known = {(term.kind, term.names) for term in terms}
+        more = measured(*at, entries, scene.applied.springs).terms(scene.models[name].name)
+        terms += (term for term in more if (term.kind, term.names) not in known)
+    rigid = _rigid([one for name, one in answers.items() if name not in own])
+    for name in (*tables, *own):
+        every[name], kinds = _without(every[name], rigid, forces.get(name, of_scene), rows)
+        contained |= {name: kinds} if kinds else {}
+    return every, LeftOutForces(tuple(terms), contained)
+
+
+def _rigid(answers: Iterable[Solution]) -> dict[str, Values]:
+    """Forces of the first engine that has them."""
+    rigid: dict[str, Values] = {}
+    for answer in answers:
+        rigid = {**{name: answer.values[name] for name in FORCES if name in answer.values}, **rigid}
+    return rigid
+
+
+def _moves(scene: Scene, answer: Solution) -> bool:
+    """Whether the motion of all joints follows from an answer."""
+    has = {"joint_velocity", "joint_acceleration"} <= {*answer.values}
+    return assembly_of(scene.mechanism, answer) is not None and (has or not scene.simulated)
+
+
+def _moving(scene: Scene, problem: Problem, base: Solution, rows: Rows) -> tuple[Answer, AdmissibleMotion]:
+    """The motion of an answer, with the velocities and accelerations that it does not give."""
+    answer = answer_at(scene.mechanism, problem, base, rows)
+    admissible = admitted_by(answer)
+    if isinstance(problem.task, GivenMotion):
+        answer = completed(answer, admissible, problem.task.part(rows))
+    return answer, admissible
+
+
+def _without(
+    answer: Solution, rigid: Mapping[str, Values], forces: MeasuredForces, rows: Rows
+) -> tuple[Solution, tuple[str, ...]]:
+    """An answer without those kinds of force that bring it nearest to that of the rigid machine."""
+    values, contained = dict(answer.values), list[str]()
+    for quantity in (name for name in rigid if name in answer.values):
+        values[quantity], some = _nearest(values[quantity], rigid[quantity], quantity, forces, rows)
+        contained += some
+    kinds = tuple(dict.fromkeys(contained))
+    if not kinds:
+        return answer, ()
+    note = f"its numbers contain what no engine has, and are compared without it: {', '.join(kinds)}"
+    return replace(answer, values=values, notes=(*answer.notes, note)), kinds
+
+
+def _nearest(
+    values: Values, rigid: Values, quantity: str, forces: MeasuredForces, rows: Rows
+) -> tuple[Values, tuple[str, ...]]:
+    """Values without some kinds, none where no choice leaves less than `LEFT` of the difference."""
+    names = tuple(name for name in values.components if name in rigid.components)
+    own = values.pick(names)
+    apart = own.array[rows] - rigid.pick(names).array[rows]
+    seen = np.isfinite(apart).all(axis=1)
+    if not seen.any() or not apart[seen].any():
+        return values, ()
+    added = {kind: forces.added(kind, quantity, own) for kind in forces.needed}
+    best: tuple[str, ...] = ()
+    least = LEFT * float(np.abs(apart[seen]).max())
+    for kinds in _choices([kind for kind, some in added.items() if some[seen].any()]):
+        rest = float(np.abs(apart - sum(added[kind] for kind in kinds))[seen].max())
+        if rest < least:
+            best, least = kinds, rest
+    if not best:
+        return values, ()
+    array = values.array.copy()
+    columns = [values.components.index(name) for name in names]
+    array[np.ix_(rows, columns)] -= sum(added[kind] for kind in best)
+    return replace(values, array=array), best
+
+
+def _choices(kinds: Collection[str]) -> Iterator[tuple[str, ...]]:
+    """All choices of kinds, the smaller first."""
+    for n in range(1, len(kinds) + 1):
+        yield from combinations(kinds, n)
