@@ -138,7 +138,9 @@ def test_what_ended_says_where_it_went(words: str, capsys: pytest.CaptureFixture
             '<robot xmlns:xacro="http://ros.org"><xacro:include filename="a"/></robot>',
             "expand it first: xacro r.xacro > robot.urdf",
         ),
-        ("m.sdf", '<sdf version="1.6"/>', "is no model: its root element is <sdf>; give a URDF"),
+        ("m.sdf", '<sdf version="1.6"/>', "is SDF, which is not read; make an MJCF"),
+        ("m.usda", "#usda 1.0\n", "is USD, which is not read; make a URDF"),
+        ("m.usdz", "PK\x03\x04", "is USD, which is not read; make a URDF"),
     ],
 )
 @pytest.mark.parametrize("name_of_command", ["run", "view", "import"])

@@ -9,7 +9,7 @@ import pytest
 from screwgauge import ScrewgaugeError
 from support.command import LIMITS
 from support.errors import ModelFileError, UnknownNameError
-from support.models import INERTIAL, MATTER, mjcf
+from support.models import INERTIAL, MATTER, Options, import_model, mjcf
 from support.readings import LIBRARIES, libraries_for, read
 
 BODY = f'<body name="a"><joint name="j"/>{INERTIAL}</body>'
@@ -86,6 +86,17 @@ def test_bad_files_are_refused(case, write):
 
 def declared(encoding: str, text: str) -> str:
     return f'<?xml version="1.0" encoding="{encoding}"?>\n{text}'
+
+
+GREY = "<visual><geometry><box size='1 1 1'/></geometry><xacro:grey/></visual>"
+
+
+@pytest.mark.parametrize("left", [GREY, GREY.replace("visual", "collision"), "<xacro:grey/>"])
+@pytest.mark.parametrize("library", ["pinocchio", "mujoco"])
+def test_a_call_of_a_macro_that_is_defined_nowhere_is_left_out_and_named(left, library, write):
+    """Robots' files are expanded before they are published, and calls of macros that nobody has stay in them."""
+    path = write("arm.urdf", ARM.replace('<link name="b">', f'<link name="b">{left}'))
+    assert any("xacro:grey of link b" in phrase for phrase in import_model(path, Options(library=library)).left_out)
 
 
 FOREIGN = ("ISO-8859-1", "windows-1252", "US-ASCII", "UTF-16", "UTF-7", "EBCDIC-CP-US", "x-unknown", "hex", "punycode")

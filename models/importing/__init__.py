@@ -7,7 +7,7 @@ from pathlib import Path
 #: How the names of model files end.
 SUFFIXES = (".urdf", ".xml", ".mjcf")
 #: And those of files from which models are made: who names one is told so.
-SOURCES = (".xacro", ".sdf")
+SOURCES = (".xacro", ".sdf", ".usd", ".usda", ".usdc", ".usdz")
 
 
 def is_model(path: Path | str) -> bool:

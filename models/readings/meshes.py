@@ -39,10 +39,12 @@ def without_meshes(root: ET.Element, form: str, where: str, *, moving: Collectio
 
 
 def _urdf(root: ET.Element) -> list[Content]:
-    touching = list[str]()
+    touching, content = list[str](), list[Content]()
     for link in root.iterfind("link"):
         for shape in [*link.iterfind("visual"), *link.iterfind("collision")]:
             geometry = shape.find("geometry")
+            for call in (element for element in shape.iter() if element.tag.startswith("xacro:")):
+                content.append(Content("put in place", call.tag, f" of link {link.get('name', '')}"))
             if shape.tag == "visual" or geometry is None or geometry.find("mesh") is not None:
                 link.remove(shape)
                 if shape.tag == "collision":
@@ -52,7 +54,7 @@ def _urdf(root: ET.Element) -> list[Content]:
     weightless = {link.get("name", "") for link in root.iterfind("link") if link.find("inertial") is None}
     phrase = "mesh of link {}, from which MuJoCo would take its mass"
     names = dict.fromkeys(touching)
-    content = [Content("mass from meshes", phrase.format(name)) for name in names if name in weightless]
+    content += [Content("mass from meshes", phrase.format(name)) for name in names if name in weightless]
     return content + [Content("contacts of geoms", "collision", f" of link {name}") for name in names]
 
 

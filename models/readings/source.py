@@ -33,6 +33,8 @@ from screwgauge.reference.files import check_count
 
 #: Root element -> format.
 FORMATS = {"robot": "urdf", "mujoco": "mjcf"}
+#: Elements of a file that has yet to be expanded; calls of macros that are defined nowhere stay when it has been.
+_OF_XACRO = {f"xacro:{name}" for name in ("include", "macro", "property", "arg", "if", "unless", "insert_block")}
 #: Name of the joint of a base that floats, as Pinocchio calls its own.
 FLOATING = "root_joint"
 #: Bodies that a sentence names.
@@ -128,9 +130,12 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
         ScrewgaugeError: It cannot be read, is no model, or asks for what is not done here; says what to do.
     """
     root = parse(path)
-    if any(element.tag.startswith("xacro:") for element in root.iter()):
+    if any(element.tag in _OF_XACRO for element in root.iter()):
         command = f"xacro {path.name} > robot.urdf"
         raise ModelFileError("is a xacro file, from which a URDF is made", str(path), f"expand it first: {command}")
+    if root.tag == "sdf":
+        remedy = "make an MJCF of it, as sdf2mjcf of sdformat-mjcf does, or give the URDF that it was made from"
+        raise ModelFileError("is SDF, which is not read", str(path), remedy)
     if root.tag not in FORMATS:
         what = f"is no model: its root element is <{root.tag}>"
         raise ModelFileError(what, str(path), "give a URDF (<robot>) or an MJCF (<mujoco>)")
