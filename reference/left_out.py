@@ -133,10 +133,10 @@ def read_left_out(
 def _entry(table: Any, where: str, known: Mapping[str, Collection[str]]) -> LeftOut:
     kind = next((kind for kind in _READERS if isinstance(table, dict) and kind <= table.keys()), None)
     if kind is None:
-        keys = ", ".join(" with ".join(sorted(kind)) for kind in _READERS)
+        keys = ", ".join(" with ".join(sorted(one)) for one in _READERS)
         raise DescriptionError("an entry acts on nothing that is known", where, f"give it one of: {keys}")
-    keys, read = _READERS[kind]
-    check_keys(table, {"of", *kind, *keys}, where)
+    further, read = _READERS[kind]
+    check_keys(table, {"of", *kind, *further}, where)
     return read(table, f"{where}, {read_text(table, 'of', where)}", known)
 
 

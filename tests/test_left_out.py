@@ -317,3 +317,14 @@ def test_what_is_left_out_stands_on_every_page(gait):
     assert phrase(term) in said
     assert "joint m1, joint m2" in said
     assert phrase(term) in " ".join(terminal(run_in_terminal(results)).split())
+
+
+@pytest.mark.parametrize(("driven", "status"), [('frictionloss="0.02"', 0), (f'armature="{ROTOR}"', 1)])
+def test_a_gate_says_so_of_a_file_and_of_what_was_imported(driven, status, write):
+    path = write("five-bar.xml", FIVE_BAR.format(driven, ""))
+    scene = write("own.toml", GAIT.format("own-description.toml"))
+    write("own-description.toml", description(import_model(path).mechanism))
+    check = screwgauge.check(path, scene)
+    assert check.exit_status == status
+    assert all("2 joints, up to" in row.more for row in check.rows)
+    assert "2 joints, up to" in " ".join(repr(check).split())

@@ -125,7 +125,7 @@ class MeasuredForces:
 
     def generalized(self, wrenches: Array) -> Array:
         """Forces along the independent coordinates that give bodies what they need. Shape (n, k)."""
-        return np.einsum("nbx,nbxj->nj", wrenches, self.admissible.bodies)
+        return np.asarray(np.einsum("nbx,nbxj->nj", wrenches, self.admissible.bodies))
 
     def actuators(self, wrenches: Array) -> Array:
         """The smallest actuator forces that do. Shape (n, n_actuator)."""

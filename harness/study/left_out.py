@@ -131,7 +131,7 @@ def _nearest(
     if not best:
         return values, ()
     array = values.array.copy()
-    columns = [values.components.index(name) for name in names]
+    columns = np.array([values.components.index(name) for name in names], dtype=np.intp)
     array[np.ix_(rows, columns)] -= sum(added[kind] for kind in best)
     return replace(values, array=array), best
 

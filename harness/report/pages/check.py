@@ -21,6 +21,7 @@ from screwgauge.report.blocks import Banner, Heading
 from screwgauge.report.formatting import beyond, digits_text, number, size, unit_text
 from screwgauge.report.html import fragment
 from screwgauge.report.layout import Report
+from screwgauge.report.left_out import more
 from screwgauge.report.text import markdown, terminal
 from screwgauge.report.verdict import verdict
 from screwgauge.study.comparison import Comparison
@@ -169,8 +170,9 @@ _KINDS = {1: "failure", 2: "error", 3: "error"}
 
 def _banners(check: Check) -> list[Banner]:
     """The verdict, and what no machine has."""
-    odd = [Banner(f"{row.scene}: {sentence}", "Warning") for row in check.rows for sentence in row.doubts]
-    return [_banner(check), *odd]
+    odd = [(row.scene, sentence) for row in check.rows for sentence in row.doubts]
+    odd += [(row.scene, f"{row.more}.") for row in check.rows if row.more and row.ok]
+    return [_banner(check), *(Banner(f"{scene}: {sentence}", "Warning") for scene, sentence in odd)]
 
 
 def _banner(check: Check) -> Banner:
@@ -186,8 +188,11 @@ def _banner(check: Check) -> Banner:
     if check.ok and alone:
         named = first_few(alone, SHOWN)
         sentences.append(f"Nothing was compared in {named}: one engine ran, for which the equations of mechanics hold.")
+    larger = [row.scene for row in check.rows if row.more and row.ok]
+    if check.ok and larger:
+        sentences.append(f"Of {first_few(larger, SHOWN)} only the rigid machine is compared: forces are left out.")
     sentences += filter(None, [_left_alone(check)])
-    return Banner.of(" ".join(sentences), check.ok, "OK, but" if alone or check.unread else "OK", "FAILED")
+    return Banner.of(" ".join(sentences), check.ok, "OK, but" if alone or larger or check.unread else "OK", "FAILED")
 
 
 def _left_alone(check: Check) -> str:
@@ -346,7 +351,7 @@ def check_with(
 ) -> Check:
     """What `screwgauge.check` does, wherever scenes are to be checked."""
     requested = items(what)
-    settings = GateSettings(sentence_of, smoke, read_tolerances(tolerances))
+    settings = GateSettings(sentence_of, smoke, read_tolerances(tolerances), more)
     if baseline is not None:
         read_baseline(Path(baseline), smoke, [item.name for item in requested])
     rows = check_items(requested, settings, execute=execute, progress=progress, journal=journal)

@@ -167,6 +167,7 @@ class GateRow:
         file, line: Where to look for the cause; 0 if no line is known.
         unread: What the scene names and nobody read, in sentences.
         read: Files that were read, by the names that were given.
+        more: What its files have more than the rigid machine that is compared, in a sentence; empty if nothing.
     """
 
     scene: str
@@ -182,6 +183,7 @@ class GateRow:
     doubts: Sequence[str] = ()
     unread: Sequence[str] = ()
     read: Sequence[str] = ()
+    more: str = ""
 
     @property
     def ok(self) -> bool:

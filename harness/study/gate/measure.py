@@ -47,11 +47,13 @@ class GateSettings:
     Attributes:
         tolerances: Scaled errors that are admitted of quantities for which a scene has none.
         tell: Makes a sentence or two of a comparison.
+        more: Makes a sentence of what files have more than is compared.
     """
 
     tell: Callable[[Comparison], str]
     smoke: bool = False
     tolerances: Mapping[str, float] | None = None
+    more: Callable[[Comparison], str] = lambda results: ""
 
 
 def measured(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
@@ -113,7 +115,8 @@ def compared(
     versions = {name: solution.version for name, solution in results.solutions.items()}
     row = GateRow(scene.name, status, sentence, errors, results.coverage.sentence, versions, hashes, file, line)
     read = [str(path) for path in files_of(scene, [*results.solutions, *results.failures])]
-    return replace(row, doubts=results.doubts, unread=results.unread, read=read), results
+    row = replace(row, doubts=results.doubts, unread=results.unread, read=read)
+    return replace(row, more=settings.more(results) if results.left_out.terms else ""), results
 
 
 def _status(results: Comparison, errors: Sequence[Residual]) -> Outcome:
