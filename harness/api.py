@@ -60,7 +60,6 @@ def check(
     jobs: int = 1,
     limits: Limits | None = None,
     progress: Callable[[str, float], None] = lambda step, share: None,
-    journal: Path | None = None,
 ) -> Check:
     """Compares engines on scenes, or pairs of model files, with tolerances.
 
@@ -73,7 +72,6 @@ def check(
         limits: What each scene may take in a process of its own; by default all are checked in this process, except by
             engines of other packages.
         progress: Called as work goes on, with what is under way and the share of all that is done.
-        journal: File from which an interrupted check goes on.
 
     Raises:
         ScrewgaugeError: Bad input. What is wrong with one scene is no error but a row.
@@ -85,9 +83,7 @@ def check(
     if not what:
         raise DescriptionError("nothing is named", "check", "name scenes, folders or model files")
     execute = InTurn() if limits is None else Processes(jobs, limits)
-    return check_with(
-        execute, what, smoke=smoke, tolerances=tolerances, baseline=baseline, progress=progress, journal=journal
-    )
+    return check_with(execute, what, smoke=smoke, tolerances=tolerances, baseline=baseline, progress=progress)
 
 
 def diagnose(

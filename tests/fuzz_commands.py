@@ -1,7 +1,7 @@
 """Runs commands on broken files, each in a process of its own: one sentence and a status, or an answer; nothing else.
 
     python tests/fuzz_commands.py --count 500           # of each kind; seeds from the clock, printed
-    python tests/fuzz_commands.py --kinds journal --count 1 --seed 17
+    python tests/fuzz_commands.py --kinds baseline --count 1 --seed 17
 
 Looked for are: what nobody foresaw, more than 60 s, more than 4 GB, a process that dies, signs that steer a terminal,
 and anything written outside ``--out``. A process with all imports is forked for each case. Pictures are drawn in every

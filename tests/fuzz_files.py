@@ -20,19 +20,16 @@ import pandas as pd
 
 import screwgauge
 from screwgauge.report.folder import MANIFEST
-from support.bench import Journal
-from support.gate import PAGE, GateSettings, items, keep, sentence_of
-from support.gate import gate_run as gate
+from support.gate import PAGE, keep
 from support.mechanism import load_mechanism, mechanism_path
 from support.models import model_texts
 
 MECHANISMS = ("slider-crank", "five-bar", "bennett")
-JOURNAL = f"out/{gate.NAME}"
 #: What a check leaves.
 REPORT = tuple(f"out/{name}" for name in ("report.md", "report.html", "check.json", "environment.json", MANIFEST))
 #: What no entry should be, beside what `fuzz` puts there.
 HOSTILE: tuple[Any, ...] = (
-    *fuzz.BAD,
+    *(each for each in fuzz.BAD if each != 16**5000),  # which json cannot write
     *("\x00", "\ud800", "\x1b[2J", "../../x", "/etc/passwd", "x" * 300, "<<", "on", "59:59:59", None, 10**400, -1e400),
     *([[[[[[[[[[[[[]]]]]]]]]]]]], {"a": {"a": {"a": {"a": {}}}}}, ["x"] * 2000),
 )
@@ -112,7 +109,6 @@ KINDS = {
         (("--json",), ("--smoke",), ("--junit", "out/junit.xml")),
     ),
     "baseline": Kind(("check", "scene.toml", "--baseline", "baseline.json", *OUT), ("baseline.json",), (("--json",),)),
-    "journal": Kind(("check", "scene.toml", *OUT), (JOURNAL,), (("--json",),)),
     "tolerances": Kind(("check", "scene.toml", "--tolerances", "tolerances.toml", *OUT), ("tolerances.toml",)),
     "history": Kind(
         ("history", "--store", "store", *OUT),
@@ -154,18 +150,11 @@ def whole(name: str) -> dict[str, bytes]:
 
 def _left() -> dict[str, bytes]:
     """What commands leave of the scene in this folder, and numbers of one's own for it."""
-    kept: dict[str, bytes] = {}
-    remove = Journal.remove
-    Journal.remove = lambda self: kept.update({JOURNAL: self.path.read_bytes()})  # type: ignore[method-assign]
-    try:
-        rows = gate.check_items(items(["scene.toml"]), GateSettings(sentence_of), journal=Path("journal"))
-    finally:
-        Journal.remove = remove  # type: ignore[method-assign]
     found = screwgauge.check("scene.toml")
     found.write_baseline("baseline.json")
-    kept["baseline.json"] = Path("baseline.json").read_bytes()
+    kept = {"baseline.json": Path("baseline.json").read_bytes()}
     for name in "abc":
-        kept[f"store/{name}.parquet"] = keep(Path("store"), rows, smoke=False).read_bytes()
+        kept[f"store/{name}.parquet"] = keep(Path("store"), found.rows, smoke=False).read_bytes()
     PAGE.write(found, Path("out"))
     kept |= {f"out/{path.name}": path.read_bytes() for path in Path("out").iterdir() if path.is_file()}
     results = screwgauge.run(screwgauge.load_scene("scene.toml"), ["screw"])
@@ -236,12 +225,6 @@ def drawn(kind: str, seed: int) -> Case:
 
 def _mutated(file: str, data: bytes, chance: random.Random) -> tuple[bytes, str]:
     """A file changed as its format is written."""
-    if file == JOURNAL:
-        lines = data.decode().splitlines()
-        i = chance.choice([i for i, line in enumerate(lines) if line])
-        table, done = mutated(json.loads(lines[i]), chance)
-        lines[i] = json.dumps(table)
-        return "\n".join([*lines, ""]).encode(), f"line {i}: {done}"
     text = "" if file.endswith(".parquet") else data.decode()
     if file.endswith(".json"):
         table, done = mutated(json.loads(text), chance)

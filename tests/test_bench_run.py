@@ -11,7 +11,7 @@ import pytest
 
 import screwgauge
 from screwgauge.study.bench import run as run_module
-from support.bench import COLUMNS, CUT, NAME, Plan, bench, reach
+from support.bench import COLUMNS, CUT, Plan, bench, journals, reach
 from support.command import main
 from support.pages import terminal as text
 from support.report import BENCH_PAGE as PAGE
@@ -103,14 +103,14 @@ def test_reach_lists_the_quickest_setting_of_each_family(found):
 
 
 @pytest.mark.slow
-def test_a_budget_too_small_says_who_was_cut_short(scene, tmp_path):
+def test_a_budget_too_small_says_who_was_cut_short(scene, tmp_path, cache_folder):
     clock = iter(range(0, 10**15, 10**9))  # every look at the clock costs a second
     plan = Plan(samples=5, rounds=1, budget=12.0, quick=True)
-    found = bench(scene, plan=plan, contestants=FEW, journal=tmp_path / NAME, clock=lambda: next(clock))
+    found = bench(scene, plan=plan, contestants=FEW, place=tmp_path, clock=lambda: next(clock))
     cut = [row for row in found.rows if row.status == CUT]
     kept = [row for row in found.rows if row.status != CUT]
     assert cut
-    assert kept or (tmp_path / NAME).exists()
+    assert kept or journals()
     families = {row.contestant.family for row in cut}
     lines = text(PAGE.terminal(found)).split("\n\n")[-1].splitlines()
     assert lines[0].startswith("cut short")
@@ -118,10 +118,10 @@ def test_a_budget_too_small_says_who_was_cut_short(scene, tmp_path):
     assert len(lines) == 1 + len(families)  # one line per family
     assert all("budget" in row.reason for row in cut)
     assert not found.complete
-    again = bench(scene, plan=PLAN, contestants=FEW, journal=tmp_path / NAME)
+    again = bench(scene, plan=PLAN, contestants=FEW, place=tmp_path)
     assert again.complete
     assert any("Resumed" in note for note in again.notes)
-    assert not (tmp_path / NAME).exists()
+    assert not journals()
 
 
 def test_a_budget_too_small_leaves_no_contestant_out(scene):
@@ -136,7 +136,7 @@ def test_a_budget_too_small_leaves_no_contestant_out(scene):
 
 
 @pytest.mark.slow
-def test_an_interrupted_bench_goes_on_where_it_stopped(scene, tmp_path, monkeypatch):
+def test_an_interrupted_bench_goes_on_where_it_stopped(scene, tmp_path, monkeypatch, cache_folder):
     original = run_module.timing.measure
 
     def interrupt(calls, *rest):
@@ -147,13 +147,13 @@ def test_an_interrupted_bench_goes_on_where_it_stopped(scene, tmp_path, monkeypa
     with monkeypatch.context() as patch:
         patch.setattr(run_module.timing, "measure", interrupt)
         with pytest.raises(KeyboardInterrupt):
-            bench(scene, plan=PLAN, contestants=FEW, journal=tmp_path / NAME)
+            bench(scene, plan=PLAN, contestants=FEW, place=tmp_path)
     scored: list[str] = []
     scores = run_module._Measurements._scored
     monkeypatch.setattr(
         run_module._Measurements, "_scored", lambda self, c, *rest: scored.append(c.key) or scores(self, c, *rest)
     )
-    found = bench(scene, plan=PLAN, contestants=FEW, journal=tmp_path / NAME)
+    found = bench(scene, plan=PLAN, contestants=FEW, place=tmp_path)
     assert not scored
     assert found.complete
 
@@ -165,17 +165,17 @@ def test_a_model_file_of_ones_own_is_refused_not_passed_over(paper_scene, write,
 
 
 @pytest.mark.slow
-def test_the_command_writes_its_report(tmp_path, command, small, no_progress):
+def test_the_command_writes_its_report(tmp_path, command, small, no_progress, cache_folder):
     out = tmp_path / "out"
     said = command("bench", "--quick", "--contestants", "closed-form,floor", "--out", out)
     assert "closed-form" in said.out
     assert str(out / "report.html") in said.out
     assert said.err == ""
     assert (out / "bench.csv").is_file()
-    assert not (out / NAME).exists()
+    assert not journals()
 
 
-def test_the_command_keeps_what_it_has_when_interrupted(tmp_path, capsys, monkeypatch, small):
+def test_the_command_keeps_what_it_has_when_interrupted(tmp_path, capsys, monkeypatch, small, cache_folder):
     def interrupt(*args, **kwargs):
         raise KeyboardInterrupt
 
@@ -183,7 +183,8 @@ def test_the_command_keeps_what_it_has_when_interrupted(tmp_path, capsys, monkey
     out = tmp_path / "out"
     assert main(["bench", "--quick", "--contestants", "closed-form", "--out", str(out)]) == 130
     assert "run the same command again" in capsys.readouterr().err
-    assert (out / NAME).is_file()
+    assert journals()
+    assert not out.exists()
 
 
 @pytest.mark.parametrize(
@@ -204,16 +205,16 @@ def test_bad_input_is_one_sentence_and_status_2(tmp_path, command, arguments, me
 
 
 @pytest.mark.slow
-def test_contestants_in_processes_of_their_own_have_the_same_errors(found, scene, isolated, tmp_path):
-    few, log = ["closed-form", "four-bar"], tmp_path / "x.jsonl"
-    there = bench(scene, plan=PLAN, contestants=few, execute=Processes(2), journal=log)
+def test_contestants_in_processes_of_their_own_have_the_same_errors(found, scene, isolated, tmp_path, cache_folder):
+    few = ["closed-form", "four-bar"]
+    there = bench(scene, plan=PLAN, contestants=few, execute=Processes(2), place=tmp_path)
     here = {(row.contestant.key, row.quantity): row for row in found.rows}
     for row in there.rows:
         same = here[row.contestant.key, row.quantity]
         assert repr((row.error, row.status, row.reason)) == repr((same.error, same.status, same.reason))
         assert bool(row.seconds) == bool(same.seconds)
     assert there.notes[-1] == run_module.BESIDE
-    assert not log.exists()
+    assert not journals()
 
 
 def test_what_closes_loops_is_not_priced_against_what_is_given_the_motion(found):

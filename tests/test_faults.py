@@ -9,7 +9,7 @@ import pytest
 
 from screwgauge.report import write
 from screwgauge.truth import cache
-from support.bench import Journal
+from support.bench import Journal, journals
 from support.command import main
 from support.errors import OutputError
 from support.report import write_files
@@ -30,26 +30,25 @@ def files_of_at_most(size: int):
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_rows_before_the_disk_was_full_are_there_in_whole(tmp_path):
-    file = tmp_path / "rows.jsonl"
-    journal = Journal(file, "x")
+def test_rows_before_the_disk_was_full_are_there_in_whole(tmp_path, cache_folder):
+    journal = Journal(tmp_path, "x")
     journal.keep("1", {"b": "first"})
+    (file,) = journals()
     with (
         files_of_at_most(file.stat().st_size + 5),
-        pytest.raises(OutputError, match=r"rows\.jsonl: cannot be written \(.*run the s"),
+        pytest.raises(OutputError, match=r"journal-.*: cannot be written \(.*run the s"),
     ):
         journal.keep("2", {"b": "x" * 50})
     journal.keep("3", {"b": "third"})
-    assert [*Journal(file, "x").results.items()] == [("1", {"b": "first"}), ("3", {"b": "third"})]
+    assert [*Journal(tmp_path, "x").results.items()] == [("1", {"b": "first"}), ("3", {"b": "third"})]
 
 
-@pytest.mark.slow
-def test_a_check_whose_rows_cannot_be_kept_says_what_it_found(tmp_path, command, monkeypatch, no_progress):
-    def keep(self, key, result):
-        raise OutputError("cannot be written (no space left on device)", "check.partial.jsonl", "choose another --out")
-
-    monkeypatch.setattr(Journal, "keep", keep)
-    assert "1 of 1 pass" in command("check", "slider-crank", "--smoke", "--out", tmp_path / "out").out
+def test_where_no_journal_can_be_kept_work_is_done_all_the_same(monkeypatch, tmp_path):
+    monkeypatch.setenv(cache.VARIABLE, "/dev/null/none")
+    journal = Journal(tmp_path, "x")
+    journal.keep("1", {"b": "first"})
+    assert journal.results == {"1": {"b": "first"}}
+    assert "Nothing is kept" in journal.note
 
 
 def test_a_run_whose_numbers_cannot_be_written_says_what_it_found(tmp_path, command, monkeypatch, no_progress):

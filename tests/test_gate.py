@@ -17,8 +17,9 @@ import pytest
 import screwgauge
 from screwgauge import Limits
 from support import bad_engines
+from support.bench import journals
 from support.command import main
-from support.gate import NAME, GateSettings, Item, Processes, check_items, gate_run, sentence_of
+from support.gate import GateSettings, Item, Processes, address, check_items, files_in, gate_run, sentence_of
 from support.repository import edited, scene, tell, worse
 
 pytestmark = pytest.mark.slow
@@ -195,7 +196,7 @@ def test_the_command_leaves_files_for_ci(theirs, monkeypatch, capsys):
     assert json.loads((theirs / "out" / "check.json").read_text())["rows"][0]["status"] == "differ"
 
 
-def test_an_interrupted_check_goes_on_where_it_stopped(theirs, monkeypatch):
+def test_an_interrupted_check_on_a_cluster_goes_on_where_it_stopped(theirs, monkeypatch, cache_folder):
     (theirs / "again.toml").write_text(scene())
     items, settings = [Item(name, (f"{name}.toml",)) for name in ("turn", "again")], GateSettings(sentence_of)
     asked, measured = [], gate_run.measured
@@ -208,19 +209,30 @@ def test_an_interrupted_check_goes_on_where_it_stopped(theirs, monkeypatch):
 
     monkeypatch.setattr(gate_run, "measured", stops)
     with pytest.raises(KeyboardInterrupt):
-        check_items(items, settings, journal=theirs / NAME)
-    rows = check_items(items, settings, journal=theirs / NAME)
+        check_items(items, settings, place=theirs)
+    rows = check_items(items, settings, place=theirs)
     assert asked == ["turn", "again", "again"]
     assert [row.scene for row in rows] == ["turn", "again"]
     assert repr(rows[0].errors) == repr(check_items(items[:1], settings)[0].errors)
-    assert not (theirs / NAME).exists()
+    assert not journals()
 
 
-def test_a_kept_row_of_a_changed_model_is_not_taken(theirs):
-    before = gate_run.fingerprint(Item("turn", ("turn.toml",)))
-    assert gate_run.fingerprint(Item("turn", ("turn.toml",))) == before
-    edited(theirs / "four-bar.xml", lambda text: worse(text, 1e-6))
-    assert gate_run.fingerprint(Item("turn", ("turn.toml",))) != before
+@pytest.mark.parametrize("name", ["four-bar.toml", "base.toml", "turn.toml", "four-bar.xml", "inner.xml", "motion.csv"])
+def test_a_kept_row_is_not_taken_when_any_file_that_was_opened_has_changed(name, theirs):
+    """A description that another extends, a file that a model includes, a motion in a table: as far as it is opened."""
+    Path("four-bar.toml").rename("base.toml")
+    Path("four-bar.toml").write_text('extends = "base.toml"\nname = "four-bar"\n', encoding="utf-8")
+    text = Path("four-bar.xml").read_text(encoding="utf-8")
+    begin, end = text.index("<worldbody>"), text.index("</worldbody>") + len("</worldbody>")
+    Path("inner.xml").write_text(f"<mujoco>{text[begin:end]}</mujoco>", encoding="utf-8")
+    Path("four-bar.xml").write_text(f'{text[:begin]}<include file="inner.xml"/>{text[end:]}', encoding="utf-8")
+    Path("motion.csv").write_text("t,crank,crankd,crankdd\n0,1,0,0\n0.25,1,0,0\n0.5,1,0,0\n", encoding="utf-8")
+    edited(Path("turn.toml"), lambda text: re.sub("motion.crank.*", 'motion = { csv = "motion.csv" }', text))
+    item = Item("turn", ("turn.toml",))
+    before = address(files=files_in(item))
+    assert address(files=files_in(item)) == before
+    edited(Path(name), lambda text: f"{text}\n")
+    assert address(files=files_in(item)) != before
 
 
 @pytest.mark.slow

@@ -100,7 +100,6 @@ TWICE = {
     "another way": ["--junit", "f", "--baseline", "../{here}/f", "--update"],
     "junit and report": ["--junit", "out/report.md"],
     "baseline and numbers": ["--baseline", "out/check.json", "--update"],
-    "junit and journal": ["--junit", "out/check.partial.jsonl"],
 }
 
 

@@ -17,8 +17,8 @@ import screwgauge
 from screwgauge import ScrewgaugeError
 from support.bench import Journal
 from support.command import LIMITS, digest, main, read_json
-from support.errors import DescriptionError, OutputError, UnknownNameError, printable, shown
-from support.gate import GateRow, Residual, TableFile, against, from_record, history, is_record, keep, write_baseline
+from support.errors import DescriptionError, UnknownNameError, printable, shown
+from support.gate import GateRow, Residual, against, from_record, history, is_record, keep, write_baseline
 from support.scene import read_columns
 
 ERROR = Residual("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True, "leg1", 0.5)
@@ -51,15 +51,13 @@ def known(tmp_path) -> Path:
 @pytest.mark.parametrize("kind", SPECIAL)
 def test_state_that_is_no_regular_file_in_bounds_is_refused_at_once(kind, known, tmp_path):
     store = tmp_path / "store"
-    files = [known, keep(store, [ROW], smoke=False), tmp_path / "journal", tmp_path / "rows.csv"]
+    files = [known, keep(store, [ROW], smoke=False)]
     for file in files:
         SPECIAL[kind](file)
     said = r": cannot be read \((it is no regular file|is a directory|it has more than \d+ MB.*)\); check the path\.$"
     for read in (
         lambda: against(known, [ROW], smoke=False),
         lambda: history(store),
-        lambda: Journal(files[2], "stamp"),
-        lambda: TableFile(files[3], ["a"], "rows", str).rows(),
     ):
         with pytest.raises(DescriptionError, match=said):
             read()
@@ -139,49 +137,9 @@ def test_a_journal_s_odd_row_is_made_anew(key, tmp_path):
     assert not is_record(record, GateRow)
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        '{"key": [], "result": {}}',
-        '{"key": "a", "result": []}',
-        '{"key": "a", "time": "x"}',
-        '{"key": "a", "time": NaN}',
-        '{"result": {}}',
-        '{"key": "a", "result": ' + BRACKETS,
-        "[" * 500 + "]" * 500,
-        '{"key": "a", "time": ' + "9" * 5000 + "}",
-    ],
-)
-def test_odd_lines_of_a_journal_are_dropped(line, write):
-    path = write("journal", f'{{"stamp": "x"}}\n{line}\n{{"key": "b", "time": 0.5}}\n')
-    found = Journal(path, "x")
-    assert found.results == {}
-    assert found.times == {"b": [0.5]}
-
-
-def test_results_that_do_not_fit_are_not_taken_over(tmp_path):
-    Journal(tmp_path / "journal", "x").keep("a", {"status": 3})
-    assert Journal(tmp_path / "journal", "x", lambda result: isinstance(result["status"], str)).results == {}
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "a,b\n1,2,3\n",
-        'a,b\n"x',
-        "b,a\n",
-        "a,b\n1\n",
-        "\x00",
-        "\ufeff",
-        "a,b",
-        "a,b\n1,2",
-        "a,b\n" + "x" * 200_000 + ",1",
-    ],
-)
-def test_an_odd_table_of_rows_is_refused(text, tmp_path):
-    (tmp_path / "rows.csv").write_text(text)
-    with pytest.raises(OutputError, match="is no table of rows"):
-        TableFile(tmp_path / "rows.csv", ["a", "b"], "rows", str).rows()
+def test_results_that_do_not_fit_are_not_taken_over(tmp_path, cache_folder):
+    Journal(tmp_path, "x").keep("a", {"status": 3})
+    assert Journal(tmp_path, "x", lambda result: isinstance(result["status"], str)).results == {}
 
 
 @pytest.mark.parametrize(

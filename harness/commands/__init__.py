@@ -141,7 +141,6 @@ def bench(options: argparse.Namespace) -> int:
     from screwgauge.scene.read import load_scene
     from screwgauge.study.bench import forward_run
     from screwgauge.study.bench import run as given_run
-    from screwgauge.study.bench.run import NAME
 
     imported(options.scene)
     scene = load_scene(options.scene)
@@ -157,9 +156,9 @@ def bench(options: argparse.Namespace) -> int:
         contest = forward_run.contest
         carry_out(SIMULATION, out, lambda progress: contest(scene, progress=progress, **more), force=options.force)
         return 0
-    more["journal"] = out / NAME
+    more["place"] = out
     work = partial(given_run.bench, scene, **more)
-    carry_out(PAGE, out, lambda progress: work(progress=progress), again=NAME, force=options.force)
+    carry_out(PAGE, out, lambda progress: work(progress=progress), again=True, force=options.force)
     return 0
 
 
@@ -167,14 +166,14 @@ def stress(options: argparse.Namespace) -> int:
     """Climbs the ladders of severity."""
     from screwgauge.reference.expressions import number
     from screwgauge.report.pages.stress import PAGE as page
-    from screwgauge.study.stress import NAME, stress
+    from screwgauge.study.stress import stress
 
     texts = _names(options.severity)
     severities = None if texts is None else [number(text, "--severity") for text in texts]
     out = options.out or OUT / "stress"
-    more = {"quick": options.quick, "severities": severities, "execute": executor(options), "journal": out / NAME}
+    more = {"quick": options.quick, "severities": severities, "execute": executor(options), "place": out}
     work = partial(stress, options.cases or None, **more)
-    table = carry_out(page, out, lambda progress: work(progress=progress), again=NAME, force=options.force)
+    table = carry_out(page, out, lambda progress: work(progress=progress), again=True, force=options.force)
     if table.broken:
         complain(f"screwgauge: a rung broke: {table.broken[0]}")
         return 3
@@ -251,7 +250,6 @@ def check(options: argparse.Namespace) -> int:
     """Checks scenes and pairs of models; what CI services read of it is left where they look for it."""
     from screwgauge.report.pages.check import PAGE, check_files, check_inputs, check_outputs, check_with
     from screwgauge.study.gate.history import check_store, keep
-    from screwgauge.study.gate.run import NAME
 
     if options.update and options.baseline is None:
         raise DescriptionError("--update does not know what", "check", "name a file by --baseline")
@@ -262,13 +260,13 @@ def check(options: argparse.Namespace) -> int:
         check_store(options.store)
     out, old = options.out or OUT / "check", None if options.update else options.baseline
     more = {"smoke": options.smoke, "tolerances": options.tolerances, "baseline": old}
-    execute = executor(options, limits(options))
+    execute, place = executor(options, limits(options)), None if options.cluster is None else out
     outcome = carry_out(
         PAGE,
         out,
-        lambda progress: check_with(execute, options.what, **more, progress=progress, journal=out / NAME),
+        lambda progress: check_with(execute, options.what, **more, progress=progress, place=place),
         tell=(lambda outcome: outcome.json) if options.json else None,
-        again=NAME,
+        again=place is not None,
         files=Files(check_inputs(options), check_outputs(options)),
         force=options.force,
         junit=options.junit,
@@ -310,6 +308,6 @@ def matrix(options: argparse.Namespace) -> int:
     versions = [check_versions((text or version(package)).split(","), package) for package, text in named.items()]
     out, pairs = options.out or OUT / "matrix", [(pin, mujoco) for pin, mujoco in product(*versions)]
     work = partial(matrix, pairs, out / page.NAME, execute=executor(options))
-    table = carry_out(page, out, lambda progress: work(progress=progress), again=page.NAME, force=options.force)
+    table = carry_out(page, out, lambda progress: work(progress=progress), again=True, force=options.force)
     statuses = {*table["status"]}
     return 0 if statuses == {"agree"} else 1 if statuses <= {"agree", "differ"} else 3

@@ -32,13 +32,16 @@ class Files:
 NONE = Files()
 
 
+_ON = "run the same command again: it goes on from the rows that are there"
+
+
 def carry_out(
     page: Any,
     out: Path,
     work: Callable[[Any], Any],
     *,
     tell: Callable[[Any], str] | None = None,
-    again: str = "",
+    again: bool = False,
     files: Files = NONE,
     force: bool = False,
     **writing: Any,
@@ -48,7 +51,7 @@ def carry_out(
     Args:
         work: Takes the progress.
         tell: Text to print for the results; by default the page's text for a terminal.
-        again: File that the same command goes on from.
+        again: The same command goes on from the rows that are there.
         files: What else the command reads and writes; nothing of it may be the same file.
         force: Existing files are replaced, whatever their origin.
         writing: What else the page is written with.
@@ -59,7 +62,7 @@ def carry_out(
     from screwgauge.report.console import Progress
     from screwgauge.report.folder import MANIFEST, PAGES, SAMPLES, check_writable, locked
 
-    names = [*page.DATA, *([again] if again else []), *([SAMPLES] if writing.get("samples") else [])]
+    names = [*page.DATA, *([SAMPLES] if writing.get("samples") else [])]
     with locked(out):
         written = {f"the report's {name}": out / name for name in (*names, *PAGES, MANIFEST)}
         check_apart({**written, **files.outputs}, () if force else files.inputs)
@@ -68,7 +71,7 @@ def carry_out(
             try:
                 results = work(progress.show)
             except KeyboardInterrupt:
-                raise KeyboardInterrupt(again and f"run the same command again to go on from {out / again}") from None
+                raise KeyboardInterrupt(_ON if again else "") from None
             _write(page, out, results, progress, tell, {**writing, **({"force": True} if force else {})})
     return results
 

@@ -146,6 +146,11 @@ ENGINES: dict[str, Engine] = {
 }
 
 
+def further_entries() -> Mapping[str, EntryPoint]:
+    """Entries of engines of other packages by name."""
+    return _plugins()
+
+
 @lru_cache(maxsize=1)
 def _plugins() -> dict[str, EntryPoint]:
     return {entry.name: entry for entry in entry_points(group=GROUP) if entry.name not in ENGINES}

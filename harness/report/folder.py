@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 SAMPLES = "samples.parquet"
 _ELSEWHERE = "move it, or choose another folder with --out"
 PAGES = ("report.md", "report.html")
-#: Grow before there is a report; who adds to them looks whose they are.
-WORKING = ("matrix.csv", *(f"{name}.partial.jsonl" for name in ("bench", "check", "matrix", "stress")))
 
 
 def check_writable(out: Path, names: Iterable[str] = (), *, force: bool = False) -> None:
@@ -68,7 +66,7 @@ def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
             odd = "is a folder" if path.is_dir() else "is no folder"
         if odd:
             raise OutputError(f"{name} {odd}", str(out), _ELSEWHERE)
-    ours = {*WORKING, MANIFEST, *written(out)}
+    ours = {MANIFEST, *written(out)}
     for name in names:
         if not force and name not in ours and (out / name).exists():
             what = f"{name} is there, and is not as an earlier report wrote it ({MANIFEST} has the digests)"

@@ -72,7 +72,6 @@ class Report:
         draw: Pictures, that of the first screen first.
         plots: How all others are shown.
         figures: Significant figures of numbers in CSV; every bit by default.
-        grown: Rows of earlier runs are kept in it, perhaps of other versions and machines.
     """
 
     text: str
@@ -82,7 +81,6 @@ class Report:
     draw: Callable[[Any], Sequence[Picture]] = lambda results: ()
     plots: Callable[[Any, Sequence[Picture]], list[Block]] = folds
     figures: int | None = None
-    grown: bool = False
 
     @property
     def DATA(self) -> tuple[str, ...]:
@@ -198,11 +196,11 @@ class _Filled(Mapping[str, Any]):
 
             return remarks(self.first) if self.first and self.first.stage else []
         if name == "environment":
-            whose = {"of": "the run that made this page; rows that were there were kept"} if self.report.grown else {}
-            return facts({**whose, **(values["files"](self.results) if "files" in values else {}), **self.record})
+            return facts({**(values["files"](self.results) if "files" in values else {}), **self.record})
         if name == "about":
-            known, made_by = {**self.record.get("packages", {}), **self.record}, () if self.report.grown else MACHINE
-            return {**values["about"](self.results), **{key: known[key] for key in made_by if key in known}}
+            known = {**self.record.get("packages", {}), **self.record}
+            about = values["about"](self.results)
+            return {**about, **{key: known[key] for key in MACHINE if key in known and key not in about}}
         if name in values:
             return values[name](self.results)
         path = name.replace(" ", "_").split(".")
@@ -276,7 +274,6 @@ def study(
     banner: Callable[[pd.DataFrame], Banner],
     kept: Collection[str] = (),
     draw: Callable[[pd.DataFrame], Sequence[Picture]] = lambda results: (),
-    grown: bool = True,
     texts: Path = TEXTS,
     **values: Value,
 ) -> Report:
@@ -295,7 +292,6 @@ def study(
             **values,
         },
         draw=draw,
-        grown=grown,
     )
 
 

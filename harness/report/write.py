@@ -15,7 +15,7 @@ from typing import Any
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError, ReportError
 from screwgauge.report.blocks import Block, Picture, changed, walk
-from screwgauge.report.folder import PAGES, SAMPLES, WORKING, check_writable, write_files, written
+from screwgauge.report.folder import PAGES, SAMPLES, check_writable, write_files, written
 from screwgauge.report.formatting import free_name
 from screwgauge.report.html import fragment, page
 from screwgauge.report.text import markdown, screenful
@@ -57,7 +57,7 @@ def write_report(
     numbers = {name: _text(value, figures) for name, value in data.items() if name != SAMPLES}
     before = written(out)
     write_files(out, numbers, before)
-    for name in before - {*numbers, *WORKING}:  # of an earlier run; beside the new report they would mislead
+    for name in before - {*numbers}:  # of an earlier run; beside the new report they would mislead
         (out / name).unlink(missing_ok=True)
     try:
         samples = {name: value for name, value in data.items() if name == SAMPLES}

@@ -17,20 +17,18 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache, lru_cache, partial
-from importlib.metadata import PackageNotFoundError, version
 from operator import is_
 from pathlib import Path
-from platform import python_version
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from screwgauge.environment import environment
 from screwgauge.problem import Progress, Report
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, first_few
 from screwgauge.reference.files import read_bytes, read_json
 from screwgauge.solution import Failure
 from screwgauge.study import isolation
+from screwgauge.study.address import versions
 from screwgauge.study.runner import Executor, InTurn, Processes, Task
 
 if TYPE_CHECKING:
@@ -41,8 +39,6 @@ CONNECT, PATIENCE = 10.0, 60.0  # s that a scheduler may take to answer, and to 
 #: see to and not of tasks a second; and so many at most, so that none waits for the last of them.
 BATCH, MOST = 1.0, 64
 AHEAD = 2  # batches that wait for each thread of a worker
-#: Beside those of `environment`: numbers depend on them, or what travels does.
-PACKAGES = ("scipy", "llvmlite", "loky", "distributed", "cloudpickle")
 Files = Mapping[str, str]
 """Absolute path -> SHA-256."""
 
@@ -270,28 +266,6 @@ class _Session:
 
 def _refuse_versions(where: str) -> None:
     raise DescriptionError(f"other versions than here on {where}", "--cluster", "install the same on all machines")
-
-
-def versions() -> dict[str, str]:
-    """Versions of all that numbers depend on, and a digest of this package's code."""
-    packages = dict(environment()["packages"]) | {"python": python_version(), "screwgauge's code": _code()}
-    for name in PACKAGES:
-        try:
-            packages[name] = version(name)
-        except PackageNotFoundError:
-            packages[name] = "not installed"
-    return packages
-
-
-@cache
-def _code() -> str:
-    text = hashlib.sha256()
-    for name in ("screwgauge", "screwgauge.reference", "screwgauge.models"):
-        folder = Path(str(__import__(name, fromlist=["_"]).__file__)).parent
-        for path in sorted(folder.rglob("*")):
-            if path.suffix in (".py", ".toml", ".csv", ".urdf", ".xml"):
-                text.update(f"{name} {path.relative_to(folder)}".encode() + path.read_bytes())
-    return text.hexdigest()[:12]
 
 
 def differences(expected: Mapping[str, str]) -> list[str]:

@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from importlib import import_module
 from importlib.metadata import requires
+from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -33,7 +34,6 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.study.lifeline import tied
 from screwgauge.study.outcome import EXIT
 from screwgauge.study.runner import Executor, InTurn, Task, grow_table
-from screwgauge.study.store import TableFile
 
 #: What pin before 4 was built with and asks for in any version: newer ones have no libtinyxml2.so.10 or
 #: liburdfdom_sensor.so.4.0 (pin 3.4.0 and 3.9.0 were tried), and it cannot be imported.
@@ -95,7 +95,7 @@ def matrix(
 
     Args:
         pairs: Versions of pin and of mujoco.
-        file: CSV file that rows are added to; those that it has already are kept. See `grow_table`.
+        file: The table that they are for; rows that were made for it before are not made again, see `grow_table`.
         make: Makes an environment, by uv or pip.
         scenes: As `screwgauge check` takes them; all built-in ones by default.
         cases: Names of discrepancies that are looked at.
@@ -105,16 +105,17 @@ def matrix(
         The table, columns `COLUMNS`.
     """
     named = {_name(pin, mujoco): (pin, mujoco) for pin, mujoco in pairs}
-    grow_table(
-        TableFile(file, COLUMNS, "versions", lambda row: _name(row["pin"], row["mujoco"]), ["passing", "scenes"]),
+    text = grow_table(
+        file,
+        COLUMNS,
         [Task(name, partial(_row, *pair, make or fresh, (scenes, cases))) for name, pair in named.items()],
         execute or InTurn(),
         lambda name, reason: asdict(VersionRow(*named[name], "failed", reason=reason)),
         progress,
+        [scenes, cases],
     )
-    return pd.read_csv(
-        file, dtype={"pin": str, "mujoco": str}, keep_default_na=False, na_values={"digits": ["nan", ""]}
-    )
+    missing = {"digits": ["nan", ""]}
+    return pd.read_csv(StringIO(text), dtype={"pin": str, "mujoco": str}, keep_default_na=False, na_values=missing)
 
 
 def _name(pin: str, mujoco: str) -> str:

@@ -5,7 +5,7 @@ What a task does, and what its row is, is for each study to say.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -15,14 +15,12 @@ import pandas as pd
 
 from screwgauge.problem import Progress, Report, silent
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.files import replace_file
 from screwgauge.solution import Failure
 from screwgauge.study import isolation
-from screwgauge.study.store import Journal, TableFile
+from screwgauge.study.address import address
+from screwgauge.study.store import Journal
 
 Row = TypeVar("Row")
-#: Ending of the file of rows that an interrupted table goes on from.
-PARTIAL = ".partial.jsonl"
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,35 +125,36 @@ def run_tasks(
 
 
 def grow_table(
-    table: TableFile,
+    file: Path,
+    columns: Sequence[str],
     tasks: Iterable[Task],
     execute: Executor,
     lost: Callable[[str, str], Mapping[str, Any]],
     progress: Report = silent,
-) -> None:
-    """Adds missing rows to a CSV file. Until all are there, a journal next to it has the new ones.
+    about: object = None,
+) -> str:
+    """Return the rows of tasks as CSV. Those that the same code has made for this file before are not made again.
 
     Args:
+        file: The table that they are for; it is neither read nor written.
         tasks: Each returns a list of rows.
         lost: As `run_tasks` takes it.
+        about: What rows depend on besides the names of their tasks, as `address` takes it.
 
     Raises:
-        ScrewgaugeError: The file is something else, or cannot be written.
+        ScrewgaugeError: Raised by a task.
     """
-    before = table.rows()
-    done = {table.key(row) for row in before}
-    kept = Journal(table.file.with_suffix(PARTIAL), " ".join(table.columns))
+    kept = Journal(file, address("table", columns, about))
     rows = run_tasks(
-        [task for task in tasks if task.name not in done],
+        tasks,
         execute,
         lost=lambda name, reason: [lost(name, reason)],
         before={key: record["rows"] for key, record in kept.results.items()},
         keep=lambda key, rows: kept.keep(key, {"rows": rows}),
         progress=progress,
     )
-    frame = pd.DataFrame([*before, *(row for each in rows for row in each)], columns=[*table.columns])
-    replace_file(table.file, frame.to_csv(index=False))
-    kept.remove()
+    frame = pd.DataFrame([row for each in rows for row in each], columns=[*columns])
+    return frame.to_csv(index=False)
 
 
 class TaskRate:

@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from screwgauge.environment import environment, json_text
+from screwgauge.environment import environment
 from screwgauge.judging.residual import frame
 from screwgauge.problem import Progress, Report, silent
 from screwgauge.reference.errors import DescriptionError, check_choice
+from screwgauge.study.address import address
 from screwgauge.study.cases.question import SILENT, Finding, Question, findings
 from screwgauge.study.comparison import provenance
 from screwgauge.study.methods import missing
@@ -131,7 +132,6 @@ COLUMNS = {
     "reason": "explanation",
 }
 #: File of rungs that interrupted stress goes on from.
-NAME = "stress.partial.jsonl"
 #: Stands for the engines of a rung that broke before it could ask them one by one.
 ALL = "all"
 
@@ -184,7 +184,7 @@ def stress(
     severities: Sequence[float] | None = None,
     progress: Report = silent,
     execute: Executor | None = None,
-    journal: Path | None = None,
+    place: Path | None = None,
 ) -> Stress:
     """Climbs the ladders of the named cases, all by default.
 
@@ -192,7 +192,7 @@ def stress(
         quick: Fewer rungs and smaller scenes.
         severities: Rungs in place of the case's own; for one case only.
         execute: Where rungs are climbed; in this process by default.
-        journal: File of rungs that interrupted stress goes on from; it goes away when all are there.
+        place: Folder of the report, of which rungs are kept until all are there; by default none are.
 
     Raises:
         ScrewgaugeError: An unknown case, or a severity outside its range.
@@ -201,7 +201,7 @@ def stress(
     if severities is not None and len(chosen) != 1:
         raise DescriptionError("severities are given", "--severity", "name the one case that they are of")
     ladders = [(case, severity) for case in chosen for severity in case.rungs(quick=quick, severities=severities)]
-    kept = Journal(journal, json_text([environment(), quick]))
+    kept = Journal(place, address("stress", quick))
     rungs = run_tasks(
         [Task(f"{case.name} {severity:g}", partial(_climbed, case, severity, quick)) for case, severity in ladders],
         execute or InTurn(),

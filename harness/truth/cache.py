@@ -1,8 +1,8 @@
 """Cache on disk of results and machine code: keyed by their inputs, used only if this user's program wrote them.
 
 Each file bears a code (HMAC) over its key, the version that wrote it and its content, made with a secret that lies
-beside it. So a file that was edited, or put in the place of another one, is not used but made anew, and machine code is
-run, and a script is put into a page, only as it was written here.
+beside it; so does each line of a journal of long work. So a file that was edited, or put in the place of another one,
+is not used but made anew, and machine code is run, and a script is put into a page, only as it was written here.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import json
 import os
 import secrets
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -116,6 +116,18 @@ def write(key: str, version: str, arrays: Arrays) -> str:
     except OSError as error:
         return f"the cache cannot be written ({_reason(error)})"
     return ""
+
+
+def signer() -> Callable[[str, str], str]:
+    """Return a function that makes the code of a text under a key, with the secret of the folder.
+
+    Raises:
+        OSError: There is no such folder of this user's own.
+    """
+    folder().mkdir(mode=0o700, parents=True, exist_ok=True)
+    with _opened() as place:
+        secret = _secret(place)
+    return lambda key, text: _code(secret, key, b"", text.encode()).decode()
 
 
 def _code(secret: bytes, key: str, version: bytes, payload: bytes) -> bytes:

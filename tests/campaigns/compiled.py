@@ -1,6 +1,6 @@
 """Compiled programs against truth and the array solver, sample by sample: no number is wrong by more than its estimate.
 
-A row for each mechanism and backend; rows that are there are kept. The array solver answers all samples, truth some.
+A row for each mechanism and backend. The array solver answers all samples, truth some.
 """
 
 from __future__ import annotations
@@ -8,12 +8,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from campaigns.rows import CODE
 
 from screwgauge.engines.registry import get_engine
 from screwgauge.engines.screw.compiled import CompiledSolution, Solver
@@ -26,13 +28,13 @@ from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.files import replace_file
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
 from screwgauge.study.runner import InTurn, Task, grow_table
-from screwgauge.study.store import TableFile
 
 COLUMNS = (
     *("case", "seed", "backend", "samples", "by_program", "worst", "quantity", "certified", "true_worst"),
@@ -201,15 +203,19 @@ def measured(case: str, seed: int, backends: Sequence[str], count: int) -> list[
 
 
 def compiled(file: Path, count: int | None) -> pd.DataFrame:
-    """Adds the rows that a file has not, see `cases`, and returns all."""
+    """Writes the rows of `cases` into a file, and returns them."""
     states = STATES * (count or DRAWN)
-    grow_table(
-        TableFile(file, COLUMNS, "programs", lambda row: f"{row['case']} {row['seed']}", ["seed"]),
+    text = grow_table(
+        file,
+        COLUMNS,
         [Task(f"{case} {seed}", partial(_rows, case, seed, states)) for case, seed in cases(count)],
         InTurn(),
         lambda name, reason: {**dict.fromkeys(COLUMNS, ""), "case": name, "ok": "failed", "reason": reason},
+        about=[states, CODE],
     )
-    return pd.read_csv(file, dtype=str, keep_default_na=False)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(file, text)
+    return pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
 
 
 def _rows(case: str, seed: int, states: int, progress: Any) -> list[dict[str, Any]]:

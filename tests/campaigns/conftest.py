@@ -8,6 +8,7 @@ With a blank in place of ``=``, pytest takes a folder that is there for one of t
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,9 +20,11 @@ from screwgauge.commands.execution import carry_out
 from screwgauge.study import isolation
 from screwgauge.study.cluster import executor
 from screwgauge.study.runner import Executor
+from screwgauge.truth import cache
 
-#: Before tests put another in its place, see the fixture `here`.
+#: Before tests put others in their places, see the fixtures `here` and `cache`.
 IN_PROCESSES = isolation.isolated
+CACHE = os.environ.get(cache.VARIABLE)
 
 
 @dataclass(frozen=True)
@@ -40,13 +43,13 @@ class Campaign:
     execute: Executor
     models: tuple[Path, ...] = ()
 
-    def carry_out(self, page: Any, name: str, work: Callable[[Any], Any], again: str = "") -> Any:
+    def carry_out(self, page: Any, name: str, work: Callable[[Any], Any], again: bool = False) -> Any:
         """Works and writes the report ``reports/NAME``; returns what was found.
 
         Args:
             page: Its `Report`.
             work: Takes the progress, ``(step, share)``.
-            again: Table in the report's folder that a later run adds rows to.
+            again: A later run does not make the rows again that were made.
         """
         return carry_out(page, self.reports / name, work, again=again, force=True)
 
@@ -55,6 +58,8 @@ class Campaign:
 def campaign(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Campaign:
     """What the command line asks of a campaign. Its engines run in processes of their own: those of users do."""
     monkeypatch.setattr(isolation, "isolated", IN_PROCESSES)
+    # rows are kept in the user's own cache
+    monkeypatch.delenv(cache.VARIABLE) if CACHE is None else monkeypatch.setenv(cache.VARIABLE, CACHE)
     option = request.config.getoption
     reports = (option("--reports") or tmp_path).absolute()
     return Campaign(option("--count"), reports, executor(2, option("--cluster")), tuple(option("--models")))

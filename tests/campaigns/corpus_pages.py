@@ -68,7 +68,6 @@ PAIRS = study(
     "pairs.csv",
     "Pairs of files put to a diagnosis",
     _pairs_banner,
-    grown=False,
     texts=TEXTS,
     groups=_pair_groups,
     wrong=lambda table: [row for row in rows(table) if row["right"] not in (YES, "skipped")],
@@ -124,7 +123,6 @@ SINGLES = study(
     "singles.csv",
     "Single edits put to a diagnosis",
     _singles_banner,
-    grown=False,
     texts=TEXTS,
     scrambled=_by("scrambled"),
     kinds=_by("edit", "scrambled"),
@@ -152,7 +150,6 @@ SEVERAL = study(
     "several.csv",
     "Several edits at once put to a diagnosis",
     _several_banner,
-    grown=False,
     texts=TEXTS,
     misses=lambda table: [row for row in rows(table) if row["leads"] != YES or int(row["others"])],
 )

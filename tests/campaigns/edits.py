@@ -108,7 +108,6 @@ PAGE = study(
     "edits.csv",
     "Edits of public arms, hands and legs",
     _banner,
-    grown=False,
     texts=TEXTS,
     edits=lambda table: [{**row, "edit": f"{row['kind']}: {row['edit']}"} for row in rows(table)],
 )

@@ -7,18 +7,21 @@ the two engines is off from the truth, too.
 
 from __future__ import annotations
 
+import csv
 import tomllib
 from functools import partial
+from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
 import tomli_w
+from campaigns.rows import CODE
 
 import screwgauge
+from screwgauge.reference.files import replace_file
 from screwgauge.study.runner import InTurn, Task, grow_table
-from screwgauge.study.store import TableFile
 
 FACTORS = (3.0, 2.0, 1.5)
 FIRST = 2000  # seed
@@ -79,15 +82,19 @@ def row(seed: int, folder: Path) -> dict[str, object]:
 
 
 def rows_of_larger_motions(count: int, file: Path) -> list[dict[str, str]]:
-    """Rows until so many mechanisms are not refused; those that the CSV file has already are kept."""
-    kept = TableFile(file, COLUMNS, "larger motions", lambda each: each["seed"])
-    table = kept.rows()
+    """Writes rows into a file until so many mechanisms are not refused, and returns them."""
+    table = list[dict[str, str]]()
     while (left := count - sum(each["verdict"] != "refused" for each in table)) > 0:
-        first = max((int(each["seed"]) + 1 for each in table), default=FIRST)
-        tasks = [Task(f"{seed}", partial(_rows, seed)) for seed in range(first, first + left)]
-        grow_table(kept, tasks, InTurn(), lambda seed, why: dict.fromkeys(COLUMNS, "") | {"seed": seed, "reason": why})
-        table = kept.rows()
+        tasks = [Task(f"{seed}", partial(_rows, seed)) for seed in range(FIRST, FIRST + len(table) + left)]
+        text = grow_table(file, COLUMNS, tasks, InTurn(), _lost, about=CODE)
+        table = [*csv.DictReader(StringIO(text))]
+    file.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(file, text)
     return table
+
+
+def _lost(seed: str, why: str) -> dict[str, str]:
+    return dict.fromkeys(COLUMNS, "") | {"seed": seed, "reason": why}
 
 
 def _rows(seed: int, progress: Any) -> list[dict[str, Any]]:

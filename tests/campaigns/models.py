@@ -121,7 +121,6 @@ PAGE = study(
     "imports.csv",
     "Public models",
     _banner,
-    grown=False,
     texts=TEXTS,
     reasons=lambda table: [row for row in rows(table) if row["reason"]],
     models=lambda table: by_source(rows(table), SHOWN),

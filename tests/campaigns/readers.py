@@ -139,7 +139,6 @@ PAGE = study(
     "readers.csv",
     "Readers of public models",
     _banner,
-    grown=False,
     texts=TEXTS,
     causes=lambda table: [row for row in rows(table) if row["cause"]],
     models=lambda table: by_source(map(_line, grouped(rows(table), "source", "model", "format").values()), SHOWN),

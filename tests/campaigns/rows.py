@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,11 @@ import pandas as pd
 
 from screwgauge.families.draw import families
 from screwgauge.study.runner import Executor, InTurn, Processes, Task, grow_table, run_tasks
-from screwgauge.study.store import TableFile
+from screwgauge.truth.cache import code_version
 
 TEXTS = Path(__file__).with_name("texts")
+#: Of campaigns: their rows depend on it besides that of the package.
+CODE = code_version(Path(__file__).parent)
 
 
 def rows_in_turn(works: Iterable[tuple[str, Callable[[], Any]]], progress: Callable[[str, float], None]) -> list[Any]:
@@ -41,7 +44,7 @@ def rows_of_mechanisms(
     """Works on so many mechanisms, two at a time, family by family, seed 0 of all of them first.
 
     Args:
-        file: CSV file that rows are added to; those that it has already are kept. A journal beside it has the others.
+        file: The table that they are for; rows that were made for it before are not made again, see `grow_table`.
         work: Makes a row of seed and family. It pickles.
         execute: Where that is done; in two processes by default.
 
@@ -57,14 +60,16 @@ def rows_of_mechanisms(
         known = {"family": family, "seed": seed, "verdict": "failed", "reason": reason}
         return {name: known.get(name, "") for name in columns}
 
-    grow_table(
-        TableFile(file, columns, "random mechanisms", lambda row: f"{row['family']} {row['seed']}"),
+    text = grow_table(
+        file,
+        columns,
         [Task(name, partial(_rows, work, item)) for name, item in named.items()],
         execute or Processes(2),
         lost,
         progress,
+        [work.__qualname__, CODE],
     )
-    return pd.read_csv(file, keep_default_na=False).sort_values(["family", "seed"], ignore_index=True)
+    return pd.read_csv(StringIO(text), keep_default_na=False).sort_values(["family", "seed"], ignore_index=True)
 
 
 def _rows(work: Callable[[Any], dict[str, Any]], item: Any, progress: Any) -> list[dict[str, Any]]:

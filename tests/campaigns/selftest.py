@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
@@ -16,6 +17,7 @@ import pandas as pd
 from campaigns.changes import CannotError
 from campaigns.lookalikes import REWRITES
 from campaigns.mutations import EVERYWHERE, KINDS, LOST, TRANSPOSED, Expected, mutated
+from campaigns.rows import CODE
 
 from screwgauge.diagnosis.causes.attribution import Cause
 from screwgauge.diagnosis.causes.edits import Value
@@ -26,7 +28,6 @@ from screwgauge.models.urdf import write_urdf
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import rotation_vector
 from screwgauge.study.runner import InTurn, Task, grow_table
-from screwgauge.study.store import TableFile
 from support.robots import arm, mjcf, tree, urdf
 
 #: Changes, and pairs that are alike for each.
@@ -41,8 +42,6 @@ COLUMNS = (
     *("group", "number", "kind", "model", "public", "a", "b", "size", "effect", "detected", "right", "error"),
     *("left", "backfill", "cpu_s", "verdict", "first"),
 )
-#: Of these, numbers from 0 on.
-SIZES = ("size", "effect", "error", "left", "cpu_s")
 BUILT_IN = ("arm7", "3ups-upu-s", "stewart")
 #: Path below a folder that Python packages are installed in; the packages are those of the extra ``study``.
 PUBLIC = {
@@ -121,7 +120,7 @@ def selftest(count: int, file: Path, progress: Callable[[str, float], None]) -> 
     """Diagnoses so many changed models, kinds of change in turn, and `PAIRS` as many pairs that are alike.
 
     Args:
-        file: CSV file that rows are added to as they come; those that it has already are kept.
+        file: The table that they are for; rows that were made for it before are not made again, see `grow_table`.
 
     Returns:
         The table, sorted, columns `COLUMNS`.
@@ -130,16 +129,16 @@ def selftest(count: int, file: Path, progress: Callable[[str, float], None]) -> 
     items = {f"{group} {i}": (group, i, kinds[i % len(kinds)]) for group, (n, kinds) in of.items() for i in range(n)}
     with TemporaryDirectory(prefix="screwgauge-") as folder:
         known = machines(Path(folder))
-        grow_table(
-            TableFile(
-                file, COLUMNS, "a self-test", lambda row: f"{row['group']} {row['number']}", ["number"], [*SIZES]
-            ),
+        text = grow_table(
+            file,
+            COLUMNS,
             [Task(name, partial(_rows, item, known, Path(folder))) for name, item in items.items()],
             InTurn(),
             lambda name, reason: {**dict.fromkeys(COLUMNS, ""), "verdict": "failed", "first": reason},
             progress,
+            CODE,
         )
-    return pd.read_csv(file, keep_default_na=False).sort_values(["group", "number"], ignore_index=True)
+    return pd.read_csv(StringIO(text), keep_default_na=False).sort_values(["group", "number"], ignore_index=True)
 
 
 def _rows(item: tuple[str, int, str], known: Sequence[Machine], folder: Path, progress: Any) -> list[dict[str, Any]]:

@@ -24,7 +24,7 @@ def test_engines_agree_on_random_mechanisms(campaign):
         PAGE,
         "random",
         lambda progress: rows_of_mechanisms(count, file, measured, COLUMNS, progress, campaign.execute),
-        again=PAGE.NAME,
+        again=True,
     )
     assert {*table["verdict"]} <= {"agree", "estimated"}
 

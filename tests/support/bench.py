@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from screwgauge.study.bench.contestants import LEAVING_OUT, TABLE, Contestant, contestants, simulators
 from screwgauge.study.bench.forward_run import FULL, contest, simulated
 from screwgauge.study.bench.forward_run import QUICK as QUICK_SIMULATIONS
 from screwgauge.study.bench.questions import motion, simulation
-from screwgauge.study.bench.run import NAME, QUICK, Bench, Plan, bench, fits, stamp
+from screwgauge.study.bench.run import QUICK, Bench, Plan, address_of, bench, fits
 from screwgauge.study.bench.tables import (
     ABSOLUTE,
     COLUMNS,
@@ -24,3 +26,9 @@ from screwgauge.study.bench.tables import (
 from screwgauge.study.bench.tables import fits as fit_slopes
 from screwgauge.study.bench.timing import Protocol, enough, measure, once
 from screwgauge.study.store import Journal
+from screwgauge.truth import cache
+
+
+def journals() -> list[Path]:
+    """Journals in the cache."""
+    return [*cache.folder().glob("journal-*")]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from screwgauge.judging.residual import Residual
 from screwgauge.report.pages.check import PAGE, sentence_of
+from screwgauge.study import address as address_module
+from screwgauge.study.address import address
 from screwgauge.study.gate import run as gate_run
 from screwgauge.study.gate.history import against, history, keep, write_baseline, write_latest
-from screwgauge.study.gate.items import GateRow, Item, items
+from screwgauge.study.gate.items import GateRow, Item
 from screwgauge.study.gate.measure import GateSettings
-from screwgauge.study.gate.run import NAME, check_items
+from screwgauge.study.gate.run import check_items, files_in
 from screwgauge.study.runner import Processes
-from screwgauge.study.store import TableFile, from_record, is_record
+from screwgauge.study.store import from_record, is_record

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from screwgauge.study.cluster import executor
-from screwgauge.study.runner import InTurn, Processes, Task, TaskRate, run_tasks
+from screwgauge.study.runner import InTurn, Processes, Task, TaskRate, grow_table, run_tasks
 from screwgauge.study.store import Journal
 
 

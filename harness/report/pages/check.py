@@ -347,14 +347,14 @@ def check_with(
     tolerances: str | Path | Mapping[str, float] | None = None,
     baseline: str | Path | None = None,
     progress: Callable[[str, float], None] = lambda step, share: None,
-    journal: Path | None = None,
+    place: Path | None = None,
 ) -> Check:
-    """What `screwgauge.check` does, wherever scenes are to be checked."""
+    """What `screwgauge.check` does, wherever scenes are to be checked. `place`: see `check_items`."""
     requested = items(what)
     settings = GateSettings(sentence_of, smoke, read_tolerances(tolerances), more)
     if baseline is not None:
         read_baseline(Path(baseline), smoke, [item.name for item in requested])
-    rows = check_items(requested, settings, execute=execute, progress=progress, journal=journal)
+    rows = check_items(requested, settings, execute=execute, progress=progress, place=place)
     others = [name for name in (tolerances, baseline) if isinstance(name, str | Path)]
     read = [*(name for row in rows for name in row.read), *(name for item in requested for name in item.files)]
     left = unread(what, [*read, *map(str, others)])

@@ -67,6 +67,7 @@ PAGE = study(
     "Versions of Pinocchio and MuJoCo",
     _banner,
     COLUMNS,
+    about=lambda table: {name: ", ".join(dict.fromkeys(table[name])) for name in ENGINES},
     pairs=_pairs,
     reasons=_reasons,
     lost=lambda table: [f"{name} {version}: no case runs at all." for name, version in _lost(table)],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.engines.registry import EngineModel, get_engine
-from screwgauge.environment import environment, json_text
+from screwgauge.environment import environment, plain
 from screwgauge.models.catalog import mechanism_tables
 from screwgauge.models.generate import model_texts
 from screwgauge.problem import ModelFiles, Progress, Report, silent
@@ -25,6 +24,7 @@ from screwgauge.processes import one_thread
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
+from screwgauge.study.address import address
 from screwgauge.study.bench import timing
 from screwgauge.study.bench.contestants import LEAVING_OUT, NOTHING, Contestant, choose
 from screwgauge.study.bench.questions import Trial
@@ -127,7 +127,7 @@ def bench(
     *,
     plan: Plan = FULL,
     contestants: Iterable[str] | None = None,
-    journal: Path | None = None,
+    place: Path | None = None,
     progress: Report = silent,
     clock: Callable[[], int] = perf_counter_ns,
     execute: Executor | None = None,
@@ -136,7 +136,7 @@ def bench(
 
     Args:
         contestants: Families, contestants, ``leaving-out``; all by default.
-        journal: File that keeps finished pieces; a bench that is complete removes it.
+        place: Folder of the report, of which finished pieces are kept until all are there; by default none are.
         progress: Called as work goes on.
         clock: Nanoseconds; another one in tests.
         execute: Where contestants are measured, each with all of its settings; by default in this process, where the
@@ -153,7 +153,7 @@ def bench(
         )
     chosen = [contestant for _, group in groupby(chosen, key=_group) for contestant in _present(list(group))]
     protocol = timing.Protocol(plan.rounds, clock() + plan.budget * 1e9, clock)
-    kept = Journal(journal, stamp(scene, record, plan.quick, plan.samples), fits)
+    kept = Journal(place, address_of(scene, plan), fits)
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as folder:
         progress("reference", 0.0)
         posed = pose_scene(scene, Path(folder), samples=plan.samples)
@@ -347,23 +347,14 @@ def _rows(contestant: Contestant, kept: Journal) -> Iterator[BenchRow]:
         )
 
 
-NAME = "bench.partial.jsonl"
-VERSION = 2  # of the protocol: raise it when old pieces no longer fit new ones
-
-
-def stamp(scene: Scene, environment: Mapping[str, Any], quick: bool, samples: int) -> str:
-    """Hash of all that results depend on: mechanism and its text, motion, gravity and loads, environment, protocol.
-
-    Model files of the user's own are not among it: a bench reads none.
-    """
+def address_of(scene: Scene, plan: Plan) -> str:
+    """Address of a bench: mechanism and its text, motion, gravity and loads, and extent; it reads no other files."""
     motion, applied = scene.motion, scene.applied
-    record = {
-        "models": model_texts(scene.mechanism),
-        "text": [mechanism_tables(scene.mechanism_file), scene.text],  # which the truth reads unrounded
-        "motion": [array.tobytes().hex() for array in (motion.t, motion.y, motion.yd, motion.ydd)],
-        "applied": [applied.g, *(load.numbers() for load in applied.loads)],
-        "environment": environment,
-        "extent": [quick, samples],
-        "v": VERSION,
-    }
-    return hashlib.sha256(json_text(record).encode()).hexdigest()
+    return address(
+        "bench",
+        model_texts(scene.mechanism),
+        [mechanism_tables(scene.mechanism_file), scene.text],  # which the truth reads unrounded
+        [array.tobytes().hex() for array in (motion.t, motion.y, motion.yd, motion.ydd)],
+        plain([applied.g, *(load.numbers() for load in applied.loads)]),
+        [plan.quick, plan.samples, one_thread()],
+    )

@@ -1,0 +1,109 @@
+"""The address of a piece of work: a digest of all that its result depends on. Results on disk are found by it alone."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from functools import cache
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, distributions, version
+from importlib.util import find_spec
+from pathlib import Path
+from platform import python_version
+from typing import Any
+
+from screwgauge.engines.registry import further_entries
+from screwgauge.environment import environment
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.files import digest
+from screwgauge.truth.cache import digest as digest_of
+
+#: Beside those of `environment`: numbers depend on them, or what travels does.
+PACKAGES = ("scipy", "llvmlite", "loky", "distributed", "cloudpickle")
+#: Endings of what this package consists of.
+ROOMS = ("screwgauge", "screwgauge.reference", "screwgauge.models")
+OURS = (".py", ".toml", ".csv", ".urdf", ".xml")
+
+
+def address(*parts: Any, files: Iterable[Path] = ()) -> str:
+    """Digest of some work.
+
+    Args:
+        parts: What is asked: texts, numbers, tables of them.
+        files: All that are opened for it, with what they include and name.
+    """
+    return digest_of(_machine(), versions(), _installed(), parts, [[str(file), _digest(file)] for file in files])
+
+
+def versions() -> dict[str, str]:
+    """Versions of all that numbers depend on, digests of this package's code and of engines of other packages."""
+    packages = dict(_machine()["packages"]) | {"python": python_version(), "screwgauge's code": _code()}
+    for name in PACKAGES:
+        try:
+            packages[name] = version(name)
+        except PackageNotFoundError:
+            packages[name] = "not installed"
+    return packages | _engines()
+
+
+_machine = cache(environment)
+
+
+@cache
+def _installed() -> list[str]:
+    """All distributions with their versions: an engine may rest on any of them."""
+    return sorted({f"{each.metadata['Name']} {each.version}" for each in distributions()})
+
+
+@cache
+def _code() -> str:
+    folders = [Path(str(import_module(name).__file__)).parent for name in ROOMS]
+    return _of_files(path for folder in folders for path in _files_in(folder) if path[1].suffix in OURS)
+
+
+@cache
+def _engines() -> dict[str, str]:
+    """Engine of another package -> version, and digest of the files of its package and of its module.
+
+    The module is found, and not imported.
+    """
+    found = {}
+    for name, entry in further_entries().items():
+        files, dist = [*_of_module(entry.module.partition(".")[0])], entry.dist
+        if dist is not None:
+            files += ((str(each), Path(str(each.locate()))) for each in dist.files or () if each.suffix != ".pyc")
+        found[f"engine {name}"] = f"{dist.version if dist else ''} {_of_files(files)}"
+    return found
+
+
+def _of_module(name: str) -> Iterator[tuple[str, Path]]:
+    try:
+        spec = find_spec(name)
+    except (ImportError, ValueError):
+        spec = None
+    if spec is not None and spec.submodule_search_locations is not None:
+        for folder in spec.submodule_search_locations:
+            yield from _files_in(Path(folder))
+    elif spec is not None and spec.origin is not None:
+        yield name, Path(spec.origin)
+
+
+def _files_in(folder: Path) -> Iterator[tuple[str, Path]]:
+    for path in folder.rglob("*"):
+        if "__pycache__" not in path.parts:
+            yield f"{folder.name}/{path.relative_to(folder)}", path
+
+
+def _of_files(files: Iterable[tuple[str, Path]]) -> str:
+    text = hashlib.sha256()
+    for name, path in sorted(files):
+        if path.is_file():
+            text.update(f"{name} {_digest(path)} ".encode())
+    return text.hexdigest()[:12]
+
+
+def _digest(path: Path) -> str:
+    try:
+        return digest(path, "MB of a report's file")
+    except DescriptionError as error:
+        return str(error)
