@@ -198,17 +198,13 @@ def tree_forces(answer: Answer) -> Residuals:
             left = values.array[:, units == unit] - right
             some = [name for name, has in zip(names, units, strict=True) if has == unit]
             size = max(largest(right), load * arm(unit, answer.scales["m"]))
-            judged = _softened(answer, unit, size) if quantity == "tree_force_soft" else answer
+            # soft constraints turn the closure that rounding leaves into force
+            softness = answer.softness.get(unit, 0.0) if quantity == "tree_force_soft" else 0.0
+            share = softness / max(size, FLOOR * answer.scales[unit])
+            if share <= LIMIT or is_zero(softness, answer.scales[unit]):
+                size = max(size, softness / answer.tolerance)
+            judged = replace(answer, admitted=max(answer.admitted, share))
             yield judged.residual(quantity, unit, some, left, size, (quantity,))
-
-
-def _softened(answer: Answer, unit: str, size: float) -> Answer:
-    """An answer of which a force may be off by what soft constraints make of the closure that rounding leaves."""
-    softness = answer.softness.get(unit, 0.0)
-    share = softness / max(size, FLOOR * answer.scales[unit])
-    if share <= LIMIT or is_zero(softness, answer.scales[unit]):
-        return replace(answer, tolerance=max(answer.tolerance, share))
-    return replace(answer, admitted=max(answer.admitted, share))
 
 
 def _required(answer: Answer, graph: Layout, joints: Collection[str]) -> tuple[Array, float]:

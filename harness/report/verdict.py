@@ -209,6 +209,8 @@ def _agreement(results: Comparison) -> list[str]:
         fewest = f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']})"
         if len(agree) < len(pairs):
             return [f"{len(agree)} of {len(pairs)} comparisons are within tolerance, {fewest}.", *untested]
+        if "partly" in results.outcomes:
+            return [f"What was compared is within tolerance, {fewest}.", *untested]
         remarks = [*filter(None, [OPEN_TREE.get(least["quantity"])]), *_integrated(pairs), *untested]
         return [f"{listed(engines)} agree: {every} within tolerance, {fewest}.", *remarks]
     residuals = "its residuals are" if len(engines) == 1 else "their residuals are"

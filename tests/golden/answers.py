@@ -79,7 +79,8 @@ def errors_of(solution: Any) -> Iterator[Row]:
     admitted = [size for error in errors for size in error.absolute.values()]
     sizes = {"estimates": [error.scaled for error in errors], "tolerances": admitted, "conditions": conditions}
     for what, arrays in sizes.items():
-        off = MEASURED if what == "tolerances" and name.startswith("mujoco") else ESTIMATED
+        # of MuJoCo's estimates another processor moved one by 0.11
+        off = MEASURED if what != "conditions" and name.startswith("mujoco") else ESTIMATED
         if arrays:
             yield f"{name} {what}", logarithms([float(np.max(each)) for each in arrays], off)
     if proved:
