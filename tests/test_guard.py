@@ -138,6 +138,20 @@ def test_a_pair_out_of_tolerance_says_what_explains_it(ladder):
     assert bad["reason"].str.startswith("within the error that pinocchio admits").all()
 
 
+@pytest.mark.parametrize("away", [1e-5, 1e-6])
+def test_next_to_a_singular_pose_what_engines_admit_is_not_decided(away):
+    """The reason of a row says so, and the verdict; away from it the same engines agree."""
+    scene = moving_at([[0.1, 0.2], [0.1, BASE + away]])
+    results = screwgauge.run(scene, engines=["screw", "pinocchio"])
+    assert (results.outcome, results.exit_status, results.undecided) == ("undecided", 1, 1)
+    assert not len(results.differences)
+    assert not len(results.faults)
+    assert verdict(results).word == "✗ NOT DECIDED"
+    assert verdict(results).text.startswith("Not decided at 1 of 2 samples: ")
+    assert summary(results)["undecided"] == {"samples": 1, "of": 2}
+    assert screwgauge.run(replace(scene, task=scene.motion.part(slice(0, 1))), engines=["screw", "pinocchio"]).ok
+
+
 def altered(scene, errors) -> tuple[bool, float, float, str]:
     """Whether screw and Pinocchio agree on accelerations if Pinocchio's are off; error, tolerance, reason of the pair.
 
