@@ -37,10 +37,13 @@ FORMATS = ("mechanism.toml", "scene.toml", "motion.csv", "model.urdf", "model.xm
 TEXTS = ("", "x", "nan", "1/0", "9**9**9", "((", "__import__('os')", "ground", "1 2", "1e999", "\u202e", "../x", "~")
 NUMBERS = (True, 0, -1, 10**30, -1e-320, 1e308, 1e99, float("nan"), float("inf"))
 BAD: tuple[Any, ...] = (
-    *(*TEXTS, *NUMBERS, 16**5000, "platform", "leg1.q1", "screw", "com", "S", "P"),
+    *(*TEXTS, *NUMBERS, "platform", "leg1.q1", "screw", "com", "S", "P"),
     *([], {}, [1, 2], [1, 2, 3], [[1, 2, 3]]),
     *({"x": 1}, {"x": {"y": []}}, [True] * 3, ["a"], [[]], [{}], ["nan"] * 3, [0, 0, 1], [[0, 0, 1]] * 3),
 )
+
+#: A whole number that TOML can say in hexadecimal digits, and that Python does not print.
+ENDLESS = 16**5000
 
 
 def toml(value: Any) -> str:
@@ -78,7 +81,7 @@ def mutate(table: dict[str, Any], chance: random.Random) -> tuple[dict[str, Any]
         node[f"{last}s"] = node.pop(last)
         return result, f"{[*parents, last]} renamed"
     if how == "replace":
-        node[last] = copy.deepcopy(chance.choice(BAD))
+        node[last] = copy.deepcopy(chance.choice((*BAD, ENDLESS)))
         return result, f"{[*parents, last]} = {toml(node[last])[:60]}"
     del node[last]
     return result, f"{[*parents, last]} deleted"
