@@ -1,0 +1,19 @@
+"""The list of planted mistakes can be planted: each line stands once in its file, and both are Python."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+
+import pytest
+from planted import FILES, mistakes
+
+
+@pytest.mark.parametrize("mistake", mistakes(), ids=lambda mistake: f"{mistake.file.stem}-{mistake.about}")
+def test_a_mistake_can_be_planted(mistake):
+    assert ast.dump(ast.parse(mistake.mutant.source())) != ast.dump(ast.parse(mistake.file.read_bytes()))
+
+
+def test_thirty_are_in_what_computes_and_ten_in_what_reads():
+    rooms = Counter(mistake.room == FILES for mistake in mistakes())
+    assert rooms == {False: 30, True: 10}
