@@ -35,6 +35,7 @@ TESTED = {
     "five-bar": (16, 40),
     "planetary-gear": (35, 50),
     "rccc": (27, 30),
+    "ruse": (29, 33),
     "sarrus": (19, 50),
     "screw-press": (23, 43),
     "slider-crank": (11, 33),

@@ -121,7 +121,7 @@ def test_a_smoke_test_notices_what_only_the_full_cuts_see(monkeypatch):
     found = screwgauge.check("bennett", smoke=True).rows[0]
     assert found.ok
     assert {"mujoco-full", "pinocchio-full"} <= found.versions.keys()
-    assert found.coverage.endswith("Full cuts: joint_acceleration of screw, pinocchio-full, mujoco-full.")
+    assert "Full cuts: joint_acceleration of screw, pinocchio-full, mujoco-full." in found.coverage
     monkeypatch.setattr(Loops, "bias", turned)
     assert screwgauge.check("bennett").ok  # no default engine welds copies of moving bodies here
     found = screwgauge.check("bennett", smoke=True).rows[0]

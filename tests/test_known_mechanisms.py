@@ -20,7 +20,7 @@ CLOSED = 1e-13  # of angles and lengths of order one
 FALLING = 1e-9  # what rounding makes of a momentum that is the difference of two a million times as large
 NAMES = [
     *("slider-crank", "five-bar", "bennett", "sarrus", "rccc", "3-rrr", "3-rps", "3-upu"),
-    *("stewart", "stewart-legs", "delta", "double-cardan", "arm7", "planetary-gear", "screw-press"),
+    *("stewart", "stewart-legs", "delta", "double-cardan", "arm7", "planetary-gear", "screw-press", "ruse"),
 ]
 
 
@@ -275,3 +275,24 @@ def test_screw_press():
     torque = M * a + 0.5 * slope * rate**2 + (2000 - 9.81 * (4 + 0.9 / 2)) * p * x / y
     assert relative(by_name("screw-press", "actuator_force")["screw"], torque) < LINEAR
     assert relative(by_name("screw-press", "reaction")["thread.coupling"], (3e-4 * a - torque) / p) < LINEAR
+
+
+def test_ruse():
+    """The ball is at B + R_y(theta) R_z(-cross.rod) d, in a plane parallel to the table."""
+    q, point, _ = moved("ruse")
+    u, normal, home = q["crank"], np.array([0.0, -0.5, 0.75**0.5]), np.array([0.45, 0.1, 0.2])
+    assert np.ptp(u) > 0.4
+    assert q["cross.crank"] == pytest.approx(-0.4 * u + u**2 / 4, abs=CLOSED)
+    theta = u - q["cross.crank"]
+    B = np.stack([0.15 * np.cos(u) + 0.05 * np.sin(u), 0 * u, 0.05 * np.cos(u) - 0.15 * np.sin(u)], axis=1)
+    a, b = -0.1 / 2 - 0.3 * normal[2] * np.sin(theta), 0.3 / 2 - 0.1 * normal[2] * np.sin(theta)
+    c = 0.15 * normal[2] * np.cos(theta) + (B - home) @ normal
+    rod = np.arctan2(b, a) - np.arccos(-c / np.hypot(a, b))  # a cos(rod) + b sin(rod) + c = 0
+    assert q["cross.rod"] == pytest.approx(rod, abs=CLOSED)
+    x, y = 0.3 * np.cos(rod) + 0.1 * np.sin(rod), 0.1 * np.cos(rod) - 0.3 * np.sin(rod)
+    turned = [x * np.cos(theta) + 0.15 * np.sin(theta), y, 0.15 * np.cos(theta) - x * np.sin(theta)]
+    ball = B + np.stack(turned, axis=1)
+    assert point("plate", [0, 0, 0]) == pytest.approx(ball, abs=CLOSED)
+    assert q["table.1"] == pytest.approx((ball - home) @ [0.0, normal[2], 0.5], abs=CLOSED)
+    assert q["table.2"] == pytest.approx(home[0] - ball[:, 0], abs=CLOSED)
+    assert q["table.turn"] == pytest.approx(8.0 * q["table.1"] ** 2, abs=CLOSED)

@@ -27,6 +27,7 @@ from screwgauge.report.verdict import verdict
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.history import Against, against, check_baseline, read_baseline, write_baseline
 from screwgauge.study.gate.items import GateRow, items, read_tolerances, unread
+from screwgauge.study.gate.known_files import known_item
 from screwgauge.study.gate.measure import GateSettings
 from screwgauge.study.gate.run import check_items, files_in
 from screwgauge.study.outcome import EXIT, Outcome
@@ -350,7 +351,7 @@ def check_with(
     place: Path | None = None,
 ) -> Check:
     """What `screwgauge.check` does, wherever scenes are to be checked. `place`: see `check_items`."""
-    requested = items(what)
+    requested = [*items(what), *([known_item()] if smoke and not what else [])]
     settings = GateSettings(sentence_of, smoke, read_tolerances(tolerances), more)
     if baseline is not None:
         read_baseline(Path(baseline), smoke, [item.name for item in requested])

@@ -1,4 +1,4 @@
-"""The row of one scene, one pair of models, or one smoke test. How many of them are run: `run`."""
+"""The row of one scene or one pair of models. How many of them are run: `run`; smoke tests: `smoke`."""
 
 from __future__ import annotations
 
@@ -15,21 +15,13 @@ from screwgauge.diagnosis.diagnose import diagnose
 from screwgauge.diagnosis.differences.difference import ALL, Difference, digits_of
 from screwgauge.diagnosis.notes import INEXACT
 from screwgauge.diagnosis.verdict import SAME
-from screwgauge.engines.registry import ENGINES
 from screwgauge.environment import environment
-from screwgauge.judging.allowance import Allowance
-from screwgauge.judging.compare import compare
 from screwgauge.judging.residual import JUDGE, Residual
 from screwgauge.models.catalog import description_files
 from screwgauge.quantities import QUANTITIES
-from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
 from screwgauge.reference.files import read_file
-from screwgauge.reference.mobility import Mobility
-from screwgauge.scene.default import exciting
-from screwgauge.scene.motion import same_times
-from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution, Values
+from screwgauge.solution import Solution
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.gate.items import GateRow, Item
 from screwgauge.study.outcome import Outcome, weakest
@@ -54,41 +46,6 @@ class GateSettings:
     smoke: bool = False
     tolerances: Mapping[str, float] | None = None
     more: Callable[[Comparison], str] = lambda results: ""
-
-
-def measured(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
-    """The row of an item; bad input and engines that fail are rows, too. `progress`: see `compared`."""
-    try:
-        row = _pair(item, settings) if len(item.files) == 2 else _scene(item, settings, progress)
-    except ScrewgaugeError as error:
-        row = GateRow(item.name, "failed" if error.exit_status == 3 else "refused", str(error), file=item.files[0])
-    return replace(row, read=(*row.read, *item.files))
-
-
-def _scene(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
-    scene = load_scene(item.files[0])
-    row = _smoke(scene, settings, progress) if settings.smoke else compared(scene, settings, progress)[0]
-    return replace(row, scene=item.name, file=row.file or item.files[0])
-
-
-def _smoke(scene: Scene, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
-    """A few samples of a scene; if they pass, a test of the comparison itself, and the full cuts."""
-    scene, note = smoked(scene)
-    row, results = compared(scene, settings, progress)
-    row = replace(row, coverage=f"{note}{row.coverage}")
-    if not row.ok:
-        return row
-    if unseen := blind(results):
-        return replace(row, status="failed", sentence=f"the comparison would see no difference: {unseen}")
-    if (cut := full_cuts(scene)) is None:
-        return row
-    full, full_results = compared(cut, settings, progress)
-    errors, versions = (*row.errors, *full.errors), {**row.versions, **full.versions}
-    coverage = f"{row.coverage} Full cuts: {OF_FULL_CUTS} of {', '.join(full_results.scene.engines)}."
-    row = replace(row, errors=errors, versions=versions, coverage=coverage)
-    if full.ok:
-        return row
-    return replace(row, status=full.status, sentence=f"of the full cuts: {full.sentence}")
 
 
 def compared(
@@ -211,7 +168,7 @@ def _value(results: Comparison, pair: Mapping[Any, Any], side: str) -> float:
     return float(values.array[row, values.components.index(pair["worst_component"])])
 
 
-def _pair(item: Item, settings: GateSettings) -> GateRow:
+def compared_pair(item: Item, settings: GateSettings) -> GateRow:
     """The row of two model files: torques at random states, and differences of the files."""
     a, b = (Path(name) for name in item.files)
     diagnosis = diagnose(a, b)
@@ -246,93 +203,3 @@ def _line(file: Path, differences: tuple[Difference, ...] | list[Difference]) ->
     text = read_file(file) if names else ""
     match = re.search(rf"name\s*=\s*[\"']{re.escape(names[0])}[\"']", text) if names else None
     return text.count("\n", 0, match.start()) + 1 if match else 1
-
-
-#: Samples of an exciting motion, out of 101, that a smoke test looks at, and how large that is [rad or lengths]: what
-#: takes time is the way there.
-SMOKE, LARGEST = np.arange(7, 22, 7), 0.25
-#: Share of its duration that a smoke test integrates of a simulation.
-BEGINNING = 1e-2
-#: Compared of the full cuts: what all loops, and how they move, come into.
-OF_FULL_CUTS = "joint_acceleration"
-#: A planted difference as a multiple of its tolerance, and how exactly the comparison has to say how large it is.
-PLANTED, EXACTLY = 4.0, 1e-3
-TWIN = "planted"
-#: Stands for that of the mechanism: no component is left open.
-_ALL_DETERMINED = Mobility(0, 0, 0, 0, 0, 0, 0, 0, (), (), ())
-
-
-def smoked(scene: Scene) -> tuple[Scene, str]:
-    """A scene with a few samples, and a sentence on them.
-
-    A few samples of an exciting motion; of its own where there is no room for one; the beginning of a simulation.
-    """
-    if scene.simulated:
-        since = scene.start.since
-        end = since + BEGINNING * (float(scene.t[-1]) - since)
-        return scene.at([since, end]), f"The first {end - since:.3g} s. "
-    try:
-        moving = exciting(scene, samples=int(SMOKE[-1]) + 1, largest=LARGEST)
-        return replace(moving, name=scene.name, task=moving.motion.part(SMOKE)), f"{len(SMOKE)} samples. "
-    except DescriptionError as error:
-        # of the times that each table has
-        every = [same_times(scene.t, table.t)[0] for table in scene.tables.values()] or [np.arange(len(scene.t))]
-        rows = np.unique([one[np.linspace(0, len(one) - 1, len(SMOKE)).astype(np.intp)] for one in every])
-        return replace(scene, task=scene.motion.part(rows)), f"{len(rows)} samples of its own motion ({error.what}). "
-
-
-def full_cuts(scene: Scene) -> Scene | None:
-    """A copy of a scene for `screw` and its engines' full cuts, all on the description, and one quantity.
-
-    Terms that only a full cut has, such as those of welded copies of moving bodies, are seen by nothing else. None
-    where there are none, or they run anyway, or nothing is given that they could solve.
-    """
-    names = [name for name in (f"{engine}-full" for engine in scene.engines) if name in ENGINES]
-    if scene.simulated or not names or {*names} <= {*scene.engines}:
-        return None
-    return replace(scene, engines=("screw", *names), quantities=(OF_FULL_CUTS,), models={}, tables={})
-
-
-def blind(results: Comparison) -> str:
-    """Why a comparison without differences would mean nothing: a planted difference that it misses or missizes.
-
-    An answer is compared with a copy in which one number of each quantity and unit is off by a known amount.
-
-    Returns:
-        A sentence; empty if every planted difference is seen, and its size is right.
-    """
-    scene = results.scene
-    for quantity, unit, first, second, size in _planted(next(iter(results.solutions.values()), None), scene):
-        both, problem = {one.engine: one for one in (first, second)}, scene.problem((quantity,))
-        pairs = compare(scene.mechanism, problem, both, {}, _ALL_DETERMINED, Allowance(scene.tolerance))[1]
-        compared_rows = [row for row in pairs.to_dict("records") if row["unit"] == unit]
-        what = f"{quantity} [{unit}]: a planted difference of {size:.3g} scaled"
-        if len(compared_rows) != 1:
-            return f"{what} was not compared"
-        (row,) = compared_rows
-        if not abs(row["max_scaled"] - size) <= EXACTLY * size:
-            return f"{what} was compared as {row['max_scaled']:.3g}"
-        if row["ok"]:
-            return f"{what} passes a tolerance of {scene.tolerance(quantity):.3g}"
-    return ""
-
-
-def _planted(solution: Solution | None, scene: Scene) -> Iterator[tuple[str, str, Solution, Solution, float]]:
-    """Quantity and unit, an answer with that quantity alone, its copy with a number that is off, and by how much.
-
-    What is zero throughout, or not a number, is no measure of anything and left out.
-    """
-    if solution is None:
-        return
-    for quantity, values in solution.values.items():
-        for unit in dict.fromkeys(values.units):
-            array, of = values.array.copy(), [i for i, one in enumerate(values.units) if one == unit]
-            largest = float(np.abs(array[:, of]).max(initial=0.0))
-            if not 1e-3 < largest < np.inf:
-                continue
-            row, column = np.unravel_index(np.argmax(np.abs(array[:, of])), (len(array), len(of)))
-            size = PLANTED * scene.tolerance(quantity)
-            array[row, of[column]] -= np.sign(array[row, of[column]]) * size * largest
-            other = Values(values.components, values.units, array)
-            first = replace(solution, values={quantity: values}, errors={})
-            yield quantity, unit, first, replace(first, engine=TWIN, values={quantity: other}), size

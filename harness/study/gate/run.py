@@ -18,7 +18,9 @@ from screwgauge.scene.read import load_scene
 from screwgauge.study.address import address
 from screwgauge.study.comparison import built_in
 from screwgauge.study.gate.items import GateRow, Item
-from screwgauge.study.gate.measure import GateSettings, files_of, measured
+from screwgauge.study.gate.known_files import known_item, known_row
+from screwgauge.study.gate.measure import GateSettings, compared, compared_pair, files_of
+from screwgauge.study.gate.smoke import smoke_row
 from screwgauge.study.runner import Executor, InTurn, Task, run_tasks
 from screwgauge.study.store import Journal
 
@@ -63,6 +65,25 @@ def _timed(item: Item, settings: GateSettings, progress: Callable[..., None]) ->
     begin = perf_counter()
     row = measured(item, settings, progress)
     return replace(row, seconds=perf_counter() - begin)
+
+
+def measured(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
+    """The row of an item; bad input and engines that fail are rows, too. `progress`: see `compared`."""
+    try:
+        row = _pair(item, settings) if len(item.files) == 2 else _scene(item, settings, progress)
+    except ScrewgaugeError as error:
+        row = GateRow(item.name, "failed" if error.exit_status == 3 else "refused", str(error), file=item.files[0])
+    return replace(row, read=(*row.read, *item.files))
+
+
+def _pair(item: Item, settings: GateSettings) -> GateRow:
+    return known_row(item, settings) if settings.smoke and item == known_item() else compared_pair(item, settings)
+
+
+def _scene(item: Item, settings: GateSettings, progress: Callable[..., None]) -> GateRow:
+    scene = load_scene(item.files[0])
+    row = smoke_row(scene, settings, progress) if settings.smoke else compared(scene, settings, progress)[0]
+    return replace(row, scene=item.name, file=row.file or item.files[0])
 
 
 def files_in(item: Item) -> list[Path]:

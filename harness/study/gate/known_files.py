@@ -1,0 +1,82 @@
+"""Two model files of a built-in mechanism, read, diagnosed and imported: a smoke test of readers and diagnosis.
+
+The URDF and the MJCF say the same in different ways: links fixed to others, turned frames, principal moments. That has
+to be seen, and so have differences that are planted in the MJCF.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.generate import model_texts
+from screwgauge.models.importing.model import description, import_model
+from screwgauge.reference.files import read_file
+from screwgauge.scene.read import FOLDER
+from screwgauge.study.gate.items import GateRow, Item
+from screwgauge.study.gate.measure import GateSettings, compared_pair
+
+_FILES = FOLDER / "files"
+PAIR = (str(_FILES / "spatial-slider-crank.urdf"), str(_FILES / "spatial-slider-crank.xml"))
+#: Property -> item that has it, what the MJCF says, and what is put in its place: one value grows and one shrinks.
+PLANTED = {"damping": ("slide", 'damping="0.5"', 'damping="0.505"'), "mass": ("rod", 'mass="0.05"', 'mass="0.0495"')}
+#: Share by which these differ, and how exactly a diagnosis has to say so. B less A is A less B, but for rounding.
+SIZE, EXACTLY, ALIKE = 1e-2, 0.02, 1e-6
+#: A mechanism with loops, couplings of degree two and turned inertias, at a home of which no coordinate is zero.
+IMPORTED = "ruse"
+
+
+def known_item() -> Item:
+    """The pair as an item of a gate."""
+    return Item("two-model-files", PAIR)
+
+
+def known_row(item: Item, settings: GateSettings) -> GateRow:
+    """The pair has to be the same, planted differences seen, and what is imported what was read."""
+    row = compared_pair(item, settings)
+    wrong = next(_wrong(), "") if row.ok else ""
+    return replace(row, status="failed", sentence=wrong) if wrong else row
+
+
+def _wrong() -> Iterator[str]:
+    """What is not as it has to be, in sentences."""
+    urdf, text = PAIR[0], read_file(Path(PAIR[1]))
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for what, (item, here, there) in PLANTED.items():
+            file = folder / f"{what}.xml"
+            file.write_text(text.replace(here, there), encoding="utf-8")
+            yield from _unseen(what, item, diagnose(urdf, file), diagnose(file, urdf))
+        yield from _imported(folder)
+
+
+def _unseen(what: str, item: str, found: Diagnosis, back: Diagnosis) -> Iterator[str]:
+    """What a diagnosis and the one of the same files in the other order miss or missize of a planted difference."""
+    planted = f"{what} of {item} that differs by {SIZE:.0%}"
+    for each in (found, back):
+        told = [(one.what, one.item_a, one.size) for one in each.differences]
+        if each.same or [one[:2] for one in told] != [(what, item)]:
+            yield f"a planted difference, {planted}, is diagnosed as: {each.headline}"
+            return
+        if not abs(told[0][2] - SIZE) <= EXACTLY * SIZE:
+            yield f"a planted difference, {planted}, is diagnosed as one of {told[0][2]:.3g}"
+    one, other = ({row.quantity: row.max_abs for row in each.rows}["inverse dynamics"] for each in (found, back))
+    if not abs(one - other) <= ALIKE * max(one, other):
+        yield f"torques that differ by a planted difference, {planted}, do so by {one:.3g} or {other:.3g}"
+
+
+def _imported(folder: Path) -> Iterator[str]:
+    """How the description that MuJoCo's reading becomes differs from what Pinocchio reads."""
+    texts = model_texts(load_mechanism(IMPORTED))
+    for ending in (".urdf", ".loops.toml", ".xml"):
+        (folder / f"{IMPORTED}{ending}").write_text(texts[f"{IMPORTED}{ending}"], encoding="utf-8")
+    imported = import_model(folder / f"{IMPORTED}.xml")
+    file = folder / f"{IMPORTED}.toml"
+    file.write_text(description(imported.mechanism), encoding="utf-8")
+    again = diagnose(file, folder / f"{IMPORTED}.urdf")
+    if not again.same:
+        yield f"what is imported of {IMPORTED}.xml is not what {IMPORTED}.urdf says: {again.headline}"
