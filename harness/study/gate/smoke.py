@@ -121,9 +121,7 @@ def blind(results: Comparison) -> str:
     first = replace(answer, errors={})
     twin, planted = _planted(first, scene)
     both, problem = {one.engine: one for one in (first, twin)}, scene.problem(tuple(first.values))
-    pairs = compare(scene.mechanism, problem, both, {}, _ALL_DETERMINED, Allowance(scene.tolerance))[1].to_dict(
-        "records"
-    )
+    pairs = compare(scene.mechanism, problem, both, {}, _ALL_DETERMINED, Allowance(scene.tolerance))[1]
     records = pairs.to_dict("records")
     for (quantity, unit), size in planted.items():
         rows = [row for row in records if (row["quantity"], row["unit"]) == (quantity, unit)]
