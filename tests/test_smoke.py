@@ -19,6 +19,7 @@ from screwgauge.study.gate import known_files, smoke
 from screwgauge.study.gate.items import items
 from screwgauge.study.gate.known_files import known_item, known_row
 from screwgauge.study.gate.measure import GateSettings
+from screwgauge.study.runner import InTurn
 
 SETTINGS = GateSettings(lambda comparison: "", smoke=True)
 
@@ -76,7 +77,8 @@ def test_redundant_actuators_are_compared_by_the_other_rule(monkeypatch):
 
 def test_two_model_files_are_checked_where_nothing_is_named(monkeypatch):
     monkeypatch.setattr(page, "items", lambda what: items([*what] or ["slider-crank"]))
-    assert [row.scene for row in screwgauge.check(smoke=True).rows] == ["slider-crank", known_item().name]
+    found = page.check_with(InTurn(), (), smoke=True)
+    assert [row.scene for row in found.rows] == ["slider-crank", known_item().name]
     assert [row.scene for row in screwgauge.check("five-bar", smoke=True).rows] == ["five-bar"]
 
 
