@@ -72,7 +72,7 @@ def planted(folder: Path, mistake: Mistake) -> Iterator[None]:
 #: Rows of `check --smoke`, until one fails: those first that see the most.
 ROWS = """
 import sys
-from screwgauge.threads import fix_threads
+from screwgauge.processes import fix_threads
 fix_threads()
 import numpy as np
 from screwgauge.report.pages.check import sentence_of
@@ -109,6 +109,7 @@ def seen(some: Sequence[Mistake], *, tests: bool = False) -> Iterator[tuple[Mist
     with tempfile.TemporaryDirectory() as name:
         folder = package(Path(name))
         os.environ["SCREWGAUGE_CACHE"] = str(folder / "cache")
+        assert not (said := smoke(folder)), f"without any mistake: {said}"
         for mistake in some:
             with planted(folder, mistake):
                 who = smoke(folder)
