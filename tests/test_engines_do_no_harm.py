@@ -13,7 +13,7 @@ import pytest
 
 import screwgauge
 from support import engine_of_harm as harm
-from support.engines import Failure, further_engines, get_engine
+from support.engines import Failure, Method, ModelFiles, further_engines, get_engine, put
 from support.repository import repository, scene, worse
 
 pytestmark = pytest.mark.slow
@@ -101,6 +101,16 @@ def test_its_module_is_imported_by_no_process_of_ours(folder, monkeypatch):
         assert get_engine("harm") == harm.ENGINE
         results = screwgauge.run(screwgauge.load_scene(with_harm(folder, "thread")), ["harm", "screw"])
     assert results.ok
+    assert harm.__name__ not in sys.modules
+
+
+@pytest.mark.parametrize("mode", ["thread", "address"])
+def test_studies_ask_it_in_its_own_process(folder, mode, monkeypatch):
+    monkeypatch.delitem(sys.modules, harm.__name__, raising=False)
+    asked = screwgauge.load_scene(with_harm(folder, mode))
+    with further_engines(SOURCE):
+        answer = put(Method("harm"), ModelFiles(asked.mechanism_file), asked.problem(["actuator_force"]))
+    assert isinstance(answer, Failure) == (mode == "address")
     assert harm.__name__ not in sys.modules
 
 

@@ -153,3 +153,8 @@ def test_the_workflow_runs_what_people_run():
 
 def test_the_action_puts_no_input_into_a_command():
     assert [step["run"] for step in read("action.yml")["runs"]["steps"] if "${{" in step.get("run", "")] == []
+
+
+def test_the_action_starts_no_python_that_imports_from_the_checkout():
+    commands = " ".join(step.get("run", "") for step in read("action.yml")["runs"]["steps"])
+    assert re.findall(r"python\S* (\S+)", commands) == ["-P"]

@@ -118,15 +118,11 @@ def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress 
     try:
         if entry is None or method.engine in ENGINES:
             model = method.load(files)
-            answer: Solution | Failure = declared(
-                sound(model.solve(problem, progress), len(problem.task)), model, entry
-            )
-        else:
-            task = EngineTask(entry, files, problem, files.model.parent, ())
-            (answer,) = _asked({method.name: task}, None, lambda step, share: progress(share)).values()
-            if isinstance(answer, Failure):
-                return answer
-        return check_whole(problem, answer)
+            answer = sound(model.solve(problem, progress), len(problem.task))
+            return check_whole(problem, declared(answer, model, entry))
+        task = EngineTask(entry, files, problem, files.model.parent, ())
+        (told,) = _asked({method.name: task}, None, lambda step, share: progress(share)).values()
+        return told if isinstance(told, Failure) else check_whole(problem, told)
     except TooLongError:
         raise
     except (Exception, SystemExit) as error:
