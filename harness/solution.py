@@ -46,6 +46,22 @@ class Values:
 
 
 @dataclass(frozen=True, slots=True)
+class Mismatch:
+    """A difference of a model file from the description.
+
+    Attributes:
+        key: What has it, and which property: ``coupler.inertia``.
+        sentence: Both values in words.
+        physical: Whether the machine is another one; rounding of printed digits, and where coordinates count from, are
+            not.
+    """
+
+    key: str
+    sentence: str
+    physical: bool = True
+
+
+@dataclass(frozen=True, slots=True)
 class Timing:
     """One measured stage; `covers`: what the clock covers."""
 
@@ -129,7 +145,7 @@ class Solution:
         cost: What it took, where the engine has measured it.
         warnings: What the engine itself warned of, and what its model file says otherwise than the description or
             beyond it; these are notes, too. With them, agreement is not plain.
-        otherwise: What of the latter is physical, with both values, the largest difference first.
+        otherwise: Mismatches of its model file, the largest first; nothing that an engine says of itself.
         lacks: Quantity that its engine does not give -> why not. Who loads the engine writes it, never the engine.
         left_out: What acts in a model file of the user's own, and in no other engine.
     """
@@ -148,7 +164,7 @@ class Solution:
     stopped: str = ""
     cost: Cost | None = None
     warnings: tuple[str, ...] = ()
-    otherwise: tuple[str, ...] = ()
+    otherwise: tuple[Mismatch, ...] = ()
     lacks: Mapping[str, str] = field(default_factory=dict)
     left_out: tuple[LeftOut, ...] = ()
 

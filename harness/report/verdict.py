@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from screwgauge.judging.allowance import WITHIN
 from screwgauge.quantities import digits
@@ -53,6 +53,7 @@ def _conclusion(results: Comparison) -> tuple[list[str], str, Status]:
     news = [sentence for each in results.outcomes for sentence in _SENTENCES.get(each, _nothing)(results)]
     left = sentences(results, agree=outcome in ("agree", "judged", "rigid"))
     if not results.ok:
+        left += [_leave(results.left_out.inertia)] if "rigid" in results.outcomes else []
         rest = [] if {"differ", "faulted"} & {*results.outcomes} else _agreement(results)
         return [*news, *left, *rest], WORDS[outcome], "failed" if outcome == "failed" else "differ"
     agreement, word = _agreement(results), WORDS[outcome]
@@ -69,6 +70,7 @@ WORDS: dict[Outcome, str] = {
     "agree": "✓ AGREE",
     "judged": "✓ WITHIN TOLERANCE",
     "rigid": "✗ INERTIA LEFT OUT",
+    "unlike": "✗ MODELS DIFFER",
     "undecided": "✗ NOT DECIDED",
     "partly": "✗ PARTLY",
     "unjudged": "✗ NOT JUDGED",
@@ -138,8 +140,22 @@ def _place(row: Row) -> str:
 
 def _model_differences(results: Comparison, *engines: str) -> list[str]:
     """Differences between the engines' model files and the description."""
-    differences = dict.fromkeys(text for name in engines for text in results.solutions[name].otherwise)
+    differences = dict.fromkeys(each.sentence for name in engines for each in results.solutions[name].otherwise)
     return [f"The models differ, too: {first_few(differences, DOUBTS, '; ')}."] if differences else []
+
+
+def _unlike(results: Comparison) -> list[str]:
+    """Differences of model files that the scene does not allow; they stand already with a difference or a fault."""
+    if {"differ", "faulted"} & {*results.outcomes}:
+        return []
+    differ = f"Model files differ from the description: {first_few(results.unlike.values(), DOUBTS, '; ')}."
+    return [differ, _leave(results.unlike)]
+
+
+def _leave(keys: Iterable[str]) -> str:
+    """How a scene allows something."""
+    entries = ", ".join(f'"{key}"' for key in keys)
+    return f"Where that is meant, the scene allows it: allow = [{entries}]."
 
 
 def _fault(results: Comparison) -> list[str]:
@@ -158,6 +174,7 @@ _SENTENCES: dict[Outcome, Callable[[Comparison], list[str]]] = {
     "unjudged": _unjudged,
     "partly": _partly,
     "undecided": _undecided,
+    "unlike": _unlike,
 }
 
 

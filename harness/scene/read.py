@@ -39,7 +39,7 @@ METHODS = ("DOP853", "Radau", "BDF")
 _GRAVITY = [0, 0, "-9.81"]
 _KEYS = {
     *("title", "description", "mechanism", "motion", "time", "gravity", "loads", "rule"),
-    *("engines", "quantities", "tolerances", "models", "figures"),
+    *("engines", "quantities", "tolerances", "models", "figures", "allow"),
     *("springs", "motors", "forward", "observables", "reference", "published", "tables"),
 }
 
@@ -80,6 +80,7 @@ def _read(path: Path) -> Scene:
         tolerances={key: positive(value, f"{where}, tolerances.{key}") for key, value in tolerances.items()},
         models=read_models(data.get("models", {}), path.parent, f"{where}, models"),
         figures=read_items(data, "figures", where, read_figure),
+        allow=read_names(data.get("allow", []), f"{where}, allow"),
         file=path,
         **read(data, path, mechanism),
     )

@@ -41,6 +41,8 @@ class Scene:
         tolerances: Scaled tolerance by quantity, where the scene changes the default.
         models: Model files that replace the generated ones, by engine.
         figures: What the report draws.
+        allow: What model files may differ in from the description, ``coupler.inertia``, and what may be left unread,
+            ``models.mujoco.unread``.
         file: Where it was read from.
         drive: A given motion as a function of time.
         text: The tables ``motion``, ``gravity`` and ``loads`` as they were read, numbers still being text.
@@ -63,6 +65,7 @@ class Scene:
     tolerances: Mapping[str, float]
     models: Mapping[str, Path]
     figures: tuple[Figure, ...]
+    allow: tuple[str, ...] = ()
     file: Path | None = None
     drive: Drive | None = field(default=None, repr=False)
     text: Mapping[str, Any] = field(default_factory=dict, repr=False)

@@ -15,7 +15,6 @@ import signal
 import sys
 import tempfile
 import traceback
-import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -50,9 +49,7 @@ def apart(call: Callable[[], object]) -> tuple[Any, str]:
     """
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:
         folder, first = Path(name), tied()
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # of threads, which only wait
-            child = os.fork()
+        child = os.fork()
         if not child:
             _run(call, folder, first)
         _, status = os.waitpid(child, os.WUNTRACED)

@@ -85,7 +85,8 @@ class Comparison:
             "unjudged": bool(self.unjudged),
             "partly": bool(self.refusals or self.apart),
             "undecided": bool(self.undecided),
-            "rigid": self.left_out.inertia,
+            "rigid": not {*self.left_out.inertia} <= {*self.scene.allow},
+            "unlike": bool(self.unlike),
         }
         return tuple(outcome for outcome, here in holds.items() if here) or ("judged" if alone else "agree",)
 
@@ -134,6 +135,12 @@ class Comparison:
     def undecided(self) -> int:
         """At how many samples differences, or residuals, are within what the engines admit, and not in tolerance."""
         return max((int(rows["undecided"].max()) for rows in (self.compared, self.judge) if len(rows)), default=0)
+
+    @property
+    def unlike(self) -> dict[str, str]:
+        """What model files differ in from the description though the scene does not allow it: key -> sentence."""
+        found = (each for solution in self.solutions.values() for each in solution.otherwise if each.physical)
+        return {each.key: each.sentence for each in found if each.key not in self.scene.allow}
 
     @property
     def unjudged(self) -> tuple[str, ...]:

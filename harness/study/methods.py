@@ -145,13 +145,14 @@ class EngineTask:
 
     def _with_mismatch(self, answer: Solution, scene: Scene) -> Solution:
         """The answer with notes on differences between the user's model file and the description."""
-        from screwgauge.study.user_files import departures, left_out_of_file, physical_mismatch
+        from screwgauge.study.mismatches import mismatches
+        from screwgauge.study.user_files import departures, left_out_of_file
 
         beyond = left_out_of_file(scene, self.engine, self.files.model)
-        mismatch = departures(scene, self.engine.name, self.files)
-        physical = physical_mismatch(scene, self.engine.name, self.files) if mismatch else ()
-        notes, warnings = (*answer.notes, *mismatch), (*answer.warnings, *mismatch)
-        return replace(answer, notes=notes, warnings=warnings, otherwise=physical, left_out=beyond)
+        departing = departures(scene, self.engine.name, self.files)
+        otherwise = mismatches(scene, self.engine.name, self.files) if departing else ()
+        notes, warnings = (*answer.notes, *departing), (*answer.warnings, *departing)
+        return replace(answer, notes=notes, warnings=warnings, otherwise=otherwise, left_out=beyond)
 
     def failure(self, error: BaseException) -> Failure:
         """An exception as a failure, with physical differences between the user's model file and the description."""
@@ -160,9 +161,10 @@ class EngineTask:
         raised = failure(error, self.engine.name, self.folder, self.engine)
         if self.scene is None or not isinstance(error, ScrewgaugeError):
             return raised
-        from screwgauge.study.user_files import physical_mismatch
+        from screwgauge.study.mismatches import mismatches
 
-        differences = first_few(physical_mismatch(self.scene, self.engine.name, self.files), DOUBTS, "; ")
+        found = mismatches(self.scene, self.engine.name, self.files)
+        differences = first_few((each.sentence for each in found), DOUBTS, "; ")
         return replace(raised, reason=f"{raised.reason} The models differ: {differences}.") if differences else raised
 
     def _ordered(self, model: EngineModel) -> Problem:
@@ -201,7 +203,6 @@ def sound(answer: object, n: int) -> Solution:
         stopped=shortened(answer.stopped, LONG),
         cost=None if answer.cost is None else _cost(answer.cost),
         warnings=_texts("warnings", answer.warnings),
-        otherwise=_texts("otherwise", answer.otherwise),
         lacks={name: shortened(why, LONG) for name, why in _items("lacks", answer.lacks)},
     )
 

@@ -10,6 +10,7 @@ Outcome = Literal[
     "judged",
     "unread",
     "rigid",
+    "unlike",
     "undecided",
     "partly",
     "unjudged",
@@ -25,6 +26,7 @@ EXIT: dict[Outcome, int] = {
     "judged": 0,  # one engine, for which the equations of mechanics hold
     "unread": 1,  # a gate names a file that nobody read
     "rigid": 1,  # inertia of a file is left out, and the rest agrees
+    "unlike": 1,  # a model file differs from the description, and the scene does not allow it
     "undecided": 1,  # out of tolerance by no more than the engines admit
     "partly": 1,  # not all that was asked was compared
     "unjudged": 1,  # of an engine no equation was looked at

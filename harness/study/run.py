@@ -39,6 +39,7 @@ from screwgauge.scene.preflight import check_actuation, check_scene, doubts, far
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Failure, Solution
+from screwgauge.study.allowed import UNREAD, check_allowed, idle
 from screwgauge.study.comparison import Comparison, facts, provenance
 from screwgauge.study.left_out import LeftOutForces, without_left_out
 from screwgauge.study.methods import left_out, without
@@ -97,8 +98,9 @@ def run(
     _check_acting(scene, names)
     progress("preflight", 0.0)
     checked = _check_simulated(scene, wanted) if scene.simulated else _check_given(scene, wanted)
-    unread, doubted = tuple(_unread(scene, names)), doubts(scene)
-    warnings = (*doubted, *checked.warnings, *_changed(scene), *unread)
+    check_allowed(scene)
+    unread, doubted = _unread(scene, names), doubts(scene)
+    warnings = (*doubted, *checked.warnings, *_changed(scene), *unread.values())
     for sentence in warnings:
         warn(sentence)
     tables = {name: recorded(scene, name, checked.components, checked.wanted) for name in names if name in scene.tables}
@@ -112,6 +114,7 @@ def run(
     progress("comparison", 0.0)
     steps.judge_all(answers, tables)
     errors, pairs = steps.compare()
+    stale = tuple(idle(scene, steps.solutions, steps.left_out, unread))
     return Comparison(
         scene=scene,
         solutions=steps.solutions,
@@ -121,9 +124,9 @@ def run(
         judge=pd.concat(steps.judged.values(), ignore_index=True) if steps.judged else frame((), JUDGE_COLUMNS),
         mobility=facts(checked.mobility),
         environment=environment(),
-        warnings=warnings,
-        doubts=doubted,
-        unread=unread,
+        warnings=(*warnings, *stale),
+        doubts=(*doubted, *stale),
+        unread=tuple(sentence for key, sentence in unread.items() if key not in scene.allow),
         refusals=(*steps.refused, *steps.missing, *steps.short),
         cover=partial(coverage, scene.mechanism, steps.problem, steps.answers, checked.mobility, scene.tolerance),
         known=[*_known(pairs, steps.solutions)],
@@ -257,13 +260,16 @@ def _changed(scene: Scene) -> Iterator[str]:
         yield f"the mechanism is not that of {whose}: it was changed, and is run as it is now"
 
 
-def _unread(scene: Scene, names: Collection[str]) -> Iterator[str]:
-    """Sentences on files that a scene names and that none of these engines reads."""
+def _unread(scene: Scene, names: Collection[str]) -> dict[str, str]:
+    """Files that a scene names and that none of these engines reads: key in `Scene.allow` -> sentence."""
+    found = {}
     for name in (name for name in scene.models if name not in names):
-        yield f"{scene.models[name]} (models.{name}) is not read, as {name} does not run"
+        model = f"{scene.models[name]} (models.{name})"
+        found[f"models.{name}.{UNREAD}"] = f"{model} is not read, as {name} does not run"
     for name in (name for name in scene.tables if name not in names):
-        file = scene.tables[name].file
-        yield f"{file or 'an array'} (tables.{name}) is not compared, as no engine of that name is asked for"
+        table = f"{scene.tables[name].file or 'an array'} (tables.{name})"
+        found[f"tables.{name}.{UNREAD}"] = f"{table} is not compared, as no engine of that name is asked for"
+    return found
 
 
 def _requested(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 from xml.etree.ElementTree import ParseError
 
 import numpy as np
@@ -27,7 +26,7 @@ from screwgauge.models.check import (
 )
 from screwgauge.models.content import FORMATS, extras, unread_rows
 from screwgauge.models.importing.left_out import check_whole, left_out_of
-from screwgauge.models.readings.read import LIBRARIES, read, read_source
+from screwgauge.models.readings.read import read_source
 from screwgauge.models.readings.source import prepare
 from screwgauge.models.urdf import loops_of
 from screwgauge.problem import ModelFiles, Problem, Rows
@@ -35,12 +34,10 @@ from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.errors import (
     DescriptionError,
     ModelFileError,
-    ScrewgaugeError,
     UnknownNameError,
     check_choice,
     first_few,
 )
-from screwgauge.reference.files import read_file
 from screwgauge.reference.graph import layout
 from screwgauge.reference.left_out import LeftOut, Resistance, TurnResistance
 from screwgauge.reference.mechanism import Mechanism
@@ -49,10 +46,6 @@ from screwgauge.scene.motion import same_times
 from screwgauge.scene.observables import Header, Recorded, read_header
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values, common_rows, empty
-
-if TYPE_CHECKING:
-    from screwgauge.diagnosis.differences.difference import Difference
-
 
 #: Share of the largest number that may be left over where one table is a multiple of another.
 ALIKE = 1e-3
@@ -238,9 +231,6 @@ def _factor(a: Array, b: Array) -> float:
     return factor if np.abs(b - factor * a).max() <= ALIKE * np.abs(b).max() else 1.0
 
 
-#: What a description lacks of a file: `departures` tells what becomes of limits, all else is measured.
-_NOT_DESCRIBED = {"limits", "armature", "damping", "friction", "stiffness", "rest", "gravcomp", "medium"}
-
 #: What an engine of this package makes of something beyond the description, by its kind.
 _FATE = {"ignored": "ignored by {} in {}", "applied": "applied by {} in {}, beyond the description"}
 MEASURED = "measured"  # which a run names with its size
@@ -260,7 +250,7 @@ def departures(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
         return tuple(_other_than_described(files.model, _of_description(mechanism, files.model)))
     if engine.reads not in FORMATS:
         return (_NOT_KNOWN.format(name, f"{files.model.name}: anything"),)
-    reader = _reader(engine)
+    reader = reader_of(engine)
     sentences = [
         *_beyond(mechanism, engine, files.model, known=name in ENGINES),
         *_other_than_described(
@@ -280,7 +270,7 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
     if engine.reads not in FORMATS:
         return ()
     source = prepare(model)
-    reading = read_source(source, _reader(engine))
+    reading = read_source(source, reader_of(engine))
     check_whole(reading, source)
     coupled = {coupling.coordinate for coupling in scene.mechanism.couplings}
     if lost := [each.joint for each in reading.couplings.values() if each.joint not in coupled]:
@@ -296,44 +286,6 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
     return tuple(found)
 
 
-def physical_mismatch(scene: Scene, name: str, files: ModelFiles) -> tuple[str, ...]:
-    """Sentences on mass properties, geometry, gravity and closures, the largest difference first; on the loops file."""
-    from screwgauge.diagnosis.differences.words import with_sides
-
-    sides = "in the description", f"in {files.model.name}"
-    sentences = (with_sides(each.sentence, *sides) for each in physical(scene, name, files.model))
-    return (*sentences, *of_loops(scene, name, files)[1])
-
-
-def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
-    """Differences of a model file from the description, the largest first; those that rounding makes are marked.
-
-    Args:
-        name: The engine, which reads a URDF or MJCF of the user's own; of others nothing is changes.
-    """
-    # a scene without files of the user's own has no use for the diagnosis
-    from screwgauge.diagnosis.differences.difference import ALL, digits_of, marked
-    from screwgauge.diagnosis.differences.static import differences, sorted_by_size
-    from screwgauge.diagnosis.pairing.branches import missing
-    from screwgauge.diagnosis.pairing.common import brought
-    from screwgauge.diagnosis.pairing.mapping import paired
-
-    engine, mechanism, library = get_engine(name), scene.mechanism, name.partition("-")[0]
-    if library not in LIBRARIES or engine.reads not in (".urdf", ".xml"):
-        return []
-    expected = expected_reading(mechanism, engine.cut, scene.applied.g)
-    try:
-        home = dict(zip(mechanism.coordinates, map(float, mechanism.home), strict=True))
-        actual = read(model, library, home=home)
-        digits = digits_of(read_file(model))
-    except ScrewgaugeError:
-        return []  # `departures` tells that it cannot be compared
-    silent = _NOT_DESCRIBED | ({"closure", "gravity", "coupling"} if actual.gravity is None else set())
-    pairing = paired(expected, actual)
-    changes = [*missing(expected, actual, pairing), *differences(brought(expected, actual, pairing))[0]]
-    return sorted_by_size([each for each in marked(changes, (ALL, digits)) if each.what not in silent])
-
-
 def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], list[str]]:
     """Sentences on differences of a user's loops file: those that the engine ignores, and the others."""
     if files.loops is None or files.loops != files.model.with_suffix(".loops.toml"):
@@ -344,7 +296,7 @@ def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], lis
     return [*ignored], [*_other_than_described(files.loops, (row for row in rows if row.what not in unread))]
 
 
-def _reader(engine: Engine) -> str:
+def reader_of(engine: Engine) -> str:
     """The library that reads the model files of an engine; of another package, the one of its format."""
     own = engine.name.partition("-")[0]
     return own if engine.name in ENGINES else next(name for name, ending in SUFFIXES.items() if ending == engine.reads)

@@ -34,6 +34,7 @@ from screwgauge.study.outcome import EXIT, Outcome
 from screwgauge.study.runner import Executor
 
 SCHEMA = 1  #: Of the JSON.
+ADMITTED = "Admitted on purpose"
 #: Variable with the name of the file to which GitHub wants the summary of a job to be added.
 SUMMARY = "GITHUB_STEP_SUMMARY"
 WORDS: dict[Outcome, str] = {
@@ -41,6 +42,7 @@ WORDS: dict[Outcome, str] = {
     "judged": "✓ judged",
     "unread": "✗ not read",
     "rigid": "✗ inertia left out",
+    "unlike": "✗ models differ",
     "undecided": "✗ not decided",
     "partly": "✗ partly",
     "unjudged": "✗ not judged",
@@ -136,18 +138,20 @@ class Check:
 
     def junit(self) -> str:
         """JUnit XML: a test case for each row, and one for the baseline."""
-        cases = [(row.scene, row.seconds, EXIT[row.status], message(row)) for row in self.rows]
+        cases = [(row.scene, row.seconds, EXIT[row.status], message(row), row.admitted) for row in self.rows]
         if self.against is not None:
             lost = "; ".join(self.against.worse)
-            cases.append((f"baseline {self.against.file}", 0.0, int(bool(lost)), lost))
-        kinds = Counter(_KINDS.get(status, "") for _, _, status, _ in cases)
+            cases.append((f"baseline {self.against.file}", 0.0, int(bool(lost)), lost, ()))
+        kinds = Counter(_KINDS.get(status, "") for _, _, status, *_ in cases)
         suite = ET.Element("testsuite", name="screwgauge", tests=str(len(cases)))
         for name, kind in (("failures", "failure"), ("errors", "error")):
             suite.set(name, str(kinds[kind]))
-        for name, seconds, status, reason in cases:
+        for name, seconds, status, reason, admitted in cases:
             case = ET.SubElement(suite, "testcase", classname="screwgauge", name=printable(name), time=f"{seconds:.3f}")
             if status in _KINDS:
                 ET.SubElement(case, _KINDS[status], message=printable(reason))
+            if admitted:
+                ET.SubElement(case, "system-out").text = printable(f"{ADMITTED}: {', '.join(admitted)}")
         if self.unread:
             ET.SubElement(suite, "system-out").text = printable(_left_alone(self))
         return ET.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
@@ -155,9 +159,12 @@ class Check:
     def annotations(self) -> Iterator[str]:
         """Commands of GitHub that mark a line of a model or scene."""
         for row in self.rows:
-            if not row.ok:
-                place, text = _escaped(row.file, "%\r\n:,"), _escaped(printable(message(row)), "%")
-                yield f"::error file={place},line={max(row.line, 1)}::{text}"
+            marks = {} if row.ok else {"error": message(row)}
+            if row.admitted:
+                marks["warning"] = f"{row.scene}: {ADMITTED.lower()}: {', '.join(row.admitted)}"
+            for kind, text in marks.items():
+                place = _escaped(row.file, "%\r\n:,")
+                yield f"::{kind} file={place},line={max(row.line, 1)}::{_escaped(printable(text), '%')}"
 
 
 def _escaped(text: str, signs: str) -> str:
@@ -193,12 +200,22 @@ def _banner(check: Check) -> Banner:
     if check.ok and larger:
         sentences.append(f"Of {first_few(larger, SHOWN)} only the rigid machine is compared: forces are left out.")
     sentences += filter(None, [_left_alone(check)])
-    return Banner.of(" ".join(sentences), check.ok, "OK, but" if alone or larger or check.unread else "OK", "FAILED")
+    qualified = alone or larger or check.unread or any(row.admitted for row in check.rows)
+    return Banner.of(" ".join(sentences), check.ok, "OK, but" if qualified else "OK", "FAILED")
 
 
 def _left_alone(check: Check) -> str:
     """Which files of the folders were not read."""
     return f"Not read, because no scene names them: {first_few(check.unread, SHOWN)}." if check.unread else ""
+
+
+def _admitted(check: Check) -> list[str]:
+    """What is admitted on purpose, and in which scenes."""
+    scenes: dict[str, list[str]] = {}
+    for row in check.rows:
+        for each in row.admitted:
+            scenes.setdefault(each, []).append(row.scene)
+    return [f"{each} ({first_few(names, SHOWN)})" for each, names in scenes.items()]
 
 
 def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
@@ -282,6 +299,7 @@ PAGE = _Page(
         "rows": lambda check: _lines(sorted(check.rows, key=lambda row: row.ok)),
         "tolerances": _tolerances,
         "unread": lambda check: [*check.unread],
+        "admitted": _admitted,
         "tested": lambda check: [f"{row.scene}: {row.coverage or row.sentence}" for row in check.rows if row.ok],
     },
 )

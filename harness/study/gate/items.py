@@ -152,6 +152,16 @@ def read_tolerances(given: str | Path | Mapping[str, float] | None) -> dict[str,
     return {name: positive(value, f"{where}, {name}") for name, value in table.items()}
 
 
+#: Scaled errors that nobody should admit without seeing it said.
+WIDE = 1e-2
+
+
+def admitted(tolerances: Mapping[str, float], allow: Iterable[str] = ()) -> list[str]:
+    """What is admitted on purpose: entries of ``allow``, and tolerances above `WIDE`."""
+    wide = (f"{quantity} to {value:.3g}" for quantity, value in tolerances.items() if value > WIDE)
+    return [*allow, *wide]
+
+
 @dataclass(frozen=True, slots=True)
 class GateRow:
     """A scene or a pair of models.
@@ -168,6 +178,7 @@ class GateRow:
         unread: What the scene names and nobody read, in sentences.
         read: Files that were read, by the names that were given.
         more: What its files have more than the rigid machine that is compared, in a sentence; empty if nothing.
+        admitted: What is admitted on purpose: differences and files that the scene allows, tolerances above `WIDE`.
     """
 
     scene: str
@@ -184,6 +195,7 @@ class GateRow:
     unread: Sequence[str] = ()
     read: Sequence[str] = ()
     more: str = ""
+    admitted: Sequence[str] = ()
 
     @property
     def ok(self) -> bool:

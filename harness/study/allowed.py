@@ -1,0 +1,67 @@
+"""What a scene allows on purpose: ``allow = ["coupler.inertia", "models.mujoco.unread"]``."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+
+from screwgauge.reference.errors import UnknownNameError
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Solution
+from screwgauge.study.left_out import LeftOutForces
+from screwgauge.study.mismatches import LOOPS, MODEL
+
+#: Property of a file that a scene names and no engine of a run reads.
+UNREAD = "unread"
+#: Owners of properties that have names of their own in each file.
+_UNNAMED = ("closure", "coupling", "actuator")
+
+
+def check_allowed(scene: Scene) -> None:
+    """Rejects entries of ``allow`` that can be of nothing in the mechanism or the scene.
+
+    Raises:
+        UnknownNameError: There is no such property, body, joint or file.
+    """
+    if not scene.allow:
+        return
+    from screwgauge.diagnosis.properties import PARTS, PROPERTIES
+
+    where, mechanism = f"{scene.file or scene.name}, allow", scene.mechanism
+    joints = [name for joint in mechanism.joints for name in (joint.name, *joint.coordinates)]
+    beyond = [each.of.partition(" ")[2] for each in mechanism.left_out]
+    things = dict.fromkeys([*(body.name for body in mechanism.bodies), *joints, *beyond, MODEL, LOOPS])
+    properties = (*PROPERTIES, "driven joint", UNREAD)
+    for entry in scene.allow:
+        thing, _, what = entry.rpartition(".")
+        if what not in properties:
+            raise UnknownNameError("property", what, properties, where)
+        if what == UNREAD:
+            _check(thing, files_of(scene), "file of the scene", where)
+        elif what in PROPERTIES and what not in PARTS and PROPERTIES[what].owner not in _UNNAMED:
+            _check(thing, things, "body or joint", where)
+
+
+def _check(thing: str, known: Collection[str], kind: str, where: str) -> None:
+    if thing not in known:
+        raise UnknownNameError(kind, thing, known, where)
+
+
+def files_of(scene: Scene) -> list[str]:
+    """Keys of a scene under which it names files that engines or comparisons read."""
+    return [*(f"models.{name}" for name in scene.models), *(f"tables.{name}" for name in scene.tables)]
+
+
+def idle(
+    scene: Scene, solutions: Mapping[str, Solution], forces: LeftOutForces, unread: Collection[str]
+) -> Iterator[str]:
+    """Sentences on entries of ``allow`` that admit nothing, where all model files of the scene were read.
+
+    Args:
+        unread: Keys of files that were not read.
+    """
+    found = {each.key for solution in solutions.values() for each in solution.otherwise}
+    found |= {*unread, *forces.inertia}
+    if {*scene.models} <= {*solutions}:
+        for entry in scene.allow:
+            if entry not in found:
+                yield f"allow names {entry}, which admits nothing: remove the entry"

@@ -1,0 +1,161 @@
+"""A gate ends with the weakest word of what it knows: a file that differs from its description, and wide tolerances."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import xml.etree.ElementTree as ET
+from itertools import product
+from pathlib import Path
+
+import pytest
+
+import screwgauge
+from support.command import main
+from support.repository import edited, worse
+
+HEAD = """mechanism = "four-bar.toml"
+engines = [{engines}]
+time = {{ times = [0, 0.25, 0.5] }}
+"""
+MOVING = "motion.crank = { offset = 1.0, harmonics = [[20, 0.2, 0.1]] }\n"
+STILL = "motion.crank.polynomial = [1.0]\n"
+FORWARD = 'forward = {{ start.crank = 1.0, rtol = {0}, atol = {0} }}\nquantities = ["joint_position"]\n'
+LOAD = '[[loads]]\non = "coupler"\nby = "environment"\nforce = [0, 0, {}]\n'
+SPRING = '[[springs]]\ncoordinate = "a"\nstiffness = {}\n'
+SIZES, FORCES = (0.5, 1e99), ("actuator_force", "tree_force")
+#: What hides a difference of masses.
+HIDING = {
+    "still": STILL,
+    "slow": "motion.crank.polynomial = [1.0, 1e-9]\n",
+    "huge load": MOVING + LOAD.format("1e12"),
+    "huge load, still": STILL + LOAD.format("-1e15"),
+    "stiff spring": MOVING + SPRING.format("1e12"),
+    "stiff spring, still": STILL + SPRING.format("1e15"),
+    **{
+        f"{names} alone": f'{MOVING}quantities = ["{names}"]\n'
+        for names in ("joint_position", "joint_velocity", "joint_acceleration", "com_acceleration")
+    },
+    **{
+        f"{quantity} to {size:g}": f'{MOVING}quantities = ["{quantity}"]\ntolerances.{quantity} = {size:g}\n'
+        for size, quantity in product(SIZES, FORCES)
+    },
+    "coarse integration": FORWARD.format(0.5),
+}
+#: Key in ``allow`` -> change of the four-bar's MJCF.
+EDITS = {
+    "coupler.inertia": lambda text: worse(text, 0.01),
+    "coupler.mass": lambda text: text.replace('mass="1.2"', 'mass="1.21"'),
+    "model.gravity": lambda text: text.replace("-9.81", "-9.8"),
+}
+
+
+def gate(folder: Path, text: str, allow: tuple[str, ...] = (), engines: str = '"screw", "mujoco"') -> Path:
+    """A scene of the four-bar and its MJCF."""
+    head = f'{HEAD.format(engines=engines)}allow = {json.dumps(allow)}\nmodels.mujoco = "four-bar.xml"\n'
+    (folder / "gate.toml").write_text(head + text, encoding="utf-8")
+    return folder / "gate.toml"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("smoke", [False, True])
+@pytest.mark.parametrize("hiding", HIDING)
+def test_whatever_hides_a_known_difference_the_gate_is_not_green(theirs, hiding, smoke):
+    file = gate(theirs, HIDING[hiding])
+    assert screwgauge.check(file, smoke=smoke).ok
+    edited(theirs / "four-bar.xml", EDITS["coupler.inertia"])
+    found = screwgauge.check(file, smoke=smoke)
+    assert found.exit_status == 1, found
+    assert "coupler: inertia yy" in found.rows[0].sentence
+
+
+@pytest.mark.parametrize("key", EDITS)
+def test_what_the_scene_allows_passes_and_is_named(theirs, key):
+    edited(theirs / "four-bar.xml", EDITS[key])
+    tolerant = "".join([MOVING, *(f"tolerances.{name} = 1e-2\n" for name in FORCES), 'quantities = ["actuator_force"]'])
+    others = tuple({*EDITS} - {key})
+    assert [*screwgauge.check(gate(theirs, tolerant, others)).rows[0].doubts] != []  # they admit nothing
+    assert screwgauge.check(gate(theirs, tolerant, others)).rows[0].status == "unlike"
+    found = screwgauge.check(gate(theirs, tolerant, (key,)))
+    assert (found.exit_status, [*found.rows[0].admitted]) == (0, [key]), found
+    assert str(found).startswith("✓ OK, but:")
+
+
+def test_a_run_ends_with_the_same_word(theirs, command):
+    edited(theirs / "four-bar.xml", EDITS["coupler.inertia"])
+    results = screwgauge.run(screwgauge.load_scene(gate(theirs, STILL)))
+    assert (results.outcome, results.exit_status, bool(results)) == ("unlike", 1, False)
+    assert {*results.unlike} == {"coupler.inertia"}
+    assert command("run", gate(theirs, STILL), status=1).out.startswith("✗ MODELS DIFFER")
+    assert main(["run", str(gate(theirs, STILL, ("coupler.inertia",))), "--out", "allowed"]) == 0
+
+
+@pytest.mark.parametrize("motion", [MOVING, STILL])
+def test_inertia_that_no_engine_has_is_allowed_by_its_joint(theirs, motion):
+    edited(theirs / "four-bar.xml", lambda text: text.replace('<joint name="a" ', '<joint name="a" armature="0.5" '))
+    (row,) = screwgauge.check(gate(theirs, motion)).rows
+    assert (row.status, 'allow = ["a.armature"]' in row.sentence) == ("rigid", True)
+    found = screwgauge.check(gate(theirs, motion, ("a.armature",)))
+    assert (found.exit_status, [*found.rows[0].admitted], [*found.rows[0].doubts]) == (0, ["a.armature"], [])
+
+
+@pytest.mark.parametrize("engine", ["screw", "pinocchio"])
+def test_descriptions_and_urdf_are_compared_as_mjcf_is(theirs, engine):
+    file = {"screw": "own.toml", "pinocchio": "four-bar.urdf"}[engine]
+    shutil.copy(theirs / "four-bar.toml", theirs / "own.toml")
+    scene = gate(theirs, STILL, engines='"mujoco", "screw", "pinocchio"')
+    edited(scene, lambda text: text.replace('models.mujoco = "four-bar.xml"', f'models.{engine} = "{file}"'))
+    assert screwgauge.check(scene).ok
+    masses = {"screw": ("mass = 1.2", "mass = 1.21"), "pinocchio": ('mass value="1.2"', 'mass value="1.21"')}
+    edited(theirs / file, lambda text: text.replace(*masses[engine]))
+    (row,) = screwgauge.check(scene).rows
+    assert not row.ok
+    assert "coupler: mass" in row.sentence
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("cuopler.inertia", "did you mean 'coupler'"),
+        ("coupler.inertai", "did you mean 'inertia'"),
+        ("coupler", "unknown property"),
+        ("", "unknown property"),
+        (".mass", "unknown body or joint"),
+        ("models.pinocchio.unread", "did you mean 'models.mujoco'"),
+        ("coupler.unread", "choose one of: models.mujoco"),
+    ],
+)
+def test_entries_of_nothing_are_refused_with_the_names_there_are(theirs, entry, message):
+    (row,) = screwgauge.check(gate(theirs, MOVING, (entry,))).rows
+    assert (row.status, message in row.sentence) == ("refused", True), row.sentence
+
+
+def test_an_entry_that_admits_nothing_is_named(theirs):
+    (row,) = screwgauge.check(gate(theirs, MOVING, ("coupler.inertia", "models.mujoco.unread"))).rows
+    assert (row.status, len(row.doubts)) == ("agree", 2)
+    alone = screwgauge.run(screwgauge.load_scene(gate(theirs, MOVING, ("coupler.inertia",))), ["screw"])
+    assert not alone.doubts  # whether the file of another engine differs is not known
+
+
+def test_a_file_may_be_left_unread(theirs):
+    assert screwgauge.check(gate(theirs, MOVING, engines='"screw"')).rows[0].status == "unread"
+    found = screwgauge.check(gate(theirs, MOVING, ("models.mujoco.unread",), engines='"screw"'))
+    assert (found.exit_status, [*found.rows[0].admitted]) == (0, ["models.mujoco.unread"])
+
+
+@pytest.mark.parametrize(("size", "said"), [(1e-2, False), (0.011, True), (1e99, True)])
+@pytest.mark.parametrize("of", ["scene", "file"])
+def test_tolerances_above_a_hundredth_stand_in_the_last_line_everywhere(theirs, size, said, of):
+    given = {"actuator_force": size}
+    text = MOVING + (f"tolerances.actuator_force = {size:g}\n" if of == "scene" else "")
+    found = screwgauge.check(gate(theirs, text), tolerances=given if of == "file" else None)
+    assert found.ok
+    assert (f"actuator_force to {size:.3g} (gate)" in str(found).splitlines()[-1]) is said
+    told = ET.fromstring(found.junit()).find("testcase/system-out")
+    assert (told is not None and f"actuator_force to {size:.3g}" in told.text) is said
+    assert [line.partition(" ")[0] for line in found.annotations()] == ["::warning"] * said
+
+
+def test_the_tolerance_of_a_coarse_integration_is_wide(theirs):
+    (row,) = screwgauge.check(gate(theirs, HIDING["coarse integration"])).rows
+    assert [each.partition(" ")[0] for each in row.admitted] == ["joint_position"]
