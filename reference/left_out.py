@@ -13,9 +13,9 @@ import numpy as np
 
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.expressions import number, rotation_matrix, vector
-from screwgauge.reference.mechanism import Frame
+from screwgauge.reference.mechanism import GROUND, Frame
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.tables import check_keys, check_name, read_list, read_text, required
+from screwgauge.reference.tables import check_keys, check_name, read_list, read_text, read_vector, required
 
 Powers = tuple[float, ...]
 """Coefficients c0, c1, ... of the force ``x (c0 + c1 s + c2 s^2 + ...)``: s is x of a spring, and |x| of a damper."""
@@ -51,6 +51,23 @@ class Resistance:
 
     of: str
     along: Mapping[str, float]
+    armature: float = 0.0
+    damping: Powers = ()
+    friction: float = 0.0
+    stiffness: Powers = ()
+    rest: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PathResistance:
+    """The same along a straight path over points of bodies: of a tendon over sites.
+
+    Attributes:
+        path: Body, or ground, and point in its frame [m], shape (3,), in order.
+    """
+
+    of: str
+    path: tuple[tuple[str, Array], ...]
     armature: float = 0.0
     damping: Powers = ()
     friction: float = 0.0
@@ -110,7 +127,7 @@ class Drag:
     frame: Frame = field(default_factory=Frame)
 
 
-LeftOut = Resistance | TurnResistance | BorneWeight | Drag
+LeftOut = Resistance | PathResistance | TurnResistance | BorneWeight | Drag
 
 _LAWS = {"armature", "damping", "friction"}
 
@@ -143,14 +160,25 @@ def _entry(table: Any, where: str, known: Mapping[str, Collection[str]]) -> Left
 def _resistance(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]]) -> Resistance:
     shares = table["along"]
     check_keys(shares, known["along"], f"{where}, along")
+    along = {name: number(share, f"{where}, along.{name}") for name, share in shares.items()}
+    return Resistance(along=along, **_spring(table, where), **_laws(table, where))
+
+
+def _path_resistance(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]]) -> PathResistance:
+    points, bodies = read_list(table, "path", where), {GROUND, *known["body"]}
+    for point in points:
+        check_keys(point, {"body", "point"}, f"{where}, path")
+    path = (
+        (check_name("body", read_text(one, "body", where), bodies, f"{where}, path"), read_vector(one, "point", where))
+        for one in points
+    )
+    return PathResistance(path=tuple(path), **_spring(table, where), **_laws(table, where))
+
+
+def _spring(table: dict[str, Any], where: str) -> dict[str, Any]:
     rest = table.get("rest", 0.0)
     low, high = vector(rest, f"{where}, rest", 2) if isinstance(rest, list) else [number(rest, f"{where}, rest")] * 2
-    return Resistance(
-        along={name: number(share, f"{where}, along.{name}") for name, share in shares.items()},
-        stiffness=_powers(table, "stiffness", where),
-        rest=(float(low), float(high)),
-        **_laws(table, where),
-    )
+    return {"stiffness": _powers(table, "stiffness", where), "rest": (float(low), float(high))}
 
 
 def _turn_resistance(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]]) -> TurnResistance:
@@ -195,6 +223,7 @@ _Reader = Callable[[dict[str, Any], str, Mapping[str, Collection[str]]], LeftOut
 #: Keys that tell what an entry is -> its further keys, and who reads it.
 _READERS: dict[frozenset[str], tuple[set[str], _Reader]] = {
     frozenset({"along"}): ({*_LAWS, "stiffness", "rest"}, _resistance),
+    frozenset({"path"}): ({*_LAWS, "stiffness", "rest"}, _path_resistance),
     frozenset({"joint"}): (_LAWS, _turn_resistance),
     frozenset({"body", "box"}): ({"density", "viscosity", "wind", "point", "rotation"}, _drag),
     frozenset({"body", "mass"}): ({"point"}, _weight),
@@ -205,9 +234,10 @@ def entries(one: LeftOut) -> dict[str, Any]:
     """An entry of ``[[left_out]]``, without what is zero."""
     match one:
         case Resistance():
-            rest = {"rest": np.array(one.rest)} if any(one.rest) and one.stiffness else {}
-            laws = {"stiffness": np.array(one.stiffness)} if one.stiffness else {}
-            return {"of": one.of, "along": dict(one.along), **_written(one), **laws, **rest}
+            return {"of": one.of, "along": dict(one.along), **_written(one), **_written_spring(one)}
+        case PathResistance():
+            path = tuple({"body": body, "point": point} for body, point in one.path)
+            return {"of": one.of, "path": path, **_written(one), **_written_spring(one)}
         case TurnResistance():
             return {"of": one.of, "joint": one.joint, **_written(one)}
         case BorneWeight():
@@ -217,7 +247,13 @@ def entries(one: LeftOut) -> dict[str, Any]:
     return {"of": one.of, "body": one.body, "box": one.box, **medium, **placed}
 
 
-def _written(one: Resistance | TurnResistance) -> dict[str, Any]:
+def _written_spring(one: Resistance | PathResistance) -> dict[str, Any]:
+    if not one.stiffness:
+        return {}
+    return {"stiffness": np.array(one.stiffness), **({"rest": np.array(one.rest)} if any(one.rest) else {})}
+
+
+def _written(one: Resistance | PathResistance | TurnResistance) -> dict[str, Any]:
     numbers: Iterable[tuple[str, Any]] = (
         ("armature", one.armature),
         ("damping", np.array(one.damping) if one.damping else None),

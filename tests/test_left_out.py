@@ -26,7 +26,8 @@ CHAIN = (
     + INERTIAL.format(0.5)
     + '<body name="d" pos="0.1 0 0.1" {d}>'
     + INERTIAL.format(0.2)
-    + "</body></body></body></body>{world}</worldbody>"
+    + '<site name="e" pos="0.1 0.02 0.05"/></body>'
+    + "</body></body></body>{world}</worldbody>"
     '{end}<actuator><motor name="ma" joint="ja" {ma}/><motor joint="jb"/><motor joint="jc"/>{motors}</actuator>'
     "</mujoco>"
 )
@@ -46,14 +47,20 @@ FLEX = (
     '<body name="cloth"><flexcomp name="f" type="grid" count="3 3 1" spacing="0.1 0.1 0.1" dim="2" radius="0.01" '
     'mass="0.1"><contact contype="0" conaffinity="0"/><edge equality="{}"/></flexcomp></body>'
 )
-PATH = '<tendon><spatial name="r" stiffness="5"><site site="w"/><site site="s"/></spatial></tendon>'
+PATH = (
+    '<tendon><spatial name="r" {}><site site="w"/><site site="s"/>{}<site site="e"/></spatial></tendon>',
+    '<site name="w" pos="0 0.2 1"/><geom name="g" size="0.01" contype="0" conaffinity="0"/>',
+)
 BALL = '<body name="z" pos="0 1 0"><joint name="ball" type="ball" {}/>' + INERTIAL.format(0.8) + "</body>"
 #: File, and what its refusal names.
 REFUSED = {
     "tendon held": (chain(end=THREE.format("") + '<equality><tendon name="e" tendon1="t"/></equality>'), "equality e"),
     "flex held": (chain(world=FLEX.format("true")), "equality"),
     "flex": (chain(world=FLEX.format("false")), "flexible bodies"),
-    "spatial tendon": (chain(world='<site name="w" pos="0 0 1"/>', end=PATH), "spatial tendon r"),
+    "tendon round a geom": (
+        chain(world=PATH[1], end=PATH[0].format('stiffness="5"', '<geom geom="g"/>')),
+        "tendon r pulls, and runs over geoms",
+    ),
     "spring that yields": (chain(ja='stiffness="2" springyield="0.1"'), "yield of springs of joint ja"),
     "ellipsoid": (
         chain(option='density="2"', world='<geom fluidshape="ellipsoid" size="1"/>'),
@@ -98,6 +105,10 @@ MEASURED = {
     "hinge and slide": {"ja": LAWS, "jb": 'armature="0.3" damping="2" frictionloss="0.2" stiffness="5"'},
     "actuator": {"ma": 'gear="10" armature="1e-3" damping="0.002 0.001"'},
     "tendon": {"end": THREE.format('stiffness="3 2" damping="0.5 0.1" armature="0.01" springlength="-0.1 0.1"')},
+    "tendon over sites": {
+        "world": PATH[1],
+        "end": PATH[0].format('stiffness="30 2" damping="0.5 0.1" armature="0.1" springlength="0.1 0.9"', ""),
+    },
     "actuator of a tendon": {
         "end": THREE.format(""),
         "motors": '<motor tendon="t" gear="3" armature="2e-3" damping="0.01 0.02"/>',
@@ -180,9 +191,10 @@ def test_a_joint_of_several_freedoms_resists_as_in_mujoco(kind, write):
 def test_a_description_keeps_what_is_left_out_of_its_file(write):
     parts = {"ja": LAWS, "a": 'gravcomp="0.5"', "option": 'density="9" viscosity="2" wind="1 0 2"'}
     parts["end"] = THREE.format('stiffness="3 2" frictionloss="0.2" springlength="-0.1 0.1"')
-    mechanism = import_model(write("own.xml", chain(world=BALL.format('damping="0.2"'), **parts))).mechanism
+    parts["end"] += PATH[0].format('stiffness="30" armature="0.1"', "")
+    mechanism = import_model(write("own.xml", chain(world=PATH[1] + BALL.format('damping="0.2"'), **parts))).mechanism
     again = load_mechanism(write("again.toml", description(mechanism)))
-    assert len(mechanism.left_out) == len(again.left_out) == 9
+    assert len(mechanism.left_out) == len(again.left_out) == 10
     for one, other in zip(mechanism.left_out, again.left_out, strict=True):
         assert type(one) is type(other)
         assert same_content(one, other)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,7 +18,16 @@ from screwgauge.judging.residuals import required_wrenches, unit_wrenches_of
 from screwgauge.quantities import FORCE
 from screwgauge.reference.applied import JointSpring, Spring
 from screwgauge.reference.graph import spanning_tree
-from screwgauge.reference.left_out import BorneWeight, Drag, LeftOut, Resistance, TurnResistance, damper_law, spring_law
+from screwgauge.reference.left_out import (
+    BorneWeight,
+    Drag,
+    LeftOut,
+    PathResistance,
+    Resistance,
+    TurnResistance,
+    damper_law,
+    spring_law,
+)
 from screwgauge.reference.rotations import Array, cross, times
 from screwgauge.solution import Values
 from screwgauge.witness.constraints import AdmissibleMotion
@@ -192,6 +202,8 @@ def measured(
 def _needed(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Iterator[tuple[str, Array]]:
     """Kinds of an entry, and what bodies need for each."""
     match one:
+        case PathResistance():
+            yield from _along_path(answer, one)
         case Resistance():
             there = [spring for spring in springs if one.of == f"joint {spring.coordinate}"]
             for kind, force in _along_stroke(answer, one, there).items():
@@ -229,12 +241,7 @@ def _along_stroke(answer: Answer, one: Resistance, springs: Iterable[JointSpring
     """Kind -> force along the stroke, less what springs along the joint have of it. Shape (n,)."""
     columns, shares = answer.mechanism.columns(one.along), np.array([*one.along.values()])
     stroke, rate, acceleration = (derivative[:, columns] @ shares for derivative in answer.joints)
-    forces = {
-        ARMATURE: one.armature * acceleration,
-        DAMPING: damper_law(one.damping, rate),
-        FRICTION: one.friction * np.sign(rate),
-        SPRINGS: spring_law(one.stiffness, stroke - np.clip(stroke, *one.rest)),
-    }
+    forces = _resisting(one, stroke, rate, acceleration)
     there = {ARMATURE: one.armature, DAMPING: one.damping, FRICTION: one.friction, SPRINGS: one.stiffness}
     for spring in springs:
         forces[DAMPING] = forces[DAMPING] - spring.damping * rate
@@ -243,6 +250,38 @@ def _along_stroke(answer: Answer, one: Resistance, springs: Iterable[JointSpring
         alike = one.stiffness == (spring.stiffness,) and one.rest == (spring.rest, spring.rest)
         there[SPRINGS] = () if alike else there[SPRINGS]
     return {kind: force for kind, force in forces.items() if there[kind]}
+
+
+def _resisting(one: Resistance | PathResistance, stroke: Array, rate: Array, acceleration: Array) -> Needed:
+    """Kind -> force along the stroke. Shape (n,)."""
+    return {
+        ARMATURE: one.armature * acceleration,
+        DAMPING: damper_law(one.damping, rate),
+        FRICTION: one.friction * np.sign(rate),
+        SPRINGS: spring_law(one.stiffness, stroke - np.clip(stroke, *one.rest)),
+    }
+
+
+def _along_path(answer: Answer, one: PathResistance) -> Iterator[tuple[str, Array]]:
+    """The same along a path: what its ends, and where it bends, need."""
+    frames = [answer.tree.body_frames[body].placed(np.eye(3), point) for body, point in one.path]
+    at = answer.motion.links.frames(stacked(frames))
+    way, apart, gained = (np.diff(getattr(at, name), axis=1) for name in "pva")
+    length = np.linalg.norm(way, axis=2)
+    line = way / np.maximum(length, np.finfo(float).tiny)[..., None]
+    rate, across = np.sum(line * apart, axis=2), cross(line, apart)
+    turning = np.sum(across * across, axis=2) / np.maximum(length, np.finfo(float).tiny)
+    acceleration = np.sum(line * gained, axis=2) + turning
+    forces = _resisting(one, *(each.sum(axis=1) for each in (length, rate, acceleration)))
+    there = {ARMATURE: one.armature, DAMPING: one.damping, FRICTION: one.friction, SPRINGS: one.stiffness}
+    for kind, force in forces.items():
+        if there[kind]:
+            total, none = np.zeros(_shape(answer)), np.zeros((len(force), 3))
+            for i, ((first, _), (second, _)) in enumerate(pairwise(one.path)):
+                pull = force[:, None] * line[:, i]
+                total += _between(answer, ("", second), pull, none, at.p[:, i + 1])
+                total += _between(answer, ("", first), -pull, none, at.p[:, i])
+            yield kind, total
 
 
 def _about_ball(answer: Answer, one: TurnResistance) -> Iterator[tuple[str, Array]]:

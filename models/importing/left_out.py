@@ -11,13 +11,21 @@ import numpy as np
 from screwgauge.models.content import kinds
 from screwgauge.models.machine import Machine
 from screwgauge.models.mjcf import without_stand_ins
-from screwgauge.models.readings.compiled import coupled_joints, heard, shares
+from screwgauge.models.readings.compiled import coupled_joints, heard, shares, sites_along
 from screwgauge.models.readings.mujoco import is_disabled, loaded, turn
 from screwgauge.models.readings.read import read_source
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
 from screwgauge.models.readings.source import Source
 from screwgauge.reference.errors import ModelFileError, first_few
-from screwgauge.reference.left_out import BorneWeight, Drag, LeftOut, Powers, Resistance, TurnResistance
+from screwgauge.reference.left_out import (
+    BorneWeight,
+    Drag,
+    LeftOut,
+    PathResistance,
+    Powers,
+    Resistance,
+    TurnResistance,
+)
 from screwgauge.reference.mechanism import GROUND, Frame, Mechanism
 from screwgauge.reference.rotations import Array
 
@@ -87,7 +95,7 @@ def _everything(reading: Reading, model: Any | None, where: str) -> tuple[LeftOu
     for name, joint in reading.joints.items():
         found += _of_joint(name, joint, model, where)
     if model is not None:
-        found += _of_tendons(model)
+        found += _of_tendons(model, reading, where)
         found += _of_actuators(model, where)
         found += _of_bodies(model, reading, where)
     return tuple(found)
@@ -121,25 +129,39 @@ def _powers(values: Iterable[float]) -> Powers:
     return tuple(np.trim_zeros(np.array([*values], dtype=float), "b").tolist())
 
 
-def _of_tendons(model: Any) -> Iterator[LeftOut]:
-    """Fixed tendons that pull."""
+def _of_tendons(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
+    """Tendons that pull."""
     springs, dampers = (not is_disabled(model, flag) for flag in ("SPRING", "DAMPER"))
     for i in range(model.ntendon):
         stiffness = (float(model.tendon_stiffness[i]), *_further(model, "tendon_stiffnesspoly", i))
         damping = (float(model.tendon_damping[i]), *_further(model, "tendon_dampingpoly", i))
         low, high = np.broadcast_to(model.tendon_lengthspring[i], 2).tolist()
         rubs = not is_disabled(model, "FRICTIONLOSS")
-        one = Resistance(
-            f"tendon {model.tendon(i).name}",
-            _coordinates(model, shares(model, i) or {}),
-            float(model.tendon_armature[i]) if hasattr(model, "tendon_armature") else 0.0,
-            _powers(damping) if dampers else (),
-            float(model.tendon_frictionloss[i]) if rubs else 0.0,
-            _powers(stiffness) if springs else (),
-            (low, high),
-        )
-        if one.along and (one.armature or one.damping or one.friction or one.stiffness):
-            yield one
+        laws: dict[str, Any] = {
+            "armature": float(model.tendon_armature[i]) if hasattr(model, "tendon_armature") else 0.0,
+            "damping": _powers(damping) if dampers else (),
+            "friction": float(model.tendon_frictionloss[i]) if rubs else 0.0,
+            "stiffness": _powers(stiffness) if springs else (),
+        }
+        of, fixed = f"tendon {model.tendon(i).name}", shares(model, i)
+        if any(laws.values()) and fixed is None:
+            yield PathResistance(of, _path(model, i, reading, where), **laws, rest=(low, high))
+        elif any(laws.values()):
+            yield Resistance(of, _coordinates(model, fixed or {}), **laws, rest=(low, high))
+
+
+def _path(model: Any, tendon: int, reading: Reading, where: str) -> tuple[tuple[str, Array], ...]:
+    """Bodies of the reading, and points on them, over which a tendon runs."""
+    sites = sites_along(model, tendon)
+    if sites is None:
+        what = f"tendon {model.tendon(tendon).name} pulls, and runs over geoms or pulleys, which is not measured"
+        raise ModelFileError(what, where, "let it run over sites, or take its stiffness, damping and the like out")
+    path = list[tuple[str, Array]]()
+    for site in sites:
+        body = model.body(model.site_bodyid[site]).name if model.site_bodyid[site] else ""
+        whole, T = (reading.place(body) if body else None) or (GROUND, np.eye(4))
+        path.append((whole, _at(T, model.site_pos[site])))
+    return tuple(path)
 
 
 def _coordinates(model: Any, shares_of: Mapping[int, float], factor: float = 1.0) -> dict[str, float]:
@@ -223,6 +245,9 @@ def kept(
     for one in left_out:
         if isinstance(one, BorneWeight | Drag):
             found.append(_on_part(one, names["bodies"].get(one.body, one.body), graph))
+        elif isinstance(one, PathResistance):
+            path = ((names["bodies"].get(body, body), point) for body, point in one.path)
+            found.append(replace(one, path=tuple(_point_on_part(body, point, graph) for body, point in path)))
         elif isinstance(one, TurnResistance):
             found += _of_turning_joint(one, names["joints"].get(one.joint, one.joint), mechanism)
         else:
@@ -260,6 +285,13 @@ def _on_part(one: BorneWeight | Drag, body: str, graph: Machine) -> LeftOut:
     if isinstance(one, BorneWeight):
         return replace(one, body=part, point=_at(T, one.point))
     return replace(one, body=part, frame=Frame(_at(T, one.frame.p), _clean(T[:3, :3] @ one.frame.R)))
+
+
+def _point_on_part(body: str, point: Array, graph: Machine) -> tuple[str, Array]:
+    """A point of a body of the reading on the body of the machine that it is part of."""
+    part = GROUND if body == GROUND else graph.part_of(body)
+    pose = np.eye(4) if part == GROUND else graph.bodies[part].pose
+    return part, point if part == body else _at(np.linalg.inv(pose) @ graph.reading.bodies[body].pose, point)
 
 
 def _clean(R: Array) -> Array:

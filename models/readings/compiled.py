@@ -173,6 +173,15 @@ def shares(model: Any, tendon: int) -> dict[int, float] | None:
     return {int(model.wrap_objid[k]): float(model.wrap_prm[k]) for k in at}
 
 
+def sites_along(model: Any, tendon: int) -> list[int] | None:
+    """Sites over which a tendon runs; None of one that runs over geoms or pulleys, too."""
+    import mujoco
+
+    at = range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    over_sites = all(model.wrap_type[k] == int(mujoco.mjtWrap.mjWRAP_SITE) for k in at)
+    return [int(model.wrap_objid[k]) for k in at] if over_sites else None
+
+
 def _along(model: Any, tendon: int) -> tuple[tuple[str, str, float], ...]:
     """Joints of a fixed tendon, and what they add to its length."""
     found = (shares(model, tendon) or {}).items()

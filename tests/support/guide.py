@@ -206,10 +206,16 @@ damping, dry friction, springs (those of hinges and slides are `[[springs]]` of 
 scene without them they are measured, too), weight that nothing exerts (gravcomp), drag of a medium. The forces are
 those of MuJoCo: of `mj_inverse` without constraints to the last digits, dry friction by the sign of the rate.
 
+The first sentence of a verdict says so: `the file has more: armature of 2 joints, up to 6.4 of 7.4 N·m`, the largest
+force that it adds to one of the actuators (along an independent coordinate, where these do not drive all freedoms)
+beside the largest of the whole. Passive forces alone are `✓ AGREE, but` and exit status 0; inertia is
+`✗ INERTIA LEFT OUT` and 1. A table, or an engine on a file of your own, whose numbers contain some of it is compared
+and judged without: what was taken off is said, and whatever is wrong besides is found as ever.
+
 A file is refused, and what acts is named, where it can be neither held nor measured: an equality that is not read
 (of a flex, of a fixed tendon over more than two joints, of two tendons over other than two joints in all) leaves
-other freedoms; so do flexible bodies. Springs that yield, tendons over sites that pull, fluid shapes of geoms, and
-plugins of bodies are refused, too. What is not active (`active="false"`) is not.
+other freedoms; so do flexible bodies. Springs that yield, tendons that pull over geoms or pulleys, fluid shapes of
+geoms, and plugins of bodies are refused, too. What is not active (`active="false"`) is not.
 
 An entry of `[[left_out]]`:"""
 
@@ -221,6 +227,7 @@ LEFT_OUT = (
         "",
         "`{ COORDINATE = share }`: it acts along a sum of joint coordinates, of one with share 1 for a joint; or else:",
     ),
+    ("`path`", "m", '`[{ body = "link", point = [x, y, z] }, ...]`: along a straight path over points; or else:'),
     ("`joint`", "", "an S or F joint, which resists alike about three axes, an F joint also along three; or else:"),
     ("`body`", "", "the body on which a weight is borne or a medium drags"),
     ("`armature`", "kg m^2, kg", "inertia of a rotor, times the square of its gear"),
@@ -230,7 +237,7 @@ LEFT_OUT = (
         "`stiffness`, `rest`",
         "N m/rad, N/m; rad, m",
         "`k`, or `[k0, k1, k2]` of the force x (k0 + k1 x + k2 x^2) beyond the coordinate, or "
-        "outside the range `[low, high]`, where it exerts nothing; of `along` only",
+        "outside the range `[low, high]`, where it exerts nothing; of `along` and `path` only",
     ),
     ("`mass`, `point`", "kg, m", "mass whose weight is borne (gravcomp), and where in the body's frame"),
     ("`density`, `viscosity`, `wind`", "kg/m^3, Pa s, m/s", "of the medium, wind in axes of the world"),
