@@ -38,8 +38,9 @@ EXAMPLES = {
     "models": "delta --include geoms --check",
     "list": "scenes",
 }
-EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance, not all compared, or inertia left out;
-2 bad input or usage; 3 an engine failed or is missing, or the report broke; 130, 143 stopped"""
+EXIT_STATUS = """exit status: 0 agreement within tolerance; 1 out of tolerance, not all compared, inertia left out, or a
+model file that differs without leave; 2 bad input or usage; 3 an engine failed or is missing, or the report broke; 130,
+143 stopped"""
 STRESS_STATUS = """exit status: 0 every row is there; 1 our own solver is silently wrong somewhere; 2 bad input;
 3 a rung broke"""
 

@@ -85,7 +85,7 @@ def test_a_run_ends_with_the_same_word(theirs, command):
     edited(theirs / "four-bar.xml", EDITS["coupler.inertia"])
     results = screwgauge.run(screwgauge.load_scene(gate(theirs, STILL)))
     assert (results.outcome, results.exit_status, bool(results)) == ("unlike", 1, False)
-    assert {*results.unlike} == {"coupler.inertia"}
+    assert {*results.mismatches} == {"coupler.inertia"}
     assert command("run", gate(theirs, STILL), status=1).out.startswith("✗ MODELS DIFFER")
     assert main(["run", str(gate(theirs, STILL, ("coupler.inertia",))), "--out", "allowed"]) == 0
 

@@ -148,8 +148,8 @@ def _unlike(results: Comparison) -> list[str]:
     """Differences of model files that the scene does not allow; they stand already with a difference or a fault."""
     if {"differ", "faulted"} & {*results.outcomes}:
         return []
-    differ = f"Model files differ from the description: {first_few(results.unlike.values(), DOUBTS, '; ')}."
-    return [differ, _leave(results.unlike)]
+    differ = f"Model files differ from the description: {first_few(results.mismatches.values(), DOUBTS, '; ')}."
+    return [differ, _leave(results.mismatches)]
 
 
 def _leave(keys: Iterable[str]) -> str:

@@ -86,7 +86,7 @@ class Comparison:
             "partly": bool(self.refusals or self.apart),
             "undecided": bool(self.undecided),
             "rigid": not {*self.left_out.inertia} <= {*self.scene.allow},
-            "unlike": bool(self.unlike),
+            "unlike": bool(self.mismatches),
         }
         return tuple(outcome for outcome, here in holds.items() if here) or ("judged" if alone else "agree",)
 
@@ -137,7 +137,7 @@ class Comparison:
         return max((int(rows["undecided"].max()) for rows in (self.compared, self.judge) if len(rows)), default=0)
 
     @property
-    def unlike(self) -> dict[str, str]:
+    def mismatches(self) -> dict[str, str]:
         """What model files differ in from the description though the scene does not allow it: key -> sentence."""
         found = (each for solution in self.solutions.values() for each in solution.otherwise if each.physical)
         return {each.key: each.sentence for each in found if each.key not in self.scene.allow}

@@ -39,8 +39,8 @@ from screwgauge.scene.preflight import check_actuation, check_scene, doubts, far
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Failure, Solution
-from screwgauge.study.allowed import UNREAD, check_allowed, idle
 from screwgauge.study.comparison import Comparison, facts, provenance
+from screwgauge.study.leave import UNREAD, check_leave, idle_entries
 from screwgauge.study.left_out import LeftOutForces, without_left_out
 from screwgauge.study.methods import left_out, without
 from screwgauge.study.simulations import MOTION, doubtful, ends, loosened, observed
@@ -98,7 +98,7 @@ def run(
     _check_acting(scene, names)
     progress("preflight", 0.0)
     checked = _check_simulated(scene, wanted) if scene.simulated else _check_given(scene, wanted)
-    check_allowed(scene)
+    check_leave(scene)
     unread, doubted = _unread(scene, names), doubts(scene)
     warnings = (*doubted, *checked.warnings, *_changed(scene), *unread.values())
     for sentence in warnings:
@@ -114,7 +114,7 @@ def run(
     progress("comparison", 0.0)
     steps.judge_all(answers, tables)
     errors, pairs = steps.compare()
-    stale = tuple(idle(scene, steps.solutions, steps.left_out, unread))
+    stale = tuple(idle_entries(scene, steps.solutions, steps.left_out, unread))
     return Comparison(
         scene=scene,
         solutions=steps.solutions,

@@ -193,7 +193,7 @@ def _maximum(a: Array, b: Array, out: Array) -> None:
 _FUNCTIONS: dict[str, Callable[..., Any]] = {**OPERATIONS, "max": _maximum, "square": np.square}
 
 
-def clear(outputs: Sequence[Array], weights: Array) -> bool:
+def is_clear(outputs: Sequence[Array], weights: Array) -> bool:
     """True if no sample is in doubt, see `screwgauge.reference.traced.native.Native.bind`.
 
     Args:
@@ -266,7 +266,7 @@ class Lanes:
                 for code in codes:
                     for function, operands in code:
                         function(*operands)
-                return weights is None or clear(outputs, weights)
+                return weights is None or is_clear(outputs, weights)
 
         return run
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.engines.screw.buffers import Buffers, check_array, check_finite, divided
-from screwgauge.engines.screw.programs import Bound, infinite
+from screwgauge.engines.screw.programs import Bound, rows_not_finite
 from screwgauge.engines.screw.traced import TracedWork
 from screwgauge.problem import GivenMotion
 from screwgauge.reference.closed.continuation import PathEnd
@@ -202,7 +202,7 @@ class Solver:
             inputs = [x.copy() for x in inputs]  # parts would be answered over those to come
         with self.lock:
             by_array, bound = self._solve_checked(inputs, self._works(mode), arrays, t)
-        if (rows := infinite({name: arrays[name] for name in self.quantities})).size:
+        if (rows := rows_not_finite({name: arrays[name] for name in self.quantities})).size:
             names = (name for name in self.quantities if not np.isfinite(arrays[name][rows[0]]).all())
             what = f"{', '.join(names)} cannot be held by doubles"
             raise DescriptionError(what, f"row {rows[0]}", "give smaller coordinates, rates, accelerations or loads")

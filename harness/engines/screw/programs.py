@@ -22,7 +22,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.equations.rounding import extent
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array
-from screwgauge.reference.traced.program import Lanes, Program, clear
+from screwgauge.reference.traced.program import Lanes, Program, is_clear
 from screwgauge.reference.traced.trace import NotTraceableError, Scalar, apply
 from screwgauge.reference.traced.tracing import CHECKS, Traced
 from screwgauge.truth import cache
@@ -117,7 +117,7 @@ class Bounds:
             "badly conditioned": trust.doubtful(SAFETY),
             "not closed": np.flatnonzero(~((out["closing"] <= self.arrived) & self.near(out))),
             "not balanced": np.flatnonzero(~(out["balance"] <= BALANCED * np.maximum(trust.load, 1e-300))),
-            "not finite": infinite(values),
+            "not finite": rows_not_finite(values),
         }
         left: Rows = np.zeros(0, dtype=np.intp)
         for reason, rows in doubts.items():
@@ -126,7 +126,7 @@ class Bounds:
         return left
 
 
-def infinite(values: Mapping[str, Array]) -> Rows:
+def rows_not_finite(values: Mapping[str, Array]) -> Rows:
     """Samples of which a value, shape (n, m), is not finite. Shape (count,)."""
     return np.flatnonzero(~np.all([np.isfinite(x).all(axis=1) for x in values.values()], axis=0))
 
@@ -243,7 +243,7 @@ class Arcs:
             for runner, limit in zip(self.runners[1:], self.limits[1:], strict=True):
                 if rows.size:
                     rows = rows[~(_retried(runner, rows, given, results) <= limit)]
-                    sure = weights is None or clear(outputs, weights)
+                    sure = weights is None or is_clear(outputs, weights)
             return sure
 
         return run

@@ -156,7 +156,7 @@ def read_tolerances(given: str | Path | Mapping[str, float] | None) -> dict[str,
 WIDE = 1e-2
 
 
-def admitted(tolerances: Mapping[str, float], allow: Iterable[str] = ()) -> list[str]:
+def admissions(tolerances: Mapping[str, float], allow: Iterable[str] = ()) -> list[str]:
     """What is admitted on purpose: entries of ``allow``, and tolerances above `WIDE`."""
     wide = (f"{quantity} to {value:.3g}" for quantity, value in tolerances.items() if value > WIDE)
     return [*allow, *wide]

@@ -23,7 +23,7 @@ from screwgauge.reference.files import read_file
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.gate.items import GateRow, Item, admitted
+from screwgauge.study.gate.items import GateRow, Item, admissions
 from screwgauge.study.mismatches import physical
 from screwgauge.study.outcome import Outcome, weakest
 from screwgauge.study.run import run
@@ -73,7 +73,7 @@ def compared(
     row = GateRow(scene.name, status, sentence, errors, results.coverage.sentence, versions, hashes, file, line)
     read = [str(path) for path in files_of(scene, [*results.solutions, *results.failures])]
     used = dict.fromkeys([*scene.quantities, *scene.tolerances])
-    leave = admitted({quantity: scene.tolerance(quantity) for quantity in used}, scene.allow)
+    leave = admissions({quantity: scene.tolerance(quantity) for quantity in used}, scene.allow)
     row = replace(row, doubts=results.doubts, unread=results.unread, read=read, admitted=leave)
     return replace(row, more=settings.more(results) if results.left_out.terms else ""), results
 
@@ -196,7 +196,7 @@ def compared_pair(item: Item, settings: GateSettings) -> GateRow:
     hashes = {model.label: model.sha256 for model in (diagnosis.a, diagnosis.b)}
     where = _line(b, diagnosis.differences)
     row = GateRow(item.name, status, diagnosis.verdict, tuple(errors), "", packages, hashes, str(b), where)
-    return replace(row, doubts=diagnosis.doubts, admitted=admitted({"tree_force": given} if given else {}))
+    return replace(row, doubts=diagnosis.doubts, admitted=admissions({"tree_force": given} if given else {}))
 
 
 def _line(file: Path, differences: tuple[Difference, ...] | list[Difference]) -> int:

@@ -16,7 +16,7 @@ UNREAD = "unread"
 _UNNAMED = ("closure", "coupling", "actuator")
 
 
-def check_allowed(scene: Scene) -> None:
+def check_leave(scene: Scene) -> None:
     """Rejects entries of ``allow`` that can be of nothing in the mechanism or the scene.
 
     Raises:
@@ -51,7 +51,7 @@ def files_of(scene: Scene) -> list[str]:
     return [*(f"models.{name}" for name in scene.models), *(f"tables.{name}" for name in scene.tables)]
 
 
-def idle(
+def idle_entries(
     scene: Scene, solutions: Mapping[str, Solution], forces: LeftOutForces, unread: Collection[str]
 ) -> Iterator[str]:
     """Sentences on entries of ``allow`` that admit nothing, where all model files of the scene were read.
