@@ -244,10 +244,11 @@ def kept(
     found = list[LeftOut]()
     for one in left_out:
         if isinstance(one, BorneWeight | Drag):
-            found.append(_on_part(one, names["bodies"].get(one.body, one.body), graph))
+            found += _on_part(one, names["bodies"].get(one.body, one.body), graph)
         elif isinstance(one, PathResistance):
             path = ((names["bodies"].get(body, body), point) for body, point in one.path)
-            found.append(replace(one, path=tuple(_point_on_part(body, point, graph) for body, point in path)))
+            moved = tuple(_point_on_part(body, point, graph, f"{where}, {one.of}") for body, point in path)
+            found.append(replace(one, path=moved))
         elif isinstance(one, TurnResistance):
             found += _of_turning_joint(one, names["joints"].get(one.joint, one.joint), mechanism)
         else:
@@ -276,22 +277,30 @@ def _along_coordinates(
         yield replace(one, of=f"joint {joints.get(name, name)}" if noun == "joint" else one.of, along=along)
 
 
-def _on_part(one: BorneWeight | Drag, body: str, graph: Machine) -> LeftOut:
-    """The same in the frame of the body of the machine that a body of the reading is part of."""
+def _on_part(one: BorneWeight | Drag, body: str, graph: Machine) -> Iterator[LeftOut]:
+    """The same in the frame of the body of the machine that a body of the reading is part of, if that moves."""
     part = graph.part_of(body)
-    if part == body:
-        return replace(one, body=part)
-    T = np.linalg.inv(graph.bodies[part].pose) @ graph.reading.bodies[body].pose
+    if part == GROUND:
+        return
+    T = np.linalg.inv(graph.bodies[part].pose) @ graph.reading.bodies[body].pose if part != body else np.eye(4)
     if isinstance(one, BorneWeight):
-        return replace(one, body=part, point=_at(T, one.point))
-    return replace(one, body=part, frame=Frame(_at(T, one.frame.p), _clean(T[:3, :3] @ one.frame.R)))
+        yield replace(one, body=part, point=_at(T, one.point))
+    else:
+        yield replace(one, body=part, frame=Frame(_at(T, one.frame.p), _clean(T[:3, :3] @ one.frame.R)))
 
 
-def _point_on_part(body: str, point: Array, graph: Machine) -> tuple[str, Array]:
+def _point_on_part(body: str, point: Array, graph: Machine, where: str) -> tuple[str, Array]:
     """A point of a body of the reading on the body of the machine that it is part of."""
-    part = GROUND if body == GROUND else graph.part_of(body)
-    pose = np.eye(4) if part == GROUND else graph.bodies[part].pose
-    return part, point if part == body else _at(np.linalg.inv(pose) @ graph.reading.bodies[body].pose, point)
+    if body == GROUND:
+        return GROUND, point
+    part = next((name for name, each in graph.bodies.items() if body in each.members), None)
+    if part is None:
+        raise ModelFileError(
+            f"runs over body {body}, which has no mass", where, "give that body mass, or move its site"
+        )
+    if part == body:
+        return part, point
+    return part, _at(np.linalg.inv(graph.bodies[part].pose) @ graph.reading.bodies[body].pose, point)
 
 
 def _clean(R: Array) -> Array:
