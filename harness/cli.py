@@ -20,7 +20,7 @@ DEFAULT_SCENE = "3ups-upu-s"
 PURPOSE = "Do two descriptions of a mechanism's motion agree, by how much, and if not, why?"
 GROUPS = {
     "use": ("run", "diagnose", "casebook", "check", "import", "view"),
-    "study": ("bench", "stress", "history", "matrix"),
+    "study": ("bench", "stress", "matrix"),
     "export": ("models", "list"),
 }
 #: An example of each, after its name.
@@ -33,7 +33,6 @@ EXAMPLES = {
     "view": "delta --video delta.gif",
     "bench": "slider-crank --quick",
     "stress": "wrist-chart --severity 1e-3,1e-6",
-    "history": "--store kept",
     "matrix": "--pin 3.9.0,4.1.0 --mujoco 4.0.0",
     "models": "delta --include geoms --check",
     "list": "scenes",
@@ -258,15 +257,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--junit", type=_path, metavar="FILE", help="write JUnit XML, too")
     executed(add, "scenes")
     add("--json", action="store_true", help="print all of it as JSON")
-    add("--store", type=_path, metavar="DIR", help="keep errors and run times there, see 'history'")
     add("--limit", type=float, metavar="SECONDS", help="stop a scene that takes longer (3600)")
     add("--memory", type=float, metavar="GB", help="stop a scene that needs more (that of the machine)")
-
-    add = command(commands.history, "errors and run times over versions, machines and models", out="history-report")
-    add("scene", nargs="?", metavar="SCENE", help="default: all that were checked")
-    add("--store", type=_path, metavar="DIR", help="where checks were kept (screwgauge-out/history)")
-    add("--baseline", type=_path, metavar="FILE", help="write the last errors of each scene that passed as a baseline")
-    add("--smoke", action="store_true", help="of checks with --smoke")
 
     add = command(
         commands.matrix,

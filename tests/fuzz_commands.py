@@ -36,14 +36,13 @@ from support.command import main as command
 from support.engines import unwatched
 
 LIMIT, MEMORY = 60.0, 4.0  # s, GB
-IMPORTED = ("mujoco", "pinocchio", "yourdfpy", "yaml", "duckdb", "pyarrow.parquet", "scipy.optimize", "scipy.integrate")
+IMPORTED = ("mujoco", "pinocchio", "yourdfpy", "yaml", "pyarrow.parquet", "scipy.optimize", "scipy.integrate")
 #: Of our own, that commands import when they need them.
 OURS = (
     "diagnosis.diagnose",
     "report.pages.check",
     "report.pages.run",
     "report.pages.diagnosis",
-    "report.pages.history",
 )
 UNFORESEEN = re.compile(
     r"should not have happened|Traceback|report could not be made|"

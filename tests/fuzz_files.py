@@ -20,7 +20,7 @@ import pandas as pd
 
 import screwgauge
 from screwgauge.report.folder import MANIFEST
-from support.gate import PAGE, keep
+from support.gate import PAGE
 from support.mechanism import load_mechanism, mechanism_path
 from support.models import model_texts
 
@@ -110,11 +110,6 @@ KINDS = {
     ),
     "baseline": Kind(("check", "scene.toml", "--baseline", "baseline.json", *OUT), ("baseline.json",), (("--json",),)),
     "tolerances": Kind(("check", "scene.toml", "--tolerances", "tolerances.toml", *OUT), ("tolerances.toml",)),
-    "history": Kind(
-        ("history", "--store", "store", *OUT),
-        ("store/a.parquet", "store/b.parquet", "store/c.parquet"),
-        (("scene",), ("--baseline", "out/known.json"), ("--smoke",)),
-    ),
     "tables": Kind(
         ("run", "tables.toml", *OUT), ("mine.csv", "mine.parquet", "tables.toml"), (("--json",), ("--samples",))
     ),
@@ -153,8 +148,6 @@ def _left() -> dict[str, bytes]:
     found = screwgauge.check("scene.toml")
     found.write_baseline("baseline.json")
     kept = {"baseline.json": Path("baseline.json").read_bytes()}
-    for name in "abc":
-        kept[f"store/{name}.parquet"] = keep(Path("store"), found.rows, smoke=False).read_bytes()
     PAGE.write(found, Path("out"))
     kept |= {f"out/{path.name}": path.read_bytes() for path in Path("out").iterdir() if path.is_file()}
     results = screwgauge.run(screwgauge.load_scene("scene.toml"), ["screw"])

@@ -17,8 +17,7 @@ SCRIPT = Path(__file__).with_name("fuzz_commands.py")
 @pytest.mark.slow
 def test_commands_on_broken_files_answer_or_refuse():
     """A process of its own forks one for each case: this one has threads."""
-    for package in ("duckdb", "pyarrow"):
-        pytest.importorskip(package, reason=f"{package} is not installed")
+    pytest.importorskip("pyarrow", reason="pyarrow is not installed")
     command = [sys.executable, str(SCRIPT), "--count", "3", "--seed", "7"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

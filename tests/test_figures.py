@@ -153,7 +153,7 @@ def test_only_what_draws_imports_the_library() -> None:
     code = (
         "import sys, screwgauge.report.results, screwgauge.commands; "
         "from screwgauge.report.figures import chart, diagnosis, run; "
-        "from screwgauge.report.pages import bench, history, stress; "
+        "from screwgauge.report.pages import bench, stress; "
         "print('vl_convert' in sys.modules)"
     )
     assert printed_by(code).strip() == "False"

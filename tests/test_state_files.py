@@ -18,7 +18,7 @@ from screwgauge import ScrewgaugeError
 from support.bench import Journal
 from support.command import LIMITS, digest, main, read_json
 from support.errors import DescriptionError, UnknownNameError, printable, shown
-from support.gate import GateRow, Residual, against, from_record, history, is_record, keep, write_baseline
+from support.gate import GateRow, Residual, against, from_record, is_record, write_baseline
 from support.scene import read_columns
 
 ERROR = Residual("reaction", "N", "screw", "mujoco", 2e-14, 1e-11, "rounding", True, "leg1", 0.5)
@@ -49,18 +49,11 @@ def known(tmp_path) -> Path:
 
 
 @pytest.mark.parametrize("kind", SPECIAL)
-def test_state_that_is_no_regular_file_in_bounds_is_refused_at_once(kind, known, tmp_path):
-    store = tmp_path / "store"
-    files = [known, keep(store, [ROW], smoke=False)]
-    for file in files:
-        SPECIAL[kind](file)
+def test_state_that_is_no_regular_file_in_bounds_is_refused_at_once(kind, known):
+    SPECIAL[kind](known)
     said = r": cannot be read \((it is no regular file|is a directory|it has more than \d+ MB.*)\); check the path\.$"
-    for read in (
-        lambda: against(known, [ROW], smoke=False),
-        lambda: history(store),
-    ):
-        with pytest.raises(DescriptionError, match=said):
-            read()
+    with pytest.raises(DescriptionError, match=said):
+        against(known, [ROW], smoke=False)
 
 
 def changed(**entries: object):
@@ -140,47 +133,6 @@ def test_a_journal_s_odd_row_is_made_anew(key, tmp_path):
 def test_results_that_do_not_fit_are_not_taken_over(tmp_path, cache_folder):
     Journal(tmp_path, "x").keep("a", {"status": 3})
     assert Journal(tmp_path, "x", lambda result: isinstance(result["status"], str)).results == {}
-
-
-@pytest.mark.parametrize(
-    ("column", "value"),
-    [
-        ("versions", "{"),
-        ("versions", "[]"),
-        ("files", '{"a": 1}'),
-        ("packages", BRACKETS),
-        ("date", "yesterday"),
-        ("error", "1"),
-        ("error", -1.0),
-        ("status", "green"),
-        ("schema", 2),
-        ("scene", None),
-        ("smoke", 1),
-        ("seconds", [1.0]),
-        ("cpu", None),
-    ],
-)
-def test_a_history_with_an_odd_value_is_refused_and_its_file_named(column, value, tmp_path):
-    pytest.importorskip("duckdb", reason="duckdb is not installed")
-    file = keep(tmp_path, [ROW], smoke=False)
-    table = pd.read_parquet(file).astype(object)
-    table.at[0, column] = value
-    pd.DataFrame(table.to_dict("records")).to_parquet(file, index=False)
-    with pytest.raises(DescriptionError, match=rf"\.parquet: is no history of checks \({column} is"):
-        history(tmp_path)
-
-
-def test_a_history_without_a_column_or_that_is_cut_is_refused(tmp_path):
-    pytest.importorskip("duckdb", reason="duckdb is not installed")
-    file = keep(tmp_path, [ROW], smoke=False)
-    table, data = pd.read_parquet(file), file.read_bytes()
-    table.drop(columns="run").to_parquet(file, index=False)
-    with pytest.raises(DescriptionError, match="column 'run' is missing"):
-        history(tmp_path)
-    for odd in (data[:-20], data[20:], b"", data[:50] + bytes([data[50] ^ 0xFF]) + data[51:-30] + b"\xff" * 30):
-        file.write_bytes(odd)
-        with pytest.raises(DescriptionError, match="cannot be read as Parquet"):
-            history(tmp_path)
 
 
 def test_a_table_of_which_a_byte_is_other_is_read_or_refused(tmp_path):

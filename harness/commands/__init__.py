@@ -249,15 +249,12 @@ def _names(text: str | None) -> list[str] | None:
 def check(options: argparse.Namespace) -> int:
     """Checks scenes and pairs of models; what CI services read of it is left where they look for it."""
     from screwgauge.report.pages.check import PAGE, check_files, check_inputs, check_outputs, check_with
-    from screwgauge.study.gate.history import check_store, keep
 
     if options.update and options.baseline is None:
         raise DescriptionError("--update does not know what", "check", "name a file by --baseline")
     if options.no_default and not options.what:
         raise DescriptionError("nothing is named", "check", "name scenes, folders or model files")
     check_files(options)
-    if options.store is not None:
-        check_store(options.store)
     out, old = options.out or OUT / "check", None if options.update else options.baseline
     more = {"smoke": options.smoke, "tolerances": options.tolerances, "baseline": old}
     execute, place = executor(options, limits(options)), None if options.cluster is None else out
@@ -272,28 +269,9 @@ def check(options: argparse.Namespace) -> int:
         junit=options.junit,
         baseline=options.baseline if options.update else None,
     )
-    if options.store is not None:
-        keep(options.store, outcome.rows, outcome.smoke)
     for line in outcome.annotations() if os.environ.get("GITHUB_ACTIONS") and not options.json else ():
         mark(line)
     return int(outcome.exit_status)
-
-
-def history(options: argparse.Namespace) -> int:
-    """Shows the errors and run times that checks have left in a store, or makes a baseline of them."""
-    from screwgauge.report.pages.history import PAGE as page
-    from screwgauge.study.gate.history import check_baseline, check_store, history, write_latest
-
-    store = options.store or OUT / "history"
-    check_store(store)
-    if options.baseline is not None:
-        check_baseline(options.baseline, force=options.force)
-    out = options.out or OUT / "history-report"
-    files = Files(outputs={} if options.baseline is None else {"--baseline": options.baseline})
-    carry_out(page, out, lambda progress: history(store, options.scene), files=files, force=options.force)
-    if options.baseline is not None:
-        write_latest(options.baseline, store, options.smoke)
-    return 0
 
 
 def matrix(options: argparse.Namespace) -> int:

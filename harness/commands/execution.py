@@ -116,6 +116,7 @@ def _write(
 
 
 _CAMPAIGN = "run pytest -m campaign -k {} in a checkout, see reports/README.md"
+_KEPT = "keep check.json of each check, and compare with a known state by check --baseline"
 _PAPER = "run pytest tests/paper --reports=DIR in a checkout, see reports/README.md"
 _ENDED, _RENAMED = "is no longer part of the package", "has another name"
 #: Command, or command and option -> what became of it, and what to type in its place.
@@ -123,8 +124,10 @@ ENDED = {
     "bench --budget": (_RENAMED, "write bench --limit SECONDS"),
     "bench --random": (_ENDED, _CAMPAIGN.format("random")),
     "check --self-test": (_ENDED, _CAMPAIGN.format("alarms")),
+    "check --store": (_ENDED, _KEPT),
     "diagnose --case": (_RENAMED, "write casebook ID"),
     "diagnose --self-test": (_ENDED, _CAMPAIGN.format("selftest")),
+    "history": (_ENDED, _KEPT),
     "paper": (_ENDED, _PAPER),
     "run --errata": (_ENDED, _PAPER),
 }

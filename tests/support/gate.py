@@ -1,4 +1,4 @@
-"""The gate of a repository: items, rows, baseline and store."""
+"""The gate of a repository: items, rows and baseline."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from screwgauge.report.pages.check import PAGE, sentence_of
 from screwgauge.study import address as address_module
 from screwgauge.study.address import address
 from screwgauge.study.gate import run as gate_run
-from screwgauge.study.gate.history import against, history, keep, write_baseline, write_latest
+from screwgauge.study.gate.baseline import against, write_baseline
 from screwgauge.study.gate.items import GateRow, Item
 from screwgauge.study.gate.measure import GateSettings
 from screwgauge.study.gate.run import check_items, files_in

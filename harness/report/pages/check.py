@@ -25,7 +25,7 @@ from screwgauge.report.left_out import more
 from screwgauge.report.text import markdown, terminal
 from screwgauge.report.verdict import verdict
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.gate.history import Against, against, check_baseline, read_baseline, write_baseline
+from screwgauge.study.gate.baseline import Against, against, check_baseline, read_baseline, write_baseline
 from screwgauge.study.gate.items import GateRow, items, read_tolerances, unread
 from screwgauge.study.gate.known_files import known_item
 from screwgauge.study.gate.measure import GateSettings

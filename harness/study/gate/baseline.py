@@ -1,0 +1,185 @@
+"""Baselines: the errors of a known state with its versions and hashes, as JSON; later states must not lose digits."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from typing import Any
+
+from screwgauge.environment import environment, json_text
+from screwgauge.judging.residual import Residual
+from screwgauge.quantities import SOLVED, digits
+from screwgauge.reference.errors import DescriptionError, OutputError, shown
+from screwgauge.reference.files import read_json, replace_file
+from screwgauge.study.gate.items import GateRow
+from screwgauge.study.store import is_record
+
+#: Of a baseline.
+SCHEMA = 1
+#: Tables of versions, hashes, packages.
+TEXTS = Mapping[str, str]
+#: What to do where there is none.
+UPDATE = "make one by --update"
+#: An error has grown when it is so many times what it was, or what rounding makes of it on another machine, whichever
+#: is more: one digit, and a hundredth of the tolerance of what is solved.
+GROWN, NOISE = 10.0, 0.01 * SOLVED
+
+
+@dataclass(frozen=True, slots=True)
+class Against:
+    """Comparison with a known state.
+
+    Attributes:
+        changed: Which engines, models, versions are others, in sentences.
+        worse: Errors that have grown, in sentences with the digits that are lost; `improved`: likewise gained.
+        notes: What one of the two states lacks.
+    """
+
+    file: str
+    changed: Sequence[str] = ()
+    worse: Sequence[str] = ()
+    improved: Sequence[str] = ()
+    notes: Sequence[str] = ()
+
+
+def state(rows: Iterable[GateRow], smoke: bool) -> dict[str, Any]:
+    """The content of a baseline. Run times are not in it."""
+    record = environment()
+    return {
+        "schema": SCHEMA,
+        "smoke": smoke,
+        "environment": {"platform": record["platform"], "cpu": record["cpu"], **record["packages"]},
+        "scenes": {
+            row.scene: {
+                "versions": dict(row.versions),
+                "files": dict(row.files),
+                "errors": {one.key: one.error for one in row.errors},
+            }
+            for row in rows
+        },
+    }
+
+
+def write_baseline(file: Path, rows: Sequence[GateRow], smoke: bool) -> None:
+    """Makes the state of these rows the known one.
+
+    Raises:
+        OutputError: One of them has no numbers, or the file cannot be written; it is then as it was.
+    """
+    if broken := [row.scene for row in rows if row.status in ("failed", "refused")]:
+        what = f"a state in which {', '.join(broken)} cannot be checked is no baseline"
+        raise OutputError(what, str(file), "mend that first, or leave out --update")
+    replace_file(file, json_text(state(rows, smoke)))
+
+
+def against(file: Path, rows: Sequence[GateRow], smoke: bool) -> Against:
+    """Compares rows with a baseline.
+
+    Raises:
+        DescriptionError: There is none, or it is of another schema, of other scenes, or of other options.
+    """
+    known = read_baseline(file, smoke, [row.scene for row in rows])
+    before, now = known["scenes"], state(rows, smoke)
+    changed = [*_changes("", known["environment"], now["environment"])]
+    worse, improved, notes = list[str](), list[str](), list[str]()
+    for row in rows:
+        if row.scene not in before:
+            notes.append(f"{row.scene} is not in the baseline (--update adds it)")
+            continue
+        then = before[row.scene]
+        for key in ("versions", "files"):
+            changed += _changes(f"{row.scene}: ", then[key], now["scenes"][row.scene][key])
+        for one in row.errors:
+            if one.key not in then["errors"]:
+                notes.append(f"{row.scene}: {one.key} is not in the baseline")
+            elif sentence := _grown(row.scene, one, then["errors"][one.key]):
+                (worse if sentence[0] else improved).append(sentence[1])
+        lost = then["errors"].keys() - {one.key for one in row.errors}
+        worse += [f"{row.scene}: {key} is no longer compared" for key in sorted(lost)]
+    notes += [f"{name} is in the baseline and was not checked" for name in before if name not in now["scenes"]]
+    return Against(str(file), list(dict.fromkeys(changed)), worse, improved, notes)
+
+
+def check_baseline(file: Path, *, force: bool = False) -> None:
+    """Refuses to overwrite a file that is no baseline.
+
+    Raises:
+        OutputError: It is something else.
+    """
+    if not os.path.lexists(file) or force:
+        return
+    try:
+        sound = _sound(read_json(file, "baseline", UPDATE))
+    except DescriptionError:
+        sound = False
+    if not sound:
+        raise OutputError("is there, and is no baseline", str(file), "name another file, or overwrite it by --force")
+
+
+def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, Any]:
+    """The entries of a baseline.
+
+    Raises:
+        DescriptionError: It is none, or of another schema, of other scenes, or of other options.
+    """
+    known = read_json(file, "baseline", UPDATE)
+    if known.keys() >= {"schema", "scenes", "environment"} and known["schema"] != SCHEMA:
+        raise DescriptionError(f"has schema {shown(known['schema'])}, not {SCHEMA}", str(file), UPDATE)
+    if not _sound(known):
+        raise DescriptionError("is no baseline", str(file), UPDATE)
+    before = known["scenes"]
+    if known.get("smoke") is not smoke:
+        made = "with" if known.get("smoke") else "without"
+        raise DescriptionError(f"was made {made} --smoke", str(file), "check likewise, or make another by --update")
+    if not before.keys() & {*scenes}:
+        what = f"is a baseline of {', '.join(before) or 'nothing'}, not of {', '.join(scenes)}"
+        raise DescriptionError(what, str(file), "name another file, or make one by --update")
+    return known
+
+
+def _sound(known: Mapping[str, Any]) -> bool:
+    """Whether all entries are what `state` makes them."""
+    scenes = known.get("scenes")
+    if not is_record(known.get("environment"), TEXTS) or not isinstance(scenes, dict):
+        return False
+    return all(map(_sound_scene, scenes.values()))
+
+
+def _sound_scene(entry: object) -> bool:
+    if not isinstance(entry, dict) or not all(is_record(entry.get(key), TEXTS) for key in ("versions", "files")):
+        return False
+    errors = entry.get("errors")
+    return isinstance(errors, dict) and all(map(_is_size, errors.values()))
+
+
+def _is_size(value: object) -> bool:
+    """Whether it is the size of an error; null stands for what is no number."""
+    return value is None or (isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < inf)
+
+
+def _changes(whose: str, then: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
+    """Sentences on entries that differ; a hash is not worth reading."""
+    for name in dict.fromkeys([*then, *now]):
+        a, b = str(then.get(name, "")), str(now.get(name, ""))
+        if a != b:
+            hashed = len(a) == 64 or len(b) == 64
+            yield (
+                f"{whose}{name} has changed" if hashed and a and b else f"{whose}{name}: {a or 'none'} -> {b or 'none'}"
+            )
+
+
+def _grown(scene: str, one: Residual, before: float | None) -> tuple[bool, str] | None:
+    """Whether an error is worse or better than it was, beyond noise, and by how many digits."""
+    then = float("nan") if before is None else float(before)
+    a, b = digits(then), digits(one.error)
+    sentence = f"{scene}: {one.key}: {then:.1e} -> {one.error:.1e}"
+    if a != a or b != b:
+        return None if a != a and b != b else (b != b, f"{sentence} ({'no number any more' if b != b else 'a number'})")
+    if one.error > GROWN * max(then, NOISE):
+        return True, f"{sentence}, {a - b:.1f} digits lost"
+    if then > GROWN * max(one.error, NOISE):
+        return False, f"{sentence}, {b - a:.1f} digits gained"
+    return None
