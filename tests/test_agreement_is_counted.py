@@ -76,6 +76,29 @@ def test_what_a_loaded_model_says_that_it_lacks_is_listed_and_no_failure(monkeyp
     assert any("its bearings are sealed" in note for note in results.solutions["mujoco"].notes)
 
 
+class Late(Shy):
+    """A loaded model that says so only when it has been asked."""
+
+    def solve(self, problem, progress=None):
+        self.lacks = {"reaction": "I do not know"}
+        return replace(super().solve(problem), lacks=self.lacks)
+
+
+def test_what_it_says_after_it_was_asked_is_no_leave_to_leave_out(monkeypatch, crank):
+    module, entry = ModuleType("late"), ENGINES["mujoco"]
+
+    def load(files):
+        model = Late(entry.load(files))
+        model.lacks = {}
+        return model
+
+    module.load = load
+    monkeypatch.setitem(sys.modules, "late", module)
+    monkeypatch.setitem(ENGINES, "mujoco", replace(entry, source="late:load"))
+    results = screwgauge.run(crank, engines=["screw", "mujoco"], quantities=QUANTITIES)
+    assert (results.outcomes, results.exit_status) == (("partly",), 1)
+
+
 def test_forces_of_unlike_trees_that_nobody_compares_are_no_agreement():
     scene = screwgauge.load_scene("3ups-upu-s").at([0.0, 1.0])
     results = screwgauge.run(scene, engines=["pinocchio", "mujoco-full"], quantities=["tree_force", "actuator_force"])

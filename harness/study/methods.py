@@ -121,8 +121,9 @@ class EngineTask:
     def _solve(self, progress: Progress) -> Solution:
         with redirect_stdout(sys.stderr):  # what an engine prints is no output of a command
             model = self.engine.load(self.files)
+            lacks = declared(model, self.engine)  # before it has met the problem
             answer = sound(model.solve(self._ordered(model), progress), len(self.problem.task))
-            return declared(answer, model, self.engine)
+            return replace(answer, lacks=lacks)
 
     def _ask_apart(self, progress: Progress) -> Solution | Failure:
         """Asks an engine of another package, whose answer is looked at where it cannot have changed who looks."""
@@ -336,10 +337,10 @@ class LeftOutError(Exception):
     """An answer that lacks requested quantities."""
 
 
-def declared(answer: Solution, model: EngineModel, engine: Engine | None) -> Solution:
-    """The answer with what its engine has said beforehand that it does not give."""
+def declared(model: EngineModel, engine: Engine | None) -> dict[str, str]:
+    """Quantities that an engine, or its loaded model, says that it does not give -> why not."""
     lacks = {**(engine.lacks if engine else {}), **dict(_items("lacks", getattr(model, "lacks", {})))}
-    return replace(answer, lacks={name: shortened(why, LONG) for name, why in lacks.items()})
+    return {name: shortened(why, LONG) for name, why in lacks.items()}
 
 
 def left_out(wanted: Collection[str], answer: Solution) -> tuple[str, ...]:

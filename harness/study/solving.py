@@ -118,8 +118,9 @@ def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress 
     try:
         if entry is None or method.engine in ENGINES:
             model = method.load(files)
+            lacks = declared(model, entry)
             answer = sound(model.solve(problem, progress), len(problem.task))
-            return check_whole(problem, declared(answer, model, entry))
+            return check_whole(problem, replace(answer, lacks=lacks))
         task = EngineTask(entry, files, problem, files.model.parent, ())
         (told,) = _asked({method.name: task}, None, lambda step, share: progress(share)).values()
         return told if isinstance(told, Failure) else check_whole(problem, told)
