@@ -146,3 +146,13 @@ def test_folder_is_found_by_the_environment(monkeypatch, tmp_path):
     assert cache.folder() == tmp_path / "screwgauge" / "truth"
     monkeypatch.delenv("XDG_CACHE_HOME")
     assert cache.folder().parts[-3:] == (".cache", "screwgauge", "truth")
+
+
+def test_code_in_folders_of_folders_and_packages_are_part_of_a_version(tmp_path):
+    (tmp_path / "inner").mkdir()
+    file = tmp_path / "inner" / "code.py"
+    versions = []
+    for text in ("a = 1", "a = 2"):
+        file.write_text(text, encoding="utf-8")
+        versions += [cache.code_version(tmp_path), cache.code_version(tmp_path, packages=["numpy"])]
+    assert len({*versions}) == 4

@@ -68,7 +68,7 @@ class TruthModel:
         rows = spread(n, MOST)
         depth = stages(_certifiable(problem))
         files = (__file__, screwgauge.truth.__file__, screwgauge.reference.__file__)
-        version = cache.code_version(*(Path(str(file)).parent for file in files), extra=flint.__version__)
+        version = cache.code_version(*(Path(str(file)).parent for file in files), packages=("python-flint", "numpy"))
         key = _key(self.file, problem, motion, rows, depth)
         stored, note = cache.read(key, version)
         kept = None if stored is None else _kept(stored, problem, self.mechanism, motion.y[rows])

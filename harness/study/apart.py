@@ -15,6 +15,7 @@ import signal
 import sys
 import tempfile
 import traceback
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -49,7 +50,9 @@ def apart(call: Callable[[], object]) -> tuple[Any, str]:
     """
     with tempfile.TemporaryDirectory(prefix="screwgauge-") as name:
         folder, first = Path(name), tied()
-        child = os.fork()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # of threads, which only wait
+            child = os.fork()
         if not child:
             _run(call, folder, first)
         _, status = os.waitpid(child, os.WUNTRACED)

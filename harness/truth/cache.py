@@ -14,8 +14,9 @@ import json
 import os
 import secrets
 import stat
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -65,10 +66,15 @@ def digest(*parts: Any) -> str:
     return total.hexdigest()
 
 
-def code_version(*folders: Path, extra: str = "") -> str:
-    """Hash of the source files that a result depends on: another version computes it anew."""
-    files = sorted(path for folder in folders for path in folder.glob("*.py"))
-    return digest(extra, *(path.read_bytes() for path in files))
+def code_version(*folders: Path, packages: Iterable[str] = (), extra: str = "") -> str:
+    """Hash of what a result depends on besides its key: another version computes it anew.
+
+    Args:
+        folders: Of source files, those in folders of theirs included.
+        packages: Distributions.
+    """
+    files = sorted(path for folder in folders for path in folder.rglob("*.py"))
+    return digest(extra, [f"{name} {version(name)}" for name in packages], *(path.read_bytes() for path in files))
 
 
 def read(key: str, version: str) -> tuple[Arrays | None, str]:

@@ -14,7 +14,6 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import NDArray
 
-from screwgauge import __version__
 from screwgauge.engines.error_estimate import CLEAR, CLEAR_FORCES, Part, Trust, absolute, by_powers, summand
 from screwgauge.problem import Problem, Rows
 from screwgauge.quantities import arm
@@ -207,7 +206,8 @@ def runner(program: Program, backend: str, plain: Callable[[Program], Runner] = 
     try:
         from screwgauge.reference.traced import native
 
-        version = cache.code_version(Path(native.__file__).parent, extra=f"{__version__} {native.cpu()}")
+        folder, packages = Path(native.__file__).parent, ("screwgauge", "llvmlite")
+        version = cache.code_version(folder, packages=packages, extra=native.cpu())
     except ImportError:
         how = "NumPy" if plain is Lanes else "Python"
         return plain(program), f"llvmlite is not installed (extra 'fast'): the program runs with {how}"
