@@ -294,6 +294,17 @@ def check_copies(root: ET.Element, where: str, attached: Mapping[str, float] = M
     return bodies
 
 
+def check_sizes(root: ET.Element, where: str) -> None:
+    """Refuse an MJCF that reserves very many numbers for each of its parts.
+
+    Raises:
+        DescriptionError: There would be too many.
+    """
+    for key, value in (item for size in root.iter("size") for item in size.items()):
+        if (key.startswith("nuser") or key == "nkey") and value.isdecimal():
+            check_count(float(value), "entries", f"{where}, {key} of size")
+
+
 def _count(maker: ET.Element) -> float:
     """How many copies are made of what is in an element, at most; what is no number MuJoCo refuses itself."""
     words = maker.get("count", "10 10 10" if maker.tag == "flexcomp" else "").split()
