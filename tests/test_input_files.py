@@ -168,7 +168,9 @@ def test_a_whole_number_of_thousands_of_digits_is_refused_wherever_it_stands(num
 @pytest.mark.slow
 @pytest.mark.parametrize("size", ["nuser_body", "nkey"])
 def test_an_mjcf_that_reserves_memory_without_end_is_refused(size, paper_models, tmp_path, paper_scene, refused):
-    text = paper_models["3ups-upu-s.xml"].replace("</mujoco>", f'<size {size}="1000000000"/></mujoco>')
+    text = f'<mujocoinclude><size {size}="1000000000"/></mujocoinclude>'
+    (tmp_path / "sizes.xml").write_text(text, encoding="utf-8")
+    text = paper_models["3ups-upu-s.xml"].replace("</mujoco>", '<include file="sizes.xml"/></mujoco>')
     (tmp_path / "own.xml").write_text(text, encoding="utf-8")
     said = refused("run", paper_scene(models='models.mujoco = "own.xml"'), "--engines", "screw,mujoco")
     assert f"own.xml, {size} of size: 1e+09 entries, more than {LIMITS['entries']}" in said

@@ -220,17 +220,18 @@ class Part:
     included: list[str] = field(default_factory=list)
 
 
-def parts(root: ET.Element, path: Path) -> list[Part]:
+def parts(root: ET.Element, path: Path, folder: Path | None = None) -> list[Part]:
     """The file and all that it attaches, each once and after those that it attaches itself.
 
     Args:
         root: Of the file.
+        folder: In which all files have to lie; by default that of the file.
 
     Raises:
         ScrewgaugeError: A file lies outside the folder, cannot be read, is no MJCF, or includes or attaches itself.
     """
     collected: dict[Path, Part] = {}
-    _collect(root, path, path.parent.resolve(), (), collected)
+    _collect(root, path, folder or path.parent.resolve(), (), collected)
     _check_size(collected)
     return list(collected.values())
 
@@ -265,10 +266,10 @@ def _check_size(collected: Mapping[Path, Part]) -> None:
     for path, part in collected.items():
         names = {name or collected[file].root.get("model", ""): file for name, file in part.models.items()}
         attached = {name: bodies[file] for name, file in names.items()}
-        bodies[path] = check_copies(part.root, str(path), attached)
+        bodies[path] = _check_copies(part.root, str(path), attached)
 
 
-def check_copies(root: ET.Element, where: str, attached: Mapping[str, float] = MappingProxyType({})) -> float:
+def _check_copies(root: ET.Element, where: str, attached: Mapping[str, float] = MappingProxyType({})) -> float:
     """Count the bodies that MuJoCo makes of an MJCF, and refuse too many of them or of any copies.
 
     Args:
@@ -294,7 +295,17 @@ def check_copies(root: ET.Element, where: str, attached: Mapping[str, float] = M
     return bodies
 
 
-def check_sizes(root: ET.Element, where: str) -> None:
+def check_made(path: Path) -> None:
+    """Refuse an MJCF of which MuJoCo makes too much, with what it includes and attaches, wherever that lies.
+
+    Raises:
+        ScrewgaugeError: It is one, or cannot be read.
+    """
+    for part in parts(parse(path), path, Path("/")):
+        _check_sizes(part.root, str(part.path))
+
+
+def _check_sizes(root: ET.Element, where: str) -> None:
     """Refuse an MJCF that reserves very many numbers for each of its parts.
 
     Raises:

@@ -16,7 +16,7 @@ from screwgauge.engines.mujoco.equality_constraints import DISABLED, VELOCITY_ST
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
 from screwgauge.models.layout import Closure
 from screwgauge.models.mjcf import LEAST, POWERS, without_stand_ins
-from screwgauge.models.readings.files import check_copies, check_sizes, parse
+from screwgauge.models.readings.files import check_made
 from screwgauge.models.readings.mujoco import joint_equality, turn
 from screwgauge.models.urdf import LoopsFile
 from screwgauge.reference.couplings import Coupling
@@ -81,9 +81,7 @@ class MujocoTree(OpenTree):
     """A loaded MJCF. See `screwgauge.engines.tree.protocol.OpenTree` for shapes."""
 
     def __init__(self, mjcf: Path, file: LoopsFile) -> None:
-        root, where = parse(mjcf), str(mjcf)
-        check_copies(root, where)  # what MuJoCo chokes on; it opens the file itself, for what that includes
-        check_sizes(root, where)
+        check_made(mjcf)  # what MuJoCo chokes on; it opens the file itself, for what that includes
         try:
             self.model = mujoco.MjModel.from_xml_path(str(mjcf))
         except ValueError as error:
