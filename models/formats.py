@@ -92,8 +92,8 @@ def adjoint(T: Array) -> Array:
 Table = tuple[str, Mapping[str, Any]]
 
 
-def document(top: Sequence[str], mechanism: Mechanism, parts: Sequence[Table], closures: Sequence[Table] = ()) -> str:
-    """The first lines, then tables, each under its title: what is independent, the parts, couplings and closures."""
+def document(top: Sequence[str], mechanism: Mechanism, parts: Sequence[Table], last: Sequence[Table] = ()) -> str:
+    """The first lines, then tables, each under its title: what is independent, the parts, couplings and the last."""
     tables: list[Table] = [("[independent]", mechanism.independent)]
     if mechanism.axial:
         tables.append(("[spherical_axial]", {"joint": mechanism.axial[0], "direction": mechanism.axial[1]}))
@@ -103,7 +103,7 @@ def document(top: Sequence[str], mechanism: Mechanism, parts: Sequence[Table], c
         coupling = {"coordinate": one.coordinate, **of, "polynomial": one.polynomial}
         tables.append((f"[couplings.{key(one.name)}]", coupling))
     out = [*top]
-    for title, entries in (*tables, *closures):
+    for title, entries in (*tables, *last):
         out += ["", title, *lines(entries)]
     return "\n".join(out) + "\n"
 

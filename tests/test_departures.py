@@ -71,6 +71,9 @@ _B = '<joint name="b" type="hinge" axis="0 0 1"'
 _MOTOR = '<motor name="a" joint="a"'
 _OPTION, _FLAG = 'jacobian="dense"', '<flag contact="disable" limit="disable"'
 _TENDON = '<tendon><fixed name="t" {}><joint joint="b" coef="1"/></fixed></tendon><equality>'
+_CLOTH = (
+    '<flexcomp name="f" type="grid" count="3 3 1" spacing="0.1 0.1 0.1" dim="2" radius="0.01" mass="0.1" rigid="true"/>'
+)
 MJCF = {
     "nothing": ("", "", ""),
     "armature": (_B, '& armature="0.1"', "measured"),
@@ -125,6 +128,9 @@ MJCF = {
     ),
     "contact switched off": ("<worldbody>", '&<geom type="plane" size="1 1 1"/>', ""),
     "tendon": ("<equality>", _TENDON.format('stiffness="3"'), "applied: fixed tendon t"),
+    "held tendon": ("<equality>", f'{_TENDON.format("")}<tendon tendon1="t"/>', "refused"),
+    "spring that yields": (_B, '& stiffness="1" springyield="0.1"', "refused by name"),
+    "cloth": ("</worldbody>", f"{_CLOTH}&", "refused by name"),
     "of a class": ("<worldbody>", '<default><joint damping="1"/></default>&', "measured"),
     "in another file": ("<worldbody>", '<include file="more.xml"/>&', "measured"),
     "inertia that no plane motion shows": ("0.001 0.03", "0.002 0.03", "other: inertia tensor of coupler"),
