@@ -92,7 +92,6 @@ def diagnose(
     *,
     map: str | Path | Mapping[str, str] | None = None,
     seed: int = 0,
-    matrix: bool = False,
     loops: Loops = None,
     limit: float = LIMIT,
     load: Read | None = None,
@@ -108,7 +107,6 @@ def diagnose(
             ``yourdfpy`` reads it.
         map: Joints and bodies of A with those of B where names and geometry do not decide, or a TOML file of them.
         seed: Of the random states.
-        matrix: Read both files by all libraries, too.
         loops: What closes the loops of URDFs where that does not lie beside them, ``robot.yaml`` or ``.loops.toml``:
             one file for both, or one for each side, None for what lies beside it.
         limit: Time after which nothing further is begun, what is not done being named in `left_out`; 3600 [s].
@@ -126,7 +124,7 @@ def diagnose(
     from screwgauge.report.diagnosed import DiagnosisReport
 
     load = load or in_process
-    diagnosis = compared(a, b, map=map, seed=seed, matrix=matrix, loops=loops, limit=limit, load=load)
+    diagnosis = compared(a, b, map=map, seed=seed, loops=loops, limit=limit, load=load)
     return DiagnosisReport(**{item.name: getattr(diagnosis, item.name) for item in fields(diagnosis)})
 
 

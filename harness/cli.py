@@ -221,7 +221,6 @@ def _parser() -> argparse.ArgumentParser:
     which = "URDF, MJCF or description (built-in name or TOML); FILE@LIBRARY as pinocchio, mujoco or yourdfpy reads it"
     add("a", type=_named, metavar="A", help=which)
     add("b", type=_named, metavar="B", help="the same")
-    add("--matrix", action="store_true", help="read both by all libraries: does a model, a loader or an engine differ?")
     add("--map", type=_path, metavar="FILE", help='TOML with "joint or body of A" = "that of B"')
     add(
         "--loops",

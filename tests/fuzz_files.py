@@ -100,7 +100,6 @@ KINDS = {
             ("--map", "map.toml"),
             ("--loops", "model.loops.toml"),
             ("--fix", "out/fixed.xml"),
-            ("--matrix",),
         ),
     ),
     "folder": Kind(

@@ -161,24 +161,16 @@ def test_what_no_torque_shows_is_said_so(arms):
     assert "No torque shows it" in found.verdict
 
 
-def test_the_loader_that_keeps_the_first_tree_is_named(tmp_path):
+def test_a_file_that_two_libraries_read_differently_names_what_a_loader_drops(write):
     leg = '<body name="{0}" pos="{1} 0 0"><joint name="{0}.q" axis="0 1 0"/>'
     inertial = '<inertial pos="0 0 0.1" mass="1" diaginertia="0.01 0.02 0.03"/></body>'
     legs = "".join(leg.format(f"leg{i}", i) + inertial for i in range(3))
-    path, whole = tmp_path / "roots.xml", tmp_path / "whole.xml"
-    path.write_text(f"<mujoco><worldbody>{legs}</worldbody></mujoco>", encoding="utf-8")
-    ground = '<body name="ground"><inertial pos="0 0 0" mass="0" diaginertia="0 0 0"/>'
-    whole.write_text(f"<mujoco><worldbody>{ground}{legs}</body></worldbody></mujoco>", encoding="utf-8")
-    matrix = screwgauge.diagnose(path, whole, matrix=True).matrix
-    said = " ".join(matrix.sentences)
-    assert "The loader of pinocchio keeps 1 of 3 degrees of freedom of A" in said
-    assert "of the 3 trees that hang on the ground (leg0, leg1, leg2) only the first, leg0" in said
-    assert "B is read alike by mujoco and pinocchio." in said
-    assert "The two files, both read by mujoco: nothing differs." in said
-    kinds = {(*pair.first, *pair.second): pair.kind for pair in matrix.pairs}
-    assert kinds["A", "mujoco", "A", "pinocchio"] == "loader"
-    assert kinds["A", "mujoco", "B", "mujoco"] == "model"
-    assert len(matrix.cells) == 4
+    path = write("roots.xml", f"<mujoco><worldbody>{legs}</worldbody></mujoco>")
+    found = screwgauge.diagnose(f"{path}@mujoco", f"{path}@pinocchio")
+    assert [each.item_a for each in found.differences] == ["leg1.q", "leg2.q"]
+    assert {each.what for each in found.differences} == {"branch"}
+    assert "joint leg1.q, leg2.q, which pinocchio drops in B" in " ".join(found.notes)
+    assert "read differently by mujoco (A) and pinocchio (B)" in found.verdict
 
 
 @pytest.mark.slow

@@ -187,7 +187,7 @@ def diagnose(options: argparse.Namespace) -> int:
     from screwgauge.report.pages.diagnosis import PAGE, every_difference
     from screwgauge.study.loading import read_isolated, sides
 
-    more = {name: getattr(options, name) for name in ("map", "seed", "matrix", "loops")}
+    more = {name: getattr(options, name) for name in ("map", "seed", "loops")}
     more |= {} if options.limit is None else {"limit": options.limit}
     if options.fix is not None:
         check_free(options.fix, _models(options), force=options.force)

@@ -126,6 +126,7 @@ ENDED = {
     "check --self-test": (_ENDED, _CAMPAIGN.format("alarms")),
     "check --store": (_ENDED, _KEPT),
     "diagnose --case": (_RENAMED, "write casebook ID"),
+    "diagnose --matrix": (_ENDED, "name a library for each side: diagnose FILE@pinocchio FILE@mujoco"),
     "diagnose --self-test": (_ENDED, _CAMPAIGN.format("selftest")),
     "history": (_ENDED, _KEPT),
     "paper": (_ENDED, _PAPER),

@@ -21,7 +21,6 @@ from screwgauge.diagnosis.differences.difference import Difference, marked
 from screwgauge.diagnosis.differences.loops import COUNTED, Loops, at_home, cut_joints, loops
 from screwgauge.diagnosis.differences.static import differences, distinct
 from screwgauge.diagnosis.library_dynamics import LibraryCheck, library_checks
-from screwgauge.diagnosis.matrix import Matrix, matrix_of
 from screwgauge.diagnosis.model import Loops as Beside
 from screwgauge.diagnosis.model import Model, Read, Weighed, alike, cut_alike, each_loops, in_process, loaded
 from screwgauge.diagnosis.notes import compiled, notes, outside
@@ -53,7 +52,6 @@ class Diagnosis:
         growth: Of the torque difference with speed; None where it does not vanish at rest.
         fix: B's file with all changes that it can hold, also those without effect on torques; None if there are none.
         witnesses: Each library's own torques, compared with the dynamics of its reading.
-        matrix: All readings of both files, if wanted.
         notes: What was taken for granted, or not compared.
         left_out: What there was no time for.
         order: In which the two libraries index the joints; None where it is the same, or a description has none.
@@ -81,7 +79,6 @@ class Diagnosis:
     proof: Backfill | None = None
     fix: Backfill | None = None
     witnesses: tuple[LibraryCheck, ...] = ()
-    matrix: Matrix | None = None
     notes: tuple[str, ...] = ()
     by_joint: tuple[tuple[str, float, float], ...] = ()
     left_out: tuple[str, ...] = ()
@@ -144,7 +141,6 @@ def diagnose(
     *,
     map: str | Path | Mapping[str, str] | None = None,
     seed: int = 0,
-    matrix: bool = False,
     loops: Beside = None,
     limit: float = LIMIT,
     load: Read = in_process,
@@ -172,7 +168,6 @@ def diagnose(
             diagnosis = replace(diagnosis, explanation=f"{partly((one, two), pairing)} {diagnosis.explanation}".strip())
         if elsewhere(one) or elsewhere(two):
             diagnosis = replace(diagnosis, notes=(*diagnosis.notes, ELSEWHERE))
-    diagnosis = replace(diagnosis, matrix=matrix_of(one, two, given, seed, load, deadline)) if matrix else diagnosis
     diagnosis = replace(diagnosis, date=datetime.now(UTC).isoformat(timespec="seconds"))
     if not deadline.left_out:
         return diagnosis
@@ -308,7 +303,6 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         "backfill": proof and {"on": proof.on, "left": asdict(proof.left), "why_not": proof.why_not},
         "libraries_together": diagnosis.together and asdict(diagnosis.together),
         "libraries": [asdict(witness) for witness in diagnosis.witnesses],
-        "matrix": diagnosis.matrix and asdict(diagnosis.matrix),
         "notes": diagnosis.notes,
         "doubts": diagnosis.doubts,
         "left_out": diagnosis.left_out,

@@ -135,8 +135,6 @@ FORMS: dict[str, Callable[[Any], str]] = {
     **dict.fromkeys(("min_s", "median_s", "cpu_s", "severity", "three"), partial(number, figures=3)),
     "as_digits": lambda scaled: digits_text(scaled).replace("NaN", "no number"),
     "names": lambda names: ", ".join(names) or "nothing",
-    "spaced": " ".join,
-    "clauses": lambda clauses: "; ".join(clauses) or "none",
     "percent": lambda share: f"{number(100.0 * share, 3)} %",
     "words": words,
     "tolerance": partial(number, figures=2),

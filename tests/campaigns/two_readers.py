@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from screwgauge.diagnosis.compare import STATES
+from screwgauge.diagnosis.differences.difference import Difference
+from screwgauge.diagnosis.differences.static import differences, distinct, sorted_by_size
 from screwgauge.diagnosis.differences.words import with_sides
 from screwgauge.diagnosis.library_dynamics import answers
-from screwgauge.diagnosis.matrix import differences_between
-from screwgauge.diagnosis.pairing.common import counterpart, states_of_b, velocity_map, weighed
-from screwgauge.diagnosis.pairing.mapping import paired
+from screwgauge.diagnosis.pairing.branches import missing
+from screwgauge.diagnosis.pairing.common import brought, counterpart, states_of_b, velocity_map, weighed
+from screwgauge.diagnosis.pairing.mapping import Pairing, paired
 from screwgauge.engines.raw_queries import Answers
 from screwgauge.models.kinematics import draw, plant
 from screwgauge.models.readings.reading import Reading
@@ -51,9 +53,9 @@ def compared(file: Path, one: Reading, two: Reading, *, floating: bool = False) 
         floating: The base of a URDF was read as moving freely.
     """
     pairing = paired(one, two)
-    differences = sorted(differences_between(one, two, pairing), key=lambda each: each.what in SILENT)
+    found = sorted(_differences(one, two, pairing), key=lambda each: each.what in SILENT)
     by = [f"as {each.library} reads it" for each in (one, two)]
-    causes = [with_sides(each.sentence, *by) for each in differences]
+    causes = [with_sides(each.sentence, *by) for each in found]
     if pairing.only_a or pairing.only_b or not pairing.joints:
         return TwoReaders(math.nan, math.nan, tuple(causes))
     try:
@@ -62,6 +64,14 @@ def compared(file: Path, one: Reading, two: Reading, *, floating: bool = False) 
         return TwoReaders(math.nan, math.nan, (*causes, f"no torques: {error}"))
     omitted = omitted if torque > SAME else []
     return TwoReaders(torque, rigid, (*causes, *omitted) if rigid > SAME else (*omitted, *causes))
+
+
+def _differences(one: Reading, two: Reading, pairing: Pairing) -> list[Difference]:
+    """Differences of two readings: parts that one of them lacks, then the largest first."""
+    lost = [*missing(one, two, pairing)]
+    if not pairing.joints:
+        return lost
+    return lost + sorted_by_size(distinct(differences(brought(one, two, pairing))[0]))
 
 
 def _torques(
