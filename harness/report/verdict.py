@@ -57,8 +57,7 @@ def _conclusion(results: Comparison) -> tuple[list[str], str, Status]:
         rest = [] if {"differ", "faulted"} & {*results.outcomes} else _agreement(results)
         return [*news, *left, *rest], WORDS[outcome], "failed" if outcome == "failed" else "differ"
     agreement, word = _agreement(results), WORDS[outcome]
-    warned = (text for solution in results.solutions.values() for text in solution.warnings)
-    doubts = [*dict.fromkeys(f"{text.rstrip('.')}." for text in (*results.doubts, *warned))]
+    doubts = results.reservations
     if doubts or left:
         more = [f"All {len(doubts)} are listed below."] if len(doubts) > DOUBTS else []
         return [*left, *doubts[:DOUBTS], *more, *agreement], f"{word}, but", "note"

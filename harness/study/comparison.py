@@ -137,6 +137,12 @@ class Comparison:
         return max((int(rows["undecided"].max()) for rows in (self.compared, self.judge) if len(rows)), default=0)
 
     @property
+    def reservations(self) -> list[str]:
+        """What qualifies agreement: doubts about the scene, and warnings of engines and about their model files."""
+        warned = (text for solution in self.solutions.values() for text in solution.warnings)
+        return [*dict.fromkeys(f"{text.rstrip('.')}." for text in (*self.doubts, *warned))]
+
+    @property
     def mismatches(self) -> dict[str, str]:
         """What model files differ in from the description though the scene does not allow it: key -> sentence."""
         found = (each for solution in self.solutions.values() for each in solution.otherwise if each.physical)

@@ -200,7 +200,7 @@ def _banner(check: Check) -> Banner:
     if check.ok and larger:
         sentences.append(f"Of {first_few(larger, SHOWN)} only the rigid machine is compared: forces are left out.")
     sentences += filter(None, [_left_alone(check)])
-    qualified = alone or larger or check.unread or any(row.admitted for row in check.rows)
+    qualified = alone or larger or check.unread or any(row.admitted or row.doubts for row in check.rows)
     return Banner.of(" ".join(sentences), check.ok, "OK, but" if qualified else "OK", "FAILED")
 
 

@@ -173,7 +173,7 @@ class GateRow:
         errors: One for each quantity, pair and unit.
         coverage: What the motion tests, in a sentence.
         versions: Of engines, by name; `files`: file -> SHA-256.
-        doubts: Sentences on numbers that no machine has, whatever the status.
+        doubts: Sentences that qualify agreement: on numbers that no machine has, on model files; whatever the status.
         file, line: Where to look for the cause; 0 if no line is known.
         unread: What the scene names and nobody read, in sentences.
         read: Files that were read, by the names that were given.

@@ -74,7 +74,7 @@ def compared(
     read = [str(path) for path in files_of(scene, [*results.solutions, *results.failures])]
     used = dict.fromkeys([*scene.quantities, *scene.tolerances])
     leave = admissions({quantity: scene.tolerance(quantity) for quantity in used}, scene.allow)
-    row = replace(row, doubts=results.doubts, unread=results.unread, read=read, admitted=leave)
+    row = replace(row, doubts=results.reservations, unread=results.unread, read=read, admitted=leave)
     return replace(row, more=settings.more(results) if results.left_out.terms else ""), results
 
 
