@@ -128,6 +128,7 @@ def scene(n: int, figures: tuple[Figure, ...]) -> Any:
         tables={},
         rule="min_norm",
         figures=figures,
+        allow=(),
         text={"motion": {"a": {"offset": 0, "harmonics": [["1.5", 0, "pi/3"]]}}},
     )
 
