@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.reference.closed.newton import CLOSED
 from screwgauge.reference.rotations import TURN, Array
 
 Flags = NDArray[np.bool_]
@@ -67,6 +68,15 @@ class Anchor:
     power: float
     weight: Array
 
+    def steady(self, K: Array) -> Array:
+        """The velocity map of a pose next to this one: this one's where rounding explains by what K differs.
+
+        Next to where two branches cross rounding decides on K, which would lead from one branch to the other; both are
+        smooth. At a fold K grows by more than that. Shape (n_z, k).
+        """
+        explained = CLOSED * self.beta**2 * float(np.linalg.norm(self.K))
+        return self.K if np.linalg.norm(K - self.K) <= explained else K
+
     def change(self, J: Array) -> Array:
         """``J_a^+ J - 1`` in the norm of the anchor. Shape (..., m, n) -> (..., n, n)."""
         turned = self.U.T @ J @ self.Vt.T - np.diag(self.s)
@@ -84,8 +94,11 @@ def aside(K: Array) -> tuple[Array, Array]:
     return np.concatenate([step, -step]), 2.0 * DIFFERENCE / far
 
 
-def measure(z: Array, y: Array, residual: Array, J: Array, full: Array, slope: Array, faint: float = 0.0) -> Anchor:
+def measure(
+    z: Array, y: Array, residual: Array, J: Array, full: Array, slope: Array, base: Anchor | None = None
+) -> Anchor:
     """Makes an anchor of a nearly closed pose: its velocity map, and how fast the Jacobian changes along it.
+
 
     Args:
         z, y: Shapes (n_z,), (k,).
@@ -94,7 +107,7 @@ def measure(z: Array, y: Array, residual: Array, J: Array, full: Array, slope: A
             come last: a pose where these may begin to move is singular, however regular the others are. Shapes
             (m, n_z), (m, n).
         slope: Derivative of the full one by y. Shape (k, m, n).
-        faint: Of the anchor that it was reached from.
+        base: The anchor that it was reached from.
     """
     k, n_z = len(y), len(z)
     U, s, Vt = np.linalg.svd(full, full_matrices=False)
@@ -102,12 +115,12 @@ def measure(z: Array, y: Array, residual: Array, J: Array, full: Array, slope: A
     u, c, v = (U, s, Vt) if full.shape == J.shape else np.linalg.svd(J, full_matrices=False)
     c = np.maximum(c, TINY)
     back = (v.T / c) @ u.T
-    K = back[:, -k:]
+    beta, faint = float(1.0 / c[-1]), base.faint if base else 0.0
+    K = base.steady(back[:, -k:]) if base else back[:, -k:]
     turned, second = U.T @ slope @ Vt.T, (back @ (slope[..., :n_z] @ K)).swapaxes(0, 1)
     balls, weights = _balls(s, turned, Vt[:, :n_z], second, K)
     chosen = int(np.argmin(np.linalg.slogdet(balls)[1]))  # the largest: a long one may be narrow across, as at a lock
     W, power, weight = balls[chosen], float(NORMS[chosen]), weights[chosen]
-    beta = float(1.0 / c[-1])
     moved = z - back @ residual
     return Anchor(moved, y, K, W, beta, max(faint, beta) if beta > FLOOR else 0.0, U, s, Vt, power, weight)
 

@@ -23,10 +23,19 @@ Evaluation = Callable[[Array, Array], tuple[Array, ...]]
 # Angles are in rad, distances in lengths of the mechanism wherever these are used.
 #: A closure residual below this is as small as float64 can make it.
 ROUNDING = 2 * linear.EPS
+#: What an engine's own rounding may leave of it. A step from there follows its noise, times 1 / distance.
+CLOSED = 4 * ROUNDING
+#: From here down rounding may keep a step from halving it.
+NOISE = 1e-11
 #: A loop whose closure residual stays above this does not close.
 OPEN = 1e-10
 #: Steps in which the residual has to halve at least once: else no solution is near. At a double root it does in each.
 PATIENCE = 12
+
+
+def stalled(before: Array, after: Array) -> NDArray[np.bool_]:
+    """Whether a step made closure residuals no smaller that are as small as rounding lets them be."""
+    return (before < NOISE) & ~(after < 0.5 * before)
 
 
 def newton(
@@ -58,8 +67,8 @@ def newton(
         residual_new, matrix_new, *more_new = evaluate(trial, y[active])
         after = np.abs(residual_new).max(axis=1)
         before = error[active]
-        stalled = (before < 1e-11) & ~(after < 0.5 * before)  # as small as rounding lets it be
-        take = ~stalled | (after < before)
+        idling = stalled(before, after)
+        take = ~idling | (after < before)
         rows = active[take]
         pairs = (q, trial), (residual, residual_new), (matrix, matrix_new), (error, after)
         for kept, new in (*pairs, *zip(more, more_new, strict=True)):
@@ -67,7 +76,7 @@ def newton(
         halved = after <= goal[active]
         goal[active[halved]] = 0.5 * after[halved]
         idle[active] = np.where(halved, 0, idle[active] + 1)
-        active = active[~stalled & ~(after <= ROUNDING) & np.isfinite(after) & (idle[active] < PATIENCE)]
+        active = active[~idling & ~(after <= ROUNDING) & np.isfinite(after) & (idle[active] < PATIENCE)]
     return q, matrix, error, *more
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from screwgauge.reference import linear
 from screwgauge.reference.closed.anchors import CHANGE, NEAR, Anchor, Anchors, Flags, aside, measure
-from screwgauge.reference.closed.newton import OPEN, Curve, Evaluation, newton
+from screwgauge.reference.closed.newton import CLOSED, OPEN, Curve, Evaluation, newton, stalled
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import TURN, Array, within_half_turn
 
@@ -25,6 +25,8 @@ MOST, EACH = 400, 20
 DEEPEST = 48
 #: Steps of Newton's method to an anchor, and residual from which the last one closes it beyond `OPEN`.
 NEWTON, CLOSE = 8, 1e-6
+#: Share of its smallest singular value by which the last step may change the Jacobian, which is not evaluated after it.
+TURNED = 0.125
 #: Share of a ball by which a motion may differ from the curve through its samples.
 MISS = 0.1
 #: Share of a way by which a singular pose is passed that is to be left behind, and the share of the largest singular
@@ -146,7 +148,7 @@ class Walk:
         ahead, half = base.change(self._full(begun[1], begun[2:]))
         if not (at_most(ahead, CHANGE) and at_most(half - 0.5 * ahead, 0.5 * CHANGE)):
             return False
-        anchor = self._measured(start, goal, begun[0][0], begun[1][0], base.faint)
+        anchor = self._measured(start, goal, begun[0][0], begun[1][0], base)
         if anchor is None or not self.anchors.corrections((anchor.z - start)[None], np.array([self.at]))[0] <= NEAR:
             return False
         if not at_most(base.change((anchor.U * anchor.s) @ anchor.Vt), CHANGE):
@@ -161,25 +163,33 @@ class Walk:
         self._visit(number)
         return True
 
-    def _measured(self, z: Array, y: Array, residual: Array, J: Array, faint: float = 0.0) -> Anchor | None:
+    def _measured(self, z: Array, y: Array, residual: Array, J: Array, base: Anchor | None = None) -> Anchor | None:
         """An anchor by Newton's method from a pose nearby; None if it does not converge.
 
-        The Jacobian is evaluated around the pose of the last step but one, too; the last step is made with it.
+        The Jacobian is evaluated around the pose of the last step but one, too; the last step is made with it, unless
+        it would change the Jacobian, as next to a singular pose the smallest one does.
         """
-        k = len(y)
+        k, gap, closed = len(y), float(np.abs(residual).max(initial=0.0)), False
         for _ in range(NEWTON):
+            closed = closed or gap <= CLOSED
             right = np.concatenate([-residual[:, None], np.eye(len(residual))[:, -k:]], axis=1)
             step, K = np.split(linear.solve(J[None], right[None])[0], [1], axis=1)
-            z = z + step[:, 0]
-            ways, divisor = aside(K)
-            residuals, matrices, *more = self.evaluate(np.concatenate([z[None], z + ways]), np.tile(y, (2 * k + 1, 1)))
-            residual, J = residuals[0], matrices[0]
-            full = self._full(matrices, more)
-            if not (np.isfinite(full).all() and np.abs(residual).max(initial=0.0) < 1.0):
+            there = z if closed else z + step[:, 0]
+            ways, divisor = aside(base.steady(K) if base else K)
+            poses = np.concatenate([there[None], there + ways])
+            residuals, matrices, *more = self.evaluate(poses, np.tile(y, (2 * k + 1, 1)))
+            full, after = self._full(matrices, more), float(np.abs(residuals[0]).max(initial=0.0))
+            if not (np.isfinite(full).all() and after < 1.0):
                 return None
-            if np.abs(residual).max(initial=0.0) <= CLOSE:
+            if stalled(gap, after) and not closed:
+                closed = True
+                continue
+            z, residual, J, gap = there, residuals[0], matrices[0], after
+            if gap <= CLOSE:
                 slope = (full[1 : k + 1] - full[k + 1 :]) / divisor[:, None, None]
-                return measure(z, y, residual, J, full[0], slope, faint)
+                anchor = measure(z, y, 0.0 * residual if closed else residual, J, full[0], slope, base)
+                if closed or gap * anchor.beta**2 <= TURNED:
+                    return anchor
         return None
 
     def _sort(self, new: int, sheet: int) -> None:
