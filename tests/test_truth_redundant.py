@@ -7,12 +7,14 @@ import re
 
 import numpy as np
 import pytest
+import tomli_w
 from flint import arb, arb_mat, ctx
 
 import screwgauge
 from support.errors import DescriptionError
 from support.geometry import rotation
 from support.mechanism import DATA, load_mechanism, mechanism_tables
+from support.singular import four_bar
 from support.tolerances import LINEAR, ROUNDING
 from support.truth import Certifier, Linkage, newton_euler, notes, number, state, widened
 
@@ -109,6 +111,24 @@ def test_redundant_loops_that_stay_open_say_so_and_what_to_do(quantity, scene):
     reason = results.failures["truth"].reason
     assert re.search(r"redundant loops stay open by \de-1\d \(rad, m", reason)
     assert reason.endswith("give lengths and angles as expressions such as 'sqrt(2)', or with 15 digits at least.")
+
+
+def test_a_regular_pose_is_not_blamed_for_redundant_rows_that_decimals_leave_open(write):
+    """A hundred meters from the origin decimals of 16 digits are coarse for a flat parallelogram."""
+    angle, R = 3e-4, rotation(np.array([1.0, 2.0, 2.0]) / 3.0, np.array(2.0))
+    table = four_bar(0.3, 0.5, 0.3, 0.5, angle, side=-1.0).table("flat")
+    for joint in table["joints"].values():
+        if joint["parent"] == "ground":
+            at = R @ joint["parent_frame"]["position"] + 100.0
+            joint["parent_frame"] = {"position": at.tolist(), "rotation": {"matrix": R.tolist()}}
+    write("m.toml", tomli_w.dumps(table))
+    given = f'mechanism = "m.toml"\nmotion.a.polynomial = [{angle}]\ntime.times = [0.0]\n'
+    scene = screwgauge.load_scene(write("s.toml", given))
+    results = screwgauge.run(scene, engines=["truth", "screw"], quantities=["joint_position"])
+    reason = results.failures["truth"].reason
+    assert "3 redundant closing rows are open by the rounding of decimals" in reason
+    assert "singular" not in reason
+    assert results.solutions["screw"].condition.max() < 1e6
 
 
 def test_only_long_decimals_are_widened():

@@ -207,6 +207,30 @@ class LoopsOpen(NotCertified):
     """Redundant loops that do not close."""
 
 
+#: What to do about decimals of redundant loops.
+EXPRESSIONS = "give lengths and angles as expressions such as 'sqrt(2)', or with 15 digits at least"
+
+
+def redundant_rows(linkage: Linkage) -> int:
+    """How many closing rows, couplings' among them, a mechanism has beyond what determines its coordinates."""
+    mechanism = linkage.mechanism
+    rows = 6 * len(linkage.cuts) + len(linkage.ties) + len(mechanism.independent_columns)
+    return rows - len(mechanism.coordinates)
+
+
+def coarse(linkage: Linkage, reason: str) -> LoopsOpen:
+    """The error where the exact decimals determine a pose, and all that may have been rounded to them do not.
+
+    Args:
+        reason: Why these could not be enclosed.
+    """
+    what = (
+        f"{redundant_rows(linkage)} redundant closing rows are open by the rounding of decimals, which is too coarse "
+        f"to enclose the motion here ({reason})"
+    )
+    return LoopsOpen(what, "", "give lengths and angles as expressions such as 'sqrt(2)'")
+
+
 def check_closed(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]) -> None:
     """Every coefficient of every closing error, couplings' too, must hold zero, those left out of the solution too.
 
@@ -220,9 +244,9 @@ def check_closed(linkage: Linkage, q: Sequence[Jet], bodies: Sequence[MatrixJet]
     errors += [e for tie in linkage.ties for e in tie.error(q)]
     gap = max((float(e.abs_lower()) for e in errors), default=0.0)
     if gap:
-        what = f"redundant loops stay open by {gap:.1g} (rad, m or their derivatives in time)"
-        remedy = "give lengths and angles as expressions such as 'sqrt(2)', or with 15 digits at least"
-        raise LoopsOpen(what, "", remedy)
+        size = f"{gap:.1g} (rad, m or their derivatives in time)"
+        what = f"{redundant_rows(linkage)} rows of redundant loops stay open by {size}"
+        raise LoopsOpen(what, "", EXPRESSIONS)
 
 
 def spin(T: MatrixJet, order: int) -> Vector:

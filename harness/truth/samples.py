@@ -20,7 +20,17 @@ from screwgauge.solution import Clock
 from screwgauge.truth import cache
 from screwgauge.truth.exact import Jet, MatrixJet, Vector, drive, number, read_terms, samples, vector
 from screwgauge.truth.forces import BallLoad, RoutesDisagree, generalized_force, min_norm, newton_euler
-from screwgauge.truth.kinematics import Certifier, NotCertified, State, check_closed, point, spin, state
+from screwgauge.truth.kinematics import (
+    Certifier,
+    LoopsOpen,
+    NotCertified,
+    State,
+    check_closed,
+    coarse,
+    point,
+    spin,
+    state,
+)
 from screwgauge.truth.linkage import Linkage
 
 Balls = dict[str, list[arb]]
@@ -173,9 +183,16 @@ def centred(wide: Sampler, exact: Sampler, motion: GivenMotion, row: int, start:
     Ball arithmetic wraps: where numbers are wide from the start, what it encloses lies anywhere in its balls.
 
     Raises:
+        LoopsOpen: The decimals are too coarse to enclose what the exact text determines.
         NotCertified: Something could not be enclosed.
     """
-    enclosures, values = wide.at(motion, row, start), exact.at(motion, row, start)
+    values = exact.at(motion, row, start)
+    try:
+        enclosures = wide.at(motion, row, start)
+    except (RoutesDisagree, LoopsOpen):
+        raise
+    except NotCertified as error:
+        raise coarse(wide.linkage, str(error.what)) from None
     with ctx.workprec(wide.bits):
         return {
             name: [arb(b.mid(), (a - b.mid()).abs_upper()) for a, b in zip(balls, values[name], strict=True)]
