@@ -52,7 +52,7 @@ def test_a_parallelogram_is_followed_to_a_hundred_millionth_of_a_radian_before_i
             q = results.values("joint_position", engine)
             a = q[:, :1]
             off = np.abs(q - np.hstack([a, -a, a, a])).max()
-            admitted = results.solutions[engine].estimate["joint_position"].max() * np.abs(q).max()
+            admitted = results.solutions[engine].errors["joint_position"].largest * np.abs(q).max()
             if not off <= admitted < 1e-4:
                 wrong.append((bars, distance, off, admitted))
     assert wrong == []
