@@ -56,6 +56,16 @@ def test_a_quantity_that_is_missing_is_no_agreement(stand_in, crank):
     assert (results.outcomes, results.exit_status) == (("partly",), 1)
 
 
+def test_who_says_that_he_stopped_has_not_answered_all(stand_in, crank):
+    def solve(problem):
+        return replace(ask("screw", model_files("slider-crank", "screw"), problem), stopped="t = 1 s: enough")
+
+    stand_in(mujoco=solve)
+    results = screwgauge.run(crank, engines=["screw", "mujoco"], quantities=QUANTITIES)
+    assert (results.outcomes, results.exit_status) == (("partly",), 1)
+    assert "enough" in verdict(results).text
+
+
 class Shy:
     """A loaded model that says what it does not give of its mechanism."""
 

@@ -125,6 +125,7 @@ def scene(n: int, figures: tuple[Figure, ...]) -> Any:
         t=task.t,
         simulated=False,
         published=(),
+        allow=(),
         tables={},
         rule="min_norm",
         figures=figures,

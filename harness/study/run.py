@@ -329,9 +329,11 @@ def _short(wanted: Iterable[str], answers: Mapping[str, Solution], t: Array) -> 
     """Samples that engines do not answer, though they do not say beforehand that they answer fewer."""
     for name, answer in answers.items():
         asked = spread(len(t), (ENGINES[name].most if name in ENGINES else 0) or len(t))
-        if answer.rows is not None and (rows := np.setdiff1d(asked, answer.rows)).size:
+        rows = np.setdiff1d(asked, asked if answer.rows is None else answer.rows)
+        if rows.size or answer.stopped:
             what = f"answers {len(asked) - len(rows)} of {len(asked)} samples"
-            why = f", nothing after t = {t[rows[0] - 1]:g} s: {answer.stopped}" if answer.stopped else ""
+            after = f", nothing after t = {t[rows[0] - 1]:g} s" if rows.size and answer.stopped else ""
+            why = f"{after}: {answer.stopped}" if answer.stopped else ""
             yield Refusal(name, tuple(wanted), rows, what, f"{what}{why}")
 
 
