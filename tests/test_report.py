@@ -477,10 +477,15 @@ def test_without_forces_there_is_no_section_of_them(make: Make, tmp_path: Path) 
 def test_the_open_tree_is_explained_where_it_has_the_fewest_digits_and_fills_one_line_of_the_worst(make: Make) -> None:
     results = make()
     pairs, judge = results.pairs.copy(), results.judge.copy()
-    pairs["quantity"] = ["tree_force", "tree_force_soft"]
+    forces = "tree_force", "tree_force_soft"
+    pairs["quantity"] = forces
     pairs["max_scaled"] = [1e-13, 1e-12]
     judge["residual"] = "tree_force_soft"
-    found = replace(results, pairs=pairs, judge=judge)
+    solutions = {
+        name: replace(one, values=dict(zip(forces, one.values.values(), strict=True)))
+        for name, one in results.solutions.items()
+    }
+    found = replace(results, pairs=pairs, judge=judge, solutions=solutions)
     assert "tree_force_soft only checks the models: joint forces with the loops cut open" in verdict(found).text
     (front,) = [block for block in page.report(found) if isinstance(block, Front)]
     worst = next(block for block in front.blocks if isinstance(block, Table))

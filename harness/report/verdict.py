@@ -97,7 +97,10 @@ def _partly(results: Comparison) -> list[str]:
     for one in results.refusals:
         engines_by_sentence.setdefault(one.sentence, []).append(one.engine)
     lost = [f"{listed(names)}: {sentence}." for sentence, names in engines_by_sentence.items()]
-    return [*lost, *(f"Nothing is comparable of {name}: its engines cut other trees." for name in results.apart)]
+    return [
+        *lost,
+        *(f"No two engines give the same components of {name}, so it is not compared." for name in results.apart),
+    ]
 
 
 def _unjudged(results: Comparison) -> list[str]:
