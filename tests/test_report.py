@@ -125,7 +125,6 @@ def scene(n: int, figures: tuple[Figure, ...]) -> Any:
         t=task.t,
         simulated=False,
         published=(),
-        allow=(),
         tables={},
         rule="min_norm",
         figures=figures,
