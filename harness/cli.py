@@ -235,8 +235,14 @@ def _parser() -> argparse.ArgumentParser:
     add("--fix", type=_path, metavar="FILE", help="write B as it would have to be to agree with A")
     add("--json", action="store_true", help="print the summary as JSON")
 
-    add = command(commands.casebook, "discrepancies of the engines that have a name: all of them, or one shown")
-    add("id", nargs="?", type=_named, metavar="ID", help="show this one with the installed engines")
+    add = command(commands.casebook, "discrepancies of the engines that have a name: all of them, or one in detail")
+    add(
+        "id",
+        nargs="?",
+        type=_named,
+        metavar="ID",
+        help="text, cause, remedy of this one, and the versions that show it",
+    )
 
     add = command(
         commands.check, "scenes or pairs of models against tolerances: a gate for CI", out="check", epilog=EXIT_STATUS

@@ -123,6 +123,12 @@ def test_a_library_is_imported_in_its_engine_s_room_only(modules, library):
         assert any(path.startswith(room) for path in users), f"nothing in {room} needs {library}"
 
 
+def test_the_package_has_no_reproduction_of_a_library_s_discrepancy(modules):
+    told = {path for path, nodes in modules.items() for node in nodes if getattr(node, "id", "") == "Evidence"}
+    assert told == set()
+    assert {path for path in modules if path.startswith("casebook/")} == {"casebook/__init__.py", "casebook/book.py"}
+
+
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 def test_an_engine_loads_scipy_for_simulations_alone(laid, engine):
     """Its import takes longer than a small given motion."""

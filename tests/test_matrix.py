@@ -10,12 +10,10 @@ from types import SimpleNamespace
 import pandas as pd
 import pytest
 
-from screwgauge.casebook.book import CASES
 from screwgauge.report.pages.matrix import PAGE as page
 from screwgauge.study import matrix as study
 from support.command import main
 
-CASE = "fullinertia-order"
 AGREE = {"scene": "s", "status": "agree", "sentence": "", "errors": []}
 BEYOND = {"reaction": "mujoco", "power": "judge"}
 ERRORS = [{"quantity": name, "b": b, "ok": False, "error": 1.0} for name, b in BEYOND.items()]
@@ -25,7 +23,7 @@ DIFFER = {**AGREE, "scene": "t", "status": "differ", "sentence": "they differ", 
 @pytest.fixture
 def made(monkeypatch):
     """Environments that are asked for; commands in them answer what they are told to, by version of pin."""
-    told = SimpleNamespace(asked=[], checks={}, cases={})
+    told = SimpleNamespace(asked=[], checks={})
 
     def make(folder: Path, wanted):
         told.asked.append(wanted)
@@ -35,9 +33,7 @@ def made(monkeypatch):
         return Path(pin)
 
     def run(command, folder=None, ends=(0,)):
-        if "check" in command:
-            return told.checks.get(command[0], json.dumps({"rows": [AGREE, DIFFER]}))
-        return told.cases.get(command[0], "".join(f"{name}\tshown\n" for name in command[3:]))
+        return told.checks.get(command[0], json.dumps({"rows": [AGREE, DIFFER]}))
 
     monkeypatch.setattr(study, "fresh", make)
     monkeypatch.setattr(study, "_run", run)
@@ -46,14 +42,13 @@ def made(monkeypatch):
 
 
 def test_one_row_a_pair_and_only_these_versions_are_pinned(made, tmp_path):
-    found = study.matrix([("3.9.0", "3.6.0"), ("4.1.0", "3.6.0")], tmp_path / "m.csv", cases=[CASE])
+    found = study.matrix([("3.9.0", "3.6.0"), ("4.1.0", "3.6.0")], tmp_path / "m.csv")
     assert found[["pin", "mujoco", "status", "passing", "scenes"]].values.tolist() == [
         ["3.9.0", "3.6.0", "differ", 1, 2],
         ["4.1.0", "3.6.0", "differ", 1, 2],
     ]
     assert {*found["reason"]} == {"t: they differ"}
     assert {*found["differing"]} == {"reaction 1"}
-    assert {*found["shown"]} == {CASE}
     first = made.asked[0]
     assert {"pin==3.9.0", "mujoco==3.6.0", "numpy>=2.0"} <= {*first}
     assert not any("extra" in text or "pytest" in text for text in first)
@@ -66,8 +61,8 @@ def test_what_pin_3_was_built_with_is_asked_for():
 
 
 def test_rows_that_are_there_are_not_made_again(made, tmp_path):
-    study.matrix([("3.9.0", "3.6.0")], tmp_path / "m.csv", cases=())
-    found = study.matrix([("3.9.0", "3.6.0"), ("4.1.0", "3.6.0")], tmp_path / "m.csv", cases=())
+    study.matrix([("3.9.0", "3.6.0")], tmp_path / "m.csv")
+    found = study.matrix([("3.9.0", "3.6.0"), ("4.1.0", "3.6.0")], tmp_path / "m.csv")
     assert len(made.asked) == len(found) == 2
 
 
@@ -75,18 +70,10 @@ def test_what_cannot_be_installed_or_checked_is_a_row(made, tmp_path):
     made.checks["pin==4"] = "Segmentation fault"
     made.checks["pin==5"] = json.dumps({"rows": [{**DIFFER, "status": "failed"}]})
     made.checks["pin==6"] = json.dumps({"rows": []})
-    found = study.matrix([(pin, "4.0.0") for pin in "94567"], tmp_path / "m.csv", cases=())
+    found = study.matrix([(pin, "4.0.0") for pin in "94567"], tmp_path / "m.csv")
     assert found["status"].tolist() == ["not installed", "failed", "failed", "differ", "differ"]
     assert found["reason"][0] == "No matching distribution found for pin==9"
     assert found["reason"][1] == "the check printed no JSON"
-
-
-def test_a_case_that_takes_its_process_with_it_costs_only_itself(made, tmp_path):
-    names = [*CASES][:4]
-    made.cases["pin==4"] = f"noise\n{names[0]}\tnot shown\n"
-    found = study.matrix([("4", "4")], tmp_path / "m.csv", cases=names)
-    (row,) = found.to_dict("records")
-    assert (row["not_shown"], row["failed"]) == (names[0], " ".join(names[1:]))
 
 
 def test_versions_that_are_none_are_refused(refused):
@@ -95,7 +82,6 @@ def test_versions_that_are_none_are_refused(refused):
 
 
 def test_the_command_writes_the_table_and_a_page(made, tmp_path, capsys):
-    made.cases["pin==3.9.0"] = f"{CASE}\tnot shown\n"
     assert main(["matrix", "--pin", "3.9.0,4.1.0,9", "--mujoco", "4.0.0", "--out", str(tmp_path / "out")]) == 3
     assert "not installed" in capsys.readouterr().out
     assert [*pd.read_csv(tmp_path / "out" / page.NAME).columns] == [*study.COLUMNS]
@@ -104,8 +90,6 @@ def test_the_command_writes_the_table_and_a_page(made, tmp_path, capsys):
     assert "3.9.0, 4.1.0, 9" in first
     assert "| 4.1.0 | 4.0.0 | differ | 1 of 2 |" in text
     assert "pin 4.1.0 with mujoco 4.0.0: scenes out of tolerance in reaction 1; the first: t: they differ" in text
-    assert f"| {CASE} | mujoco | 4.0.0: - or shown |" in text
-    assert "pin 3.9.0: no case runs at all." in text
 
 
 @pytest.mark.slow
@@ -116,10 +100,8 @@ def test_the_package_answers_where_it_is_laid_out(tmp_path):
         tmp_path / "m.csv",
         make=lambda folder, wanted: Path(sys.executable),
         scenes=["slider-crank"],
-        cases=[CASE, "any-tool"],
     )
     (row,) = found.to_dict("records")
-    assert (row["status"], row["passing"], row["scenes"], row["shown"]) == ("agree", 1, 1, CASE)
+    assert (row["status"], row["passing"], row["scenes"]) == ("agree", 1, 1)
     assert row["digits"] > 11
     assert row["worst"].startswith("slider-crank: ")
-    assert row["failed"] == "any-tool"

@@ -1,1 +1,1 @@
-"""Named discrepancies of the engines, each with the reproduction that shows it, its cause and its remedy."""
+"""Named discrepancies of the engines, each with its cause, its remedy and the versions that showed it."""

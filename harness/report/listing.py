@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from screwgauge.casebook.book import CASES as CASEBOOK
-from screwgauge.casebook.book import CaseResult
+from screwgauge.casebook.book import Case, Versions, installed
 from screwgauge.engines.registry import engines
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.quantities import QUANTITIES
@@ -39,17 +39,23 @@ def listing(what: str | None) -> str:
     return tables[what] if what else "\n\n".join(f"{name}\n{text}" for name, text in tables.items())
 
 
-def blocks(result: CaseResult) -> list[Block]:
-    """A case with its sentence, its numbers, versions and links."""
-    case, numbers = result.case, result.numbers
-    rows = [(words, numbers[name]) for words, name in _NUMBERS if name in numbers]
-    rows += [(name, version) for name, version in result.versions.items()]
+def blocks(case: Case) -> list[Block]:
+    """A case with its sentence, the numbers that were measured, versions and links."""
+    rows = [(words, case.numbers[name]) for words, name in _NUMBERS if name in case.numbers]
+    rows += [(words, "; ".join(map(case.named, some))) for words, some in _measured(case) if some]
     rows += [("seen with", case.versions)]
+    here = installed(case)
+    if here is not None and (case.shown or case.not_shown):
+        rows.append(("installed", f"{case.named(here)}: {'shown' if case.shows(here) else 'not shown'}"))
     return [
-        Banner(Marked(result.sentence), f"{case.id}, {result.status}", "note" if result.ok else "failed"),
+        Banner(Marked(case.sentence), case.id, "note"),
         Table(("", ""), tuple(rows)),
         *([Items(case.links)] if case.links else []),
     ]
+
+
+def _measured(case: Case) -> list[tuple[str, tuple[Versions, ...]]]:
+    return [("shown with", case.shown), ("not shown with", case.not_shown)]
 
 
 _NUMBERS = (("as users get it", "symptom"), ("as it should be", "expected"), ("after the remedy", "mended"))

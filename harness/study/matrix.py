@@ -1,7 +1,4 @@
-"""The check in fresh environments, one for each pair of versions of Pinocchio and MuJoCo; one row each.
-
-Run as a module it shows the cases of the casebook that are named, a line for each, in the Python that runs it.
-"""
+"""The check in fresh environments, one for each pair of versions of Pinocchio and MuJoCo; one row each."""
 
 from __future__ import annotations
 
@@ -26,7 +23,6 @@ import pandas as pd
 
 import screwgauge
 from screwgauge import processes
-from screwgauge.casebook.book import CASES, reproduce
 from screwgauge.judging.residual import JUDGE, columns_of
 from screwgauge.problem import Progress, Report, silent
 from screwgauge.quantities import digits
@@ -40,7 +36,6 @@ from screwgauge.study.runner import Executor, InTurn, Task, grow_table
 BUILT_WITH = ("cmeel-tinyxml2<11", "cmeel-urdfdom<5")
 #: Of an installation, and of a check [s].
 LIMIT = 3600.0
-CRASHED = "crashed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +48,6 @@ class VersionRow:
         digits: Fewest digits of two engines that agree, `worst`: scene and quantity that have them.
         differing: Quantities out of tolerance, with the number of scenes.
         reason: The sentence on the first scene that does not pass, or why there is none.
-        shown, not_shown, failed: Cases of the casebook by what became of them.
     """
 
     pin: str
@@ -65,9 +59,6 @@ class VersionRow:
     worst: str = ""
     differing: str = ""
     reason: str = ""
-    shown: str = ""
-    not_shown: str = ""
-    failed: str = ""
 
 
 COLUMNS = tuple(columns_of(VersionRow))
@@ -87,7 +78,6 @@ def matrix(
     *,
     make: Maker | None = None,
     scenes: Sequence[str] = (),
-    cases: Sequence[str] = tuple(CASES),
     progress: Report = silent,
     execute: Executor | None = None,
 ) -> pd.DataFrame:
@@ -98,7 +88,6 @@ def matrix(
         file: The table that they are for; rows that were made for it before are not made again, see `grow_table`.
         make: Makes an environment, by uv or pip.
         scenes: As `screwgauge check` takes them; all built-in ones by default.
-        cases: Names of discrepancies that are looked at.
         execute: Where pairs are checked; in this process by default.
 
     Returns:
@@ -108,11 +97,11 @@ def matrix(
     text = grow_table(
         file,
         COLUMNS,
-        [Task(name, partial(_row, *pair, make or fresh, (scenes, cases))) for name, pair in named.items()],
+        [Task(name, partial(_row, *pair, make or fresh, scenes)) for name, pair in named.items()],
         execute or InTurn(),
         lambda name, reason: asdict(VersionRow(*named[name], "failed", reason=reason)),
         progress,
-        [scenes, cases],
+        [scenes],
     )
     missing = {"digits": ["nan", ""]}
     return pd.read_csv(StringIO(text), dtype={"pin": str, "mujoco": str}, keep_default_na=False, na_values=missing)
@@ -130,32 +119,21 @@ def check_versions(names: Sequence[str], package: str) -> Sequence[str]:
     return names
 
 
-def _row(
-    pin: str, mujoco: str, make: Maker, what: tuple[Sequence[str], Sequence[str]], progress: Progress
-) -> list[dict[str, Any]]:
+def _row(pin: str, mujoco: str, make: Maker, scenes: Sequence[str], progress: Progress) -> list[dict[str, Any]]:
     with TemporaryDirectory(prefix="screwgauge-") as folder:
-        return [asdict(_checked_in(Path(folder), pin, mujoco, make, what))]
+        return [asdict(_checked_in(Path(folder), pin, mujoco, make, scenes))]
 
 
-def _checked_in(
-    folder: Path, pin: str, mujoco: str, make: Maker, what: tuple[Sequence[str], Sequence[str]]
-) -> VersionRow:
-    scenes, cases = what
+def _checked_in(folder: Path, pin: str, mujoco: str, make: Maker, scenes: Sequence[str]) -> VersionRow:
     try:
         python = make(folder / "environment", requirements(pin=pin, mujoco=mujoco))
     except CannotError as error:
         return VersionRow(pin, mujoco, "not installed", reason=str(error))
     lay_out(folder / "package")
     try:
-        outcome = _checked(python, folder, scenes)
+        return VersionRow(pin, mujoco, **_checked(python, folder, scenes))
     except CannotError as error:
-        outcome = {"status": "failed", "reason": str(error)}
-    by: dict[str, list[str]] = {}
-    for case, status in _shown(python, folder, [*cases]):
-        by.setdefault(status, []).append(case)
-    shown, not_shown = (" ".join(by.get(status, ())) for status in ("shown", "not shown"))
-    failed = " ".join([*by.get("failed", ()), *by.get(CRASHED, ())])
-    return VersionRow(pin, mujoco, **outcome, shown=shown, not_shown=not_shown, failed=failed)
+        return VersionRow(pin, mujoco, "failed", reason=str(error))
 
 
 def requirements(**pinned: str) -> list[str]:
@@ -251,24 +229,3 @@ def _checked(python: Path, folder: Path, scenes: Sequence[str]) -> dict[str, Any
 def _beyond(errors: Iterable[Mapping[str, Any]]) -> Iterator[str]:
     """Quantities in which two engines are out of tolerance."""
     return (error["quantity"] for error in errors if not error["ok"] and error["b"] != JUDGE)
-
-
-def _shown(python: Path, folder: Path, cases: list[str]) -> Iterator[tuple[str, str]]:
-    """The status of each case. One that takes its process along is `CRASHED`, and the others go on."""
-    while cases:
-        try:
-            text = _run([str(python), "-P", "-m", "screwgauge.study.matrix", *cases], folder, ())
-        except CannotError:
-            text = ""
-        lines = [line.split("\t") for line in text.splitlines() if line.count("\t") == 1]
-        for case, status in lines:
-            if case in cases:
-                yield case, status
-        cases = [case for case in cases if case not in {name for name, _ in lines}]
-        if cases:
-            yield cases.pop(0), CRASHED
-
-
-if __name__ == "__main__":
-    for name in sys.argv[1:]:
-        print(name, reproduce(name).status, sep="\t", flush=True)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from screwgauge.casebook.book import suspects
+from screwgauge.casebook.book import installed, suspects
 from screwgauge.engines.chunks import Names, described
 from screwgauge.engines.registry import ENGINES, check_engines, get_engine
 from screwgauge.environment import environment
@@ -238,12 +238,13 @@ class _RunSteps:
 
 
 def _known(pairs: pd.DataFrame, solutions: Mapping[str, Solution]) -> Iterator[str]:
-    """Discrepancies of the casebook that the installed engines show and that touch what is out of tolerance."""
+    """Discrepancies of the casebook that the installed versions show and that touch what is out of tolerance."""
     bad = pairs[~pairs["ok"].astype(bool)]
     wrong, packages = {*bad["quantity"]}, {ENGINES[name].package for name in {*solutions} & {*ENGINES}}
     for case in suspects(wrong, {*pairs["quantity"]} - wrong, packages) if wrong else ():
         symptom = case.sentence.rstrip(".")
-        yield f"Known of {case.installed}: {symptom[0].lower()}{symptom[1:]} (casebook: {case.case.id})."
+        engines = case.named(installed(case) or ())
+        yield f"Known of {engines}: {symptom[0].lower()}{symptom[1:]} (casebook: {case.id})."
 
 
 def _noted(scene: Scene, answer: Solution, refused: Sequence[Refusal]) -> Solution:

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from casebook.toy_models import ARM, INERTIA, MASS, WEIGHT, Evidence, FourBar, joint, link, robot
 from screwgauge.engines.pinocchio.tree import initialise
-from screwgauge.engines.toy_models import ARM, INERTIA, MASS, WEIGHT, Evidence, FourBar, joint, link, robot
 from screwgauge.models.readings.pinocchio import overheard
 from screwgauge.processes import python
 from screwgauge.reference.rotations import Array

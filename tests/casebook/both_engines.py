@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.engines.mujoco import discrepancies as mujoco
-from screwgauge.engines.pinocchio import discrepancies as pinocchio
-from screwgauge.engines.toy_models import ARM, INERTIAL, MASS, WEIGHT, Evidence, FourBar, body, joint, link, mjcf, robot
+from casebook import mujoco_discrepancies as mujoco
+from casebook import pinocchio_discrepancies as pinocchio
+from casebook.toy_models import ARM, INERTIAL, MASS, WEIGHT, Evidence, FourBar, body, joint, link, mjcf, robot
 
 
 def _freedoms(text: str, mended: str) -> Evidence:

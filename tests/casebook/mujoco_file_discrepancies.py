@@ -7,8 +7,8 @@ import math
 import mujoco
 import numpy as np
 
-from screwgauge.engines.mujoco.discrepancies import inverse, load, mass, measured, moment
-from screwgauge.engines.toy_models import (
+from casebook.mujoco_discrepancies import inverse, load, mass, measured, moment
+from casebook.toy_models import (
     ARM,
     INERTIA,
     INERTIAL,

@@ -13,8 +13,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from casebook.toy_models import ARM, INERTIA, MASS, WEIGHT, Evidence, FourBar, G, body, mjcf
 from screwgauge.engines.mujoco.equality_constraints import DISABLED, STIFFEST, refine
-from screwgauge.engines.toy_models import ARM, INERTIA, MASS, WEIGHT, Evidence, FourBar, G, body, mjcf
 from screwgauge.reference.rotations import Array
 
 

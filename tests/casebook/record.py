@@ -1,0 +1,78 @@
+"""What reproductions show with some versions of the engines, as ``shown.toml`` of the package keeps it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from casebook.reproduce import RUN
+from screwgauge.casebook.book import Case, version_key
+from screwgauge.processes import python as this_python
+
+TESTS = Path(__file__).parents[1]
+CRASHED = "crashed"
+#: Of the processes of one environment [s].
+LIMIT = 3600.0
+HEAD = """\
+# Versions, in the order of a case's `engines`, with which tests/casebook showed it, and with which not; numbers are
+# those of the newest. Written by pytest -m campaign -k casebook --reports=harness
+"""
+
+Found = tuple[str, Mapping[str, str]]
+"""The status of a case, and its numbers."""
+
+
+def found_by(
+    python: Sequence[str] | None = None, package: Path | None = None, cases: Sequence[str] = RUN
+) -> dict[str, Found]:
+    """Name -> `Found` of cases, run by another Python. One that takes its process along is `CRASHED`, others go on.
+
+    Args:
+        python: How that Python is called; this one by default.
+        package: Folder in which it finds screwgauge, if that is not installed there.
+    """
+    path = os.pathsep.join(str(each) for each in (package, TESTS) if each)
+    return dict(_found(python or this_python(), {**os.environ, "PYTHONPATH": path}, [*cases]))
+
+
+def _found(python: Sequence[str], environment: Mapping[str, str], cases: list[str]) -> Iterator[tuple[str, Found]]:
+    while cases:
+        command = [*python, "-m", "casebook.reproduce", *cases]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=LIMIT)
+        lines = [json.loads(line) for line in done.stdout.splitlines() if line.startswith('["')]
+        yield from ((name, (status, numbers)) for name, status, numbers in lines)
+        cases = [case for case in cases if case not in {name for name, *_ in lines}]
+        if cases:
+            yield cases.pop(0), (CRASHED, {})
+
+
+def grown(case: Case, versions: Mapping[str, str], found: Found) -> Case:
+    """The case with what was found with further versions, engine -> version."""
+    status, numbers = found
+    pair = tuple(versions[engine] for engine in case.engines)
+    shown, not_shown = {*case.shown} - {pair}, {*case.not_shown} - {pair}
+    if status in ("shown", "not shown"):
+        (shown if status == "shown" else not_shown).add(pair)
+    newest = max(shown | not_shown, key=version_key, default=())
+    return replace(
+        case,
+        shown=tuple(sorted(shown, key=version_key)),
+        not_shown=tuple(sorted(not_shown, key=version_key)),
+        numbers=numbers if pair == newest else case.numbers,
+    )
+
+
+def text(cases: Iterable[Case]) -> str:
+    """The text of ``shown.toml``."""
+    return "\n".join([HEAD, *(_entry(case) for case in cases if case.shown or case.not_shown)])
+
+
+def _entry(case: Case) -> str:
+    values = {"shown": case.shown, "not_shown": case.not_shown}
+    rows = [f"{name} = {json.dumps(value)}" for name, value in values.items() if value]
+    inside = ", ".join(f"{name} = {json.dumps(said)}" for name, said in case.numbers.items())
+    return "\n".join([f"[{json.dumps(case.id)}]", *rows, f"numbers = {{ {inside} }}", ""])
