@@ -80,14 +80,6 @@ def torques(common: Common, pairing: Pairing, states: TreeStates) -> Torques:
     return Torques(inverse_dynamics(a, states), of, names, units)
 
 
-def at_speeds(common: Common, states: TreeStates, speeds: Sequence[float]) -> tuple[list[Array], list[Array]]:
-    """Inverse dynamics of A and of B at states with velocities times each factor. Shape (n, m) each."""
-    a, b = plant(common.a), plant(common.b)
-    faster = [replace(states, qd=speed * states.qd) for speed in speeds]
-    theirs = [inverse_dynamics(b, states_of_b(a, b, each)) @ velocity_map(a, b) for each in faster]
-    return [inverse_dynamics(a, each) for each in faster], theirs
-
-
 #: What of bodies and joints their motion is of.
 _MOVING = {"bodies": ("near", "joints", "pose"), "joints": ("kind", "screw", "centre", "home")}
 

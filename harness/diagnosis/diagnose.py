@@ -12,9 +12,8 @@ import numpy as np
 
 from screwgauge.diagnosis.causes.attribution import Attribution, Cause
 from screwgauge.diagnosis.causes.backfill import Backfill, write_fix
-from screwgauge.diagnosis.causes.explanation import explained, softness
-from screwgauge.diagnosis.causes.fitting import SPEEDS, Growth, growth
-from screwgauge.diagnosis.compare import STATES, Order, Row, at_speeds, order_of, table, torques
+from screwgauge.diagnosis.causes.explanation import explained
+from screwgauge.diagnosis.compare import STATES, Order, Row, order_of, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.differences.content import beyond
 from screwgauge.diagnosis.differences.difference import Difference, marked
@@ -48,8 +47,6 @@ class Diagnosis:
         rows: Differences at `seed`'s random states by quantity; none between different machines.
         loops: What closures and couplings leave; None where they are not compared.
         attribution: Of the torque difference; `proof`: by backfill. None where the torques agree.
-        soft: Attribution of forces of soft equalities to their softness; None where that does not differ.
-        growth: Of the torque difference with speed; None where it does not vanish at rest.
         fix: B's file with all changes that it can hold, also those without effect on torques; None if there are none.
         witnesses: Each library's own torques, compared with the dynamics of its reading.
         notes: What was taken for granted, or not compared.
@@ -74,8 +71,6 @@ class Diagnosis:
     rows: tuple[Row, ...] = ()
     loops: Loops | None = None
     attribution: Attribution | None = None
-    growth: Growth | None = None
-    soft: Attribution | None = None
     proof: Backfill | None = None
     fix: Backfill | None = None
     witnesses: tuple[LibraryCheck, ...] = ()
@@ -203,10 +198,6 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     written = b.as_read if b.cut is not None else None
     why = explained(tau, *read, facts, lambda file: b.read_again(file, load), deadline, written)
     cause = why.attribution
-    if cause.before.scaled > SAME and not deadline.over("growth of the torque difference with speed"):
-        ours_at, theirs_at = at_speeds(common, states, SPEEDS)
-        why = replace(why, growth=growth(theirs_at, ours_at))
-    why = replace(why, soft=softness((a, b), pairing, facts, seed, deadline))
     seen = tuple(library_checks((a, b), seed, deadline))
     both, why_not = None, ""
     if not lost and cause.before.scaled <= SAME and not deadline.over("torques of the libraries as loaded"):
@@ -228,8 +219,6 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
         rows=(*rows, *([bound.row] if bound else [])),
         loops=bound,
         attribution=_numbered(cause, facts),
-        growth=why.growth,
-        soft=why.soft,
         proof=why.proof,
         fix=why.fix,
         witnesses=seen,
@@ -294,12 +283,10 @@ def summary(diagnosis: Diagnosis) -> dict[str, Any]:
         "dynamics": [asdict(row) for row in diagnosis.rows],
         "loops": diagnosis.loops and asdict(diagnosis.loops),
         "order": diagnosis.order and asdict(diagnosis.order),
-        "growth": diagnosis.growth and asdict(diagnosis.growth),
         "attribution": why and _attribution(why),
         "torque_by_joint": [
             dict(zip(("component", "before", "after"), each, strict=True)) for each in diagnosis.by_joint
         ],
-        "soft_equalities": diagnosis.soft and _attribution(diagnosis.soft),
         "backfill": proof and {"on": proof.on, "left": asdict(proof.left), "why_not": proof.why_not},
         "libraries_together": diagnosis.together and asdict(diagnosis.together),
         "libraries": [asdict(witness) for witness in diagnosis.witnesses],

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.fitting import SPEEDS, Growth, fitted, growth
 from screwgauge.diagnosis.compare import components
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.model import Model
@@ -143,9 +142,6 @@ class LibraryCheck:
         scaled: Quantity -> largest difference from the dynamics of the reading, over the largest magnitude.
         omits: What its inverse dynamics do not contain; `adds`: what they contain besides inertia and weight.
         failed: Why it has no answer; empty if it has.
-        fits: Changes of the model that would give torques like the library's, and the share of their
-            difference that this explains; the best, and those that cannot be distinguished from it.
-        growth: Of the largest difference with speed; None where there is none, or not at speed alone.
     """
 
     side: str
@@ -154,8 +150,6 @@ class LibraryCheck:
     omits: tuple[str, ...] = ()
     adds: tuple[str, ...] = ()
     failed: str = ""
-    fits: tuple[tuple[str, float], ...] = ()
-    growth: Growth | None = None
 
     @property
     def agrees(self) -> bool:
@@ -180,11 +174,7 @@ def library_checks(models: Sequence[Model], seed: int, deadline: Deadline) -> It
         acts = {entry for joint in reading.joints.values() for entry in PASSIVE if getattr(joint, entry)}
         omits = (*sorted(acts - theirs.covers), *not_modelled(reading))
         adds = tuple(sorted(acts & theirs.covers))
-        worst = max(scaled, key=lambda name: scaled[name])
-        differs = ROUNDING < scaled[worst] < np.inf and not deadline.over(f"fits to the torques of {model.library}")
-        grown = _grown(model, tree, states, worst) if differs else None
-        fits = _fits(tree, states, theirs, scaled.get("tau", 0.0)) if differs and not (grown and grown.products) else ()
-        yield LibraryCheck(side, model.library, scaled, omits, adds, fits=fits, growth=grown)
+        yield LibraryCheck(side, model.library, scaled, omits, adds)
 
 
 def _asked(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers, dict[str, Compared]]:
@@ -192,18 +182,3 @@ def _asked(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers
     theirs = answers(model.file, model.library, tree, states, floating=model.floating)
     loops = loop_pairs(model.file, model.library, tree, states, floating=model.floating)
     return theirs, {**pairs(theirs, tree, states), **loops}
-
-
-def _grown(model: Model, tree: ReadingTree, states: TreeStates, name: str) -> Growth | None:
-    """How the difference of a quantity grows with speed."""
-    by_speed = [_asked(model, tree, replace(states, qd=times * states.qd))[1][name] for times in SPEEDS]
-    return growth([each.theirs for each in by_speed], [each.ours for each in by_speed])
-
-
-def _fits(tree: ReadingTree, states: TreeStates, theirs: Answers, off: float) -> tuple[tuple[str, float], ...]:
-    """Single causes that a library's torques look like."""
-    if not ROUNDING < off < np.inf:
-        return ()
-    left_out = [force for name, force in passive_parts(tree, states).items() if name not in theirs.covers]
-    best = fitted(tree.reading, states, theirs.tau + sum(left_out, np.zeros_like(theirs.tau)))[:1]
-    return tuple((name, fit.share) for fit in best for name in (fit.name, *fit.alike))

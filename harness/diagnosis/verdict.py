@@ -31,7 +31,7 @@ RESTATED = {"closure"}
 APART = {"medium", *kinds()}
 #: Content that acts by friction, stops or contacts, which all torques leave out.
 RESISTING = {"fixed tendons", "range of rotation", "softness of stops", "softness of friction", "contact pairs"}
-#: Quantity whose velocity products a library has wrong -> case of the casebook.
+#: Quantity that a library computes otherwise than its reading -> case of the casebook.
 CASES = {"Jdot v": "mj-jdotv-before-3.7", "acceleration": "spatial-or-classical"}
 #: Words of a headline at most.
 WORDS = 30
@@ -77,7 +77,6 @@ def verdict(
     elif cause.before.scaled > SAME:
         unexplained = "there was no time to explain" if late else "nothing that the two say explains"
         sentences = [f"Torques differ by {_largest(cause.before)}, which {unexplained}."]
-        sentences += [_as_growth(why)] if why.growth else []
     elif late:
         sentences = ["Nothing differs in what was compared."]
     else:
@@ -88,7 +87,6 @@ def verdict(
         sentences += unused(models, differences)
     elif proof is not None and proof.unheard:
         sentences.append(does_not_use(second.library, [change.what for change in proof.unheard]))
-    sentences += [_soft(why.soft)] if why.soft else []
     sentences += _bound(bound, restated=restated) if bound else []
     sentences += [f"In {side} {m.never_closed}." for side, m in zip("AB", models, strict=True) if m.never_closed]
     return sentences[0], " ".join([*sentences[1:], *apart])
@@ -131,17 +129,6 @@ def _bound(bound: Loops, *, restated: bool) -> list[str]:
     if restated:
         return [f"Loops are stated otherwise and leave the same motions ({bound.row.max_abs:.1g})."]
     return []
-
-
-def _soft(soft: Attribution) -> str:
-    """What softness changes, all else being equal."""
-    if soft.before.scaled <= SAME:
-        return "Near closed states, too, forces of soft equalities are the same."
-    names = [cause.name for cause in soft.causes if {*cause.differences} & {*soft.seen}]
-    verb = f"explain{'s' * (len(names) == 1)} {_percent(soft.share)} of that"
-    left = f"after backfill {_largest(soft.left)} are left"
-    why = f"{first_few(names, _NAMED)} {verb}; {left}" if names else "their softness does not explain it"
-    return f"Near closed states forces of soft equalities differ by {_largest(soft.before)}; {why}."
 
 
 def stopped(limit: float, left_out: Sequence[str]) -> str:
@@ -213,7 +200,7 @@ def _explains(differences: Sequence[Difference], of: Explanation, both: Together
         return [f"{_capital(_unseen(differences, why.before.scaled, both))}.", *further]
     if not why.seen:
         why_not = "there was no time to explain" if late else "nothing that the two say explains"
-        return [f"Torques differ by {_largest(why.before)}, which {why_not}.", *([_as_growth(of)] if of.growth else [])]
+        return [f"Torques differ by {_largest(why.before)}, which {why_not}."]
     many = sum({*cause.differences} & {*why.seen} != set() for cause in why.causes) > 1
     share = 1.0 if proof is not None and proof.agrees else why.share
     explains = f"{'Together they explain' if many else 'It explains'} {_percent(share)} of the torque difference"
@@ -234,10 +221,6 @@ def _others(count: int) -> str:
 
 def _capital(text: str) -> str:
     return text[:1].upper() + text[1:]
-
-
-def _as_growth(why: Explanation) -> str:
-    return f"{_capital(why.growth.sentence)}." if why.growth else ""
 
 
 def _of_tree(differences: Sequence[Difference], seen: Sequence[int]) -> str:
@@ -296,18 +279,8 @@ def _witness(witness: LibraryCheck) -> str:
     if witness.failed:
         return f"{witness.library} fails on {witness.side} ({witness.failed})."
     name, off = max(witness.scaled.items(), key=lambda entry: entry[1])
+    book = f" (casebook: {CASES[name]})" if name in CASES else ""
     return (
         f"{witness.library} itself computes another {name.replace('_', ' ')} for {witness.side} than follows from what "
-        f"it has read ({off:.2g} of the largest): a difference of the engine, not of the model{_looks(witness, name)}."
+        f"it has read ({off:.2g} of the largest): a difference of the engine, not of the model{book}."
     )
-
-
-def _looks(witness: LibraryCheck, name: str) -> str:
-    """What the difference of an engine looks like: how it grows, or one cause that explains more than half of it."""
-    if witness.growth:
-        book = f"; casebook: {CASES[name]}" if witness.growth.products and name in CASES else ""
-        return f" ({witness.growth.sentence}{book})"
-    if not witness.fits or witness.fits[0][1] < 0.5:
-        return ""
-    names = [name for name, _ in witness.fits]
-    return f" (what fits its torques best: {' or '.join(names)}, {_percent(witness.fits[0][1])} of the difference)"

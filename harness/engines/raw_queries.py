@@ -62,12 +62,10 @@ class Closing:
     Attributes:
         rows: That it keeps zero with the velocities, whatever rows it chooses. Shape (n, m, n_freedom).
         bias: Their rate at zero accelerations, Jdot v, where the velocities keep the loops closed. Shape (n, m).
-        force: What they exert where they yield. Shape (n, n_freedom).
     """
 
     rows: Array
     bias: Array
-    force: Array
 
 
 #: Asks a library: file, bodies that are wanted, joints in their order, whether the base of a URDF floats, and whether

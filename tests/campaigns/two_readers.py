@@ -15,11 +15,12 @@ from screwgauge.diagnosis.differences.static import differences, distinct, sorte
 from screwgauge.diagnosis.differences.words import with_sides
 from screwgauge.diagnosis.library_dynamics import answers
 from screwgauge.diagnosis.pairing.branches import missing
-from screwgauge.diagnosis.pairing.common import brought, counterpart, states_of_b, velocity_map, weighed
+from screwgauge.diagnosis.pairing.common import brought, states_of_b, velocity_map, weighed
 from screwgauge.diagnosis.pairing.mapping import Pairing, paired
+from screwgauge.diagnosis.transformations import ordered
 from screwgauge.engines.raw_queries import Answers
 from screwgauge.models.kinematics import draw, plant
-from screwgauge.models.readings.reading import Reading
+from screwgauge.models.readings.reading import Reading, renamed
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
 
@@ -86,11 +87,21 @@ def _torques(
     path, floating = file
     a, states = plant(one), draw(one, STATES)
     first = answers(path, one.library, a, states, floating=floating)
-    b, own = (plant(each) for each in counterpart(one, two, joints))
+    b, own = (plant(each) for each in _counterpart(one, two, joints))
     theirs, C = states_of_b(a, b, states), velocity_map(a, b)
     second = answers(path, two.library, own, theirs, floating=floating)
     rigid = _rigid(first, states.qdd), _rigid(second, theirs.qdd) @ C
     return _apart(first.tau, second.tau @ C), _apart(*rigid), _omitted((first, second), readings)
+
+
+def _counterpart(a: Reading, b: Reading, joints: Mapping[str, str]) -> tuple[Reading, Reading]:
+    """B with its joints in the order of A's, by the names of A and by its own.
+
+    Args:
+        joints: Name in A, all of them, -> name in B.
+    """
+    there = ordered(renamed(b, {"joints": {other: name for name, other in joints.items()}}), a.joints)
+    return there, renamed(there, {"joints": joints})
 
 
 def _rigid(answer: Answers, qdd: Array) -> Array:

@@ -104,17 +104,16 @@ def _parts(answer: Any) -> Iterator[Row]:
     """Numbers of what was compared, and of the attribution."""
     for row in answer.rows:
         yield f"row {row.quantity}", _size(_numbers(row))
-    for name in ("loops", "growth", "order"):
+    for name in ("loops", "order"):
         if part := getattr(answer, name):
             yield name, _size(_numbers(part))
     if (both := answer.together) is not None:  # of what is rounding the unit may be either
         yield "together", text("the same") if both.agrees else _size(_numbers(both))
-    for name in ("attribution", "soft"):
-        if (part := getattr(answer, name)) is not None:
-            yield name, _size([*_numbers(part.before), *_numbers(part.left)])
-            for cause in part.causes:
-                if np.isfinite(cause.share):
-                    yield f"{name} {cause.name}", Fact((float(cause.share),), SIZE)
+    if (part := answer.attribution) is not None:
+        yield "attribution", _size([*_numbers(part.before), *_numbers(part.left)])
+        for cause in part.causes:
+            if np.isfinite(cause.share):
+                yield f"attribution {cause.name}", Fact((float(cause.share),), SIZE)
     for witness in answer.witnesses:
         yield f"library {witness.library}", text(witness.agrees)
 

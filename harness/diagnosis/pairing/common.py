@@ -236,16 +236,6 @@ def owned(common: Common, change: Change) -> Change:
     return Change(item, what, np.asarray(value, dtype=float))
 
 
-def counterpart(a: Reading, b: Reading, joints: Mapping[str, str]) -> tuple[Reading, Reading]:
-    """B with its joints in the order of A's, by the names of A and by its own.
-
-    Args:
-        joints: Name in A, all of them, -> name in B.
-    """
-    there = ordered(renamed(b, {"joints": {other: name for name, other in joints.items()}}), a.joints)
-    return there, renamed(there, {"joints": joints})
-
-
 def states_of_b(a: ReadingTree, b: ReadingTree, states: TreeStates) -> TreeStates:
     """States of B at states of A, where the frames that ball and free joints carry differ."""
     if not (other := _reframed(a, b)):

@@ -73,7 +73,7 @@ def _closing(model: Any, data: Any, state: tuple[Array, ...]) -> tuple[Array, ..
     own = data.efc_type == _EQUALITY
     J = data.efc_J.reshape(data.nefc, model.nv)[own]
     # what the axes of a free joint's velocities gain by turning is of the velocities
-    return J @ B, (rest - data.efc_aref)[own] + J @ (a - B @ qdd), data.qfrc_constraint @ B
+    return J @ B, (rest - data.efc_aref)[own] + J @ (a - B @ qdd)
 
 
 def _carried(model: Any, data: Any, name: str, states: JointStates) -> Carried:

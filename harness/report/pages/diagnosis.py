@@ -142,11 +142,6 @@ PAGE = Report(
         "causes": _causes,
         "scale": _scale,
         "proof": _proof,
-        "growth": lambda diagnosis: (
-            diagnosis.growth.sentence
-            if diagnosis.growth and diagnosis.attribution and diagnosis.attribution.seen
-            else ""
-        ),
         "rows alone": lambda diagnosis: () if diagnosis.differences else diagnosis.rows,
         "witnesses": _witnesses,
         "map": _map,
