@@ -176,7 +176,7 @@ def test_a_gate_drops_no_but(theirs):
 
 @pytest.mark.parametrize("engine", ["mujoco", "screw"])
 def test_one_engine_alone_hides_nothing(theirs, engine):
-    edited(theirs / "four-bar.xml", EDITS["coupler.mass"])
-    allow = ("coupler.mass",)
+    edited(theirs / "four-bar.xml", EDITS["coupler.inertia"])
+    allow = ("coupler.inertia",)
     statuses = [screwgauge.check(gate(theirs, STILL, some, f'"{engine}"')).rows[0].status for some in ((), allow)]
     assert statuses == (["unlike", "judged"] if engine == "mujoco" else ["unread", "unread"])
