@@ -10,7 +10,7 @@ import pytest
 
 import screwgauge
 from support.errors import DescriptionError, ModelFileError, UnknownNameError
-from support.judging import admitted_by, answer_at, measured
+from support.judging import MeasuredForces, admitted_by, answer_at, measure
 from support.mechanism import load_mechanism, same_content
 from support.models import Options, description, import_model
 from support.pages import markdown, terminal
@@ -131,7 +131,8 @@ def moving(path, bare: bool = True):
     wanted = ("joint_position", "joint_velocity", "joint_acceleration", "generalized_force")
     solution = screwgauge.run(scene, ["screw"], wanted).solutions["screw"]
     answer = answer_at(scene.mechanism, scene.problem(wanted), solution, np.arange(len(scene.t)))
-    return solution, measured(answer, admitted_by(answer), scene.mechanism.left_out)
+    (part,) = MeasuredForces(lambda: iter([(answer, admitted_by(answer))]), scene.mechanism.left_out).parts()
+    return solution, part
 
 
 def of_mujoco(path, answer, bare: bool) -> np.ndarray:
@@ -340,3 +341,23 @@ def test_a_gate_says_so_of_a_file_and_of_what_was_imported(driven, status, write
     assert check.exit_status == status
     assert all("2 joints, up to" in row.more for row in check.rows)
     assert "2 joints, up to" in " ".join(repr(check).split())
+
+
+def test_long_motions_are_measured_part_by_part(gait, monkeypatch):
+    scene, sizes = gait(), []
+    for numbers in (measure.NUMBERS, 1):
+        monkeypatch.setattr(measure, "NUMBERS", numbers)
+        (term,) = screwgauge.run(scene, ["screw"]).left_out.terms
+        sizes.append((term.size, term.of, term.t))
+    assert sizes[1] == pytest.approx(sizes[0], rel=1e-14, abs=0)
+
+
+def test_a_simulation_is_measured_where_its_velocities_are_not_asked_for(write):
+    path = write("own.xml", chain(jb='frictionloss="0.2"', jc='armature="0.01"'))
+    text = description(import_model(path).mechanism)
+    write("own.toml", text)
+    forward = 'mechanism = "own.toml"\nquantities = ["joint_position"]\nengines = ["screw"]\n'
+    forward += "time.times = [0, 0.1]\nforward = {}\n"
+    results = screwgauge.run(screwgauge.load_scene(write("forward.toml", forward)))
+    assert {term.kind: term.size > 0.0 for term in results.left_out.terms} == {"armature": True, "dry friction": True}
+    assert results.exit_status == 1

@@ -6,8 +6,8 @@ actuators, along coordinates, or in joints, like any other. Signs are those of d
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -29,7 +29,6 @@ from screwgauge.reference.left_out import (
     spring_law,
 )
 from screwgauge.reference.rotations import Array, cross, times
-from screwgauge.solution import Values
 from screwgauge.witness.constraints import AdmissibleMotion
 from screwgauge.witness.dynamics import along
 from screwgauge.witness.joints import open_tree
@@ -83,8 +82,8 @@ Needed = dict[str, Array]
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredForces:
-    """Forces that are left out, at the states of one answer.
+class MeasuredPart:
+    """Forces that are left out, at some states of an answer.
 
     Attributes:
         admissible: The motions that its loops admit.
@@ -95,43 +94,12 @@ class MeasuredForces:
     answer: Answer
     admissible: AdmissibleMotion
     needed: Needed
-    names: Mapping[str, Sequence[str]] = field(default_factory=dict)
-
-    def terms(self, file: str = "") -> Iterator[LeftOutTerm]:
-        """Each kind with its largest force; of several units the one with the largest share."""
-        mechanism = self.answer.mechanism
-        names, units = mechanism.actuator_names, mechanism.actuator_units
-        if not self._drives:
-            names, units = tuple(mechanism.independent), self._units
-        forces = {kind: self._forces(wrenches) for kind, wrenches in self.needed.items()}
-        whole = np.abs(sum(forces.values(), self._forces(required_wrenches(self.answer)[0]))).max(axis=0)
-        largest = np.array([max(size for size, has in zip(whole, units, strict=True) if has == unit) for unit in units])
-        for kind, force in forces.items():
-            share = np.abs(force) / np.maximum(largest, np.finfo(float).tiny)
-            i, k = divmod(int(share.argmax()), len(units))
-            size = abs(float(force[i, k])) if share[i, k] > NOTHING else 0.0
-            named = tuple(dict.fromkeys(self.names[kind]))
-            t = float(self.answer.t[i])
-            yield LeftOutTerm(kind, named, size, float(largest[k]), units[k], names[k], t, file)
-
-    @property
-    def _units(self) -> tuple[str, ...]:
-        mechanism = self.answer.mechanism
-        return tuple(FORCE[mechanism.units[column]] for column in mechanism.independent_columns)
-
-    @property
-    def _driven(self) -> Array:
-        """Velocities of the actuators per velocity of y. Shape (n, n_actuator, k)."""
-        return np.asarray(self.admissible.partial[:, self.answer.mechanism.actuated_columns])
+    names: Mapping[str, Sequence[str]]
 
     @cached_property
-    def _drives(self) -> bool:
-        """Whether the actuators drive all freedoms everywhere."""
-        freedoms = self._driven.shape[2]
-        return bool(freedoms) and int(np.linalg.matrix_rank(self._driven).min()) == freedoms
-
-    def _forces(self, wrenches: Array) -> Array:
-        return self.actuators(wrenches) if self._drives else self.generalized(wrenches)
+    def driven(self) -> Array:
+        """Velocities of the actuators per velocity of y. Shape (n, n_actuator, k)."""
+        return np.asarray(self.admissible.partial[:, self.answer.mechanism.actuated_columns])
 
     def generalized(self, wrenches: Array) -> Array:
         """Forces along the independent coordinates that give bodies what they need. Shape (n, k)."""
@@ -139,7 +107,7 @@ class MeasuredForces:
 
     def actuators(self, wrenches: Array) -> Array:
         """The smallest actuator forces that do. Shape (n, n_actuator)."""
-        back = np.linalg.pinv(np.swapaxes(self._driven, 1, 2))
+        back = np.linalg.pinv(np.swapaxes(self.driven, 1, 2))
         return np.asarray((back @ self.generalized(wrenches)[..., None])[..., 0])
 
     def _reactions(self, wrenches: Array, names: Sequence[str]) -> Array:
@@ -167,9 +135,9 @@ class MeasuredForces:
         motion = move(tree, TreeStates(self.answer.q, still, still))
         return along(motion, wrenches[:, bodies] * shares[:, None])[:, mechanism.columns(names)]
 
-    def added(self, kind: str, quantity: str, values: Values) -> Array:
-        """What a kind adds to the values of a quantity; nothing to what is no force. Shape (n, m)."""
-        mechanism, wrenches, names = self.answer.mechanism, self.needed[kind], values.components
+    def added(self, kind: str, quantity: str, names: Sequence[str]) -> Array:
+        """What a kind adds to components of a quantity; nothing to what is no force. Shape (n, m)."""
+        mechanism, wrenches = self.answer.mechanism, self.needed[kind]
         match quantity:
             case "generalized_force":
                 return self.generalized(wrenches)[:, [[*mechanism.independent].index(name) for name in names]]
@@ -182,21 +150,71 @@ class MeasuredForces:
         return np.zeros((len(wrenches), len(names)))
 
 
-def measured(
-    answer: Answer, admissible: AdmissibleMotion, left_out: Iterable[LeftOut], springs: Iterable[Spring] = ()
-) -> MeasuredForces:
-    """Forces of entries at the states of an answer that has positions, velocities and accelerations.
+Moments = Callable[[], Iterator[tuple[Answer, AdmissibleMotion]]]
+"""Parts of an answer that has positions, velocities and accelerations, and the motions that its loops admit."""
 
-    Args:
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeasuredForces:
+    """Forces of entries of `Mechanism.left_out` along a motion, computed part by part: bodies times freedoms are many.
+
+    Attributes:
         springs: Of the scene; what those along a joint exert is not left out of that joint.
     """
-    along_joints = [spring for spring in springs if isinstance(spring, JointSpring)]
-    needed, names = Needed(), dict[str, list[str]]()
-    for one in left_out:
-        for kind, wrenches in _needed(answer, one, along_joints):
-            needed[kind] = needed[kind] + wrenches if kind in needed else wrenches
-            names.setdefault(kind, []).append(one.of)
-    return MeasuredForces(answer, admissible, needed, names)
+
+    moments: Moments
+    left_out: Sequence[LeftOut]
+    springs: Sequence[Spring] = ()
+
+    def parts(self) -> Iterator[MeasuredPart]:
+        """At so many states at once as the moments have."""
+        along_joints = [spring for spring in self.springs if isinstance(spring, JointSpring)]
+        for answer, admissible in self.moments():
+            needed, names = Needed(), dict[str, list[str]]()
+            for one in self.left_out:
+                for kind, wrenches in _needed(answer, one, along_joints):
+                    needed[kind] = needed[kind] + wrenches if kind in needed else wrenches
+                    names.setdefault(kind, []).append(one.of)
+            yield MeasuredPart(answer, admissible, needed, names)
+
+    def terms(self, file: str = "") -> Iterator[LeftOutTerm]:
+        """Each kind with its largest force; of several units the one with the largest share."""
+        if not self.left_out:
+            return
+        times, whole, drives = list[Array](), list[tuple[Array, Array]](), True
+        forces, named = dict[str, list[tuple[Array, Array]]](), dict[str, Sequence[str]]()
+        for part in self.parts():
+            mechanism, named = part.answer.mechanism, dict(part.names)
+            freedoms = len(mechanism.independent)
+            drives = drives and bool(freedoms) and int(np.linalg.matrix_rank(part.driven).min()) == freedoms
+            times.append(part.answer.t)
+            for kind, wrenches in part.needed.items():
+                forces.setdefault(kind, []).append((part.actuators(wrenches), part.generalized(wrenches)))
+            rigid = required_wrenches(part.answer)[0] + sum(part.needed.values())
+            whole.append((part.actuators(rigid), part.generalized(rigid)))
+        if not forces:
+            return
+        names, units = mechanism.actuator_names, mechanism.actuator_units
+        if not drives:
+            names = tuple(mechanism.independent)
+            units = tuple(FORCE[mechanism.units[column]] for column in mechanism.independent_columns)
+        t, of = np.concatenate(times), np.abs(np.concatenate([pair[not drives] for pair in whole])).max(axis=0)
+        largest = np.array([max(size for size, has in zip(of, units, strict=True) if has == unit) for unit in units])
+        for kind, pairs in forces.items():
+            force = np.abs(np.concatenate([pair[not drives] for pair in pairs]))
+            share = force / np.maximum(largest, np.finfo(float).tiny)
+            i, k = divmod(int(share.argmax()), len(units))
+            size = float(force[i, k]) if share[i, k] > NOTHING else 0.0
+            owners = tuple(dict.fromkeys(named[kind]))
+            yield LeftOutTerm(kind, owners, size, float(largest[k]), units[k], names[k], float(t[i]), file)
+
+    def added(self, quantity: str, names: Sequence[str]) -> dict[str, Array]:
+        """Kind -> what it adds to components of a quantity. Shape (n, m)."""
+        by_kind: dict[str, list[Array]] = {}
+        for part in self.parts():
+            for kind in part.needed:
+                by_kind.setdefault(kind, []).append(part.added(kind, quantity, names))
+        return {kind: np.concatenate(arrays) for kind, arrays in by_kind.items()}
 
 
 def _needed(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Iterator[tuple[str, Array]]:

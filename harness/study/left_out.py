@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -15,13 +16,18 @@ import numpy as np
 from screwgauge.judging.answer import Answer, answer_at
 from screwgauge.judging.assembly_modes import assembly_of
 from screwgauge.judging.judge import admitted_by, completed
-from screwgauge.judging.left_out import LeftOutTerm, MeasuredForces, measured
+from screwgauge.judging.left_out import LeftOutTerm, MeasuredForces
 from screwgauge.problem import GivenMotion, Problem, Rows
+from screwgauge.reference.closed.assembly_mode import positions
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.graph import layout
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import Solution, Values
+from screwgauge.solution import Solution, Values, empty
 from screwgauge.witness.constraints import AdmissibleMotion
 
 FORCES = ("tree_force", "tree_force_soft", "generalized_force", "actuator_force", "reaction")
+#: Numbers of an array that are computed at once.
+NUMBERS = 4_000_000
 #: Share of a difference that may be left where what is left out explains it.
 LEFT = 0.5
 
@@ -55,23 +61,38 @@ def without_left_out(
     """
     every = {**answers, **tables}
     own = {name: one.left_out for name, one in answers.items() if one.left_out}
-    base = next((one for one in answers.values() if _moves(scene, one)), None)
-    if not (scene.mechanism.left_out or own) or base is None:
+    if not (scene.mechanism.left_out or own):
+        return every, LeftOutForces()
+    base = next((one for one in answers.values() if _moves(scene, one)), None) or _followed(scene)
+    if base is None:
         return every, LeftOutForces()
     rows = np.arange(len(scene.t)) if base.rows is None else base.rows
-    at = _moving(scene, problem, base, rows)
-    of_scene = measured(*at, scene.mechanism.left_out, scene.applied.springs)
-    terms, contained, forces = [*of_scene.terms()], dict[str, tuple[str, ...]](), dict[str, MeasuredForces]()
-    for name, entries in own.items():
-        forces[name] = measured(*at, entries)  # springs of the scene act in the engine besides those of its file
-        known = {(term.kind, term.names) for term in terms}
-        more = measured(*at, entries, scene.applied.springs).terms(scene.models[name].name)
-        terms += (term for term in more if (term.kind, term.names) not in known)
-    rigid = _rigid([one for name, one in answers.items() if name not in own])
+    moments = partial(_moments, scene, problem, base, rows)
+    of_scene = MeasuredForces(moments, scene.mechanism.left_out, scene.applied.springs)
+    # springs of the scene act in an engine besides those of its file
+    forces = {name: MeasuredForces(moments, entries) for name, entries in own.items()}
+    rigid, contained = _rigid(one for name, one in answers.items() if name not in own), dict[str, tuple[str, ...]]()
     for name in (*tables, *own):
         every[name], kinds = _without(every[name], rigid, forces.get(name, of_scene), rows)
         contained |= {name: kinds} if kinds else {}
+    terms = [*of_scene.terms()]
+    for name, entries in own.items():
+        known = {(term.kind, term.names) for term in terms}  # of the file that the description was made from
+        more = MeasuredForces(moments, entries, scene.applied.springs).terms(scene.models[name].name)
+        terms += [term for term in more if (term.kind, term.names) not in known]
     return every, LeftOutForces(tuple(terms), contained)
+
+
+def _followed(scene: Scene) -> Solution | None:
+    """The poses of a given motion, where no engine gives any; None where they cannot be followed."""
+    if scene.simulated:
+        return None
+    motion = scene.motion
+    try:
+        q = positions(layout(scene.mechanism), motion.y, motion.t, (motion.yd, motion.ydd))
+    except ScrewgaugeError:  # engines met it, too
+        return None
+    return Solution("", "", {}, empty(len(motion)), assembly=q)
 
 
 def _rigid(answers: Iterable[Solution]) -> dict[str, Values]:
@@ -88,13 +109,17 @@ def _moves(scene: Scene, answer: Solution) -> bool:
     return assembly_of(scene.mechanism, answer) is not None and (has or not scene.simulated)
 
 
-def _moving(scene: Scene, problem: Problem, base: Solution, rows: Rows) -> tuple[Answer, AdmissibleMotion]:
-    """The motion of an answer, with the velocities and accelerations that it does not give."""
-    answer = answer_at(scene.mechanism, problem, base, rows)
-    admissible = admitted_by(answer)
-    if isinstance(problem.task, GivenMotion):
-        answer = completed(answer, admissible, problem.task.part(rows))
-    return answer, admissible
+def _moments(scene: Scene, problem: Problem, base: Solution, rows: Rows) -> Iterator[tuple[Answer, AdmissibleMotion]]:
+    """Parts of an answer, with the velocities and accelerations that it does not give."""
+    mechanism = scene.mechanism
+    at_once = max(1, NUMBERS // (6 * len(mechanism.bodies) * max(1, len(mechanism.coordinates))))
+    for first in range(0, len(rows), at_once):
+        some = rows[first : first + at_once]
+        answer = answer_at(mechanism, problem, base, some)
+        admissible = admitted_by(answer)
+        if isinstance(problem.task, GivenMotion):
+            answer = completed(answer, admissible, problem.task.part(some))
+        yield answer, admissible
 
 
 def _without(
@@ -122,7 +147,7 @@ def _nearest(
     seen = np.isfinite(apart).all(axis=1)
     if not seen.any() or not apart[seen].any():
         return values, ()
-    added = {kind: forces.added(kind, quantity, own) for kind in forces.needed}
+    added = forces.added(quantity, names)
     best: tuple[str, ...] = ()
     least = LEFT * float(np.abs(apart[seen]).max())
     for kinds in _choices([kind for kind, some in added.items() if some[seen].any()]):
