@@ -30,7 +30,7 @@ EXAMPLES = {
     "casebook": "mj-soft-floor",
     "check": "scenes/ --smoke --junit report.xml",
     "import": "robot.urdf --floating --out robot.toml",
-    "view": "delta --video delta.gif",
+    "view": "delta --out delta.html",
     "bench": "slider-crank --quick",
     "stress": "wrist-chart --severity 1e-3,1e-6",
     "matrix": "--pin 3.9.0,4.1.0 --mujoco 4.0.0",
@@ -191,9 +191,6 @@ def _parser() -> argparse.ArgumentParser:
     add("other", nargs="?", metavar="OTHER", help="another one: what differs at home is drawn, too")
     add("-o", "--out", type=_path, metavar="FILE.html", help="write the page and end")
     add("--png", type=_path, metavar="FILE.png", help="write a picture of the home pose and end")
-    video = "write the motion as a GIF or WebP and end (needs pillow)"
-    add("--video", type=_path, metavar="FILE.gif", help=video)
-    add("--mujoco", action="store_true", help="open MuJoCo's own viewer on its MJCF instead")
     add("--port", type=int, metavar="N", help="default: a free one")
 
     add = command(commands.bench, "error against run time of many methods and settings", out="SCENE/bench")

@@ -13,7 +13,7 @@ import numpy as np
 
 from screwgauge.models.formats import number_text, vector_text
 from screwgauge.models.layout import Link, Tree, length_scale
-from screwgauge.reference.equations.kinematics import Pose, length, pose
+from screwgauge.reference.equations.kinematics import length, pose
 from screwgauge.reference.graph import layout
 from screwgauge.reference.lint import suspicious
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
@@ -117,10 +117,10 @@ def shapes(mechanism: Mechanism) -> list[Shape]:
     return drawn
 
 
-def placed(mechanism: Mechanism, at: Pose | None = None) -> list[Shape]:
-    """Shapes in the world, at home or at another pose (one sample)."""
+def placed(mechanism: Mechanism) -> list[Shape]:
+    """Shapes in the world, at home."""
     lay = layout(mechanism)
-    at, unit, drawn = at or pose(lay, mechanism.home[None]), length(lay), list[Shape]()
+    at, unit, drawn = pose(lay, mechanism.home[None]), length(lay), list[Shape]()
     for one in shapes(mechanism):
         ends = (one.body, one.a), (one.other if one.kind == "slide" else one.body, one.b.T)
         a, b = (at.p[0, i] / unit + v @ at.R[0, i].T for i, v in ends)
@@ -282,10 +282,10 @@ def across(direction: Array) -> Array:
     return np.stack([right, np.cross(direction, right)])
 
 
-def joint_marks(mechanism: Mechanism, at: Pose | None = None) -> list[tuple[Joint, Array, Array]]:
-    """Joints with places and last axes, in the world, at home or at another pose; in lengths of the mechanism."""
+def joint_marks(mechanism: Mechanism) -> list[tuple[Joint, Array, Array]]:
+    """Joints with places and last axes, in the world, at home; in lengths of the mechanism."""
     lay = layout(mechanism)
-    at, index, unit = at or pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
+    at, index, unit = pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
     found = list[tuple[Joint, Array, Array]]()
     for joint in (joint for joint in mechanism.joints if joint.constrains):
         (body, place), base = mark(joint), index[joint.parent]

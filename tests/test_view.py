@@ -1,4 +1,4 @@
-"""The command ``view``: a page, a picture, MuJoCo's viewer; and what it says where it cannot."""
+"""The command ``view``: a page, a picture; and what it says where it cannot."""
 
 from __future__ import annotations
 
@@ -60,39 +60,6 @@ def test_a_picture_is_written_of_one_or_two_mechanisms(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["gif", "webp"])
-def test_a_motion_is_written_as_frames(tmp_path: Path, kind: str) -> None:
-    from PIL import Image
-
-    (tmp_path / "short.toml").write_text(
-        'mechanism = "slider-crank"\nmotion.crank.polynomial = [0, 1]\ntime = { duration = 1, step = 0.25 }\n',
-        encoding="utf-8",
-    )
-    file = tmp_path / f"motion.{kind}"
-    assert main(["view", str(tmp_path / "short.toml"), "--video", str(file)]) == 0
-    with Image.open(file) as picture:
-        assert picture.n_frames == 5
-        shown = []
-        for k in range(5):
-            picture.seek(k)
-            shown.append(picture.convert("RGB").tobytes())
-    assert len({*shown}) == 5
-    assert len({*map(len, shown)}) == 1
-
-
-def test_a_video_that_cannot_be_made_is_said(tmp_path: Path, command, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = tmp_path / "x.gif"
-    for what, name in ((["slider-crank"], "x.mp4"), (["slider-crank", "five-bar"], "x.gif")):
-        assert main(["view", *what, "--video", str(tmp_path / name)]) == 2
-    monkeypatch.setattr("screwgauge.commands.view.find_spec", lambda name: None)
-    cut, two, missing = command("view", "slider-crank", "--video", file, status=2).err.splitlines()
-    assert "x.mp4; name a file that ends with .gif or .webp" in cut
-    assert "shows one scene in motion" in two
-    assert "pip install '.[video]'" in missing
-    assert not file.exists()
-
-
-@pytest.mark.slow
 def test_a_model_file_is_shown(tmp_path: Path) -> None:
     urdf, mjcf = robots.write(tmp_path)
     for file in (urdf, mjcf):
@@ -131,12 +98,9 @@ def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path,
         (["a01-pendulum", "--png", "a.jpg"], "cannot write a.jpg; name a file that ends with .png"),
         (["a01-pendulum", "--out", "a.html", "--png", "b.png"], "--out and --png at once"),
         (["a01-pendulum", "--port", "70000"], "port 70000 cannot be served at"),
-        (["a01-pendulum", "--mujoco"], "MuJoCo's viewer needs a display, and there is none"),
     ],
 )
-def test_bad_input_is_one_sentence(arguments, said, tmp_path, inside, monkeypatch, command) -> None:
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
+def test_bad_input_is_one_sentence(arguments, said, tmp_path, inside, command) -> None:
     Path("text.urdf").write_text("no model", encoding="utf-8")
     told = command("view", *arguments, status=2)
     assert said in told.err

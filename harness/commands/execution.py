@@ -131,6 +131,8 @@ ENDED = {
     "history": (_ENDED, _KEPT),
     "paper": (_ENDED, _PAPER),
     "run --errata": (_ENDED, _PAPER),
+    "view --mujoco": (_ENDED, "write its MJCF by screwgauge models, and run python -m mujoco.viewer --mjcf=FILE"),
+    "view --video": (_ENDED, "write the page, which moves, by view --out FILE.html"),
 }
 
 

@@ -1,21 +1,14 @@
-"""The command that shows a mechanism: in the browser, as a picture, or in MuJoCo's own viewer."""
+"""The command that shows a mechanism: in the browser, or as a picture."""
 
 from __future__ import annotations
 
 import argparse
-import os
-import subprocess
-import sys
 from collections.abc import Collection, Mapping
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from importlib.util import find_spec
-from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from screwgauge.commands import imported
-from screwgauge.processes import python
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, UnknownNameError
 from screwgauge.reference.files import check_free, stamped, why
 from screwgauge.report.console import complain, say, stopped
@@ -30,28 +23,24 @@ def view(options: argparse.Namespace) -> int:
     """Shows a mechanism, or two side by side."""
     from screwgauge.scene.scene import Scene
 
-    chosen = [name for name in ("out", "png", "video", "mujoco", "port") if getattr(options, name) not in (None, False)]
+    chosen = [name for name in ("out", "png", "port") if getattr(options, name) not in (None, False)]
     if len(chosen) > 1:
         raise DescriptionError(f"--{chosen[0]} and --{chosen[1]} at once", "view", "leave one of them out")
     what = _load(options.what)
     mechanism = what.mechanism if isinstance(what, Scene) else what
-    if options.mujoco:
-        return _mujoco(mechanism)
-    for file in filter(None, (options.out, options.png, options.video)):
+    for file in filter(None, (options.out, options.png)):
         check_free(file, filter(None, (options.what, options.other)), force=options.force)
     other = _load(options.other) if options.other else None
     other = other.mechanism if isinstance(other, Scene) else other
     unsigned = _unsigned(options.what, mechanism) | (_unsigned(options.other, other) if other else set())
     if options.png:
-        _kind(options.png, "png", ".png")
+        _check_png(options.png)
         from screwgauge.models.shapes import differing
         from screwgauge.report.stage.drawing import drawing
 
         against = differing(mechanism, other, unsigned) if other else ()
         _put(options.png, _png(drawing(mechanism, against), scale=2.0))
         return 0
-    if options.video:
-        return _video(options.video, what, other)
     text = _page(what, other, unsigned)
     if options.out:
         _put(options.out, stamped(text).encode())
@@ -126,11 +115,10 @@ def _solved(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
     return scene, results.solutions
 
 
-def _kind(file: Path, option: str, *endings: str) -> None:
+def _check_png(file: Path) -> None:
     """Refuses a file whose name promises another kind of picture."""
-    if file.suffix not in endings:
-        wanted = f"name a file that ends with {' or '.join(endings)}"
-        raise DescriptionError(f"cannot write {file.name}", f"view --{option}", wanted)
+    if file.suffix != ".png":
+        raise DescriptionError(f"cannot write {file.name}", "view --png", "name a file that ends with .png")
 
 
 def _put(file: Path, content: bytes) -> None:
@@ -139,32 +127,6 @@ def _put(file: Path, content: bytes) -> None:
     except (OSError, ValueError) as error:
         raise OutputError(f"cannot be written ({why(error)})", str(file), "name another file") from None
     say(str(file))
-
-
-def _video(file: Path, what: Scene | Mechanism, other: Mechanism | None) -> int:
-    """Writes the frames of a motion as an animated picture, as slow as the page shows it."""
-    from screwgauge.scene.scene import Scene
-
-    kinds = {".gif": "GIF", ".webp": "WEBP"}
-    if not isinstance(what, Scene) or other is not None:
-        raise DescriptionError("shows one scene in motion", "view --video", "name a scene alone, or use --png")
-    _kind(file, "video", *kinds)
-    if find_spec("PIL") is None:
-        raise OutputError(
-            "--video needs pillow, which is not installed", "view", "run pip install '.[video]' in the checkout"
-        )
-    from PIL import Image
-
-    from screwgauge.report.stage.drawing import frames
-    from screwgauge.report.stage.motion import drawn_motion
-
-    motion = drawn_motion(*_solved(what), frames=60)
-    first, *rest = (Image.open(BytesIO(_png(svg))).convert("RGB") for svg in frames(motion))
-    each = 1000.0 * min(max(motion.t[-1] - motion.t[0], 3.0), 12.0) / (1 + len(rest))
-    written = BytesIO()
-    first.save(written, kinds[file.suffix], save_all=True, append_images=rest, duration=round(each), loop=0)
-    _put(file, written.getvalue())
-    return 0
 
 
 def _png(svg: str, **more: float) -> bytes:
@@ -207,25 +169,4 @@ def _serve(text: bytes, port: int) -> int:
             server.serve_forever()
         except KeyboardInterrupt:
             say("")
-    return 0
-
-
-def _mujoco(mechanism: Mechanism) -> int:
-    """Opens MuJoCo's own viewer on the MJCF of the mechanism, and waits for its end."""
-    from screwgauge.models.generate import write_models
-    from screwgauge.study.lifeline import tied
-
-    if find_spec("mujoco") is None:
-        raise DescriptionError("MuJoCo is not installed", "view --mujoco", "run pip install mujoco")
-    if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")):
-        what = "MuJoCo's viewer needs a display, and there is none"
-        raise OutputError(what, "view --mujoco", "leave --mujoco out, or use --out or --png")
-    with TemporaryDirectory() as folder:
-        write_models(mechanism, Path(folder), include=frozenset({"geoms"}))
-        file = Path(folder) / f"{mechanism.name}.xml"
-        done = subprocess.run(python("-m", "mujoco.viewer", f"--mjcf={file}"), check=False, preexec_fn=tied())
-    if done.returncode:
-        raise OutputError(
-            f"MuJoCo's viewer ended with status {done.returncode}", "view --mujoco", "use the page instead"
-        )
     return 0

@@ -19,11 +19,10 @@ from screwgauge.models.shapes import (
     placed,
     viewed_from,
 )
-from screwgauge.reference.equations.kinematics import Pose, length
+from screwgauge.reference.equations.kinematics import length
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.report.stage.motion import DrawnMotion
 
 WIDE, TALL, EDGE, FONT = 640.0, 400.0, 52.0, 11.0  # of the drawing, at most; its margin; of letters [pixels]
 LETTER, CORNER = 0.62 * FONT, 44.0  # a letter's width; the height of world axes and scale bar [pixels]
@@ -64,16 +63,6 @@ LOOK = f"""
 """
 
 
-def frames(motion: DrawnMotion) -> list[str]:
-    """A drawing for each sample of a motion, all alike in scale and without names, which would jump."""
-    mechanism, poses = motion.lay.mechanism, [motion.at.rows([k]) for k in range(len(motion.t))]
-    cloud = np.concatenate([_cloud(mechanism, placed(mechanism, at), joint_marks(mechanism, at)) for at in poses])
-    return [
-        drawing(mechanism, at=at, cloud=cloud, caption=f"t = {t:.3f} s")
-        for at, t in zip(poses, motion.t.tolist(), strict=True)
-    ]
-
-
 def _cloud(mechanism: Mechanism, solids: Sequence[Shape], joints: Sequence[tuple[Joint, Array, Array]]) -> Array:
     """What has to be within a picture, in its plane. Shape (n, 2)."""
     rods = [one for one in solids if one.group == "links" or one.kind == "slide" or one.group == "other"]
@@ -89,21 +78,16 @@ def _view(mechanism: Mechanism) -> Array:
 def drawing(
     mechanism: Mechanism,
     others: Sequence[Shape] = (),
-    *,
-    at: Pose | None = None,
-    cloud: Array | None = None,
-    caption: str = "home pose",
 ) -> str:
     """Bodies as lines, joints as marks by kind, hatching where they stand on ground; at home with names and a legend.
 
     Args:
         others: Of another mechanism, in the world.
-        at: Pose of one sample, with what is within the picture, shape (n, 2), and its caption.
     """
-    direction, view, solids = viewed_from(mechanism), _view(mechanism), [*placed(mechanism, at), *others]
-    marks = joint_marks(mechanism, at)
+    direction, view, solids = viewed_from(mechanism), _view(mechanism), [*placed(mechanism), *others]
+    marks = joint_marks(mechanism)
     joints = [(joint, view @ place, axis) for joint, place, axis in marks]
-    cloud = _cloud(mechanism, solids, marks) if cloud is None else cloud
+    cloud = _cloud(mechanism, solids, marks)
     low, size = cloud.min(axis=0), np.maximum(np.ptp(cloud, axis=0), 1e-9)
     scale = min((WIDE - 2 * EDGE) / size[0], (TALL - 2 * EDGE) / size[1])
     legend, head = _legend(mechanism, bool(others))
@@ -126,16 +110,12 @@ def drawing(
     few = len(mechanism.bodies) + len(joints) <= MOST_NAMES
     wanted = _wanted(mechanism, lines if few else (), [(joint, place) for joint, place, _ in joints])
     busy = [a + (b - a) * k for _, a, b in lines for k in np.linspace(0, 1, 2 + int(np.hypot(*(b - a)) / 8))]
-    out += (
-        []
-        if at
-        else labels(wanted, np.array([*busy, *(place + d for _, place, _ in joints for d in RIM)]), WIDE, tall - CORNER)
-    )
+    out += labels(wanted, np.array([*busy, *(place + d for _, place, _ in joints for d in RIM)]), WIDE, tall - CORNER)
     out.append(corner(view, scale / length(layout(mechanism)), tall))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="drawn" viewBox="0 0 {WIDE:.0f} {tall:.0f}" width="{WIDE:.0f}" '
         f'height="{tall:.0f}"><style>{LOOK}</style><rect width="100%" height="100%" fill="#fff"/>'
-        f'<text x="8" y="18">{escape(mechanism.title or mechanism.name)}: {caption}</text>'
+        f'<text x="8" y="18">{escape(mechanism.title or mechanism.name)}: home pose</text>'
         f"{legend}{''.join(out)}</svg>\n"
     )
 

@@ -64,7 +64,7 @@ def home_pose(mechanism: Mechanism) -> DrawnMotion:
     return DrawnMotion(lay, pose(lay, mechanism.home[None]), np.zeros(1), "home pose")
 
 
-def drawn_motion(scene: Scene, solutions: Mapping[str, Solution], frames: int = FRAMES) -> DrawnMotion:
+def drawn_motion(scene: Scene, solutions: Mapping[str, Solution]) -> DrawnMotion:
     """The motion of a scene by the first engine that knows all joints, else a given motion with its loops closed."""
     lay = layout(scene.mechanism)
     for name, solution in solutions.items():
@@ -73,12 +73,12 @@ def drawn_motion(scene: Scene, solutions: Mapping[str, Solution], frames: int = 
             q = given.array
         if q is not None and name != REFERENCE and len(q) == len(scene.t):
             finite = np.flatnonzero(np.isfinite(q).all(axis=1))
-            rows = finite[spread(len(finite), frames)]
+            rows = finite[spread(len(finite), FRAMES)]
             if len(rows):
                 values = {quantity: one.at(rows) for quantity, one in solution.values.items()}
                 return DrawnMotion(lay, pose(lay, q[rows]), scene.t[rows], name, values, _loads(scene, rows))
     if isinstance(scene.task, GivenMotion):
-        rows = spread(len(scene.t), frames)
+        rows = spread(len(scene.t), FRAMES)
         try:
             q = positions(lay, scene.task.y[rows], scene.t[rows])
         except ScrewgaugeError:  # the report names what no engine could follow
