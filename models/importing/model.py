@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.formats import TENSOR, document, key, lines
+from screwgauge.models.importing.anchors import points_off_bodies
 from screwgauge.models.importing.assemble import assemble, choose
 from screwgauge.models.importing.joints import Group, graph_of, groups, joint, left_out, listed, pin_name, springs_of
 from screwgauge.models.importing.left_out import check_whole, kept, left_out_of
@@ -333,7 +334,7 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
         wanted = wanted.otherwise(own.independent, [joint.coordinates[0] for joint in own.joints if joint.actuated])
     imported = describe(reading, str(path), wanted, given, keyframes, beyond)
     said = f"Imported from {path.name} as {library} reads it{f', with the loops of {loops.name}' if loops else ''}."
-    return replace(imported, remarks=(said, *source.resolved, *imported.remarks))
+    return replace(imported, remarks=(said, *source.resolved, *imported.remarks, *points_off_bodies(source)))
 
 
 def _keyframes(source: Source) -> dict[str, dict[str, float]]:

@@ -1,0 +1,93 @@
+"""Second points of connects, which MuJoCo derives from the pose of the file, and which may lie off their bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from screwgauge.models.readings.compiled import heard
+from screwgauge.models.readings.files import name_all
+from screwgauge.models.readings.meshes import classes_of, shapes
+from screwgauge.models.readings.mujoco import loaded
+from screwgauge.models.readings.source import Source, parse, parts
+from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.rotations import Array
+
+#: Case of the casebook on these points.
+CASE = "connect-anchor-at-qpos0"
+#: How far from its geoms and sites a point is off a body, as a share of the body's reach from its origin.
+OFF = 0.1
+
+
+def points_off_bodies(source: Source) -> Iterator[str]:
+    """A sentence on each connect by bodies and anchor whose second point lies off every geom and site of its body.
+
+    MuJoCo puts that point where the anchor is in the pose of the file. Bodies with meshes are not judged, as meshes are
+    not read.
+    """
+    if source.form != "mjcf" or not any(root.find("equality/connect") is not None for root in _roots(source)):
+        return
+    import mujoco
+
+    try:
+        with heard():
+            model = loaded(source)
+    except ModelFileError:  # another library reads it
+        return
+    data, meshed = mujoco.MjData(model), _meshed(source)
+    mujoco.mj_kinematics(model, data)
+    for i in range(model.neq):
+        body = int(model.eq_obj2id[i])
+        connect = model.eq_type[i] == mujoco.mjtEq.mjEQ_CONNECT and model.eq_active0[i]
+        if connect and model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_BODY and model.body_weldid[body]:
+            distance, reach = _distance(model, data, body, model.eq_data[i, 3:6], meshed)
+            if distance > OFF * reach:
+                yield _sentence(model, i, distance)
+
+
+def _roots(source: Source) -> Iterator[Any]:
+    yield source.root
+    yield from source.attached.values()
+
+
+def _meshed(source: Source) -> tuple[str, ...]:
+    """Names of bodies that have geoms from files, in the models that they are from: attached, they have a prefix."""
+    files = parts(parse(source.path), source.path)
+    taken, names = {element.get("name") for part in files for element in part.root.iter()}, list[str]()
+    for part in files:
+        name_all(part.root, taken)
+        classes = classes_of(part.root)
+        names += [shape.body.get("name", "") for shape in shapes(part.root) if shape.from_file(classes)]
+    return tuple(filter(None, names))
+
+
+def _distance(model: Any, data: Any, body: int, point: Array, meshed: tuple[str, ...]) -> tuple[float, float]:
+    """Distance of a point of a body from the boxes round its geoms and from its sites, and how far these reach [m].
+
+    What is fixed to the body counts. Infinite reach if there is nothing, or a mesh.
+    """
+    fixed = [k for k in range(model.nbody) if model.body_weldid[k] == model.body_weldid[body]]
+    if any(model.body(k).name.endswith(meshed) for k in fixed):
+        return 0.0, np.inf
+    at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ point
+    near, far = list[float](), list[float]()
+    for g in np.flatnonzero(np.isin(model.geom_bodyid, fixed)):
+        local = data.geom_xmat[g].reshape(3, 3).T @ (at - data.geom_xpos[g]) - model.geom_aabb[g, :3]
+        near.append(float(np.linalg.norm(np.maximum(np.abs(local) - model.geom_aabb[g, 3:], 0.0))))
+        far.append(float(np.linalg.norm(data.geom_xpos[g] - data.xpos[body]) + model.geom_rbound[g]))
+    for s in np.flatnonzero(np.isin(model.site_bodyid, fixed)):
+        near.append(float(np.linalg.norm(at - data.site_xpos[s])))
+        far.append(float(np.linalg.norm(data.site_xpos[s] - data.xpos[body])))
+    return (min(near), max(far)) if near else (0.0, np.inf)
+
+
+def _sentence(model: Any, i: int, distance: float) -> str:
+    first, second = (model.body(k).name or "world" for k in (model.eq_obj1id[i], model.eq_obj2id[i]))
+    point = ", ".join(f"{x + 0.0:.4g}" for x in np.round(model.eq_data[i, 3:6], 9))
+    return (
+        f"Check {model.eq(i).name}: MuJoCo has put its second point at ({point}) m of {second}, where the point of "
+        f"{first} is in the pose of the file; it lies off every geom and site of {second}, by {distance:.3g} m. If that "
+        f"pose leaves the loop open, close it by site1 and site2 (casebook: {CASE})."
+    )
