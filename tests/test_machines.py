@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.command import printed_by
 from support.machines import aligned, assignment, loaded, machine_of, misfits
 from support.mechanism import load_mechanism
 from support.models import write_models
@@ -134,3 +135,17 @@ def test_an_assignment_has_the_least_cost_of_all(shape):
         least = min(sum(table[i, j] for i, j in enumerate(some)) for some in permutations(range(many), few))
         assert len(pairs) == len({i for i, _ in pairs}) == len({j for _, j in pairs}) == few
         assert sum(cost[pair] for pair in pairs) == pytest.approx(least)
+
+
+def test_pairs_without_a_finite_cost_are_assigned_last():
+    assert assignment(np.array([[np.nan, 1.0], [np.inf, 2.0]])) == [(0, 1), (1, 0)]
+    assert assignment(np.array([[np.nan, 1.0, 3.0], [np.inf, 2.0, 3.0]])) == [(0, 1), (1, 2)]
+
+
+def test_scipy_is_imported_only_where_rows_compete():
+    code = (
+        "import sys, numpy as np; from screwgauge.diagnosis.machine.alignment import assignment; "
+        "assignment(np.array([[0.0, 1.0], [1.0, 0.0]])); print('scipy' in sys.modules); "
+        "assignment(np.array([[0.0, 1.0], [0.0, 3.0]])); print('scipy' in sys.modules)"
+    )
+    assert printed_by(code).split() == ["False", "True"]

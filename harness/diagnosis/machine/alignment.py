@@ -27,6 +27,8 @@ MOST = 3.2
 FAR = 0.1
 #: Cost of a joint that leads others beside one that follows: it distinguishes fingers that are the same but for that.
 UNLIKE = 0.5
+#: Cost of a pair whose cost is no finite number, beyond those of all others.
+DEAREST = 1e9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,35 +180,21 @@ def _in_place(one: Link, other: Link, T: Array, length: float) -> Iterator[tuple
 
 
 def assignment(cost: Array) -> list[tuple[int, int]]:
-    """Pairs of rows and columns of the least total cost, each used once (Kuhn, Munkres; SciPy's takes long to import).
+    """Pair rows with columns at the least total cost, each used once.
 
     Args:
-        cost: Shape (n, m); the fewer of both are all assigned.
+        cost: Shape (n, m); the fewer of both are all assigned, and what is no finite number costs most.
     """
-    n, m = cost.shape
-    if n > m:
+    if cost.shape[0] > cost.shape[1]:
         return [(i, j) for j, i in assignment(cost.T)]
-    row_of = np.full(m + 1, -1)  # the row of each column; the last column is that of the row to be assigned
-    u, v = np.zeros(n), np.zeros(m + 1)  # potentials: costs less these are nowhere negative, and zero of pairs
-    for i in range(n):
-        row_of[m], column = i, m
-        least, before, done = np.full(m, np.inf), np.full(m, m), np.zeros(m + 1, dtype=bool)
-        while row_of[column] >= 0:
-            done[column] = True
-            row = row_of[column]
-            reduced = np.where(done[:m], np.inf, cost[row] - u[row] - v[:m])
-            before[reduced < least] = column
-            least = np.minimum(least, reduced)
-            nearest = int(np.argmin(np.where(done[:m], np.inf, least)))
-            step = least[nearest]
-            u[row_of[done]] += step
-            v[done] -= step
-            least[~done[:m]] -= step
-            column = nearest
-        while column != m:  # along the shortest path each column gets the row of the one before
-            row_of[column] = row_of[before[column]]
-            column = before[column]
-    return sorted((int(row_of[j]), j) for j in range(m) if row_of[j] >= 0)
+    cost = np.where(np.isfinite(cost), cost, DEAREST)
+    cheapest = cost.argmin(axis=1)
+    if len({*cheapest}) == len(cost):  # no two rows compete, and SciPy takes half a second to import
+        return [*enumerate(cheapest.tolist())]
+    from scipy.optimize import linear_sum_assignment
+
+    rows, columns = linear_sum_assignment(cost)
+    return [*zip(rows.tolist(), columns.tolist(), strict=True)]
 
 
 def _roles(reading: Reading, link: Link) -> tuple[bool, bool]:
