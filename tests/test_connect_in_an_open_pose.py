@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from screwgauge.casebook.book import CASES
-from screwgauge.models.importing.anchors import CASE
+from screwgauge.models.readings.anchors import CASE
 from support.mechanism import mechanism_names
 
 ROCKER = '<geom type="capsule" fromto="0 0 0 0 0 .4" size=".01" mass=".4"/>'

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.formats import TENSOR, document, key, lines
-from screwgauge.models.importing.anchors import points_off_bodies
 from screwgauge.models.importing.assemble import assemble, choose
 from screwgauge.models.importing.joints import Group, graph_of, groups, joint, left_out, listed, pin_name, springs_of
 from screwgauge.models.importing.left_out import check_whole, kept, left_out_of
 from screwgauge.models.machine import Body as RigidBody
 from screwgauge.models.machine import Machine
+from screwgauge.models.readings.anchors import points_off_bodies
 from screwgauge.models.readings.compiled import warned
 from screwgauge.models.readings.loops import OWN, loops_for, with_loops
 from screwgauge.models.readings.mujoco import is_single, loaded
