@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.engines.screw.scheme import chains, platform_screws
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import positions
@@ -13,6 +12,7 @@ from screwgauge.reference.equations.kinematics import forces_along
 from screwgauge.reference.graph import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
+from screwgauge.study.bench.scheme import chains, platform_screws
 
 SCENE = "3ups-upu-s"
 TABLE_2 = "3ups-upu-s-table2"  # the mechanism with the wrist angles of the paper's Table 2; the bodies move alike

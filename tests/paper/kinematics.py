@@ -8,11 +8,11 @@ import numpy as np
 from paper.case import HALF, S_CHAIN, UPU_CHAIN, Case, largest, longest, percent
 from paper.erratum import Erratum, Form
 
-from screwgauge.engines.screw.scheme import Chains, fixed_axes, subtracted
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.equations import screws
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.rotations import Array, rotation
+from screwgauge.study.bench.scheme import Chains, fixed_axes, subtracted
 
 _X, _Y, _Z = np.eye(3)
 Bracket = Callable[[Array, Array], Array]

@@ -8,8 +8,8 @@ import numpy as np
 from paper.case import UPU_CHAIN, Case, every, largest, longest
 from paper.erratum import Erratum, Form
 
-from screwgauge.engines.screw.scheme import PARTS, fixed_axes, integrate
 from screwgauge.reference.rotations import Array, rotation
+from screwgauge.study.bench.scheme import PARTS, fixed_axes, integrate
 
 MILLIMETRES = 1e3
 #: Label -> twist, method, step [s] of the runs over time; the paper's step is 1 ms.

@@ -11,13 +11,13 @@ from paper.case import every
 from paper.erratum import about
 
 import screwgauge
-from screwgauge.engines.screw.scheme import PARTS, chains, integrate, platform_screws
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.graph import layout
+from screwgauge.study.bench.scheme import PARTS, chains, integrate, platform_screws
 from support.tolerances import ROUNDING
 
 SCENE = screwgauge.load_scene("3ups-upu-s")

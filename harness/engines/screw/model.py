@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,6 @@ from screwgauge import __version__
 from screwgauge.engines.chunks import JointMotion, Simulated, check_fits, joint_units
 from screwgauge.engines.screw.inverse import solve_motion
 from screwgauge.engines.screw.traced import solve_traced
-from screwgauge.engines.screw.variants import Variant, load_variant
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
 from screwgauge.reference import linear
@@ -41,18 +39,16 @@ class Settings:
         backend: What solves given motions: ``array``, or a traced program run by ``numpy`` or ``llvm``; and
             simulations, in which ``numpy`` is Python. By default ``numpy`` for given motions of `LONG` and more, for
             shorter ones ``array``, and ``llvm`` for simulations.
-        variant: Name and settings of one of `screwgauge.engines.screw.variants`, which solves given motions instead.
     """
 
     backend: str | None = None
-    variant: Mapping[str, Any] | None = None
 
 
-def load(files: ModelFiles, **settings: Any) -> ScrewModel | Variant:
+def load(files: ModelFiles, **settings: Any) -> ScrewModel:
     """Loads a description; see `Settings`."""
     lay, chosen = layout(load_mechanism(files.model)), Settings(**settings)
     check_choice("backend", [chosen.backend or BACKENDS[0]], BACKENDS, "settings of screw")
-    return ScrewModel(lay, str(files.model), chosen) if chosen.variant is None else load_variant(lay, **chosen.variant)
+    return ScrewModel(lay, str(files.model), chosen)
 
 
 class ScrewModel:

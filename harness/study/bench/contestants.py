@@ -25,6 +25,7 @@ from screwgauge.scene.simulation import EXPLICIT
 from screwgauge.solution import Solution
 from screwgauge.study.bench import questions
 from screwgauge.study.bench.questions import Question, Trial
+from screwgauge.study.bench.variants import VariantMethod
 from screwgauge.study.methods import Method
 from screwgauge.study.reference_values import QUANTITIES, PreparedScene, joined
 
@@ -162,11 +163,15 @@ def _contestant(values: Mapping[str, Any]) -> Contestant:
         fields["label"] = ""
     return Contestant(
         **fields,
-        method=Method(values["engine"], filled(values.get("settings", {}))),
+        method=_method(values["engine"], filled(values.get("settings", {})), filled(values.get("variant", {}))),
         question=partial(question, **arguments) if arguments else question,
         quantities=tuple(values["quantities"]),
         parameter=parameter,
     )
+
+
+def _method(engine: str, settings: Mapping[str, Any], variant: Mapping[str, Any]) -> Method:
+    return VariantMethod(engine, variant) if variant else Method(engine, settings)
 
 
 def leaving_out() -> Iterator[Contestant]:

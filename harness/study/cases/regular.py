@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from screwgauge.engines.screw.scheme import PARTS, chains, march, platform_screws
 from screwgauge.judging.answer import timed
 from screwgauge.models.catalog import load_mechanism, mechanism_tables
 from screwgauge.problem import ModelFiles, Problem, Progress, quiet
@@ -26,6 +25,7 @@ from screwgauge.reference.mechanism import KINDS
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.solution import Solution, Stopwatch, Values, empty
+from screwgauge.study.bench.scheme import PARTS, chains, march, platform_screws
 from screwgauge.study.cases.question import SCENE, CaseMethod, Question, compare, exactly, moving, still
 from screwgauge.study.reference_values import joined, reference_values
 from screwgauge.study.stream import stream, times

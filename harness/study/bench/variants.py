@@ -1,12 +1,13 @@
-"""Variants of the solver, to see what its parts, its precision and usual shortcuts are worth.
+"""Variants of the solver `screw`, to see what its parts, its precision and usual shortcuts are worth.
 
-Each is a function of a layout and a given motion that returns quantity -> array; `load_variant` makes a model of it.
-Actuator forces are those of minimum norm. None of them estimates its errors.
+Each is a function of a layout and a given motion that returns quantity -> array; `VariantMethod` makes a contestant of
+it. Actuator forces are those of minimum norm. None of them estimates its errors.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -14,8 +15,8 @@ import numpy as np
 
 from screwgauge import __version__
 from screwgauge.engines.chunks import component_names
-from screwgauge.engines.screw.scheme import integrate
-from screwgauge.problem import GivenMotion, Problem, Progress, quiet
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.assembly_mode import closed_form_positions, positions
@@ -29,6 +30,8 @@ from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.mechanism import in_precision, rounded
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values, empty
+from screwgauge.study.bench.scheme import integrate
+from screwgauge.study.methods import Method
 
 Arrays = Mapping[str, Array]
 STEP = 0.1  # [rad or m]
@@ -56,6 +59,15 @@ class Variant:
         return Solution("screw", __version__, values, empty(len(problem.task)))
 
 
+@dataclass(frozen=True, slots=True)
+class VariantMethod(Method):
+    """A variant with its settings, see `load_variant`."""
+
+    def load(self, files: ModelFiles) -> Variant:
+        """Load a description for the variant."""
+        return load_variant(layout(load_mechanism(files.model)), **self.settings)
+
+
 def load_variant(lay: Layout, name: str, *, dtype: str = "float64", **settings: Any) -> Variant:
     """Makes a model of a variant.
 
@@ -64,7 +76,7 @@ def load_variant(lay: Layout, name: str, *, dtype: str = "float64", **settings: 
         dtype: Precision from the first operation to the last.
         settings: Of that variant, see its function.
     """
-    check_choice("variant", [name], VARIANTS, "settings of screw")
+    check_choice("variant", [name], VARIANTS, "contestants.toml")
     if dtype != "float64":
         lay = layout(in_precision(lay.mechanism, np.dtype(dtype)))
     return Variant(lay, partial(VARIANTS[name], **settings))
@@ -134,7 +146,7 @@ def without_drift(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
 
 
 def paper(lay: Layout, problem: Problem, motion: GivenMotion, *, twist: str, method: str) -> Arrays:
-    """The paper's own scheme, see `screwgauge.engines.screw.scheme.integrate`; all but the first pose is integrated.
+    """The paper's own scheme, see `screwgauge.study.bench.scheme.integrate`; all but the first pose is integrated.
 
     The motion is given at every step of the method, for ``rk4`` also halfway between. Values are those of the steps.
     """
