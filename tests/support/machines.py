@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from screwgauge.diagnosis.machine.alignment import aligned, assignment
-from screwgauge.diagnosis.machine.placement import misfits
+from screwgauge.diagnosis.machine.placement import coordinate_placement, misfits
 from screwgauge.diagnosis.model import loaded
+from screwgauge.models.kinematics import draw, plant, rehomed
 from screwgauge.models.machine import machine_of
+from screwgauge.witness.constraints import closed

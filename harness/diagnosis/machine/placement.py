@@ -195,7 +195,7 @@ def _candidates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -
     one, other = links
     same = one.kind == other.kind and one.articulated and other.articulated
     if same and len(one.elements) == len(other.elements):
-        yield _coordinates(a, b, links, near)
+        yield coordinate_placement(a, b, links, near)
     yield near
     mine, yours = features(one, one.near), [each.placed(near) for each in features(other, other.near)]
     if mine and yours and mine[0].kind == yours[0].kind:
@@ -244,20 +244,21 @@ def _frame(machine: Machine, body: Body) -> Array:
     return body.frames[body.members[0]] if body.members else np.eye(4)
 
 
-def _coordinates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Array:
-    """Placement with the joints of B's link at A's coordinates, counted in the direction in which axes agree."""
-    out: Array = np.eye(4)
-    R = near[:3, :3]
+def coordinate_placement(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Array:
+    """Return the placement of B's world at which the joints of B's link have A's coordinates.
+
+    Each element moves its far side whichever way its joint leads, and counts in the direction in which axes agree once
+    the elements before it are at A's coordinates.
+    """
+    T = near
     for mine, yours in zip(links[0].elements, links[1].elements, strict=True):
         if mine.kind not in ("hinge", "slide") or mine.kind != yours.kind:
             continue
         p, q = a.reading.joints[mine.joint].home, b.reading.joints[yours.joint].home
-        sign = 1.0 if mine.direction @ (R @ yours.direction) >= 0.0 else -1.0
-        sign *= -1.0 if mine.turned != yours.turned else 1.0
+        sign = 1.0 if mine.direction @ (T[:3, :3] @ yours.direction) >= 0.0 else -1.0
         # outer motions come first: the axes are those of A's pose
-        way = (p - sign * q) * (-1.0 if mine.turned else 1.0)
-        out = exponential(mine.kind, mine.direction, mine.centre, way) @ out
-    return np.asarray(out @ near)
+        T = exponential(mine.kind, mine.direction, mine.centre, p - sign * q) @ T
+    return T
 
 
 def _laid(one: Feature, other: Feature) -> Array:

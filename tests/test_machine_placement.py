@@ -1,0 +1,62 @@
+"""Two models of one machine in different poses: equal coordinates lay each body onto its partner, joint by joint."""
+
+from __future__ import annotations
+
+import pytest
+
+from support.machines import aligned, closed, coordinate_placement, draw, loaded, machine_of, misfits, plant, rehomed
+from support.mechanism import load_mechanism
+from support.models import write_models
+from support.tolerances import ROUNDING
+
+#: A planar four-bar of two chains: where it is cut, and which way its joints lead.
+BAR = '<inertial pos="{0} 0.02 0.1" mass="{1}" diaginertia="0.01 0.02 0.03"/>'
+FROM_CRANK = f"""<body name="crank"><joint name="a" axis="0 1 0"/>{BAR.format(0.05, 1)}
+<body name="coupler" pos="0 0 0.2"><joint name="b" axis="0 1 0"/>{BAR.format(0.2, 2)}
+<body name="rocker" pos="0.4 0 -0.2"><joint name="c" pos="0.1 0 0.3" axis="0 1 0"/>{BAR.format(0.1, 3)}</body>
+</body></body>"""
+FROM_ROCKER = f"""<body name="rocker" pos="0.4 0 0"><joint name="d" axis="0 1 0"/>{BAR.format(0.1, 3)}
+<body name="coupler" pos="-0.4 0 0.2"><joint name="c" pos="0.5 0 0.1" axis="0 1 0"/>{BAR.format(0.2, 2)}
+<body name="crank" pos="0 0 -0.2"><joint name="b" pos="0 0 0.2" axis="0 1 0"/>{BAR.format(0.05, 1)}</body>
+</body></body>"""
+PINS = '<connect body1="{0}" anchor="0 -0.1 0"/><connect body1="{0}" anchor="0 0.1 0"/>'
+
+
+def elsewhere(reading):
+    """A reading in closed poses that are not its home."""
+    tree = plant(reading)
+    for q in closed(tree, draw(reading, 8))[0].q:
+        values = {name: q[at] if at.stop - at.start > 1 else q[at][0] for name, at in tree.places.items()}
+        yield rehomed(reading, values)[0]
+
+
+def farthest(one, other):
+    """The largest misfit of bodies behind links of joints, each at the coordinates of the other machine."""
+    a, b = machine_of(one), machine_of(other)
+    same = {name: name for name in one.joints if name in other.joints}
+    found = aligned(a, b, same, {name: name for name in one.bodies})
+    pairs = [
+        (ours, theirs)
+        for ours, theirs in found.links
+        if ours.articulated and theirs.articulated and {*ours.joints} == {*theirs.joints} <= {*same}
+        if found.bodies[ours.far] == theirs.far
+    ]
+    assert any(element.turned for links in pairs for link in links for element in link.elements)
+    placements = [coordinate_placement(a, b, links, found.placed[links[0].near]) for links in pairs]
+    return max(misfits(a, b, (one.far, other.far), T).max() for (one, other), T in zip(pairs, placements, strict=True))
+
+
+@pytest.mark.parametrize("kind", ["urdf", "xml"])
+@pytest.mark.parametrize("name", ["3ups-upu-s", "bennett"])
+def test_links_that_are_passed_against_their_joints_are_laid_onto_their_partners(name, kind, tmp_path):
+    write_models(load_mechanism(name), tmp_path)
+    reading = loaded(tmp_path / f"{name}.{kind}").reading
+    assert max(farthest(reading, other) for other in elsewhere(reading)) < ROUNDING
+
+
+def test_a_joint_that_leads_the_other_way_in_one_model_is_laid_onto_its_partner(write):
+    sides = []
+    for name, (bodies, last) in {"a": (FROM_CRANK, "rocker"), "b": (FROM_ROCKER, "crank")}.items():
+        text = f"<mujoco><worldbody>{bodies}</worldbody><equality>{PINS.format(last)}</equality></mujoco>"
+        sides.append(loaded(write(f"{name}.xml", text)).reading)
+    assert max(farthest(sides[0], other) for other in elsewhere(sides[1])) < ROUNDING
