@@ -14,7 +14,7 @@ import numpy as np
 
 from screwgauge.quantities import QUANTITIES, SOLVED
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Error, Solution
+from screwgauge.solution import SOFTNESS, Error, Solution
 
 #: Relative error from which a result is flagged: half of the digits of a double, and a thousand times the tolerance
 #: of the comparison, so that what is flagged cannot be mistaken for a modelling error of interest, nor the reverse.
@@ -23,11 +23,6 @@ LIMIT = 1e-8
 MOST = 1e-4
 #: How the reason of a pair begins that agrees by what integration leaves.
 WITHIN = "within the error of integration"
-
-
-def is_zero(absolute: float, own: float) -> bool:
-    """Whether a number that may be off by so much is no more than rounding at the machine's own size [its unit]."""
-    return absolute <= SOLVED * own
 
 
 Integrated = Mapping[str, Mapping[str, Array]]
@@ -109,12 +104,20 @@ class Allowance:
     summands: Callable[[], Mapping[str, float]] = dict
 
     def granted(
-        self, quantity: str, unit: str, pair: tuple[Solution, Solution], scale: float, natural: float, n: int
+        self,
+        quantity: str,
+        unit: str,
+        pair: tuple[Solution, Solution],
+        scale: float,
+        *,
+        scales: Mapping[str, float],
+        n: int,
     ) -> Granted:
         """What two solutions may differ by.
 
         Args:
-            scale, natural: Of the scaled errors, and the machine's own [unit].
+            scale: Of the scaled errors [unit].
+            scales: Those of the machine by unit.
             n: Number of samples.
         """
         tolerance, usual = self.tolerance_of(quantity), QUANTITIES[quantity].tolerance
@@ -124,8 +127,9 @@ class Allowance:
         source = max(errors, key=lambda error: error.absolute.get(unit, 0.0))
         zero = strict * source.absolute.get(unit, 0.0)
         stated = sum(self.stated.get(one.engine, {}).get(quantity, 0.0) for one in pair)
-        own = max(natural, self.summands().get(unit, 0.0)) if zero > LIMIT * scale else 0.0
-        decided = zero <= LIMIT * scale or is_zero(zero, own)
+        # what soft constraints leave is derived, closure times stiffness, and by engines of this package alone
+        derived = source.source == SOFTNESS
+        decided = derived or zero <= LIMIT * scale or self._is_zero(zero, unit, scales[unit])
         limit = max(tolerance, stated / scale, zero / scale if decided else 0.0)
         why = f"zero within {zero:.1g} {unit}, the {source.source}"
         if stated > zero:
@@ -137,6 +141,10 @@ class Allowance:
         doubts = np.where(known, 0.0, np.sum([np.nan_to_num(each, posinf=np.inf) for each in scaled], axis=0))
         doubts = np.maximum(doubts, 0.0 if decided else zero / scale)
         return Granted(limit, limits, doubts, why, self._left(quantity, unit, pair, scale))
+
+    def _is_zero(self, absolute: float, unit: str, natural: float) -> bool:
+        """Whether a number that may be off by so much is no more than rounding at the machine's own size."""
+        return absolute <= SOLVED * max(natural, self.summands().get(unit, 0.0))
 
     def _left(self, quantity: str, unit: str, pair: tuple[Solution, Solution], scale: float) -> Left:
         found = {one.engine: self.integration.get(one.engine, {}).get(quantity, {}).get(unit) for one in pair}

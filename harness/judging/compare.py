@@ -69,7 +69,7 @@ def compare(
             reference = next(v for s in having if {*(v := s.values[quantity]).components} >= {*names} & {*others})
             for unit in dict.fromkeys(reference.units):
                 scale = reference_scale(reference, unit, scales[unit])
-                granted = allowance.granted(quantity, unit, (a, b), scale, scales[unit], len(t))
+                granted = allowance.granted(quantity, unit, (a, b), scale, scales=scales, n=len(t))
                 rows = [_held(row, rules) for row in _components(quantity, unit, a, b, t, granted)]
                 errors += rows
                 if compared := [row for row in rows if row.ok is not None]:

@@ -9,7 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from screwgauge.judging.allowance import LIMIT, MOST, is_zero
+from screwgauge.judging.allowance import MOST
 from screwgauge.judging.answer import Answer, largest
 from screwgauge.judging.residual import Residuals
 from screwgauge.judging.trust import SAFETY
@@ -162,7 +162,7 @@ def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, 
         columns = [k for k, has in enumerate(units) if has == unit]
         names = [f"{list(mechanism.independent)[k]}{how}" for how in given or [""] for k in columns]
         missing = [needed[:, columns] - forces[:, columns] for forces in given.values()] or [needed[:, columns]]
-        size = np.tile(np.maximum(terms, largest(loose))[columns], len(missing))
+        size = max(float(terms[columns].max()), largest(loose[..., columns]))
         left, about = np.concatenate(missing, axis=1), ("generalized_force", "actuator_force", *OF_BODIES)
         yield answer.residual("virtual_work", FORCE[unit], names, left, size, about)
 
@@ -198,13 +198,9 @@ def tree_forces(answer: Answer) -> Residuals:
             left = values.array[:, units == unit] - right
             some = [name for name, has in zip(names, units, strict=True) if has == unit]
             size = max(largest(right), load * arm(unit, answer.scales["m"]))
-            # soft constraints turn the closure that rounding leaves into force
-            softness = answer.softness.get(unit, 0.0) if quantity == "tree_force_soft" else 0.0
-            share = softness / max(size, FLOOR * answer.scales[unit])
-            if share <= LIMIT or is_zero(softness, answer.scales[unit]):
-                size = max(size, softness / answer.tolerance)
-            judged = replace(answer, admitted=max(answer.admitted, share))
-            yield judged.residual(quantity, unit, some, left, size, (quantity,))
+            if quantity == "tree_force_soft":  # soft constraints turn the closure that rounding leaves into force
+                size = max(size, answer.softness.get(unit, 0.0) / answer.tolerance)
+            yield answer.residual(quantity, unit, some, left, size, (quantity,))
 
 
 def _required(answer: Answer, graph: Layout, joints: Collection[str]) -> tuple[Array, float]:

@@ -21,7 +21,7 @@ from screwgauge.problem import ModelFiles, Problem, Progress, States
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, ModelFileError, ScrewgaugeError, UnknownNameError, first_few
 from screwgauge.reference.rotations import Array
-from screwgauge.solution import Cost, Error, Failure, Solution, Timing, Values
+from screwgauge.solution import ROUNDING, Cost, Error, Failure, Solution, Timing, Values
 from screwgauge.study.apart import CrashedError, apart
 
 if TYPE_CHECKING:
@@ -141,7 +141,10 @@ class EngineTask:
         except CrashedError as error:
             return Failure(self.engine.name, shortened(str(error), LONG), "\n".join(error.__notes__)[-TRACE:])
         if not isinstance(answer, Failure):
-            return sound(answer, len(self.problem.task))
+            answer = sound(answer, len(self.problem.task))
+            # what is derived, or proved, is so by engines of this package alone
+            errors = {name: replace(one, source=ROUNDING, radius=None) for name, one in answer.errors.items()}
+            return replace(answer, errors=errors)
         return sound_failure(replace(answer, traceback=f"{answer.traceback}{printed}"[-TRACE:]))
 
     def _with_mismatch(self, answer: Solution, scene: Scene) -> Solution:
