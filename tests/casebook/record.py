@@ -10,8 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from casebook.reproduce import RUN
-from screwgauge.casebook.book import Case, version_key
+from screwgauge.casebook.book import CASES, Case, version_key
 from screwgauge.processes import python as this_python
+from screwgauge.study.matrix import Maker, fresh, lay_out, requirements
 
 TESTS = Path(__file__).parents[1]
 CRASHED = "crashed"
@@ -48,6 +49,18 @@ def _found(python: Sequence[str], environment: Mapping[str, str], cases: list[st
         cases = [case for case in cases if case not in {name for name, *_ in lines}]
         if cases:
             yield cases.pop(0), (CRASHED, {})
+
+
+def measured(pairs: Iterable[tuple[str, str]], folder: Path, make: Maker = fresh) -> dict[str, Case]:
+    """The cases with what a fresh environment of each pair of versions, of pin and mujoco, shows."""
+    cases = {**CASES}
+    for pin, mujoco in pairs:
+        place = folder / f"pin-{pin}-mujoco-{mujoco}"
+        python = make(place / "environment", requirements(pin=pin, mujoco=mujoco))
+        lay_out(place / "package")
+        for name, found in found_by([str(python), "-P"], place / "package").items():
+            cases[name] = grown(cases[name], {"pinocchio": pin, "mujoco": mujoco}, found)
+    return cases
 
 
 def grown(case: Case, versions: Mapping[str, str], found: Found) -> Case:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import string
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -11,16 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from casebook.record import CRASHED, found_by, grown, text
+from casebook.record import CRASHED, found_by, grown, measured, text
 from casebook.reproduce import REPRODUCTIONS, RUN, Reproduction, Result, reproduce
 from casebook.toy_models import Evidence, FourBar
-from screwgauge.casebook.book import CASES, SHOWN, Case, shown_here
-from screwgauge.study.matrix import fresh, lay_out, requirements
+from screwgauge.casebook.book import CASES, SHOWN, Case, shown_here, version_key
 
 #: Symptoms stand this far above the threshold at least, so that rounding or another machine cannot hide one.
 MARGIN = 1.4
-#: Versions of pin and of mujoco that the record is made with.
-PAIRS = [(pin, mujoco) for pin in ("3.4.0", "3.9.0", "4.1.0") for mujoco in ("3.3.0", "3.6.0", "4.0.0")]
 #: Cases whose symptom is what happens to be in memory.
 IN_MEMORY = {"pin-connect-site"}
 HOW = Reproduction("m:f", 0.1, 0.01)
@@ -64,7 +62,7 @@ def test_the_package_says_of_the_installed_versions_what_they_show(name, results
 @pytest.mark.parametrize("name", RUN)
 def test_numbers_of_the_package_are_those_measured(name, results) -> None:
     case = CASES[name]
-    newest = max((*case.shown, *case.not_shown))
+    newest = max((*case.shown, *case.not_shown), key=version_key)
     if newest != tuple(version({"pinocchio": "pin"}.get(each, each)) for each in case.engines):
         pytest.skip(f"the numbers are those of {newest}")
     measured = results[name].numbers
@@ -153,18 +151,20 @@ def test_what_is_found_with_further_versions_goes_into_the_record() -> None:
     assert first.numbers == {"mended": "3.10.0"}
 
 
-@pytest.mark.campaign
-def test_casebook_with_each_pair_of_versions(campaign, tmp_path) -> None:
-    """Makes a fresh environment for each pair and writes ``casebook/shown.toml``."""
-    cases = {**CASES}
-    for pin, mujoco in PAIRS[: campaign.count]:
-        python = fresh(tmp_path / f"{pin}-{mujoco}", requirements(pin=pin, mujoco=mujoco))
-        lay_out(tmp_path / f"{pin}-{mujoco}-package")
-        for name, found in found_by([str(python), "-P"], tmp_path / f"{pin}-{mujoco}-package").items():
-            cases[name] = grown(cases[name], {"pinocchio": pin, "mujoco": mujoco}, found)
-    file: Path = campaign.reports / "casebook" / SHOWN.name
-    file.parent.mkdir(exist_ok=True)
-    file.write_text(text(cases.values()), encoding="utf-8")
+@pytest.mark.slow
+def test_a_fresh_environment_measures_what_the_record_has(tmp_path) -> None:
+    """This Python stands for the environment."""
+    asked, installed = list[str](), (version("pin"), version("mujoco"))
+
+    def make(folder: Path, wanted: Sequence[str]) -> Path:
+        asked.extend(wanted)
+        return Path(sys.executable)
+
+    found = measured([installed], tmp_path, make)
+    assert {f"pin=={installed[0]}", f"mujoco=={installed[1]}"} <= {*asked}
+    assert {name for name, case in found.items() if not shown_here(case)} == {
+        name for name, case in CASES.items() if not shown_here(case)
+    }
 
 
 def test_torque_of_the_sample_is_the_change_of_its_energy() -> None:
