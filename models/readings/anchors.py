@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.readings.compiled import heard
-from screwgauge.models.readings.files import name_all
+from screwgauge.models.readings.files import name_all, parse, parts
 from screwgauge.models.readings.meshes import classes_of, shapes
 from screwgauge.models.readings.mujoco import loaded
-from screwgauge.models.readings.source import Source, parse, parts
+from screwgauge.models.readings.source import Source
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.rotations import Array
 
