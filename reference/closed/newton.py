@@ -33,9 +33,9 @@ OPEN = 1e-10
 PATIENCE = 12
 
 
-def stalled(before: Array, after: Array) -> NDArray[np.bool_]:
+def stalled(before: Array | float, after: Array | float) -> NDArray[np.bool_]:
     """Whether a step made closure residuals no smaller that are as small as rounding lets them be."""
-    return (before < NOISE) & ~(after < 0.5 * before)
+    return np.logical_and(np.less(before, NOISE), ~np.less(after, 0.5 * np.asarray(before)))
 
 
 def newton(
