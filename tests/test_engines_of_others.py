@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.study.methods import LONG
+from screwgauge.study.answers import LONG
 from support import hostile_engine
 from support.command import main
 from support.engines import ENGINES, Error, Solution, Values, ask, engines, further_engines, get_engine, model_files

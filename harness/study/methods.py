@@ -1,8 +1,4 @@
-"""Methods, the problems put to them, and checks of what they answer. Imported by the processes of engines.
-
-Engines of other packages return what they like. What gets past `sound` is plain data that can be compared, judged and
-shown without another look, so that a bad answer costs its own row only; the checks at the end are for completeness.
-"""
+"""Methods, the problems put to them, and whether they answer all of it. Imported by the processes of engines."""
 
 from __future__ import annotations
 
@@ -10,25 +6,22 @@ import sys
 import traceback
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import redirect_stdout
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from screwgauge.engines.registry import ENGINES, Engine, EngineModel, get_engine
 from screwgauge.problem import ModelFiles, Problem, Progress, States
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, ModelFileError, ScrewgaugeError, UnknownNameError, first_few
-from screwgauge.reference.rotations import Array
-from screwgauge.solution import ROUNDING, Cost, Error, Failure, Solution, Timing, Values
+from screwgauge.solution import ROUNDING, Failure, Solution
+from screwgauge.study.answers import LONG, TRACE, declared, shortened, sound, sound_failure
 from screwgauge.study.apart import CrashedError, apart
 
 if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
 
 
-TRACE = 20_000  # characters of a traceback that are kept, the last ones
 DOUBTS = 3  # about the models or the engines, that a sentence names
 
 
@@ -179,171 +172,12 @@ class EngineTask:
         return replace(self.problem, task=task.ordered([labels.index(label) for label in order]))
 
 
-LONG, SHORT, MOST = 2000, 200, 100  # characters of a note, of a name; notes, timings
-
-
-def sound(answer: object, n: int) -> Solution:
-    """An answer for n samples, made of nothing but numbers and texts; long texts are cut, with a remark.
-
-    Raises:
-        TypeError, ValueError: It is no such answer; the message names what is wrong.
-    """
-    if not isinstance(answer, Solution):
-        raise TypeError(f"its answer is of type {type(answer).__name__}, not a Solution")
-    values = {name: _values(name, one, n) for name, one in _items("values", answer.values)}
-    shapes = {name: one.array.shape for name, one in values.items()}
-    return Solution(
-        engine=shortened(answer.engine, SHORT),
-        version=shortened(answer.version, SHORT),
-        values=values,
-        condition=_sizes("condition", answer.condition, n),
-        timings=tuple(map(_timing, _some("timings", answer.timings))),
-        notes=_texts("notes", answer.notes),
-        errors={name: _error(name, one, n, shapes.get(name, ())) for name, one in _items("errors", answer.errors)},
-        assembly=None if answer.assembly is None else _numbers("assembly", answer.assembly, (n, None)),
-        rows=None if answer.rows is None else _rows(answer.rows, n),
-        setting=shortened(answer.setting, LONG),
-        work=None if answer.work is None else _numbers("work", answer.work, (n,)),
-        stopped=shortened(answer.stopped, LONG),
-        cost=None if answer.cost is None else _cost(answer.cost),
-        warnings=_texts("warnings", answer.warnings),
-        lacks={name: shortened(why, LONG) for name, why in _items("lacks", answer.lacks)},
-    )
-
-
-def sound_failure(failed: Failure) -> Failure:
-    """A failure, made of texts that are not longer than those that are made here."""
-    limits = {"engine": SHORT, "reason": 2 * LONG, "traceback": TRACE}
-    return Failure(**{name: shortened(getattr(failed, name), most) for name, most in limits.items()})
-
-
-def shortened(text: object, most: int) -> str:
-    """A text of at most `most` characters, with the number of those cut off.
-
-    Raises:
-        TypeError: It is no text.
-    """
-    if not isinstance(text, str):
-        raise TypeError(f"a text is of type {type(text).__name__}")
-    return str(text) if len(text) <= most else f"{text[:most]}... ({len(text) - most} more characters)"
-
-
-def _texts(what: str, texts: object) -> tuple[str, ...]:
-    some = _some(what, texts)
-    return tuple(shortened(text, LONG) for text in some)
-
-
-def _some(what: str, items: object) -> list[Any]:
-    """The items of a tuple or list of at most `MOST`."""
-    if not isinstance(items, (tuple, list)):
-        raise TypeError(f"its {what} are of type {type(items).__name__}, not a tuple")
-    if len(items) > MOST:
-        raise ValueError(f"{len(items)} {what}, more than {MOST}")
-    return list(items)
-
-
-def _items(what: str, table: object) -> Iterator[tuple[str, Any]]:
-    """Entries of a mapping from quantities."""
-    if not isinstance(table, Mapping):
-        raise TypeError(f"its {what} are of type {type(table).__name__}, not a mapping")
-    for name, value in table.items():
-        if not isinstance(name, str) or len(name) > SHORT:
-            raise ValueError(f"its {what} have '{name!s:.100}', which is no quantity")
-        yield name, value
-
-
-def _values(name: str, values: object, n: int) -> Values:
-    if not isinstance(values, Values):
-        raise TypeError(f"its {name} is of type {type(values).__name__}, not Values")
-    array = _numbers(name, values.array, (None, None))
-    if len(array) != n:
-        raise ValueError(f"{len(array)} samples of {name} for {n} times")
-    components, units = (_names(name, texts) for texts in (values.components, values.units))
-    if len({*components}) < len(components):
-        raise ValueError(f"two components of its {name} have one name")
-    return Values(components, units, array)
-
-
-def _names(what: str, texts: Iterable[object]) -> tuple[str, ...]:
-    return tuple(shortened(text, SHORT) for text in texts)
-
-
-def _numbers(what: str, array: object, shape: tuple[int | None, ...]) -> Array:
-    """An array of doubles of a shape, in which None is any length."""
-    if type(array) is not np.ndarray:  # of a masked one, say, some numbers do not count
-        raise TypeError(f"its {what} is of type {type(array).__name__}, not an array of numbers")
-    if array.dtype.kind not in "fiu":
-        raise TypeError(f"its {what} is an array of {array.dtype.name}, not of real numbers")
-    if array.ndim != len(shape) or any(m not in (None, k) for m, k in zip(shape, array.shape, strict=True)):
-        wanted = ", ".join("any" if m is None else str(m) for m in shape)
-        raise ValueError(f"its {what} has shape {array.shape}, not ({wanted})")
-    return array if array.dtype == np.float64 else array.astype(float)
-
-
-def _sizes(what: str, array: object, n: int) -> Array:
-    """A number for each sample, not negative, or NaN."""
-    sizes = _numbers(what, array, (n,))
-    if (sizes < 0.0).any():
-        raise ValueError(f"its {what} has negative numbers")
-    return sizes
-
-
-def _size(what: str, number: Any) -> float:
-    """A number that is not negative."""
-    if not (size := float(number)) >= 0.0:
-        raise ValueError(f"its {what} is {size}: no size, or negative")
-    return size
-
-
-def _error(name: str, error: object, n: int, shape: tuple[int, ...]) -> Error:
-    """An error of a quantity whose values have some shape."""
-    if not isinstance(error, Error):
-        raise TypeError(f"its error of {name} is of type {type(error).__name__}, not an Error")
-    radius, condition, what = error.radius, error.condition, f"of {name}"
-    return Error(
-        scaled=_sizes(f"error {what}", error.scaled, n),
-        absolute={unit: _size(f"error {what}", size) for unit, size in _items(f"error {what}", error.absolute)},
-        condition=None if condition is None else _sizes(f"condition {what}", condition, n),
-        source=shortened(error.source, SHORT),
-        radius=None if radius is None else _numbers(f"radius {what}", radius, shape),
-    )
-
-
-def _rows(rows: object, n: int) -> Any:
-    """Indices of samples, ascending."""
-    if type(rows) is not np.ndarray or rows.dtype.kind not in "iu" or rows.ndim != 1:
-        raise TypeError("its rows are not an array of indices")
-    if len(rows) and not (rows[0] >= 0 and rows[-1] < n and (np.diff(rows.astype(np.int64)) > 0).all()):
-        raise ValueError(f"its rows are not ascending indices of {n} samples")
-    return rows.astype(np.intp)
-
-
-def _timing(timing: object) -> Timing:
-    if not isinstance(timing, Timing):
-        raise TypeError(f"a timing is of type {type(timing).__name__}")
-    engine, setting, stage, n, least, median, covers = astuple(timing)
-    engine, setting, stage, covers = (shortened(text, LONG) for text in (engine, setting, stage, covers))
-    return Timing(engine, setting, stage, int(n), float(least), float(median), covers)
-
-
-def _cost(cost: object) -> Cost:
-    if not isinstance(cost, Cost):
-        raise TypeError(f"its cost is of type {type(cost).__name__}")
-    return Cost(float(cost.wall_s), float(cost.cpu_s), int(cost.steps), int(cost.evaluations))
-
-
 Expected = Mapping[str, tuple[str, ...]]
 """Quantity -> component names that an answer must have."""
 
 
 class LeftOutError(Exception):
     """An answer that lacks requested quantities."""
-
-
-def declared(model: EngineModel, engine: Engine | None) -> dict[str, str]:
-    """Quantities that an engine, or its loaded model, says that it does not give -> why not."""
-    lacks = {**(engine.lacks if engine else {}), **dict(_items("lacks", getattr(model, "lacks", {})))}
-    return {name: shortened(why, LONG) for name, why in lacks.items()}
 
 
 def left_out(wanted: Collection[str], answer: Solution) -> tuple[str, ...]:

@@ -22,6 +22,7 @@ from screwgauge.reference.files import is_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
+from screwgauge.study.answers import declared, sound
 from screwgauge.study.methods import (
     EngineTask,
     Expected,
@@ -29,11 +30,9 @@ from screwgauge.study.methods import (
     check_components,
     check_units,
     check_whole,
-    declared,
     excepted,
     failure,
     left_out,
-    sound,
     without,
 )
 
