@@ -142,9 +142,9 @@ def scaled(by: float):
 each, granted = comparing._components, Allowance.granted
 
 
-def loose(*arguments):
+def loose(*arguments, **sizes):
     """What an allowance grants that admits far too much."""
-    right = granted(*arguments)
+    right = granted(*arguments, **sizes)
     return replace(right, limits=np.maximum(right.limits, 1e-3))
 
 

@@ -1,8 +1,8 @@
 """The engine `truth`: the mechanism in ball arithmetic, with a rigorous radius for every value.
 
 It reads the text of the description and of the scene exactly, takes the doubles of the times as they are, and solves
-at most `MOST` of the samples, spread evenly. Of the float64 solver it uses the positions, as a guess that
-nothing rests on: they are certified anew.
+at most so many of the samples as its entry says, spread evenly. Of the float64 solver it uses the positions, as a guess
+that nothing rests on: they are certified anew.
 """
 
 from __future__ import annotations
@@ -37,7 +37,6 @@ from screwgauge.truth.linkage import Linkage
 from screwgauge.truth.samples import Balls, Sampler, SampleTable, centred, enclosed, enclosures, ruled
 
 BITS = 192  # 57 digits: a dozen are lost on the way to the reactions, and 30 are wanted
-MOST = ENGINES["truth"].most
 
 
 def load(files: ModelFiles) -> TruthModel:
@@ -65,7 +64,7 @@ class TruthModel:
         """
         motion = self._checked(problem)
         n = len(motion)
-        rows = spread(n, MOST)
+        rows = spread(n, ENGINES["truth"].most)
         depth = stages(_certifiable(problem))
         files = (__file__, screwgauge.truth.__file__, screwgauge.reference.__file__)
         version = cache.code_version(*(Path(str(file)).parent for file in files), packages=("python-flint", "numpy"))

@@ -15,7 +15,7 @@ import pandas as pd
 from screwgauge.judging.coverage import Coverage
 from screwgauge.judging.trust import Guarded, Refusal, guarded
 from screwgauge.models import catalog
-from screwgauge.quantities import QUANTITIES
+from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.files import digest
 from screwgauge.reference.mobility import Mobility
@@ -167,7 +167,12 @@ class Comparison:
 
     @property
     def apart(self) -> tuple[str, ...]:
-        """Quantities that several engines give and of which one was compared with none: forces of unlike trees, say."""
+        """Quantities that several engines give and of which one was compared with none: forces of unlike trees, say.
+
+        None where nobody chose: all that there is was asked for.
+        """
+        if {*GIVEN} <= {name for one in self.solutions.values() for name in one.values}:
+            return ()
         names = dict.fromkeys(name for _, quantities in self.alone for name in quantities)
         return tuple(name for name in names if len(self._having(name)) > 1)
 

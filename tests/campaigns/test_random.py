@@ -36,7 +36,7 @@ def test_a_verdict_follows_from_the_comparison():
     judge, pairs = results.judge.copy(), results.pairs.copy()
     judge.loc[0, "ok"] = False
     assert judged(replace(results, judge=judge))["verdict"] == "judged"
-    pairs.loc[3, ["ok", "max_scaled", "reason"]] = [False, 1e-3, "within the error that screw admits by ..."]
+    pairs.loc[3, ["ok", "max_scaled", "undecided"]] = [False, 1e-3, 1]
     estimated = judged(replace(results, judge=judge, pairs=pairs))
     assert (estimated["verdict"], estimated["quantity"]) == ("estimated", pairs["quantity"][3])
     pairs.loc[4, ["ok", "max_scaled", "reason"]] = [False, float("nan"), "not a number"]
