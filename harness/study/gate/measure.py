@@ -16,6 +16,7 @@ from screwgauge.diagnosis.differences.difference import ALL, Difference, digits_
 from screwgauge.diagnosis.notes import INEXACT
 from screwgauge.diagnosis.verdict import SAME
 from screwgauge.environment import environment
+from screwgauge.judging.coverage import Coverage
 from screwgauge.judging.residual import JUDGE, Residual
 from screwgauge.models.catalog import description_files
 from screwgauge.quantities import QUANTITIES
@@ -49,13 +50,23 @@ class GateSettings:
 
 
 def compared(
-    scene: Scene, settings: GateSettings, progress: Callable[..., None] = lambda share, step: None
+    scene: Scene,
+    settings: GateSettings,
+    progress: Callable[..., None] = lambda share, step: None,
+    *,
+    covered: bool = True,
 ) -> tuple[GateRow, Comparison]:
-    """The row of a scene, and the comparison. `progress`: takes a share and the engine at work."""
+    """The row of a scene, and the comparison.
+
+    Args:
+        progress: Takes a share and the engine at work.
+        covered: Whether it says what the motion tests, which takes time.
+    """
     usual = settings.tolerances or {}
     given = {**dict.fromkeys(usual, "--tolerances"), **dict.fromkeys(scene.tolerances, "the scene")}
     scene = replace(scene, tolerances={**usual, **scene.tolerances})
     results = run(scene, progress=lambda step, share: progress(share, step))
+    results = results if covered else replace(results, cover=Coverage)
     errors = tuple(_errors(results, given))
     status = _status(results, errors)
     agree, sentence = status in ("unread", "agree", "judged"), settings.tell(results)
