@@ -119,3 +119,13 @@ def test_what_soft_loops_may_exert_leaves_room_for_another_rounding_of_their_res
     assert 8 * EPS * reach <= position < 1e-12
     assert 0.0 < rate < 1e-12
     assert 0.0 < second < 1e-11
+
+
+def test_soft_forces_count_among_the_digits_of_a_verdict():
+    """They have digits, unlike what is zero within rounding, though their tolerance is wider than that of the scene."""
+    results = screwgauge.run(screwgauge.load_scene("3ups-upu-s").at(np.linspace(0.0, 1.0, 11)), ("pinocchio", "mujoco"))
+    soft = results.pairs[results.pairs["quantity"] == "tree_force_soft"]
+    assert results.ok
+    assert (soft["max_scaled"] > results.scene.tolerance("tree_force_soft")).any()
+    assert soft["reason"].eq("").all()
+    assert "fewest in tree_force_soft" in " ".join(repr(results).split())

@@ -73,7 +73,7 @@ class Granted:
         usual: At any sample.
         limits: At each sample, by the condition there; without what integration leaves. Shape (n,).
         doubts: Up to which a difference is not decided: what the engines admit where that is more. Shape (n,).
-        why: Why `usual` is more than the tolerance of the scene.
+        why: Why `usual` is more than the tolerance of the scene; empty where it is so for soft constraints.
         left: What integration leaves.
     """
 
@@ -131,7 +131,7 @@ class Allowance:
         derived = source.source == SOFTNESS
         decided = derived or zero <= LIMIT * scale or self._is_zero(zero, unit, scales[unit])
         limit = max(tolerance, stated / scale, zero / scale if decided else 0.0)
-        why = f"zero within {zero:.1g} {unit}, the {source.source}"
+        why = "" if derived else f"zero within {zero:.1g} {unit}, the {source.source}"  # soft forces have digits
         if stated > zero:
             why = f"within {stated:.3g} {unit}, the error that {pair[1].engine} states"
         scaled = [error.scaled for error in errors]

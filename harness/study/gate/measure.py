@@ -91,13 +91,14 @@ def compared(
 
 def _status(results: Comparison, errors: Sequence[Residual]) -> Outcome:
     """The weakest of what became of a comparison, where digits of a model file may have widened tolerances."""
-    outcomes = [*results.outcomes, *_UNREAD[: len(results.unread)]]
+    outcomes = [*results.outcomes]
     if all(one.ok for one in errors):
         outcomes = [each for each in outcomes if each not in _SIZED] or ["agree"]
+    if results.unread:
+        outcomes.append("unread")
     return weakest(outcomes)
 
 
-_UNREAD: list[Outcome] = ["unread"]
 #: Outcomes that wider tolerances change.
 _SIZED: list[Outcome] = ["differ", "faulted", "undecided"]
 
