@@ -186,20 +186,28 @@ def summands(mechanism: Mechanism, problem: Problem, solutions: Iterable[Solutio
     for solution in solutions:
         rows: Rows = np.arange(len(timed(problem))) if solution.rows is None else solution.rows
         if rows.size and _located(solution):
-            some = rows[_few(rows)]
-            found.append(_summands(answer_at(mechanism, problem, solution, some), problem, some))
+            found.append(_summands(answer_in_motion(mechanism, problem, solution, rows[_few(rows)])[0]))
     return {unit: min(one[unit] for one in found) for unit in found[0]} if found else {}
 
 
-def _summands(answer: Answer, problem: Problem, rows: Rows) -> dict[str, float]:
-    motion, L = timed(problem), answer.scales["m"]
-    if isinstance(motion, GivenMotion):
-        answer = completed(answer, admitted_by(answer), motion.part(rows))
+def _summands(answer: Answer) -> dict[str, float]:
+    L = answer.scales["m"]
     given = [answer.values[name] for name in _FORCES if answer.has(name)]
     forces = [values.array / [arm(unit, L) for unit in values.units] for values in given]
     load = largest(residuals.levelled(residuals.required_wrenches(answer)[1], L)[:, 0], *forces)
     moved = {f"{unit}{per}": answer.fastest(k, f"{unit}{per}") for unit in ("rad", "m") for k, per in enumerate(_PER)}
     return {**moved, "N": load, "N m": load * L}
+
+
+def answer_in_motion(
+    mechanism: Mechanism, problem: Problem, solution: Solution, rows: Rows
+) -> tuple[Answer, AdmissibleMotion]:
+    """The answer at some samples with what it lacks of a given motion, and the motions that its loops admit."""
+    answer = answer_at(mechanism, problem, solution, rows)
+    admissible = admitted_by(answer)
+    if isinstance(problem.task, GivenMotion):
+        answer = completed(answer, admissible, problem.task.part(rows))
+    return answer, admissible
 
 
 def completed(answer: Answer, admissible: AdmissibleMotion, given: GivenMotion) -> Answer:

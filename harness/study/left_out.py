@@ -13,11 +13,11 @@ from itertools import combinations
 
 import numpy as np
 
-from screwgauge.judging.answer import Answer, answer_at
+from screwgauge.judging.answer import Answer
 from screwgauge.judging.assembly_modes import assembly_of
-from screwgauge.judging.judge import admitted_by, completed
+from screwgauge.judging.judge import answer_in_motion
 from screwgauge.judging.left_out import LeftOutTerm, MeasuredForces
-from screwgauge.problem import GivenMotion, Problem, Rows
+from screwgauge.problem import Problem, Rows
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import layout
@@ -114,12 +114,7 @@ def _moments(scene: Scene, problem: Problem, base: Solution, rows: Rows) -> Iter
     mechanism = scene.mechanism
     at_once = max(1, NUMBERS // (6 * len(mechanism.bodies) * max(1, len(mechanism.coordinates))))
     for first in range(0, len(rows), at_once):
-        some = rows[first : first + at_once]
-        answer = answer_at(mechanism, problem, base, some)
-        admissible = admitted_by(answer)
-        if isinstance(problem.task, GivenMotion):
-            answer = completed(answer, admissible, problem.task.part(some))
-        yield answer, admissible
+        yield answer_in_motion(mechanism, problem, base, rows[first : first + at_once])
 
 
 def _without(
