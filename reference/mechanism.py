@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -26,37 +26,19 @@ GROUND = "ground"
 SLACK = 1e-12
 
 
-class KindEntry(NamedTuple):
-    """What a kind of joint frees and constrains; names are those of `joint_types`.
-
-    Attributes:
-        freedoms: In order: True turns about its axis, False slides along it.
-        forces, moments: Directions of its constraint forces and moments.
-        open: Small rotation by which it is open along the moments when it is cut.
-        angles: How many angles are read when it is cut.
-    """
-
-    freedoms: tuple[bool, ...]
-    forces: str
-    moments: str
-    open: str
-    angles: int
-
-
-#: Composite joints are serial: each axis is carried by the freedoms before it, and all axes meet in the joint's origin.
-#: E slides in a plane and turns about its normal. F constrains nothing, it gives a pose coordinates: x, y and z in the
-#: parent's frame, then three angles.
-JOINT_TABLE: dict[str, KindEntry] = {
-    "R": KindEntry((True,), "world", "across", "tilt", 1),
-    "P": KindEntry((False,), "across", "child", "turn", 0),
-    "U": KindEntry((True, True), "world", "normal", "skew", 2),
-    "S": KindEntry((True, True, True), "world", "", "", 3),
-    "C": KindEntry((True, False), "across", "across", "tilt", 1),
-    "E": KindEntry((False, False, True), "along", "across", "tilt", 1),
-    "F": KindEntry((False, False, False, True, True, True), "", "", "", 0),
+#: Freedoms of each kind in order: True turns about its axis, False slides along it. Composite joints are serial: each
+#: axis is carried by the freedoms before it, and all axes meet in the joint's origin. E slides in a plane and turns
+#: about its normal. F constrains nothing, it gives a pose coordinates: x, y and z in the parent's frame, then three
+#: angles. The mechanics of each kind is in `equations.joint_types`.
+KINDS: dict[str, tuple[bool, ...]] = {
+    "R": (True,),
+    "P": (False,),
+    "U": (True, True),
+    "S": (True, True, True),
+    "C": (True, False),
+    "E": (False, False, True),
+    "F": (False, False, False, True, True, True),
 }
-#: Freedoms of each kind.
-KINDS = {kind: entry.freedoms for kind, entry in JOINT_TABLE.items()}
 #: Kinds of joint whose loop is closed by points of the two bodies that coincide, and how many.
 POINTS = {"R": 2, "S": 1}
 

@@ -1,4 +1,4 @@
-"""The joint types: what depends on the kind of a joint follows from its entry in `JOINT_TABLE` (`reference.mechanism`).
+"""The joint types: the mechanics of a kind of joint is its entry in `TYPES`.
 
 A joint transmits the wrenches that have no power on its freedoms (eq. 8). These close the loop of a cut joint, and are
 the components of its reaction. Their directions are orthonormal and act at the joint's point of the child, so that a
@@ -30,7 +30,7 @@ from screwgauge.reference.equations.screws import (
     times,
     transpose,
 )
-from screwgauge.reference.mechanism import JOINT_TABLE, KINDS, Frame, Joint, by_role
+from screwgauge.reference.mechanism import KINDS, Frame, Joint, by_role
 from screwgauge.reference.rotations import across, triad
 
 Value = tuple[Any, Any]
@@ -205,27 +205,14 @@ class JointType:
     own: Callable[[JointPose, Array], Any] | None = None
 
 
-_DIRECTIONS = {
-    "": _none,
-    "world": _world,
-    "child": _child,
-    "across": _across,
-    "along": _along,
-    "normal": _normal,
-}
-_OPEN = {"": None, "tilt": _tilt, "turn": _turn, "skew": _skew}
-_ANGLES = (_no_angle, _one_angle, _two_angles, _three_angles)
-#: Power of brackets of own screws, by the directions of the moments.
-_OWN = {"normal": _crossed}
 TYPES = {
-    kind: JointType(
-        _DIRECTIONS[entry.forces],
-        _DIRECTIONS[entry.moments],
-        _OPEN[entry.open],
-        _ANGLES[entry.angles],
-        _OWN.get(entry.moments),
-    )
-    for kind, entry in JOINT_TABLE.items()
+    "R": JointType(_world, _across, _tilt, _one_angle),
+    "P": JointType(_across, _child, _turn, _no_angle),
+    "U": JointType(_world, _normal, _skew, _two_angles, own=_crossed),
+    "S": JointType(_world, _none, None, _three_angles),
+    "C": JointType(_across, _across, _tilt, _one_angle),
+    "E": JointType(_along, _across, _tilt, _one_angle),
+    "F": JointType(_none, _none, None, _no_angle),
 }
 
 
