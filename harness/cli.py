@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -13,7 +14,7 @@ from screwgauge import __version__, commands
 from screwgauge.commands import view
 from screwgauge.commands.execution import check_current
 from screwgauge.processes import fix_threads
-from screwgauge.reference.errors import log_text
+from screwgauge.reference.errors import UnknownNameError, log_text
 from screwgauge.report.console import console, ended, say
 
 DEFAULT_SCENE = "3ups-upu-s"
@@ -66,16 +67,35 @@ def _command(arguments: Sequence[str] | None) -> int:
         if not given:
             _parser().print_help()
             return 2
-        options = _parser().parse_args(given)
+        options = _parsed(given)
     finally:
         say("", end="")  # a command that cannot print is not begun
     fix_threads()
+    os.environ["MUJOCO_GL"] = "disable"  # nothing is rendered, for which MuJoCo would load libGL
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of numpy: the report shows what is not a number
         try:
             return int(options.command(options))
         except SystemExit as error:  # a library's, which would pass for ours
             raise RuntimeError(f"a library ended the program, status {error.code}") from error
+
+
+def _parsed(given: Sequence[str]) -> argparse.Namespace:
+    """Parse a command; names what an unknown command or option resembles.
+
+    Raises:
+        UnknownNameError: There is no such command, or it has no such option.
+    """
+    commands = [name for names in GROUPS.values() for name in names]
+    named = not given[0].startswith("-")
+    if named and given[0] not in commands:
+        raise UnknownNameError("command", given[0], commands)
+    options, rest = (parser := _parser()).parse_known_args(given)
+    for option in (text.partition("=")[0] for text in rest if named and text.startswith("-")):
+        raise UnknownNameError("option", option, options.known, given[0])
+    if rest:
+        parser.error(f"unrecognized arguments: {' '.join(rest)}")
+    return options
 
 
 def _whole(least: int) -> Callable[[str], int]:
@@ -130,7 +150,7 @@ def _parser() -> argparse.ArgumentParser:
             added.add_argument("--force", action="store_true", help="overwrite inputs, and files of somebody's own")
         if out:
             added.add_argument("-o", "--out", type=_path, metavar="DIR", help=f"default: screwgauge-out/{out}")
-        added.set_defaults(command=run)
+        added.set_defaults(command=run, known=added._option_string_actions)
         return added.add_argument
 
     def scene(add: Any) -> None:

@@ -99,6 +99,17 @@ class UnknownNameError(ScrewgaugeError):
         super().__init__(f"unknown {kind} {shown(name)}", where, hint + ", ".join(names))
 
 
+#: Libraries of the system that packages need and do not bring: beginning of the file -> package of Debian and Ubuntu.
+_SYSTEM = {"libGL.so": "libgl1", "libEGL.so": "libegl1", "libOSMesa.so": "libosmesa6", "libX11.so": "libx11-6"}
+
+
+def remedy_of_import(error: ImportError, package: str) -> str:
+    """What to install where a module of a package cannot be imported."""
+    for name in (name for name in _SYSTEM if name in str(error)):
+        return f"{name.partition('.')[0]} belongs to the system; on Debian and Ubuntu, apt-get install {_SYSTEM[name]}"
+    return f"pip install {'' if isinstance(error, ModuleNotFoundError) else '--force-reinstall '}{package}"
+
+
 def check_seed(seed: object) -> None:
     """Refuses what is no seed of random numbers.
 

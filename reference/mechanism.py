@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property, lru_cache
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 
 GROUND = "ground"
+COLUMNS, MOST = 100, 3  # of a screen: its width, and lines for bodies, for joints and so on
 #: Share of the trace by which rounding may violate the inequalities of an inertia tensor.
 SLACK = 1e-12
 
@@ -218,6 +220,23 @@ class Mechanism:
     def __post_init__(self) -> None:
         check_couplings(self.couplings, self.coordinates)
 
+    def __repr__(self) -> str:
+        drives = zip(self.actuator_names, self.actuator_units, strict=True)
+        parts: dict[tuple[str, int], list[str]] = {
+            ("bodies", len(self.bodies)): [f"{body.name} {body.mass:.4g} kg" for body in self.bodies],
+            ("joints", len(self.joints)): [f"{x.name} ({x.kind}: {x.parent} - {x.child})" for x in self.joints],
+            ("loops", len(self.joints) - len(self.bodies)): [],
+            ("freedoms", len(self.independent)): [f"{label} = {name}" for label, name in self.independent.items()],
+            ("actuators", len(self.actuators)): [f"{name} [{unit}]" for name, unit in drives],
+            ("couplings", len(self.couplings)): [
+                " of ".join(filter(None, (x.coordinate, x.of))) for x in self.couplings
+            ],
+        }
+        text = [f"Mechanism {self.name}{': ' * bool(self.title)}{self.title}"]
+        for (name, count), items in parts.items():
+            text += _filled(f"{name:<10}{count:>4}  ", items)
+        return "\n".join(text)
+
     @cached_property
     def coordinates(self) -> tuple[str, ...]:
         """Names of all joint coordinates, in the order of the joints."""
@@ -291,6 +310,13 @@ class Mechanism:
 
     def body(self, name: str) -> Body:
         return next(body for body in self.bodies if body.name == name)
+
+
+def _filled(lead: str, items: Sequence[str]) -> list[str]:
+    """Items after a lead, none broken, on at most `MOST` lines."""
+    whole = wrap(", ".join(item.replace(" ", "\0") for item in items), COLUMNS - len(lead) - 2)
+    shown = [*whole[:MOST], *["..."] * (len(whole) > MOST)] or [""]
+    return [f"  {lead if not i else ' ' * len(lead)}{line}".replace("\0", " ").rstrip() for i, line in enumerate(shown)]
 
 
 #: Fields that say nothing of how a mechanism moves.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import warnings
 from collections.abc import Iterator
@@ -127,6 +128,31 @@ def test_what_ended_says_where_it_went(words: str, capsys: pytest.CaptureFixture
     output = capsys.readouterr()
     assert output.out == ""
     assert re.fullmatch(r"screwgauge: .*: (is no longer part of the package|has another name); \w.*\.\n", output.err)
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        ("rnu slider-crank", "'run'"),
+        ("diganose a.urdf b.urdf", "'diagnose'"),
+        ("run slider-crank --enginse screw", "'--engines'"),
+        ("check --junt=a.xml", "'--junit'"),
+    ],
+)
+def test_a_misspelt_command_or_option_is_told_from_the_one_that_was_meant(typed, meant, command) -> None:
+    said = command(*typed.split(), status=2)
+    assert f"did you mean {meant}?" in said.err
+    assert said.err.count("\n") == 1
+    assert said.out == ""
+
+
+def test_nothing_is_rendered_so_that_no_graphics_is_needed(monkeypatch, command) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "osmesa")
+    seen = []
+    monkeypatch.setattr(commands, "list_", lambda options: seen.append(os.environ["MUJOCO_GL"]) or 0)
+    commands.list_.__name__ = "list_"
+    command("list")
+    assert seen == ["disable"]
 
 
 @pytest.mark.parametrize(

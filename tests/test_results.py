@@ -13,6 +13,7 @@ import screwgauge
 from screwgauge import ScrewgaugeError
 from support.command import main, printed_by
 from support.errors import OutputError, UnknownNameError
+from support.mechanism import load_mechanism
 from support.report import LINES
 
 
@@ -90,6 +91,19 @@ def test_a_scene_shows_itself_in_one_screen():
         assert len(lines) <= LINES
         assert max(map(len, lines)) <= 100 + len(str(scene.file))
         assert f"<caption>Scene {name}</caption>" in scene._repr_html_()
+
+
+@pytest.mark.parametrize("name", ["slider-crank", "3ups-upu-s", "a02-fourbar-40", "ruse"])
+def test_a_mechanism_shows_itself_in_one_screen(name):
+    mechanism = load_mechanism(name)
+    lines = repr(mechanism).splitlines()
+    counts = {line.split()[0]: int(line.split()[1]) for line in lines if re.match(r"  [a-z]+ +\d", line)}
+    sizes = {"bodies": len(mechanism.bodies), "joints": len(mechanism.joints), "freedoms": len(mechanism.independent)}
+    sizes |= {"loops": len(mechanism.joints) - len(mechanism.bodies), "actuators": len(mechanism.actuators)}
+    assert counts == sizes | {"couplings": len(mechanism.couplings)}
+    assert mechanism.bodies[0].name in repr(mechanism)
+    assert len(lines) <= LINES
+    assert max(map(len, lines)) <= 100
 
 
 @pytest.mark.slow

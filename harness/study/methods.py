@@ -13,7 +13,14 @@ from typing import TYPE_CHECKING, Any
 from screwgauge.engines.registry import ENGINES, Engine, EngineModel, get_engine
 from screwgauge.problem import ModelFiles, Problem, Progress, States
 from screwgauge.quantities import QUANTITIES
-from screwgauge.reference.errors import DescriptionError, ModelFileError, ScrewgaugeError, UnknownNameError, first_few
+from screwgauge.reference.errors import (
+    DescriptionError,
+    ModelFileError,
+    ScrewgaugeError,
+    UnknownNameError,
+    first_few,
+    remedy_of_import,
+)
 from screwgauge.solution import ROUNDING, Failure, Solution
 from screwgauge.study.answers import LONG, TRACE, declared, shortened, sound, sound_failure
 from screwgauge.study.apart import CrashedError, apart
@@ -28,9 +35,8 @@ DOUBTS = 3  # about the models or the engines, that a sentence names
 def missing(error: ImportError, engine: Engine | None = None) -> str:
     """What to install for a module that is missing, or that was built for other versions."""
     package = engine.package if engine is not None else (error.name or "it").split(".")[0]
-    if isinstance(error, ModuleNotFoundError):
-        return f"not installed ({error}); pip install {package}"
-    return f"cannot be loaded ({error}); pip install --force-reinstall {package}"
+    what = "not installed" if isinstance(error, ModuleNotFoundError) else "cannot be loaded"
+    return f"{what} ({error}); {remedy_of_import(error, package)}"
 
 
 def failure(error: BaseException, name: str, folder: Path, engine: Engine | None = None) -> Failure:

@@ -21,7 +21,7 @@ from screwgauge.models.readings.mujoco import read_mujoco
 from screwgauge.models.readings.pinocchio import read_pinocchio
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.models.readings.source import Source, prepare
-from screwgauge.reference.errors import ModelFileError, UnknownNameError, first_few
+from screwgauge.reference.errors import ModelFileError, UnknownNameError, first_few, remedy_of_import
 from screwgauge.reference.lint import Hinge, Solid, all_too_wide, size_of, too_far
 from screwgauge.reference.rotations import Array, widest
 
@@ -263,9 +263,9 @@ def read_source(source: Source, library: str, *, home: Mapping[str, float] | Non
     try:
         reading = reader(source, home or {})
     except ImportError as error:
-        raise ModelFileError(
-            f"{library} cannot be loaded ({error})", str(path), "install it, or take another"
-        ) from None
+        package = "pin" if library == "pinocchio" else library
+        remedy = f"{remedy_of_import(error, package)}, or take another library"
+        raise ModelFileError(f"{library} cannot be loaded ({error})", str(path), remedy) from None
     _check(reading, str(path))
     return replace(reading, form=source.form, content=unread(source, reading), frames=source.fixed_joints)
 
