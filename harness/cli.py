@@ -199,6 +199,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--quantities", metavar="A,B", help="default: all; nothing else is computed")
     add("--exciting", action="store_true", help="replace its motion by one that excites all inertia that it can")
     add("--seed", type=_whole(0), metavar="N", help="of the exciting motion (0)")
+    values = "write times, positions and forces (--quantities) as CSV: of the first engine, or of each in a folder"
+    add("--csv", type=_path, metavar="FILE.csv|DIR", help=values)
     add("--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)")
     add("--pdf", action="store_true", help="print the report to report.pdf, too (needs Chromium or Chrome)")
     add("--json", action="store_true", help="print the summary as JSON")

@@ -310,7 +310,7 @@ def check_free(path: Path, inputs: Iterable[str | Path] = (), *, force: bool = F
     if any(_same(path, Path(name)) for name in inputs):
         raise OutputError("is what the command reads", str(path), "name another file, or overwrite it by --force")
     if not is_as_written(path):
-        what = "is there, and not as screwgauge wrote it: from elsewhere, or changed since"
+        what = "is there, and nothing in it proves that screwgauge wrote it as it is"
         raise OutputError(what, str(path), "name another file, or overwrite it by --force")
 
 

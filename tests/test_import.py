@@ -359,7 +359,9 @@ def test_import_writes_both_files_or_none(gripper, tmp_path, command):
 def test_what_somebody_has_worked_on_is_not_written_over(name, edited, gripper, tmp_path, command):
     assert main(["import", str(gripper), "-o", str(tmp_path / "grip.toml")]) == 0
     (path := tmp_path / name).write_text(mine := edited(path.read_text(encoding="utf-8")) + "\n", encoding="utf-8")
-    assert "not as screwgauge wrote it" in command("import", gripper, "-o", tmp_path / "grip.toml", status=2).err
+    assert (
+        "is there, and nothing in it proves" in command("import", gripper, "-o", tmp_path / "grip.toml", status=2).err
+    )
     assert path.read_text(encoding="utf-8") == mine
 
 

@@ -98,6 +98,7 @@ def run(options: argparse.Namespace) -> int:
     from screwgauge.api import run
     from screwgauge.environment import json_text
     from screwgauge.report.pages import run as page
+    from screwgauge.report.results import csv_files
     from screwgauge.report.write import browser
     from screwgauge.scene.read import load_scene
 
@@ -114,16 +115,22 @@ def run(options: argparse.Namespace) -> int:
     out = options.out or OUT / scene.name
     engines, quantities = _names(options.engines), _names(options.quantities)
     more: Any = {"limits": limits(options), "warn": lambda text: complain(f"screwgauge: warning: {text}")}
+    tables = {} if options.csv is None else csv_files(options.csv, engines or scene.engines)
+    for table in tables.values():
+        check_free(table, force=options.force)
     results = carry_out(
         page,
         out,
         lambda progress: run(scene, engines, quantities, progress=progress, **more),
         tell=(lambda answer: json_text(page.summary(answer), escaped=True)) if options.json else None,
-        files=Files(_files(scene)),
+        files=Files(_files(scene), {f"--csv {table}": table for table in tables.values()}),
         force=options.force,
         samples=options.samples,
         pdf=options.pdf,
     )
+    if tables and results.solutions:
+        for table in results.to_csv(options.csv, quantities=quantities, force=options.force):
+            (complain if options.json else say)(f"values: {table}")
     for failure in results.failures.values() if options.debug else ():
         complain(failure.traceback)
     return int(results.exit_status)

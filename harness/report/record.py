@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict
 from pathlib import PurePath
 from typing import Any
@@ -22,6 +22,7 @@ from screwgauge.study.comparison import Comparison
 JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance", "ok")
 KINDS = {"N": "force", "N m": "moment"}
 NOTHING = 1e-12  # share of the largest force, or moment, below which one is rounding
+EXPORTED = ("joint_position", "actuator_force", "reaction", "observable")
 FILES = ("models", "scene_file", "scene_sha256", "description", "date", "schema")
 
 
@@ -39,6 +40,19 @@ def samples_table(results: Comparison) -> pd.DataFrame:
         for name, column in zip(given.components, given.array.T, strict=True)
     }
     return pd.DataFrame({"t": results.times, **values})
+
+
+def values_table(solution: Solution, t: Array, quantities: Collection[str] | None = None) -> pd.DataFrame:
+    """The samples that an engine solved, as a user's table has them: units in the header, `EXPORTED` by default."""
+    wanted = quantities or {*solution.values} & {*EXPORTED} or solution.values
+    columns = {
+        f"{quantity}/{name} [{unit}]": column
+        for quantity, given in solution.values.items()
+        if quantity in wanted
+        for name, unit, column in zip(given.components, given.units, given.array.T, strict=True)
+    }
+    table = pd.DataFrame({"t [s]": t, **columns})
+    return table if solution.rows is None else table.iloc[solution.rows]
 
 
 def forces(results: Comparison) -> list[Row]:

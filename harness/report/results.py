@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from screwgauge.reference.errors import OutputError, UnknownNameError
+from screwgauge.reference.errors import OutputError, UnknownNameError, check_choice
+from screwgauge.reference.files import check_free
 from screwgauge.report.blocks import Block, Picture
-from screwgauge.report.folder import locked
+from screwgauge.report.folder import locked, write_files
 from screwgauge.report.html import fragment
 from screwgauge.report.pages import run as run_page
+from screwgauge.report.record import values_table
 from screwgauge.report.write import Shown
 from screwgauge.study.comparison import Comparison
 
@@ -40,6 +42,40 @@ class Results(Shown, Comparison):
             raise OutputError("is empty, which would be the current folder", "out", "name a folder")
         with locked(Path(out)):
             return run_page.write(self, Path(out), samples=samples, pdf=pdf, force=force)
+
+    def to_csv(
+        self,
+        path: str | Path,
+        *,
+        engine: str | None = None,
+        quantities: Iterable[str] | None = None,
+        force: bool = False,
+    ) -> list[Path]:
+        """Writes times and values to the last bit as CSV, units in the header; such a file may be a scene's table.
+
+        Args:
+            path: A file ``NAME.csv``, or a folder, in which each engine gets a file of its name.
+            engine: Whose values; by default those of the first for a file, of all for a folder.
+            quantities: Names; positions, actuator forces, reactions and observables by default.
+            force: Files in the way are replaced.
+
+        Returns:
+            The files.
+
+        Raises:
+            OutputError: A file is there, or cannot be written.
+            UnknownNameError: There is no such engine or quantity.
+        """
+        known = {name for solution in self.solutions.values() for name in solution.values}
+        names = check_choice("engine", [engine] if engine else [*self.solutions], self.solutions)
+        wanted = None if quantities is None else check_choice("quantity", quantities, known)
+        files = csv_files(Path(path), names)
+        for file in files.values():
+            check_free(file, force=force)
+        for name, file in files.items():
+            table = values_table(self.solutions[name], self.times, wanted)
+            write_files(file.parent, {file.name: table.to_csv(index=False, lineterminator="\n")})
+        return [*files.values()]
 
     def plot(self) -> Pictures:
         """The pictures of the report; a notebook shows them."""
@@ -78,6 +114,11 @@ class Results(Shown, Comparison):
 
     def _screen(self) -> Iterable[Block]:
         return run_page.terminal(self, judge=False)
+
+
+def csv_files(path: Path, engines: Sequence[str]) -> dict[str, Path]:
+    """Engine -> file of its values: the one that is named, or one in a folder of that name."""
+    return {engines[0]: path} if path.suffix == ".csv" else {name: path / f"{name}.csv" for name in engines}
 
 
 class Pictures(list[Picture]):

@@ -13,6 +13,7 @@ from screwgauge.report.pages.bench import PAGE as BENCH_PAGE
 from screwgauge.report.pages.bench import SIMULATION, _error_and_time, make_plots
 from screwgauge.report.pages.run import estimates, report, summary
 from screwgauge.report.pages.run import terminal as run_in_terminal
+from screwgauge.report.record import EXPORTED
 from screwgauge.report.text import LINES
 from screwgauge.report.verdict import conclusion, first_difference, verdict
 from screwgauge.report.write import print_page, write_report
