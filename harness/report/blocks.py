@@ -114,7 +114,7 @@ class Folded:
 
 @dataclass(frozen=True, slots=True)
 class Front:
-    """The first screen: blocks, beside them a picture (the last block) if there is one."""
+    """The first screen: blocks with a picture beside them, or below two pictures."""
 
     blocks: tuple[Block, ...]
 

@@ -169,12 +169,13 @@ def _room(block: b.Front | b.Appendix | b.Folded) -> str:
 
 
 def _front(blocks: tuple[Block, ...]) -> str:
-    """Banners over all of the page; the rest at the left of the picture, if there is one."""
+    """Banners over all of the page; the rest at the left of a picture, or below two."""
     banners = fragment(block for block in blocks if isinstance(block, b.Banner))
-    rest = [block for block in blocks if not isinstance(block, b.Banner)]
-    left = fragment(block for block in rest if not isinstance(block, b.Picture))
-    right = fragment(block for block in rest if isinstance(block, b.Picture))
-    return f'<div class="front{"" if right else " plain"}">\n{banners}\n<div>{left}</div>\n{right}\n</div>'
+    pictures = [block for block in blocks if isinstance(block, b.Picture)]
+    text = f"<div>{fragment(x for x in blocks if not isinstance(x, (b.Banner, b.Picture)))}</div>"
+    parts = [fragment(pictures), text] if len(pictures) > 1 else [text, fragment(pictures)]
+    kind = ("plain", "beside", "below")[len(pictures)]
+    return "\n".join([f'<div class="front {kind}">', banners, *parts, "</div>"])
 
 
 def _folded_sections(body: str) -> str:

@@ -69,7 +69,8 @@ class Report:
             of these, nothing where there is no a). All texts know ``title``, ``verdict`` (the banners),
             ``environment``, ``about`` (facts of the first screen, those of the machine added), ``plots`` and
             ``picture remarks`` (on the first picture).
-        draw: Pictures, that of the first screen first.
+        draw: Pictures.
+        lead: Which of them are on the first screen; its remarks are on the last of these.
         plots: How all others are shown.
         figures: Significant figures of numbers in CSV; every bit by default.
     """
@@ -79,6 +80,7 @@ class Report:
     data: Mapping[str, Value]
     values: Mapping[str, Value]
     draw: Callable[[Any], Sequence[Picture]] = lambda results: ()
+    lead: Callable[[Any, Sequence[Picture]], Sequence[Picture]] = lambda results, pictures: pictures[:1]
     plots: Callable[[Any, Sequence[Picture]], list[Block]] = folds
     figures: int | None = None
 
@@ -132,10 +134,11 @@ class Report:
     ) -> list[Block]:
         """The blocks of ``report.md`` and ``report.html``."""
         drawn = [*pictures]
-        first, others = drawn[0] if drawn else None, drawn[1:]
+        lead = self.lead(results, drawn)
+        first, others = lead[-1] if lead else None, [each for each in drawn if each not in lead]
         filled = _Filled(self, results, record or getattr(results, "environment", {}), first, others)
         front, sections, appendix = _parts(self.text)
-        screen = [*filled["verdict"], *filled.section("", front), *([first] if first else [])]
+        screen = [*filled["verdict"], *filled.section("", front), *lead]
         blocks: list[Block] = [Heading(filled["title"], 1), Front(tuple(screen))]
         blocks += (block for title, text in sections if title != TERMINAL for block in filled.section(title, text))
         last = [block for title, text in appendix for block in filled.section(title, text)]

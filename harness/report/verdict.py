@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from screwgauge.judging.allowance import WITHIN
-from screwgauge.quantities import digits
 from screwgauge.reference.errors import first_few
 from screwgauge.report.blocks import Banner, Status
 from screwgauge.report.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
@@ -14,7 +13,7 @@ from screwgauge.study.comparison import Comparison
 from screwgauge.study.methods import DOUBTS
 from screwgauge.study.outcome import Outcome
 
-#: What a reader has to know about quantities that nobody asks for, where they have the fewest digits.
+#: What a reader has to know about quantities that nobody asks for; their digits never stand for those of a run.
 OPEN_TREE = {
     "tree_force": "tree_force only checks the models: joint forces with the loops cut open, without loads.",
     "tree_force_soft": (
@@ -212,6 +211,21 @@ def _integrated(pairs: list[Row]) -> list[str]:
     return [sentence] if n else []
 
 
+def _fewest(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
+    """How many digits agree, and the quantities of the open tree that have the fewest."""
+    counted = [row for row in agree if not row["reason"] or simulated] or agree  # zero within rounding has no digits
+    asked = [row for row in counted if row["quantity"] not in OPEN_TREE] or counted
+    least = max(asked, key=lambda row: row["max_scaled"])
+    errors = dict[str, float]()
+    for row in counted:
+        if row["max_scaled"] > least["max_scaled"]:
+            errors[row["quantity"]] = max(row["max_scaled"], errors.get(row["quantity"], 0.0))
+    text = f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']})"
+    but = listed(f"{name} ({digits_text(error)})" for name, error in errors.items())
+    open_tree = [*errors] or [name for name in OPEN_TREE if name == least["quantity"]]
+    return f"{text}, apart from {but}" if but else text, open_tree
+
+
 def _agreement(results: Comparison) -> list[str]:
     engines, pairs = list(results.solutions), compared(results)
     if not engines:
@@ -221,16 +235,13 @@ def _agreement(results: Comparison) -> list[str]:
         agree = [row for row in pairs if row["ok"]]
         if not agree:
             return untested
-        # what is zero within rounding has no digits
-        counted = [row for row in agree if not row["reason"] or results.scene.simulated]
-        least = min(counted or agree, key=lambda row: digits(row["max_scaled"]))
+        fewest, open_tree = _fewest(agree, results.scene.simulated)
         every = "the one comparison is" if len(pairs) == 1 else f"all {len(pairs)} comparisons are"
-        fewest = f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']})"
         if len(agree) < len(pairs):
             return [f"{len(agree)} of {len(pairs)} comparisons are within tolerance, {fewest}.", *untested]
         if "partly" in results.outcomes:
             return [f"What was compared is within tolerance, {fewest}.", *untested]
-        remarks = [*filter(None, [OPEN_TREE.get(least["quantity"])]), *_integrated(pairs), *untested]
+        remarks = [*(OPEN_TREE[each] for each in open_tree), *_integrated(pairs), *untested]
         return [f"{listed(engines)} agree: {every} within tolerance, {fewest}.", *remarks]
     residuals = "its residuals are" if len(engines) == 1 else "their residuals are"
     judged = f"{residuals} within tolerance" if len(results.judge) else "nothing was judged"

@@ -55,11 +55,16 @@ class _Subject:
 
 def make_plots(comparison: Comparison) -> list[Picture]:
     """All pictures of the report, in order."""
-    drawn = drawings(tuple(comparison.scene.figures), comparison.solutions, comparison.not_unique)
-    plots = [_quantity(f"{i:02d}-{file_name(each.title)}", each, comparison) for i, each in enumerate(drawn, 1)]
+    plots = [_quantity(name, drawing, comparison) for name, drawing in named(comparison).items()]
     if any(np.isfinite(s.condition).any() for s in comparison.solutions.values()):
         plots.append(_condition(f"{len(plots) + 1:02d}-condition", comparison))
     return plots
+
+
+def named(comparison: Comparison) -> dict[str, Drawing]:
+    """Name of a picture -> what it shows."""
+    drawn = drawings(tuple(comparison.scene.figures), comparison.solutions, comparison.not_unique)
+    return {f"{i:02d}-{file_name(each.title)}": each for i, each in enumerate(drawn, 1)}
 
 
 def _quantity(name: str, drawing: Drawing, comparison: Comparison) -> Picture:

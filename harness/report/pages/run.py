@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
-from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from screwgauge.judging.allowance import LIMIT
 from screwgauge.judging.residual import ERROR_COLUMNS
 from screwgauge.judging.trust import Guarded
 from screwgauge.report.blocks import Banner, Block, Folded, Marked, Picture
-from screwgauge.report.figures.run import drawings, make_plots, unmatched
+from screwgauge.report.figures.run import make_plots, named, unmatched
 from screwgauge.report.folder import SAMPLES
 from screwgauge.report.formatting import (
     FORMS,
@@ -70,11 +69,12 @@ def _worst_three(results: Comparison) -> list[Row]:
     errors = [{**row, "what": words(row["quantity"]), "who": row["pair"]} for row in compared(results)]
     judged = (row for row in rows(results.judge) if row["engine"] not in results.failures)
     errors += [{**row, "what": f"judge: {words(row['residual'])}", "who": row["engine"]} for row in judged]
-    order = sorted(errors, key=lambda row: beyond(row["max_scaled"], row["tolerance"]), reverse=True)
+    # the open tree, of which no force acts in the machine, leads only where it is out of tolerance
+    tree = {id(row) for row in errors if row["ok"] and row["what"].removeprefix("judge: ").startswith("tree force")}
+    order = sorted(errors, key=lambda row: (id(row) in tree, -beyond(row["max_scaled"], row["tolerance"])))
     groups = dict[str, list[Row]]()
-    for row in order:  # of the open tree, which four rows check, the worst stands for all while it is within tolerance
-        tree = row["ok"] and row["what"].removeprefix("judge: ").startswith("tree force")
-        groups.setdefault("tree" if tree else row["what"], []).append(row)
+    for row in order:
+        groups.setdefault("tree" if id(row) in tree else row["what"], []).append(row)
     three = _shown(_least(group) for group in list(groups.values())[:3])
     return [{**row, "off": f"{size(row['max_abs'])} {unit_text(row['unit'])}"} for row in three]
 
@@ -102,21 +102,35 @@ def _overview(results: Comparison) -> list[Row]:
 
 def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
     """What differs is shown; what agrees is folded into a line with its digits."""
-    pairs, shown, folds = grouped(compared(results), "quantity", "unit"), list[Block](), list[Block]()
-    drawn = drawings(tuple(results.scene.figures), results.solutions, results.not_unique)
-    for picture, drawing in zip_longest(pictures, drawn):
-        if picture and drawing and not drawing.unique:
+    pairs, drawn, shown, folds = _pairs(results), named(results), list[Block](), list[Block]()
+    for picture in pictures:
+        drawing = drawn.get(picture.name)
+        if drawing and not drawing.unique:
             folds.append(Folded(picture.title, (picture,), "not compared"))
             continue
-        errors = pairs.get((drawing.quantity, drawing.unit), []) if drawing and picture else []
+        errors = pairs.get((drawing.quantity, drawing.unit), []) if drawing else []
         note = f"agrees to {digits_text(max(row['max_scaled'] for row in errors))} digits" if errors else ""
-        if errors and drawing.others:
+        if drawing and errors and drawing.others:
             note += f"; {drawing.others} components that are not unique are apart"
-        if not all(row["ok"] for row in errors):
-            shown.append(picture)
-        elif picture:
+        if all(row["ok"] for row in errors):
             folds.append(Folded(picture.title, (picture,), note))
+        else:
+            shown.append(picture)
     return [*shown, *folds]
+
+
+def _pairs(results: Comparison) -> dict[Any, list[Row]]:
+    return grouped(compared(results), "quantity", "unit")
+
+
+def _lead(results: Comparison, pictures: Sequence[Picture]) -> list[Picture]:
+    """The first picture of what differs, else of the actuator forces, else of anything; then the mechanism."""
+    pairs, drawn = _pairs(results), named(results)
+    shown = [(picture, drawn[picture.name]) for picture in pictures if picture.name in drawn]
+    differ = [x for x, y in shown if y.unique and not all(row["ok"] for row in pairs.get((y.quantity, y.unit), []))]
+    forces = [picture for picture, _ in shown if picture.of == "actuator_force"]
+    first = [*differ, *forces, *(picture for picture, _ in shown)][:1]
+    return [*first, *(picture for picture in pictures if picture.stage)]
 
 
 def _parameters(results: Comparison) -> list[Row]:
@@ -264,6 +278,7 @@ RUN = Report(
     },
     values=VALUES,
     draw=pictures,
+    lead=_lead,
     plots=_plots,
 )
 DATA, report = RUN.DATA, RUN.blocks
