@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
@@ -13,6 +13,7 @@ import numpy as np
 
 from screwgauge.models.formats import number_text, vector_text
 from screwgauge.models.layout import Link, Tree, length_scale
+from screwgauge.reference.applied import JointSpring, Spring
 from screwgauge.reference.equations.kinematics import length, pose
 from screwgauge.reference.graph import layout
 from screwgauge.reference.lint import suspicious
@@ -22,7 +23,7 @@ from screwgauge.reference.rotations import Array
 #: Colours of bodies; dark enough for their names.
 COLOURS = ("#0072B2", "#00795B", "#B04A87", "#8C6D31", "#5E5AA8", "#3A7D9C")
 PLAIN, DRIVEN, CUT, STANDING = "#8A9199", "#E69F00", "#D55E00", "#5F666D"
-MASS, AXIS, DOUBT = "#B58900", "#4477AA", "#CC0077"
+MASS, AXIS, DOUBT, SPRING = "#B58900", "#4477AA", "#CC0077", "#3D8B37"
 SIGNED = "RPUC"  # kinds of joints whose axes have a sense of direction
 LINK, JOINT, DISTINCT = 0.012, 0.022, 1e-3  # radius of a link, size of a joint, least visible distance
 
@@ -33,7 +34,7 @@ class Shape:
 
     Attributes:
         group: What shows and hides it: ``links``, ``joints``, ``axes``, ``frames``, ``masses``, ``ellipsoids``,
-            ``doubts``, and ``other`` of another mechanism.
+            ``springs``, ``doubts``, and ``other`` of another mechanism.
         kind: ``rod`` and ``box`` from `a` to `b`; ``slide``, a rod whose end `b` is in the frame of the body `other`;
             ``ball``, ``cage``, ``foot`` at `a`; ``ring`` about `b` - `a`, ``arrow`` from `a` to `b`, ``ellipsoid`` at
             `a` with the columns of `b` as its half axes.
@@ -117,11 +118,46 @@ def shapes(mechanism: Mechanism) -> list[Shape]:
     return drawn
 
 
-def placed(mechanism: Mechanism) -> list[Shape]:
-    """Shapes in the world, at home."""
+def springs(mechanism: Mechanism, given: Iterable[Spring]) -> list[Shape]:
+    """Springs and dampers: a coil between two points, a ring about the axis of a joint that turns."""
+    unit, index, drawn = length(layout(mechanism)), mechanism.body_index, list[Shape]()
+    owner = {name: (joint, i) for joint in mechanism.joints for i, name in enumerate(joint.coordinates)}
+    for one in given:
+        if isinstance(one, JointSpring):
+            joint, i = owner[one.coordinate]
+            (turns, axis), (body, place) = joint.freedoms[i], mark(joint)
+            name = f"spring of {one.coordinate}"
+            if turns:
+                frame, at = joint.parent_frame if body == joint.parent else joint.child_frame, place / unit
+                ends = at, at + JOINT * (frame.R @ axis)
+                drawn.append(Shape("springs", "ring", index[body], *ends, 2.8 * JOINT, SPRING, name))
+                continue
+            (first, a), (second, b) = ((side, frame.p) for side, frame in joint.sides)
+        else:
+            name, first, second = f"spring {one.first} - {one.second}", one.first, one.second
+            a, b = one.first_point, one.second_point
+            drawn += [shape for end in ((first, a), (second, b)) for shape in _attachment(mechanism, *end, unit)]
+        drawn.append(
+            Shape("springs", "slide", index[first], a / unit, b / unit, 0.6 * LINK, SPRING, name, index[second])
+        )
+    return drawn
+
+
+def _attachment(mechanism: Mechanism, body: str, point: Array, unit: float) -> Iterator[Shape]:
+    """What holds the end of a spring: ground, or a rod to the nearest joint of the body."""
+    i, points = mechanism.body_index[body], [end.point for end in ends(mechanism)[body]]
+    if body == GROUND:
+        yield Shape("springs", "foot", i, point / unit, point / unit, JOINT, STANDING)
+    elif points:
+        nearest = min(points, key=lambda other: float(np.linalg.norm(other - point)))
+        yield Shape("links", "rod", i, nearest / unit, point / unit, 0.6 * LINK, colour_of(i), body)
+
+
+def placed(mechanism: Mechanism, more: Iterable[Shape] = ()) -> list[Shape]:
+    """Shapes, its own and more, in the world at home."""
     lay = layout(mechanism)
     at, unit, drawn = pose(lay, mechanism.home[None]), length(lay), list[Shape]()
-    for one in shapes(mechanism):
+    for one in (*shapes(mechanism), *more):
         ends = (one.body, one.a), (one.other if one.kind == "slide" else one.body, one.b.T)
         a, b = (at.p[0, i] / unit + v @ at.R[0, i].T for i, v in ends)
         drawn.append(replace(one, body=0, other=0, a=a, b=b.T))

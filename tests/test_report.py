@@ -504,6 +504,25 @@ def test_default_figures_show_every_component_once() -> None:
     ]
 
 
+def test_the_first_screen_has_the_actuator_forces_or_what_differs_and_the_machine(make: Make) -> None:
+    def picture(name: str, of: str = "", stage: str = "") -> Picture:
+        return Picture(name, name, "<svg ></svg>", stage=stage, of=of)
+
+    for error, first in ((0.0, "actuator"), (1e-8, "velocity")):
+        results = make(error)
+        forces = Values(("leg1",), ("N",), np.zeros((len(results.times), 1)))
+        solutions = {
+            name: replace(one, values={**one.values, "actuator_force": forces})
+            for name, one in results.solutions.items()
+        }
+        found = replace(results, solutions=solutions)
+        plots = [picture(name, one.quantity) for name, one in drawing.named(found).items()]
+        machine = picture("m", stage='{"doubts": [], "shapes": [], "words": []}')
+        (front,) = [block for block in page.report(found, [machine, *plots]) if isinstance(block, Front)]
+        shown = [block.name for block in front.blocks if isinstance(block, Picture)]
+        assert [first in shown[0], shown[1:]] == [True, ["m"]]
+
+
 def test_pictures_in_a_page_have_ids_of_their_own() -> None:
     svg = '<svg ><g id="x"/><use xlink:href="#x"/><g clip-path="url(#x)"/></svg>'
     shown = fragment([Picture("f1", "a <picture>", svg)])

@@ -82,6 +82,20 @@ def test_the_block_of_a_guide_on_ground_moves_with_what_slides() -> None:
     assert np.ptp([placed(data, k, piston, middle)[0] for k in range(FRAMES)]) > 0.1
 
 
+def test_springs_hang_between_their_points_and_are_named() -> None:
+    scene = screwgauge.load_scene("a03-andrews-ivp")
+    (spring,) = scene.applied.springs
+    picture = stage(scene)
+    data, scale = data_of(picture), 1.0 / length(layout(scene.mechanism))
+    (coil,) = [one for one in data["shapes"] if one["g"] == "springs" and one["k"] == "slide"]
+    assert coil["n"] == f"spring {spring.first} - {spring.second}"
+    assert coil["a"] == pytest.approx(scale * spring.first_point, abs=SEEN)
+    assert coil["b"] == pytest.approx(scale * spring.second_point, abs=SEEN)
+    assert coil["n"] in picture.svg
+    rings = [one["n"] for one in data_of(stage(screwgauge.load_scene("ruse")))["shapes"] if one["g"] == "springs"]
+    assert "spring of cross.rod" in rings
+
+
 def test_the_marks_of_legs_stay_half_way_along() -> None:
     data = data_of(stage(load_mechanism("3ups-upu-s")))
     slides = [one for one in data["shapes"] if one["n"] == "leg1.slide" and one["k"] == "box"]

@@ -12,6 +12,7 @@ from screwgauge.models.shapes import (
     CUT,
     DOUBT,
     DRIVEN,
+    SPRING,
     Shape,
     across,
     cut_joints,
@@ -59,6 +60,7 @@ LOOK = f"""
 .drawn .slide{{stroke:#767676;stroke-width:2.5}}
 .drawn .axis{{stroke:{AXIS};stroke-width:1.2}}
 .drawn .body{{stroke-width:4.5;stroke-linecap:round;opacity:.85}}
+.drawn .spring{{stroke:{SPRING};stroke-width:1.6}}
 .drawn .other{{stroke:{DOUBT};stroke-width:1.6;stroke-dasharray:5 3}}
 """
 
@@ -78,26 +80,31 @@ def _view(mechanism: Mechanism) -> Array:
 def drawing(
     mechanism: Mechanism,
     others: Sequence[Shape] = (),
+    coils: Sequence[Shape] = (),
 ) -> str:
     """Bodies as lines, joints as marks by kind, hatching where they stand on ground; at home with names and a legend.
 
     Args:
         others: Of another mechanism, in the world.
+        coils: Springs, in the frames of bodies.
     """
-    direction, view, solids = viewed_from(mechanism), _view(mechanism), [*placed(mechanism), *others]
+    direction, view, solids = viewed_from(mechanism), _view(mechanism), [*placed(mechanism, coils), *others]
     marks = joint_marks(mechanism)
     joints = [(joint, view @ place, axis) for joint, place, axis in marks]
     cloud = _cloud(mechanism, solids, marks)
     low, size = cloud.min(axis=0), np.maximum(np.ptp(cloud, axis=0), 1e-9)
     scale = min((WIDE - 2 * EDGE) / size[0], (TALL - 2 * EDGE) / size[1])
-    legend, head = _legend(mechanism, bool(others))
+    legend, head = _legend(mechanism, bool(others), bool(coils))
     shift = np.array([(WIDE - scale * size[0]) / 2.0, head + EDGE]) - scale * low
     tall = head + scale * size[1] + 2 * EDGE + CORNER
     joints = [(joint, scale * place + shift, axis) for joint, place, axis in joints]
-    out, lines = list[str](), list[tuple[Shape, Array, Array]]()
+    out, lines, sprung = list[str](), list[tuple[Shape, Array, Array]](), list[tuple[str, str, Array]]()
     for one in sorted(solids, key=lambda one: (one.kind != "slide", one.group == "other")):
         a, b = (scale * view @ end + shift for end in (one.a, one.b.T[0] if one.kind == "ellipsoid" else one.b))
-        if one.kind == "slide" or (one.group == "other" and one.kind in ("rod", "box", "arrow")):
+        if one.group == "springs" and one.kind != "foot":
+            out.append(f'<path class="spring" d="{_coil(a, b)}"/>' if one.kind == "slide" else _spiral(a))
+            sprung.append((one.name, SPRING, 0.5 * (a + b)))
+        elif one.kind == "slide" or (one.group == "other" and one.kind in ("rod", "box", "arrow")):
             out.append(_line("other" if one.group == "other" else "slide", a, b, arrow=one.kind == "arrow"))
         elif one.group == "links":
             lines.append((one, a, b))
@@ -108,7 +115,7 @@ def drawing(
     for joint, place, axis in joints:
         out.append(_joint(joint, place, view @ axis, float(axis @ direction), joint.name in cuts))
     few = len(mechanism.bodies) + len(joints) <= MOST_NAMES
-    wanted = _wanted(mechanism, lines if few else (), [(joint, place) for joint, place, _ in joints])
+    wanted = [*_wanted(mechanism, lines if few else (), [(joint, place) for joint, place, _ in joints]), *sprung]
     busy = [a + (b - a) * k for _, a, b in lines for k in np.linspace(0, 1, 2 + int(np.hypot(*(b - a)) / 8))]
     out += labels(wanted, np.array([*busy, *(place + d for _, place, _ in joints for d in RIM)]), WIDE, tall - CORNER)
     out.append(corner(view, scale / length(layout(mechanism)), tall))
@@ -171,6 +178,19 @@ def _line(look: str, a: Array, b: Array, *, arrow: bool = False) -> str:
     return f'<path class="{look}" d="M{_xy(a)}L{_xy(b)}{head}"/>'
 
 
+def _coil(a: Array, b: Array) -> str:
+    """A zigzag between straight ends."""
+    e = (b - a) / max(float(np.hypot(*(b - a))), 1e-9)
+    turns = max(4, int(np.hypot(*(b - a)) / 7.0))
+    n, points = np.array([-e[1], e[0]]), [a + (b - a) * k for k in np.linspace(0.1, 0.9, turns)]
+    zigzag = [point + (5.0, -5.0)[k % 2] * n for k, point in enumerate(points)]
+    return f"M{_xy(a)}" + "".join(f"L{_xy(point)}" for point in (points[0], *zigzag, points[-1], b))
+
+
+def _spiral(a: Array) -> str:
+    return f'<path class="spring" transform="translate({_xy(a)})" d="M0,-9A9,9 0 1 1 -9,0A12,12 0 0 0 3,12"/>'
+
+
 def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -> str:
     """The mark of a joint and its last axis: an arrow, or in the mark where it points at the viewer or away."""
     turn = np.degrees(np.arctan2(seen[1], seen[0])) if joint.slides == 1 and np.hypot(*seen) > 0.05 else 0.0
@@ -182,7 +202,7 @@ def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -
     return f'{arrow}<g transform="translate({_xy(place)}) rotate({turn:.0f})">{marks}</g>'
 
 
-def _legend(mechanism: Mechanism, compared: bool) -> tuple[str, float]:
+def _legend(mechanism: Mechanism, compared: bool, sprung: bool) -> tuple[str, float]:
     """Marks with what they mean, and how far down they reach."""
     there = {joint.kind for joint in mechanism.joints}
     turning = any(joint.angles == 1 for joint in mechanism.joints)
@@ -194,6 +214,7 @@ def _legend(mechanism: Mechanism, compared: bool) -> tuple[str, float]:
     items += [(CAGE, "cut: closes a loop")] * bool(cut_joints(mechanism))
     items += [(f'<g transform="translate(0 -8)">{FOOT}</g>', "ground")]
     items += [('<path class="axis" d="M-10,0H10l-5,-3M10,0l-5,3"/>', "axis (dot: towards you)")] * turning
+    items += [('<path class="spring" d="M-12,0l3,0l2,-5l4,10l4,-10l4,10l2,-5h5"/>', "spring")] * sprung
     items += [('<path class="other" d="M-12,0H12"/>', "the other")] * compared
     out, x, y = [], 28.0, 40.0
     for shape, text in items:

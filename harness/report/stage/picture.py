@@ -16,14 +16,17 @@ from screwgauge.models.shapes import (
     DOUBT,
     DRIVEN,
     MASS,
+    SPRING,
     STANDING,
     Shape,
     differing,
     shapes,
+    springs,
     viewed_from,
 )
 from screwgauge.problem import spread
 from screwgauge.reference.equations.kinematics import Pose, length
+from screwgauge.reference.errors import first_few
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.reciprocal import Element, Held, held, idle_forces, normal_of_plane
@@ -35,6 +38,7 @@ from screwgauge.report.stage.motion import Arrow, DrawnMotion, arrows, drawn_mot
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 
+SPRINGS = 8  # that are named in a sentence
 HELD = 30  # samples at which it is determined how a platform is held, at most
 LONGEST = 0.3  # of all arrows of a group, in lengths of the mechanism
 TONES = {
@@ -42,6 +46,7 @@ TONES = {
     "actuators": DRIVEN,
     "reactions": "#7B5EA7",
     "masses": MASS,
+    "springs": SPRING,
     "axes": AXIS,
     "other": DOUBT,
     "doubts": DOUBT,
@@ -68,9 +73,10 @@ def stage(
     motion = drawn_motion(what, solutions or {}) if isinstance(what, Scene) else home_pose(what)
     mechanism = motion.lay.mechanism
     other_shapes = differing(mechanism, other, unsigned) if other else []
-    text = json.dumps(data(motion, other_shapes), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+    coils = springs(mechanism, what.applied.springs) if isinstance(what, Scene) else []
+    text = json.dumps(data(motion, [*coils, *other_shapes]), separators=(",", ":"), allow_nan=False, ensure_ascii=False)
     title = f"{mechanism.title or mechanism.name}: home pose{' and what differs in the other' * bool(other)}"
-    return Picture("mechanism", title, drawing(mechanism, other_shapes), stage=text)
+    return Picture("mechanism", title, drawing(mechanism, other_shapes, coils), stage=text)
 
 
 def remarks(picture: Picture) -> list[Block]:
@@ -85,8 +91,12 @@ def remarks(picture: Picture) -> list[Block]:
     return [*other, Items(tuple(shown["words"])), *(odd if shown["doubts"] else [])]
 
 
-def data(motion: DrawnMotion, other_shapes: Sequence[Shape] = ()) -> dict[str, Any]:
-    """What ``stage.js`` draws, with remarks. Lengths in lengths of the mechanism, from its middle."""
+def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
+    """What ``stage.js`` draws, with remarks. Lengths in lengths of the mechanism, from its middle.
+
+    Args:
+        more: Springs, and shapes of another mechanism.
+    """
     mechanism, at, unit = motion.lay.mechanism, motion.at, length(motion.lay)
     middle, columns = at.com[0].mean(axis=0), mechanism.independent_columns
     keys, shown, solids = spread(len(motion.t), HELD), arrows(motion), shapes(mechanism)
@@ -108,7 +118,7 @@ def data(motion: DrawnMotion, other_shapes: Sequence[Shape] = ()) -> dict[str, A
         "units": [mechanism.units[i] for i in columns],
         "bodies": list(mechanism.body_index),
         "poses": _poses(at.R, (at.p - middle) / unit),
-        "shapes": [_shape(one) for one in (*solids, *other_shapes)],
+        "shapes": [_shape(one) for one in (*solids, *more)],
         "legend": _legend(mechanism, solids),
         "tones": TONES,
         "world": WORLD,
@@ -117,7 +127,7 @@ def data(motion: DrawnMotion, other_shapes: Sequence[Shape] = ()) -> dict[str, A
         "keys": keys.tolist(),
         "holds": _holds(holding, middle, unit),
         "doubts": [one.name for one in solids if one.group == "doubts"],
-        "words": [*_sentences(motion.lay, at.rows(keys), holding, motion.t[keys]), *_loads(shown)],
+        "words": [*_sentences(motion.lay, at.rows(keys), holding, motion.t[keys]), *_loads(shown), *_springs(more)],
     }
 
 
@@ -141,6 +151,11 @@ def _loads(shown: Sequence[Arrow]) -> list[str]:
         for one in loads
     ]
     return [f"Loads of the scene besides gravity: {'; '.join(each)}."] if each else []
+
+
+def _springs(more: Sequence[Shape]) -> list[str]:
+    names = [one.name.removeprefix("spring ") for one in more if one.group == "springs" and one.name]
+    return [f"Springs and dampers of the scene: {first_few(names, SPRINGS, '; ')}."] if names else []
 
 
 def _range(one: Arrow) -> str:

@@ -170,7 +170,7 @@ function screwgaugeStage(element, data) {
 
   const overlay = make("div", {}, "position:absolute;inset:0;pointer-events:none;font-size:12px;overflow:hidden");
   const isFirst = (shape, n) => n === data.shapes.findIndex(other => other.g === shape.g && other.n === shape.n);
-  const named = data.shapes.filter((shape, n) => (shape.g === "joints" || shape.g === "links") && isFirst(shape, n));
+  const named = data.shapes.filter((shape, n) => ["joints", "springs", "links"].includes(shape.g) && isFirst(shape, n));
   const LAYERS = { // group: label, shown at first
     names: ["names", named.length <= 20],
     axes: ["joint axes", true],
@@ -178,6 +178,7 @@ function screwgaugeStage(element, data) {
     masses: ["centres of mass", false],
     ellipsoids: ["inertia ellipsoids", false],
     doubts: ["warnings", true],
+    springs: ["springs", true],
     other: ["second model", true],
     loads: ["loads", true],
     actuators: ["actuator forces", true],
@@ -202,10 +203,11 @@ function screwgaugeStage(element, data) {
   }
   const legend = make("div", {}, `${ROW};font-size:.85em`, ...data.legend.map(([colour, text]) => make("span", {}, "", swatch(colour), text)));
   const labels = named.map(shape => {
-    const style = `position:absolute;left:0;top:0;white-space:nowrap;${shape.g === "links" ? "font-style:italic;opacity:.75" : ""}`;
+    const halo = "text-shadow:0 0 3px var(--paper),0 0 3px var(--paper),0 0 2px var(--paper)";
+    const style = `position:absolute;left:0;top:0;white-space:nowrap;${halo};${shape.g === "links" ? "font-style:italic;opacity:.75" : ""}`;
     const text = make("span", {textContent: shape.n}, style), a = vector(shape.a);
     overlay.append(text);
-    return {text, body: shape.i, at: shape.k === "ball" || shape.k === "slide" ? a : a.lerp(vector(shape.b), 0.5)};
+    return {text, mark: shape.g === "joints", body: shape.i, at: shape.k === "ball" || shape.k === "slide" ? a : a.lerp(vector(shape.b), 0.5)};
   });
   renderer.domElement.style.display = "block";
   const corner = document.createElementNS("http://www.w3.org/2000/svg", "svg");
@@ -226,11 +228,13 @@ function screwgaugeStage(element, data) {
     requested = 0;
     renderer.render(scene, camera);
     drawCorner();
-    const taken = [];
-    for (const label of overlay.hidden ? [] : labels) {
+    const spots = (overlay.hidden ? [] : labels).map(label => {
       const {x, y} = inWorld(label.body, label.at).clone().project(camera);
-      placeLabel(label, (x + 1) * 0.5 * pane.clientWidth, (1 - y) * 0.5 * pane.clientHeight, taken);
-    }
+      return [label, (x + 1) * 0.5 * pane.clientWidth, (1 - y) * 0.5 * pane.clientHeight];
+    });
+    const marks = spots.filter(([label]) => label.mark); // joints stay free
+    const taken = marks.map(([, x, y]) => ({left: x - 7, right: x + 7, top: y - 5, bottom: y + 5}));
+    for (const [label, x, y] of spots) placeLabel(label, x, y, taken);
   }
   const SPOTS = [[10, -13], [10, 13], [-10, -13], [-10, 13], [14, 0], [-14, 0], [12, -28], [12, 28], [-12, -28], [-12, 28]];
   function placeLabel(label, x, y, taken) { // where it last was if that is free, else at the first free spot, else nowhere
@@ -288,8 +292,8 @@ function screwgaugeStage(element, data) {
     for (let k = 0; k <= last; k += Math.max(1, Math.round(last / 20))) {
       pose(k);
       for (const shape of data.shapes)
-        if (["links", "joints", "other"].includes(shape.g) && shape.k !== "slide")
-          points.push(inWorld(shape.i, vector(shape.a)), inWorld(shape.i, vector(shape.b)));
+        if (shape.g === "springs" || (["links", "joints", "other"].includes(shape.g) && shape.k !== "slide"))
+          points.push(inWorld(shape.i, vector(shape.a)), inWorld(shape.k === "slide" ? shape.j : shape.i, vector(shape.b)));
     }
     new THREE.Box3().setFromPoints(points).getCenter(target);
     const back = vector(data.view).normalize(), aspect = pane.clientWidth / pane.clientHeight || 1;
