@@ -16,17 +16,19 @@ if TYPE_CHECKING:
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.report.diagnosed import DiagnosisReport
-    from screwgauge.report.pages.check import Check
+    from screwgauge.report.pages.check import CheckReport
     from screwgauge.report.results import Results
     from screwgauge.scene.default import exciting
     from screwgauge.scene.observables import Recorded
     from screwgauge.scene.read import load_scene
     from screwgauge.scene.scene import Scene
+    from screwgauge.study.gate.check import Check
     from screwgauge.study.isolation import Limits
     from screwgauge.study.stream import stream
 
 __all__ = [
     "Check",
+    "CheckReport",
     "Diagnosis",
     "DiagnosisReport",
     "Limits",
@@ -45,7 +47,8 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Check": "screwgauge.report.pages.check",
+    "Check": "screwgauge.study.gate.check",
+    "CheckReport": "screwgauge.report.pages.check",
     "Diagnosis": "screwgauge.diagnosis.diagnose",
     "DiagnosisReport": "screwgauge.report.diagnosed",
     "Limits": "screwgauge.study.isolation",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +14,7 @@ if TYPE_CHECKING:
     from screwgauge.diagnosis.model import Loops, Read, Weighed
     from screwgauge.engines.screw.compiled import Solver
     from screwgauge.report.diagnosed import DiagnosisReport
-    from screwgauge.report.pages.check import Check
+    from screwgauge.report.pages.check import CheckReport
     from screwgauge.report.results import Results
     from screwgauge.scene.scene import Scene
     from screwgauge.study.isolation import Limits
@@ -49,7 +48,7 @@ def run(
 
     with np.errstate(all="ignore"):  # what is not a number is a row with its reason
         comparison = compared(scene, engines, quantities, progress=progress, warn=warn, limits=limits)
-    return Results(**{item.name: getattr(comparison, item.name) for item in fields(comparison)})
+    return Results.of(comparison)
 
 
 def check(
@@ -60,7 +59,7 @@ def check(
     jobs: int = 1,
     limits: Limits | None = None,
     progress: Callable[[str, float], None] = lambda step, share: None,
-) -> Check:
+) -> CheckReport:
     """Compares engines on scenes, or pairs of model files, with tolerances.
 
     Args:
@@ -124,8 +123,7 @@ def diagnose(
     from screwgauge.report.diagnosed import DiagnosisReport
 
     load = load or in_process
-    diagnosis = compared(a, b, map=map, seed=seed, loops=loops, limit=limit, load=load)
-    return DiagnosisReport(**{item.name: getattr(diagnosis, item.name) for item in fields(diagnosis)})
+    return DiagnosisReport.of(compared(a, b, map=map, seed=seed, loops=loops, limit=limit, load=load))
 
 
 def compile(

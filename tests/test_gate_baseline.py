@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import pytest
 
-from screwgauge import Check
+from screwgauge import CheckReport
 from support.command import main, replace_file
 from support.errors import DescriptionError, OutputError
 from support.gate import GateRow, Residual, against, write_baseline
@@ -62,7 +62,7 @@ def test_an_error_has_grown_when_a_digit_more_than_noise_is_lost(tmp_path, befor
 
 def test_a_regression_fails_within_every_tolerance_and_shows_first_what_changed(known):
     now = rows(9e-12, versions={"mujoco": "2"}, files={"mujoco": "1" * 64})
-    check = Check(now, against=against(known, now, smoke=False))
+    check = CheckReport(now, against=against(known, now, smoke=False))
     assert now[0].ok
     assert check.exit_status == 1
     text = repr(check)

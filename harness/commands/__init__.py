@@ -251,7 +251,8 @@ def _names(text: str | None) -> list[str] | None:
 
 def check(options: argparse.Namespace) -> int:
     """Checks scenes and pairs of models; what CI services read of it is left where they look for it."""
-    from screwgauge.report.pages.check import PAGE, check_files, check_inputs, check_outputs, check_with
+    from screwgauge.commands.gate_files import check_files, check_inputs, check_outputs
+    from screwgauge.report.pages.check import PAGE, check_with
 
     if options.update and options.baseline is None:
         raise DescriptionError("--update does not know what", "check", "name a file by --baseline")

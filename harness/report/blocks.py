@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from screwgauge.reference.errors import printable
-from screwgauge.report.formatting import FORMS, missing, number, words
+from screwgauge.study.formatting import FORMS, missing, number, words
 
 Status = Literal["agree", "differ", "failed", "note"]
 LONG = 12  # rows of a table that are shown; further ones may be folded

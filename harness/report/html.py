@@ -20,7 +20,7 @@ import numpy as np
 from screwgauge.report import blocks as b
 from screwgauge.report.blocks import Block, plain, spans, walk
 from screwgauge.report.figures.renderer import RENDERER
-from screwgauge.report.formatting import file_name, free_name
+from screwgauge.study.formatting import file_name, free_name
 from screwgauge.truth import cache
 
 PAGE = Path(__file__).with_name("page.html")

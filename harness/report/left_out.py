@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from screwgauge.judging.left_out import LeftOutTerm
-from screwgauge.report.formatting import Row, listed, number, unit_text
 from screwgauge.study.comparison import Comparison
+from screwgauge.study.formatting import Row, listed, number, unit_text
 
 FIGURES = 3
 

@@ -13,11 +13,11 @@ import pandas as pd
 from screwgauge.environment import plain
 from screwgauge.reference.applied import JointSpring, Load, Motor, Spring
 from screwgauge.reference.rotations import Array
-from screwgauge.report.formatting import Row, number, rows, span, vector
 from screwgauge.report.verdict import first_difference
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, TRUTH, Solution, Timing
 from screwgauge.study.comparison import Comparison
+from screwgauge.study.formatting import Row, number, rows, span, vector
 
 JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance", "ok")
 KINDS = {"N": "force", "N m": "moment"}

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Iterator
 from screwgauge.judging.allowance import WITHIN
 from screwgauge.reference.errors import first_few
 from screwgauge.report.blocks import Banner, Status
-from screwgauge.report.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
 from screwgauge.report.left_out import sentences
 from screwgauge.study.comparison import Comparison
+from screwgauge.study.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
 from screwgauge.study.methods import DOUBTS
 from screwgauge.study.outcome import Outcome
 

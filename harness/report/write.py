@@ -8,17 +8,17 @@ import subprocess
 import tempfile
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError, ReportError
 from screwgauge.report.blocks import Block, Picture, changed, walk
 from screwgauge.report.folder import PAGES, SAMPLES, check_writable, write_files, written
-from screwgauge.report.formatting import free_name
 from screwgauge.report.html import fragment, page
 from screwgauge.report.text import markdown, screenful
+from screwgauge.study.formatting import free_name
 from screwgauge.study.lifeline import tied
 
 PDF = "report.pdf"
@@ -115,6 +115,11 @@ class Shown:
     """A result that has a page, and that terminals and notebooks show in a screen."""
 
     __slots__ = ()
+
+    @classmethod
+    def of(cls, result: Any) -> Self:
+        """The same result with its page."""
+        return cls(**{item.name: getattr(result, item.name) for item in fields(result)})
 
     @abstractmethod
     def _page(self) -> Iterable[Block]:

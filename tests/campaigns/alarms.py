@@ -18,9 +18,9 @@ from screwgauge.quantities import length
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.report.blocks import Banner
-from screwgauge.report.formatting import Row, rows
 from screwgauge.report.layout import study
 from screwgauge.study.comparison import Comparison
+from screwgauge.study.formatting import Row, rows
 from screwgauge.study.gate.measure import GateSettings, compared
 
 NAME = "alarms.csv"

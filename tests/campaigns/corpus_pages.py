@@ -8,8 +8,8 @@ import pandas as pd
 from campaigns.rows import TEXTS
 
 from screwgauge.report.blocks import Banner
-from screwgauge.report.formatting import Row, grouped, rows
 from screwgauge.report.layout import study
+from screwgauge.study.formatting import Row, grouped, rows
 
 YES = "yes"
 #: What is wanted of the pairs: so many right, and no false verdict.

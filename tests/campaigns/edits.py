@@ -21,8 +21,8 @@ from campaigns.rows import TEXTS
 
 import screwgauge
 from screwgauge.report.blocks import Banner
-from screwgauge.report.formatting import rows
 from screwgauge.report.layout import study
+from screwgauge.study.formatting import rows
 
 #: Package -> name of a model and its file.
 MODELS = {

@@ -19,10 +19,10 @@ from screwgauge.judging.residual import columns_of, frame
 from screwgauge.models.importing.model import Imported, Options
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.blocks import Banner
-from screwgauge.report.formatting import rows
 from screwgauge.report.layout import counted, study
 from screwgauge.scene.default import write_imported
 from screwgauge.scene.read import load_scene
+from screwgauge.study.formatting import rows
 from screwgauge.study.loading import import_isolated
 from screwgauge.study.run import run
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from screwgauge.models.importing import is_model
 from screwgauge.report.blocks import LONG, Block, Folded, Heading, table
-from screwgauge.report.formatting import Row, grouped
+from screwgauge.study.formatting import Row, grouped
 
 #: Package -> its folder of models, their files, and which of them float, as a URDF cannot say.
 PACKAGES = tomllib.loads(Path(__file__).with_name("public.toml").read_text(encoding="utf-8"))

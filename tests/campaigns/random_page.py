@@ -12,8 +12,8 @@ from campaigns.random_mechanisms import CERTIFIED, ENGINES
 from campaigns.rows import TEXTS
 
 from screwgauge.report.blocks import Banner, Table, table
-from screwgauge.report.formatting import Row, grouped, rows
 from screwgauge.report.layout import study
+from screwgauge.study.formatting import Row, grouped, rows
 
 VERDICTS = ("agree", "estimated", "judged", "differ", "failed", "refused")
 

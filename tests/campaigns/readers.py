@@ -19,9 +19,9 @@ from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError, first_few
 from screwgauge.report.blocks import Banner
-from screwgauge.report.formatting import Row, grouped, missing, number, rows, size
 from screwgauge.report.layout import counted, study
 from screwgauge.solution import Failure
+from screwgauge.study.formatting import Row, grouped, missing, number, rows, size
 from screwgauge.study.loading import read_isolated
 
 #: Causes that are named; the others are counted.

@@ -12,8 +12,8 @@ import pandas as pd
 from campaigns.selftest import ALIKE, CHANGED, CLOSE, VISIBLE
 
 from screwgauge.report.blocks import Banner
-from screwgauge.report.formatting import Row, grouped, rows, words
 from screwgauge.report.layout import Value, counted, study
+from screwgauge.study.formatting import Row, grouped, rows, words
 
 #: What is wanted: share detected of the changes that torques show, named right, magnitude right; time [s].
 WANTED = {"detected": 0.99, "named right": 0.95, "magnitude right": 0.95}

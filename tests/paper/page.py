@@ -14,11 +14,11 @@ from paper.scheme import Runs
 
 from screwgauge.quantities import MAX_DIGITS
 from screwgauge.report.blocks import Banner
-from screwgauge.report.formatting import Row, number, unit_text
 from screwgauge.report.layout import Report
 from screwgauge.report.record import judged, short
 from screwgauge.scene.read import load_scene
 from screwgauge.study.comparison import provenance
+from screwgauge.study.formatting import Row, number, unit_text
 
 NOISE = 10.0**-MAX_DIGITS  # nothing here is known better than to the last bit of one
 SOURCE = "Zhao, Wei, Sun: Dynamics of a 3-UPS-UPU-S Parallel Mechanism, Appl. Sci. 2023, 13, 3912"

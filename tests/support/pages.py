@@ -18,7 +18,7 @@ from screwgauge.report.blocks import (
     table,
     walk,
 )
-from screwgauge.report.formatting import file_name, number, size
 from screwgauge.report.html import fragment, page, stage_script, three_js
 from screwgauge.report.layout import Report, prose
 from screwgauge.report.text import markdown, terminal
+from screwgauge.study.formatting import file_name, number, size

@@ -13,10 +13,10 @@ from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import CROSS, GREY, PLUS, SHAPES, Curve, Look, Spec, numbered, thin
-from screwgauge.report.formatting import file_name, missing, number, unit_text, words
 from screwgauge.scene.entries import Figure
 from screwgauge.solution import Solution, Values, common_rows
 from screwgauge.study.comparison import Comparison
+from screwgauge.study.formatting import file_name, missing, number, unit_text, words
 
 MAX_CURVES = 12  # in a panel; more cannot be distinguished
 FLOOR = 1e-18  # where a difference of exactly zero is drawn if there is no other

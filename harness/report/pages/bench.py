@@ -11,7 +11,6 @@ import numpy as np
 from screwgauge.report.blocks import Banner, Block, Folded, Marked, Paragraph, Picture, Table, table
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import INK, STAR, Look, Spec, by_camp, camp
-from screwgauge.report.formatting import Row, duration, grouped, listed, missing, number, rows, size, tick, words
 from screwgauge.report.layout import Report, Value
 from screwgauge.report.pages.run import theirs
 from screwgauge.report.record import judged, short
@@ -31,6 +30,7 @@ from screwgauge.study.bench.tables import (
     slopes_table,
     timing_table,
 )
+from screwgauge.study.formatting import Row, duration, grouped, listed, missing, number, rows, size, tick, words
 from screwgauge.study.reference_values import QUANTITIES
 
 NINE, SHOWN = LEVELS[2], ("actuator_force", "joint_acceleration")

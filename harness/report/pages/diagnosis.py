@@ -13,9 +13,9 @@ from screwgauge.diagnosis.differences.static import sorted_by_size
 from screwgauge.diagnosis.model import Model
 from screwgauge.report.blocks import Banner, Block, Heading, Items
 from screwgauge.report.figures.diagnosis import make_plots, share_text
-from screwgauge.report.formatting import Row, number, size, unit_text
 from screwgauge.report.layout import Report
 from screwgauge.report.text import terminal
+from screwgauge.study.formatting import Row, number, size, unit_text
 
 
 def _banners(diagnosis: Diagnosis) -> list[Banner]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pandas as pd
 
 from screwgauge.report.blocks import Banner, Block, Folded, Items
-from screwgauge.report.formatting import listed, rows
 from screwgauge.report.layout import study
+from screwgauge.study.formatting import listed, rows
 from screwgauge.study.matrix import COLUMNS
 
 PACKAGES = "pin", "mujoco"

@@ -16,7 +16,15 @@ from screwgauge.judging.trust import Guarded
 from screwgauge.report.blocks import Banner, Block, Folded, Marked, Picture
 from screwgauge.report.figures.run import make_plots, named, unmatched
 from screwgauge.report.folder import SAMPLES
-from screwgauge.report.formatting import (
+from screwgauge.report.layout import Report, Value
+from screwgauge.report.left_out import left_out_rows
+from screwgauge.report.record import about, forces, judged, samples, samples_table, short, summary, timings
+from screwgauge.report.stage.picture import stage
+from screwgauge.report.verdict import compared, conclusion, verdict
+from screwgauge.scene.observables import Published
+from screwgauge.solution import REFERENCE, Timing
+from screwgauge.study.comparison import Comparison
+from screwgauge.study.formatting import (
     FORMS,
     Row,
     beyond,
@@ -31,14 +39,6 @@ from screwgauge.report.formatting import (
     unit_text,
     words,
 )
-from screwgauge.report.layout import Report, Value
-from screwgauge.report.left_out import left_out_rows
-from screwgauge.report.record import about, forces, judged, samples, samples_table, short, summary, timings
-from screwgauge.report.stage.picture import stage
-from screwgauge.report.verdict import compared, conclusion, verdict
-from screwgauge.scene.observables import Published
-from screwgauge.solution import REFERENCE, Timing
-from screwgauge.study.comparison import Comparison
 
 __all__ = ["DATA", "pictures", "report", "summary", "terminal", "write"]
 

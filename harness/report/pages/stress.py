@@ -11,10 +11,10 @@ from screwgauge.report import blocks
 from screwgauge.report.blocks import Banner, Block, Folded, Heading, Items, Marked, Paragraph, Picture
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import Look, Spec, by_camp
-from screwgauge.report.formatting import Row, digits_text, grouped, listed, number, rows, size, span, words
 from screwgauge.report.layout import Report
 from screwgauge.report.record import judged, short
 from screwgauge.study.cases.question import DEGRADED, GOOD, OK, REFUSED, SILENT, VERDICTS, Finding
+from screwgauge.study.formatting import Row, digits_text, grouped, listed, number, rows, size, span, words
 from screwgauge.study.stress import Stress, StressCase
 
 SHORT = {DEGRADED: " (degraded)", SILENT: " **silently wrong**"}

@@ -32,11 +32,11 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.reciprocal import Element, Held, held, idle_forces, normal_of_plane
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Block, Items, Paragraph, Picture
-from screwgauge.report.formatting import listed
 from screwgauge.report.stage.drawing import WORLD, drawing
 from screwgauge.report.stage.motion import Arrow, DrawnMotion, arrows, drawn_motion, home_pose
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
+from screwgauge.study.formatting import listed
 
 SPRINGS = 8  # that are named in a sentence
 HELD = 30  # samples at which it is determined how a platform is held, at most

@@ -1,0 +1,46 @@
+"""Files of the gate beside its report: which it reads and writes, and whether it can."""
+
+from __future__ import annotations
+
+import os
+from argparse import Namespace
+from collections.abc import Iterator
+from pathlib import Path
+
+from screwgauge.reference.errors import OutputError
+from screwgauge.reference.files import check_free
+from screwgauge.report.pages.check import SUMMARY
+from screwgauge.study.gate.baseline import check_baseline
+from screwgauge.study.gate.items import items
+from screwgauge.study.gate.run import files_in
+
+
+def check_files(options: Namespace) -> None:
+    """Finds out before long work whether single files can be written.
+
+    Raises:
+        OutputError: One of them cannot.
+    """
+    for path in (options.junit, options.baseline if options.update else None):
+        if path is not None and (os.path.isdir(path) or not os.access(path.parent, os.W_OK)):
+            what = "is a folder" if os.path.isdir(path) else "cannot be written (no such folder, or not allowed)"
+            raise OutputError(what, str(path), "name another file")
+    if options.junit is not None:
+        check_free(options.junit, force=options.force)
+    if options.update:
+        check_baseline(options.baseline, force=options.force)
+
+
+def check_outputs(options: Namespace) -> dict[str, Path]:
+    """Option or variable -> file that the command writes beside its report."""
+    known = options.baseline if options.update else None
+    named = {"--junit": options.junit, "--baseline": known, SUMMARY: os.environ.get(SUMMARY)}
+    return {name: Path(file) for name, file in named.items() if file}
+
+
+def check_inputs(options: Namespace) -> Iterator[Path]:
+    """Every file that the command reads."""
+    yield from map(Path, filter(None, (options.tolerances, None if options.update else options.baseline)))
+    for item in items(options.what):
+        yield from map(Path, item.files)
+        yield from files_in(item)

@@ -1,0 +1,180 @@
+"""What a gate found: rows that can be asserted, and what services for CI read of them."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from screwgauge.environment import json_text
+from screwgauge.reference.errors import first_few, printable
+from screwgauge.study.formatting import number, size, unit_text
+from screwgauge.study.gate.baseline import Against, against, read_baseline, write_baseline
+from screwgauge.study.gate.items import GateRow, items, read_tolerances, unread
+from screwgauge.study.gate.known_files import known_item
+from screwgauge.study.gate.measure import GateSettings
+from screwgauge.study.gate.run import check_items
+from screwgauge.study.outcome import EXIT
+from screwgauge.study.runner import Executor
+
+SCHEMA = 1  #: Of the JSON.
+ADMITTED = "Admitted on purpose"
+#: Names of files that a sentence lists.
+SHOWN = 5
+#: Elements of JUnit by the exit status of what they are about.
+_KINDS = {1: "failure", 2: "error", 3: "error"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Check:
+    """Result of a gate.
+
+    Attributes:
+        rows: One for each scene or pair of models.
+        smoke: Whether a few samples were looked at only.
+        against: What has become of a known state; None without a baseline.
+        unread: Descriptions, scenes and models in the folders that were named, of which nothing was read.
+        date: When it was made, ISO 8601 in UTC.
+    """
+
+    rows: Sequence[GateRow]
+    smoke: bool = False
+    against: Against | None = None
+    unread: Sequence[str] = ()
+    date: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether there is something, all of it passes, and no digits were lost."""
+        return self.exit_status == 0
+
+    def __bool__(self) -> bool:
+        """Truthiness: ``assert check`` passes only if the check is ok."""
+        return self.ok
+
+    @property
+    def exit_status(self) -> int:
+        """0 all within tolerance; 1 something is not, or has lost digits; 2 bad input; 3 something failed."""
+        worst = max((EXIT[row.status] for row in self.rows), default=1)
+        return worst or int(bool(self.against and self.against.worse))
+
+    @property
+    def faults(self) -> list[str]:
+        """What does not pass, in sentences: scene, quantity, component, time, both values, tolerance and cause."""
+        lost = [f"Regression: {each}." for each in self.against.worse] if self.against else []
+        return [*(message(row) for row in self.rows if not row.ok), *lost]
+
+    @property
+    def left_alone(self) -> str:
+        """Which files of the folders were not read, in a sentence; empty if all were."""
+        return f"Not read, because no scene names them: {first_few(self.unread, SHOWN)}." if self.unread else ""
+
+    def assert_ok(self) -> None:
+        """Raises:
+        AssertionError: Something does not pass; the message says what, where, when, by how much and why.
+        """
+        __tracebackhide__ = True  # pytest shows the line that asks, not this one
+        if not self.ok:
+            raise AssertionError("\n".join(self.faults) or "nothing was checked")
+
+    def write_baseline(self, file: str | Path) -> None:
+        """Makes this the known state.
+
+        Raises:
+            OutputError: Something could not be checked, or the file not be written; it is then as it was.
+        """
+        write_baseline(Path(file), self.rows, self.smoke)
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """All of it, as plain data."""
+        known = asdict(self.against) if self.against else None
+        rows = [{**asdict(row), "ok": row.ok} for row in self.rows]
+        for row in rows:  # names of files as they are given are in `files`; where those lie is this machine's own
+            del row["read"]
+        content = {"schema": SCHEMA, "ok": self.ok, "smoke": self.smoke, "rows": rows, "baseline": known}
+        return {**content, "unread": [*self.unread]}
+
+    @property
+    def json(self) -> str:
+        """The record as text."""
+        return json_text(self.record, escaped=True)
+
+    def junit(self) -> str:
+        """JUnit XML: a test case for each row, and one for the baseline."""
+        cases = [(row.scene, row.seconds, EXIT[row.status], message(row), row.admitted) for row in self.rows]
+        if self.against is not None:
+            lost = "; ".join(self.against.worse)
+            cases.append((f"baseline {self.against.file}", 0.0, int(bool(lost)), lost, ()))
+        kinds = Counter(_KINDS.get(status, "") for _, _, status, *_ in cases)
+        suite = ET.Element("testsuite", name="screwgauge", tests=str(len(cases)))
+        for name, kind in (("failures", "failure"), ("errors", "error")):
+            suite.set(name, str(kinds[kind]))
+        for name, seconds, status, reason, admitted in cases:
+            case = ET.SubElement(suite, "testcase", classname="screwgauge", name=printable(name), time=f"{seconds:.3f}")
+            if status in _KINDS:
+                ET.SubElement(case, _KINDS[status], message=printable(reason))
+            if admitted:
+                ET.SubElement(case, "system-out").text = printable(f"{ADMITTED}: {', '.join(admitted)}")
+        if self.unread:
+            ET.SubElement(suite, "system-out").text = printable(self.left_alone)
+        return ET.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"
+
+    def annotations(self) -> Iterator[str]:
+        """Commands of GitHub that mark a line of a model or scene."""
+        for row in self.rows:
+            marks = {} if row.ok else {"error": message(row)}
+            if row.admitted:
+                marks["warning"] = f"{row.scene}: {ADMITTED.lower()}: {', '.join(row.admitted)}"
+            for kind, text in marks.items():
+                place = _escaped(row.file, "%\r\n:,")
+                yield f"::{kind} file={place},line={max(row.line, 1)}::{_escaped(printable(text), '%')}"
+
+
+def _escaped(text: str, signs: str) -> str:
+    """A text with codes for the signs that mean something to GitHub."""
+    return "".join(f"%{ord(sign):02X}" if sign in signs else sign for sign in text)
+
+
+def message(row: GateRow) -> str:
+    """The outcome of a row: quantity, component, time, both values and tolerance of the worst, then the cause."""
+    worst, unread = row.worst, "".join(f" {text}." for text in row.unread)
+    if worst is None or worst.ok:
+        rest = "all else agrees" if row.status == "unread" else row.sentence
+        return f"{row.scene}:{unread} {rest}" if unread else f"{row.scene}: {rest}"
+    at = f" at {worst.component}" if worst.component else ""
+    when = f", t = {number(worst.t)} s" if math.isfinite(worst.t) else ""
+    unit, pair = unit_text(worst.unit), zip((worst.a, worst.b), worst.values, strict=True)
+    both = ", ".join(f"{name} {number(value, 10)} {unit}" for name, value in pair if math.isfinite(value))
+    scaled = f"{size(worst.error)} scaled, tolerance {number(worst.tolerance, 2)} ({worst.reason})"
+    return (
+        f"{row.scene}: {worst.quantity}{at}{when}: {both or f'{worst.a} - {worst.b}'}; {scaled}. {row.sentence}{unread}"
+    )
+
+
+def check_with(
+    execute: Executor,
+    what: Sequence[str | Path],
+    settings: GateSettings,
+    *,
+    tolerances: str | Path | Mapping[str, float] | None = None,
+    baseline: str | Path | None = None,
+    progress: Callable[[str, float], None] = lambda step, share: None,
+    place: Path | None = None,
+) -> Check:
+    """What `screwgauge.check` does, wherever scenes are to be checked. `place`: see `check_items`."""
+    requested = [*items(what), *([known_item()] if settings.smoke and not what else [])]
+    settings = replace(settings, tolerances=read_tolerances(tolerances))
+    if baseline is not None:
+        read_baseline(Path(baseline), settings.smoke, [item.name for item in requested])
+    rows = check_items(requested, settings, execute=execute, progress=progress, place=place)
+    others = [name for name in (tolerances, baseline) if isinstance(name, str | Path)]
+    read = [*(name for row in rows for name in row.read), *(name for item in requested for name in item.files)]
+    left = unread(what, [*read, *map(str, others)])
+    known = None if baseline is None else against(Path(baseline), rows, settings.smoke)
+    return Check(rows, settings.smoke, known, left, datetime.now(UTC).isoformat(timespec="seconds"))
