@@ -50,11 +50,6 @@ class Coupling:
             coefficients = coefficients[1:] * np.arange(1, len(coefficients))
         return coefficients
 
-    def scaled(self, unit: float, of_unit: float) -> Coupling:
-        """The coupling where the two coordinates are counted in other units."""
-        powers = np.array([of_unit**k / unit for k in range(len(self.polynomial))])
-        return Coupling(self.name, self.coordinate, self.of, self.polynomial * powers, self.where)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CouplingRows:

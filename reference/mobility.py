@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -12,11 +12,10 @@ from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.couplings import component_name
 from screwgauge.reference.equations.forward import force_matrix
 from screwgauge.reference.equations.joint_types import reaction_names
-from screwgauge.reference.equations.kinematics import Pose, length, pose
+from screwgauge.reference.equations.kinematics import length, pose
 from screwgauge.reference.equations.screws import velocity_at
 from screwgauge.reference.errors import DescriptionError, first_few
-from screwgauge.reference.graph import Layout, layout, output_body
-from screwgauge.reference.mechanism import KINDS
+from screwgauge.reference.graph import Layout, output_body
 from screwgauge.reference.rotations import Array
 
 #: Parts of a null vector below this share of its largest are left out of the sentence.
@@ -60,42 +59,15 @@ class Mobility:
         return tuple(name for name, fixed in zip(self.names, self.determined, strict=True) if not fixed)
 
 
-def in_lengths(lay: Layout, at: Pose) -> tuple[Layout, Pose]:
-    """A mechanism and its pose with its own length as the unit, so that ranks do not depend on its size."""
-    if "in lengths" not in lay.kept:
-        lay.kept["in lengths"] = _in_lengths(lay)
-    scaled: Layout = lay.kept["in lengths"]
-    return scaled, pose(scaled, np.where(lay.turns, at.q, at.q / length(lay)))
-
-
-def _in_lengths(lay: Layout) -> Layout:
-    unit, old = length(lay), lay.mechanism
-    joints = [
-        replace(
-            joint,
-            home=np.where(KINDS[joint.kind], joint.home, joint.home / unit),
-            parent_frame=replace(joint.parent_frame, p=joint.parent_frame.p / unit),
-            child_frame=replace(joint.child_frame, p=joint.child_frame.p / unit),
-        )
-        for joint in old.joints
-    ]
-    bodies = tuple(replace(body, com=body.com / unit) for body in old.bodies)
-    size = {name: 1.0 if turns else unit for name, turns in zip(old.coordinates, lay.turns, strict=True)}
-    couplings = tuple(one.scaled(size[one.coordinate], size.get(one.of, 1.0)) for one in old.couplings)
-    return layout(replace(old, bodies=bodies, joints=tuple(joints), couplings=couplings))
-
-
-def mobility(lay: Layout, at: Pose) -> Mobility:
-    """Counts at one pose. `at` holds one sample and is closed."""
-    lay, at = in_lengths(lay, at)
-    mechanism = lay.mechanism
-    G = at.constraint_matrix[0]
-    c, names = force_matrix(at, at.q, at.S)[0], reaction_names(mechanism.joints, mechanism.couplings)[0]
+def mobility(lay: Layout, q: Array) -> Mobility:
+    """Counts at a closed pose of joint coordinates `q`, shape (1, n_q)."""
+    mechanism, G = lay.mechanism, loop_equations(lay).constraints(q)[0]
+    c, names = _forces(lay, q), reaction_names(mechanism.joints, mechanism.couplings)[0]
     constraints = len(names)
     hidden = linear.null_space(c)  # forces that balance among themselves
     internal = linear.null_space(c[:, :constraints])  # those that need no actuator
     rank = constraints - internal.shape[1]
-    freedoms = len(mechanism.coordinates) - linear.rank(G)
+    freedoms = G.shape[1] - linear.rank(G)
     return Mobility(
         bodies=len(mechanism.bodies),
         joint_freedoms=len(mechanism.coordinates),
@@ -111,20 +83,29 @@ def mobility(lay: Layout, at: Pose) -> Mobility:
     )
 
 
+def _forces(lay: Layout, q: Array) -> Array:
+    """The matrix c of eq. (57) at one pose, without dimension, so that ranks do not depend on the mechanism's size."""
+    mechanism, at, unit = lay.mechanism, pose(lay, q), length(lay)
+    units = *reaction_names(mechanism.joints, mechanism.couplings)[1], *mechanism.actuator_units
+    c = force_matrix(at, q, at.S)[0] * np.where(np.array(units) == "N m", unit, 1.0)
+    return np.asarray(c / np.resize(np.repeat([1.0, unit], 3), len(c))[:, None])
+
+
 def _untouched(hidden: Array) -> tuple[bool, ...]:
     """Which components no combination of hidden forces changes. Shape (m, k) -> m flags."""
     return tuple(bool(flag) for flag in np.abs(hidden).max(axis=1, initial=0.0) < 1e-9)
 
 
-def check_independent(lay: Layout, at: Pose) -> None:
-    """Refuses independent coordinates that do not determine the motion at a (closed) pose.
+def check_independent(lay: Layout, q: Array) -> None:
+    """Refuses independent coordinates that do not determine the motion at a closed pose.
+
+    Args:
+        q: Joint coordinates. Shape (1, n_q).
 
     Raises:
         DescriptionError: There are too few, too many, or they depend on each other.
     """
-    lay, at = in_lengths(lay, at)
-    mechanism = lay.mechanism
-    A = at.closing_matrix[0]
+    mechanism, A = lay.mechanism, loop_equations(lay).matrix(q)[0]
     k = len(mechanism.independent)
     freedoms = A.shape[1] - linear.rank(A[: len(A) - k])
     names = ", ".join(f"{label} = {name}" for label, name in mechanism.independent.items())
@@ -136,18 +117,18 @@ def check_independent(lay: Layout, at: Pose) -> None:
         raise DescriptionError(f"the coordinates {names} are not independent at the home pose", where, "choose others")
 
 
-def near_singularity(lay: Layout, at: Pose) -> str:
-    """Description of the singularity that a pose is nearest to. `at` holds one sample.
+def near_singularity(lay: Layout, q: Array) -> str:
+    """Description of the singularity that a pose of joint coordinates `q`, shape (1, n_q), is nearest to.
 
     The smallest singular value's right vector is the motion that the loops no longer stop while the independent
     coordinates rest, its left vector the wrenches of cut joints that no longer stop it.
     """
     system = loop_equations(lay)
-    U, _, Vt = np.linalg.svd(system.matrix(at)[0], full_matrices=False)
-    motion = np.zeros(at.q.shape[1])
+    U, _, Vt = np.linalg.svd(system.matrix(q)[0], full_matrices=False)
+    motion = np.zeros(q.shape[1])
     motion[system.unknown] = Vt[-1]
     coordinates = [lay.mechanism.coordinates[i] for i in _large(motion)]
-    bodies = _moved(lay, system, at, motion * system.size)
+    bodies = _moved(lay, system, q, motion * system.size)
     chosen = ", ".join(lay.mechanism.independent)
     names = [*system.names, *(component_name(coupling) for coupling in lay.mechanism.couplings)]
     lost = [names[i] for i in _large(U[: len(names), -1], 0.3)]
@@ -176,8 +157,9 @@ def _large(values: Array, share: float = SHARE) -> list[int]:
     return [int(i) for i in order if size[i] > share * size.max(initial=0.0)]
 
 
-def _moved(lay: Layout, system: LoopEquations, at: Pose, motion: Array) -> list[str]:
+def _moved(lay: Layout, system: LoopEquations, q: Array, motion: Array) -> list[str]:
     """Bodies that a motion of the tree moves."""
+    at = pose(lay, q)
     V = np.einsum("bi,i,ix->bx", lay.path, motion, at.S[0])[1:]
     v = velocity_at(V, at.com[0]) / system.length
     speed = np.abs(np.concatenate([V[:, :3], v], axis=1)).max(axis=1)

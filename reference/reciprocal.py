@@ -9,11 +9,11 @@ from itertools import pairwise
 import numpy as np
 
 from screwgauge.reference import linear
+from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed_motion import motion_at
-from screwgauge.reference.equations.kinematics import Pose, length, pose
+from screwgauge.reference.equations.kinematics import length, pose
 from screwgauge.reference.graph import Edge, Layout, chain, coupled_joints, layout, root
 from screwgauge.reference.mechanism import GROUND, Joint, Mechanism
-from screwgauge.reference.mobility import in_lengths
 from screwgauge.reference.rotations import Array, cross, skew
 
 #: Pitches and distances below it, in lengths of the mechanism, are none; shares of a unit screw likewise.
@@ -133,22 +133,23 @@ def _leg(joints: list[Joint], body: str, kept: frozenset[str]) -> Leg:
     return Leg(name, "".join(joint.kind for joint in ends) + coupled if simple else "", tuple(joints))
 
 
-def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Array) -> list[Array]:
+def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Array, unit: float = 1.0) -> list[Array]:
     """Twists that some joints alone, which connect a body with ground, leave it. Shape (6, freedoms), orthonormal.
 
     Args:
-        q: All joint coordinates of closed poses, without dimension. Shape (n, n_q).
+        q: All joint coordinates of closed poses. Shape (n, n_q).
+        unit: Length by which twists have no dimension [m].
     """
     names = {side for joint in joints for side in (joint.parent, joint.child)}
     bodies = tuple(one for one in mechanism.bodies if one.name in names)
     moved = {name for joint in joints for name in joint.coordinates}
     couplings = tuple(one for one in mechanism.couplings if {one.coordinate, one.of or one.coordinate} <= moved)
     few = replace(mechanism, bodies=bodies, joints=tuple(joints), couplings=couplings, independent={}, axial=None)
-    lay = layout(few)
-    at = pose(lay, q[:, mechanism.columns(few.coordinates)])
-    path = lay.path[few.body_index[body], :, None]
-    moves = map(linear.null_space, at.constraint_matrix)
-    return [_span((S * path).T @ free) for S, free in zip(at.S, moves, strict=True)]
+    at = loop_equations(layout(few)).closed(q[:, mechanism.columns(few.coordinates)])
+    columns, sizes = at.loops.columns, at.loops.size[:, None] / np.repeat([1.0, unit], 3)
+    path = at.loops.lay.path[few.body_index[body], columns, None] * sizes
+    moves = map(linear.null_space, at.system.A)
+    return [_span((S * path).T @ free) for S, free in zip(at.pose.S[:, columns], moves, strict=True)]
 
 
 def _span(A: Array) -> Array:
@@ -156,18 +157,20 @@ def _span(A: Array) -> Array:
     return np.asarray(np.linalg.svd(A, full_matrices=False)[0][:, : linear.rank(A)])
 
 
-def held(lay: Layout, at: Pose, body: str = "") -> tuple[Held, ...]:
+def held(lay: Layout, q: Array, body: str = "") -> tuple[Held, ...]:
     """How a body is held at each of n closed poses; by default that with the most legs.
 
     By the wrenches of its legs, eqs. (9)-(12); the twists left to it have no power with them, eqs. (13)-(14).
+
+    Args:
+        q: Joint coordinates. Shape (n, n_q).
     """
-    unit, (scaled, at) = length(lay), in_lengths(lay, at)
-    mechanism = scaled.mechanism
+    mechanism, unit, at = lay.mechanism, length(lay), pose(lay, q)
     body, ways = (body, legs(mechanism, body)) if body else end_body(mechanism)
     i = mechanism.body_index[body]
-    middles = at.p[:, i] + at.R[:, i] @ mechanism.body(body).com
-    allowed = [body_twists(mechanism, leg.joints, body, at.q) for leg in ways]
-    free = body_twists(mechanism, mechanism.joints, body, at.q)
+    middles = (at.p[:, i] + at.R[:, i] @ mechanism.body(body).com) / unit
+    allowed = [body_twists(mechanism, leg.joints, body, q, unit) for leg in ways]
+    free = body_twists(mechanism, mechanism.joints, body, q, unit)
     bodies = []
     for k, middle in enumerate(middles):
         systems = [reciprocal_screws(twists[k]) for twists in allowed]
@@ -192,12 +195,15 @@ def normal_of_plane(screws: Array) -> Array | None:
     return normal * np.sign(normal[np.argmax(np.abs(normal))]) if oblique < NONE else None
 
 
-def idle_forces(lay: Layout, at: Pose) -> Array:
+def idle_forces(lay: Layout, q: Array) -> Array:
     """Forces of actuators that do no work together, at one closed pose. Shape (n_actuator, k), orthonormal.
 
     There are none at a singular pose, where rates are not numbers.
+
+    Args:
+        q: Joint coordinates. Shape (1, n_q).
     """
-    rates = motion_at(lay, at.q, np.zeros((1, len(lay.mechanism.independent)))).joint_map[0].T
+    rates = motion_at(lay, q, np.zeros((1, len(lay.mechanism.independent)))).joint_map[0].T
     sizes = np.where(lay.turns, 1.0, length(lay))[lay.mechanism.actuated_columns]
     work = rates[:, lay.mechanism.actuated_columns] / sizes
     return linear.null_space(work) if work.size and np.isfinite(work).all() else np.zeros((work.shape[1], 0))

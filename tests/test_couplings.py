@@ -11,13 +11,13 @@ from numpy.polynomial import Polynomial
 import screwgauge
 from support.coupled import EVERY_KIND, body, coupling_tables, every_kind, geared_five_bar, moving, started
 from support.engines import IN_DOUBLES, ask, model_files
-from support.freedoms import in_lengths, mobility_at_home
+from support.freedoms import mobility_at_home
 from support.judging import agreed, judge
 from support.mechanism import load_mechanism
 from support.models import write_models
 from support.planar import Bar, four_bar
 from support.scene import GIVEN, SIMULATED
-from support.solve import NewtonEuler, layout, moved, pose, posed
+from support.solve import NewtonEuler, layout, moved
 from support.tolerances import LINEAR, ROUND_TRIP
 
 pytestmark = pytest.mark.slow
@@ -152,16 +152,3 @@ def test_the_independent_coordinate_may_be_the_coupled_one(write):
     text = f'name = "pair"\nindependent = {{ y = "b" }}\n{body("A", 0)}{body("B", 1)}{joints}'
     scene = moving(write, text + coupling_tables(couplings), {"y": 0.5}, "B")
     assert screwgauge.run(scene, engines=IN_DOUBLES).ok
-
-
-def test_in_lengths_of_the_mechanism_they_hold_alike():
-    """A polynomial between an angle and a slide has another value where the slide is measured otherwise."""
-    lay = layout(load_mechanism("screw-press"))
-    columns = lay.mechanism.independent_columns
-    q = posed(lay, *(lay.mechanism.home[columns] + 0.1)).q
-    scaled, at = in_lengths(lay, pose(lay, q))
-    rows, there = lay.mechanism.coupling_rows, scaled.mechanism.coupling_rows
-    assert len(rows) == len(there) > 0
-    assert np.abs(rows.residuals(q)).max() < LINEAR
-    assert np.abs(there.residuals(at.q)).max() < LINEAR
-    assert np.abs(at.q - q)[:, ~lay.turns].max() > 1e-3

@@ -11,7 +11,7 @@ import screwgauge
 from support.engines import IN_DOUBLES
 from support.equations import reaction_names
 from support.scene import GivenMotion
-from support.solve import force_matrix, layout, posed
+from support.solve import force_matrix, layout, pose, posed
 from support.tolerances import PRINTED, PRINTED_COARSELY, ROUND_TRIP, ROUNDING, SLOPE_OF_ENERGY
 
 
@@ -44,8 +44,9 @@ def test_load_with_the_sign_of_eq_55():
 
 def test_system_has_54_equations_and_56_unknowns(paper):
     lay = layout(paper)
-    at = posed(lay, 0.1, 0.05)
-    assert force_matrix(at, at.q, at.S).shape == (1, 54, 56)
+    q = posed(lay, 0.1, 0.05)
+    at = pose(lay, q)
+    assert force_matrix(at, q, at.S).shape == (1, 54, 56)
     roles = [name.split(".")[-2] for name in reaction_names(paper.joints, ())[0]]
     assert [roles.count(role) for role in ("base", "slide", "wrist", "s")] == [16, 20, 13, 3]
 
@@ -65,7 +66,7 @@ def test_forces_derive_from_the_potential_at_rest(paper):
     y = np.array([0.21, 0.07])
 
     def potential(y):
-        at = posed(lay, *y)
+        at = pose(lay, posed(lay, *y))
         com = [at.p[0, i + 1] + at.R[0, i + 1] @ body.com for i, body in enumerate(paper.bodies)]
         return 9.81 * sum(body.mass * r[2] for body, r in zip(paper.bodies, com, strict=True))
 

@@ -257,8 +257,7 @@ def at_lock(scene) -> np.ndarray:
     step, a = 1e-6, WRIST
 
     def condition(a: float) -> float:
-        at = posed(lay, a, 0.0)
-        found = float(loop_equations(lay).chart_conditions(at.q)[0, cut])
+        found = float(loop_equations(lay).chart_conditions(posed(lay, a, 0.0))[0, cut])
         return found if np.isfinite(found) else np.inf
 
     while step > 1e-17 and np.isfinite(condition(a)):

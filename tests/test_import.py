@@ -440,7 +440,7 @@ def test_redundant_loops_move(tmp_path):
 
 
 def test_digits_that_lock_a_redundant_loop_are_blamed(tmp_path):
-    with pytest.raises(DescriptionError, match=r"for roundings of about 1e-06 they would leave 1 more; write angles"):
+    with pytest.raises(DescriptionError, match=r"for roundings of about \de-06 they would leave 1 more; write angles"):
         import_model(planar(tmp_path, "1.5708"))
 
 

@@ -133,8 +133,8 @@ def test_where_the_coordinate_turns_back_what_was_computed_is_kept(write):
 def test_a_branch_is_that_of_the_poses_followed_from_home(paper):
     lay = layout(paper)
     y = np.stack([np.linspace(0.0, 0.3, 7), np.linspace(0.0, -0.2, 7)], axis=1)
-    found = Branch(lay, paper.home).poses(y)
-    assert np.abs(found.q - positions(lay, y, np.zeros(7))).max() < CLOSED
+    found = Branch(lay, paper.home).joints(y)
+    assert np.abs(found - positions(lay, y, np.zeros(7))).max() < CLOSED
 
 
 def test_bad_input_is_said(pendulum):

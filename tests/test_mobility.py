@@ -15,7 +15,7 @@ from support.freedoms import (
 )
 from support.geometry import linear
 from support.mechanism import serial_chains
-from support.solve import at_home, layout, posed
+from support.solve import at_home, chain_screws, layout, posed
 from support.tolerances import ROUNDING
 
 R, L, THETA = 0.8, 0.6, np.pi / 6
@@ -31,7 +31,7 @@ def spans_the_same(found, expected) -> bool:
 
 
 def test_screws_of_the_upu_chain_are_those_of_eq_6(home):
-    lay, at = home
+    lay, q = home
     s, c = np.sin(THETA), np.cos(THETA)
     expected = np.array(
         [
@@ -42,12 +42,11 @@ def test_screws_of_the_upu_chain_are_those_of_eq_6(home):
             [0, 1, 0, -L * c, 0, R - L * s],
         ]
     ).T
-    assert np.abs(at.chain_screws(serial_chains(lay.mechanism)[0])[0] - expected).max() < ROUNDING
+    assert np.abs(chain_screws(lay, q, serial_chains(lay.mechanism)[0])[0] - expected).max() < ROUNDING
 
 
 def test_upu_chain_constrains_by_the_force_of_eq_9(home):
-    lay, at = home
-    (found,) = chain_constraints(lay, at)[0].T
+    (found,) = chain_constraints(*home)[0].T
     assert found / found[1] == pytest.approx([0, 1, 0, 0, 0, R - L / np.sin(THETA)], abs=ROUNDING)
 
 
@@ -73,17 +72,16 @@ def test_second_free_axis_turns_with_the_platform(paper):
     """Erratum: eq. (14) holds at a = 0 only; the second free axis is (0, cos a, sin a)."""
     lay = layout(paper)
     a = 0.3
-    at = posed(lay, a, 0.1)
     expected = np.zeros((6, 2))
     expected[0, 0], expected[1:3, 1] = 1.0, [np.cos(a), np.sin(a)]
-    assert spans_the_same(output_freedoms(lay, at), expected)
+    assert spans_the_same(output_freedoms(lay, posed(lay, a, 0.1)), expected)
 
 
 def test_reciprocal_screws_do_no_work_at_any_pose(paper):
     lay = layout(paper)
-    at = posed(lay, 0.25, -0.1)
+    q = posed(lay, 0.25, -0.1)
     for chain in serial_chains(paper):
-        S = at.chain_screws(chain)[0]
+        S = chain_screws(lay, q, chain)[0]
         wrenches = reciprocal_screws(S)
         assert np.abs(exchange(S).T @ wrenches).max(initial=0.0) < ROUNDING
         assert wrenches.shape[1] == 6 - linear.rank(S)

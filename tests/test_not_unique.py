@@ -18,7 +18,7 @@ from support.judging import Allowance, compare
 from support.pages import terminal
 from support.report import run_in_terminal, verdict
 from support.scene import sampled
-from support.solve import layout, pose
+from support.solve import layout
 
 SENTENCE = (
     "12 of 20 components of reaction have no unique value: they are not compared, and the digits are of the others"
@@ -71,7 +71,7 @@ def compared(results, engine, **changed):
     values = {"reaction": Values(found.components, found.units, array)}
     other = replace(results.solutions[engine], values=values)
     scene, lay = results.scene, layout(results.scene.mechanism)
-    counts = mobility(lay, pose(lay, results.solutions["screw"].assembly[1:2]))
+    counts = mobility(lay, results.solutions["screw"].assembly[1:2])
     both = {"screw": results.solutions["screw"], engine: other}
     return compare(scene.mechanism, scene.problem(()), both, {}, counts, Allowance(scene.tolerance))
 

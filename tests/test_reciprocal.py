@@ -10,8 +10,8 @@ import pytest
 from screwgauge.reference.reciprocal import Element, body_twists, elements, end_body, held, idle_forces, legs
 from support.freedoms import reciprocal_screws
 from support.geometry import couple, force, linear, prismatic, revolute
-from support.mechanism import Mechanism, load_mechanism, mechanism_names
-from support.solve import at_home, layout, motion_at, posed
+from support.mechanism import Frame, Mechanism, load_mechanism, mechanism_names
+from support.solve import at_home, layout, motion_at, pose, posed
 
 CLOSE = 1e-9  # of directions of unit length, and of points that lie within a few metres
 X, Y, Z = np.eye(3)
@@ -141,7 +141,7 @@ def test_three_forces_that_do_not_meet_leave_turns_about_lines_that_meet_all_of_
 def test_a_planar_coupler_turns_about_the_pole_of_its_cranks() -> None:
     """Where the lines of both cranks meet (Kennedy); planar legs too many repeat a force and two couples each."""
     mechanism, found = load_mechanism("a03-andrews"), of("a03-andrews")
-    _, at = at_home(mechanism)
+    at = pose(*at_home(mechanism))
     (turn,) = found.twists
     assert (found.body, abs(turn.direction), turn.pitch) == ("K2", pytest.approx(Z, abs=CLOSE), 0.0)
     assert found.overconstraints == 9
@@ -218,10 +218,16 @@ def test_what_is_left_is_what_the_legs_allow_and_no_wrench_works_on_it(name: str
 def test_size_and_place_make_no_difference() -> None:
     """The same machine in millimetres, kilometres away: points and pitches follow, kinds stay."""
     mechanism, moved = load_mechanism("bennett"), np.array([3.0, -2.0, 1.0])
+
+    def elsewhere(body: str, frame: Frame) -> Frame:
+        return replace(frame, p=frame.p + moved) if body == "ground" else frame
+
     joints = tuple(
-        replace(joint, parent_frame=replace(joint.parent_frame, p=joint.parent_frame.p + moved))
-        if joint.parent == "ground"
-        else joint
+        replace(
+            joint,
+            parent_frame=elsewhere(joint.parent, joint.parent_frame),
+            child_frame=elsewhere(joint.child, joint.child_frame),
+        )
         for joint in mechanism.joints
     )
     there = held(*at_home(replace(mechanism, joints=joints)))[0]
@@ -233,11 +239,11 @@ def test_size_and_place_make_no_difference() -> None:
 
 def test_idle_forces_of_actuators_do_no_work(paper: Mechanism) -> None:
     lay = layout(paper)
-    at = posed(lay, 0.2, 0.1)
-    idle = idle_forces(lay, at)
+    q = posed(lay, 0.2, 0.1)
+    idle = idle_forces(lay, q)
     assert idle.shape == (4, 2)
     for rates in np.eye(2):
-        w = motion_at(lay, at.q, rates[None]).joint_velocity[0, paper.actuated_columns]
+        w = motion_at(lay, q, rates[None]).joint_velocity[0, paper.actuated_columns]
         assert w @ idle == pytest.approx([0, 0], abs=CLOSE)
     stewart = load_mechanism("stewart")
     assert idle_forces(*at_home(stewart)).shape == (6, 0)

@@ -19,7 +19,7 @@ from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.loops import loop_equations
-from screwgauge.reference.equations.kinematics import pose
+from screwgauge.reference.equations.kinematics import gaps
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Joint, Mechanism
@@ -118,8 +118,8 @@ def _apart(mechanism: Mechanism, t: Array, pair: tuple[Array, Array]) -> str:
         for joint in mechanism.joints
         for columns in [lay.columns[joint.name]]
     }
-    gaps = np.concatenate([pose(lay, q).residual.reshape(len(q), -1, 2, 3) for q in (q_a, q_b)], axis=1)
-    closed = (np.abs(gaps) / np.array([1.0, length])[:, None] < CLOSED).all(axis=(1, 2, 3))
+    open_by = np.concatenate([gaps(lay, q).reshape(len(q), -1, 2, 3) for q in (q_a, q_b)], axis=1)
+    closed = (np.abs(open_by) / np.array([1.0, length])[:, None] < CLOSED).all(axis=(1, 2, 3))
     held = closed & (np.max(list(far.values()), axis=0) > APART)
     if not held.any():
         return ""

@@ -19,7 +19,6 @@ from screwgauge.quantities import QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed.loops import loop_equations
-from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import gimbal_lock, near_singularity
@@ -81,8 +80,7 @@ def passed(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, Array, 
         has that behind it; infinite where no digit is left, shape (m,). Where the motion passed singular poses, if it
         did.
     """
-    at = pose(lay, q)
-    A = loop_equations(lay).matrix(at)  # no coordinate is at rest here: those that are may begin to move at such a pose
+    A = loop_equations(lay).matrix(q)  # no coordinate is at rest here: those that are may begin to move at such a pose
     condition = linear.condition(A) if A.shape[2] else np.ones(len(q))
     signs = np.linalg.slogdet(A)[0] if A.shape[1] == A.shape[2] else np.zeros(len(A))  # no sign with redundant rows
     crossed = np.flatnonzero(signs[1:] * signs[:-1] < 0)
@@ -98,7 +96,7 @@ def passed(lay: Layout, q: Array, t: Array, near: float) -> tuple[Array, Array, 
         count = f"{crossed.size} times, first " if crossed.size > 1 else ""
         note = (
             f"passes a singular pose {count}between t = {t[i]:.6g} and {t[i + 1]:.6g} s: "
-            f"{near_singularity(lay, at.rows([nearest]))}"
+            f"{near_singularity(lay, q[[nearest]])}"
         )
     return met, np.where(estimate < linear.DIGIT, estimate, np.inf), note
 
@@ -198,11 +196,11 @@ def refusals(mechanism: Mechanism, problem: Problem, solution: Solution) -> tupl
 
 def _reason(mechanism: Mechanism, rule: str, quantities: list[str], y: Array) -> str:
     lay = layout(mechanism)
-    at = pose(lay, positions(lay, y[None], np.zeros(1)))
+    q = positions(lay, y[None], np.zeros(1))
     system = loop_equations(lay)
-    if not linear.condition(system.matrix(at))[0] < NEAR:
-        return near_singularity(lay, at)
-    orientations = system.chart_conditions(at.q)[0]  # condition numbers of the cut joints' coordinates
+    if not linear.condition(system.matrix(q))[0] < NEAR:
+        return near_singularity(lay, q)
+    orientations = system.chart_conditions(q)[0]  # condition numbers of the cut joints' coordinates
     if orientations.size and not orientations.max() < NEAR:
         return gimbal_lock(lay, int(np.argmax(np.where(np.isnan(orientations), np.inf, orientations))))
     if rule != "min_norm" and all(QUANTITIES[name].ruled for name in quantities):

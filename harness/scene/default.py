@@ -27,7 +27,6 @@ from screwgauge.reference.applied import Applied, JointSpring
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
-from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, check_seed, first_few
 from screwgauge.reference.expressions import vector
 from screwgauge.reference.files import check_free, is_file, is_path, named_file, stamped
@@ -76,7 +75,7 @@ def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
         some = motion.part(slice(first, first + part))
         closed = mode.motion(some.y, some.t, (some.yd, some.ydd), some.scaled(mode.unit))
         q = np.vstack([mechanism.home, closed])
-        worst, steep = linear.condition(system.matrix(pose(lay, q))), np.abs(q[:, mechanism.columns(tuple(middle))])
+        worst, steep = linear.condition(system.matrix(q)), np.abs(q[:, mechanism.columns(tuple(middle))])
         inside = (worst < WORSE * worst[0]).all() and (steep < np.maximum(STEEPEST, (steep[0] + np.pi / 2) / 2)).all()
         if beyond := limits_left(mechanism, closed):
             return f"it would leave the limits of {first_few(beyond, NAMED)}"

@@ -13,7 +13,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.continuation import PathEnd
 from screwgauge.reference.closed.loops import loop_equations
-from screwgauge.reference.equations.kinematics import Pose, length, pose
+from screwgauge.reference.equations.kinematics import gaps, length
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.lint import TURNED, WRITTEN, hinges, implausible, in_degrees
@@ -36,9 +36,8 @@ def check_home(mechanism: Mechanism) -> Layout:
         DescriptionError: The independent coordinates do not determine the motion.
     """
     lay = layout(mechanism)
-    at = pose(lay, mechanism.home[None])
-    _check_closed(lay, at)
-    check_independent(lay, at)
+    _check_closed(lay)
+    check_independent(lay, mechanism.home[None])
     return lay
 
 
@@ -48,14 +47,12 @@ def check_closed(mechanism: Mechanism) -> None:
     Raises:
         ClosureError: A loop stays open at the home pose, or a coupling does not hold there.
     """
-    lay = layout(mechanism)
-    _check_closed(lay, pose(lay, mechanism.home[None]))
+    _check_closed(layout(mechanism))
 
 
-def _check_closed(lay: Layout, at: Pose) -> None:
-    """Args: at: The home pose."""
+def _check_closed(lay: Layout) -> None:
     mechanism, size = lay.mechanism, np.array([1.0, length(lay)])[:, None]
-    for joint, gap in zip(lay.cuts, np.abs(at.residual[0]).reshape(-1, 2, 3), strict=True):
+    for joint, gap in zip(lay.cuts, np.abs(gaps(lay, mechanism.home[None])[0]).reshape(-1, 2, 3), strict=True):
         if not (gap / size <= 1e-9).all():  # home is given in closed form or to ten digits
             wide = zip(gap.max(axis=1), (gap / size).max(axis=1), ("rad", "m"), strict=True)
             open_by = " and ".join(f"{most:.3g} {unit}" for most, scaled, unit in wide if not scaled <= 1e-9)
@@ -158,7 +155,7 @@ def check_actuation(
 def delivered(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Results of `check_actuation` by the counts at home, where the motion is not known yet."""
     lay = check_home(scene.mechanism)
-    return check_actuation(scene, mobility(lay, pose(lay, scene.mechanism.home[None])), quantities)
+    return check_actuation(scene, mobility(lay, scene.mechanism.home[None]), quantities)
 
 
 def _check_jumps(scene: Scene) -> None:
@@ -242,13 +239,13 @@ class SampleWalk:
     def _passed(self, end: PathEnd, motion: GivenMotion) -> SingularPoseError:
         """Warning: a motion passes a singular pose."""
         y = end.y * self.mode.unit
-        ended = self.system.fill(end.z[None], self.lay.mechanism.home[None])
+        ended = self.system.coordinates(end.z[None], self.lay.mechanism.home[None])
         near = near_singularity(self.lay, ended)
         meets, described = self.lay.mechanism.described(y), self.lay.mechanism.described
         times = motion.t if self.before is None else np.append(self.before, motion.t)
         i = int(np.flatnonzero(times == end.t)[0])
         if np.abs(end.y - motion.y[i - len(times)] / self.mode.unit).max() < NEAR:
-            check_regular(self.lay, ended.q, np.array([end.t]), y[None])
+            check_regular(self.lay, ended, np.array([end.t]), y[None])
         if not i:
             return SingularPoseError(
                 f"the motion lies beyond a singular pose, seen from home, at {described(motion.y[0])} "
@@ -268,13 +265,13 @@ def check_regular(lay: Layout, q: Array, t: Array, y: Array, matrix: Array | Non
     Raises:
         SingularPoseError: A pose is singular.
     """
-    condition = linear.condition(loop_equations(lay).matrix(pose(lay, q)) if matrix is None else matrix)
+    condition = linear.condition(loop_equations(lay).matrix(q) if matrix is None else matrix)
     bad = np.flatnonzero(~(condition <= linear.SINGULAR))
     if bad.size:
         i = bad[0]
         raise SingularPoseError(
             f"the pose {lay.mechanism.described(y[i])} is singular (condition {condition[i]:.1e}): "
-            f"{near_singularity(lay, pose(lay, q[bad[:1]]))}",
+            f"{near_singularity(lay, q[bad[:1]])}",
             f"t = {t[i]:g} s",
             "keep the motion away from it",
         )
@@ -286,7 +283,7 @@ def _mobility(lay: Layout, poses: Sequence[Array]) -> Mobility:
     Next to a singular pose rounding decides on ranks, so that only poses of the highest rank count, that of home among
     them if there is no other.
     """
-    *sampled, home = (mobility(lay, pose(lay, q[None])) for q in [*poses, lay.mechanism.home])
+    *sampled, home = (mobility(lay, q[None]) for q in [*poses, lay.mechanism.home])
 
     def ranks(one: Mobility) -> tuple[int, int]:
         return one.constraint_rank, -one.actuation_redundancy

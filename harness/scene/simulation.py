@@ -64,7 +64,7 @@ def eigenvalues(lay: Layout, applied: Applied, start: Array, yd: Array, t: float
     states = np.concatenate([state + np.diag(size), state - np.diag(size)])
     branch = Branch(lay, lay.mechanism.home)
     branch.move(start)
-    at = motion_at(lay, branch.poses(states[:, :k]).q, states[:, k:], applied=applied, t=t)
+    at = motion_at(lay, branch.joints(states[:, :k]), states[:, k:], applied=applied, t=t)
     slopes = np.concatenate([states[:, k:], at.ydd], axis=1)
     return np.asarray(np.linalg.eigvals((slopes[: 2 * k] - slopes[2 * k :]).T / (2.0 * size)))
 

@@ -28,7 +28,6 @@ from screwgauge.judging.residual import JUDGE_COLUMNS, PAIR_COLUMNS, SizedResidu
 from screwgauge.judging.trust import Refusal, integrated, integration_note, refusals
 from screwgauge.problem import Report, silent, spread
 from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
-from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import is_file
 from screwgauge.reference.graph import Layout
@@ -314,7 +313,7 @@ def _check_given(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
 
 def _check_simulated(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     lay, warnings = check_start(scene)
-    counted = mobility(lay, pose(lay, scene.mechanism.home[None]))
+    counted = mobility(lay, scene.mechanism.home[None])
     given = dict.fromkeys(MOTION, (scene.mechanism.coordinates, scene.mechanism.units))
     return _Checked(counted, given, wanted, warnings, lay)
 

@@ -11,11 +11,11 @@ from screwgauge.models.importing.homes import CLOSED, OWN, Home, Loops, chosen, 
 from screwgauge.models.kinematics import plant, rehomed
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference import linear
-from screwgauge.reference.equations.kinematics import pose
+from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.equations.kinematics import twists
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.mobility import in_lengths
 from screwgauge.reference.rotations import Array
 
 #: Limits of a joint that has none.
@@ -93,12 +93,14 @@ def motions(mechanism: Mechanism) -> tuple[Array, Array]:
         Orthonormal basis of all joint velocities, shape (n_q, k), and singular values of the equations that are
         nearly, but not quite, redundant.
     """
-    lay = layout(replace(mechanism, independent={}))
-    lay, at = in_lengths(lay, pose(lay, mechanism.home[None]))
-    G = at.constraint_matrix[0]
-    K, s = linear.null_space(G), np.linalg.svd(G, compute_uv=False)
-    s = s[: G.shape[1] - K.shape[1]]
-    return K, s[s < HIDDEN * s[0]] if len(s) else s
+    at = loop_equations(layout(replace(mechanism, independent={}))).closed(mechanism.home[None])
+    G = at.system.A[0]
+    free, s = linear.null_space(G), np.linalg.svd(G, compute_uv=False)
+    s = s[: G.shape[1] - free.shape[1]]
+    w = at.spread(free.T * at.loops.size)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        K = np.nan_to_num(at.joint_rates(w, twists(at.pose, w)) / at.loops.sizes).T  # angles in gimbal lock are none
+    return np.linalg.qr(K)[0], s[s < HIDDEN * s[0]] if len(s) else s
 
 
 def choose(

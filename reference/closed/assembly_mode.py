@@ -19,7 +19,6 @@ from screwgauge.reference.closed.loops import LoopEquations, follow_cut_joints, 
 from screwgauge.reference.closed.newton import OPEN, Drive, newton
 from screwgauge.reference.closed.region import Region
 from screwgauge.reference.equations.closed_form import closed_form
-from screwgauge.reference.equations.kinematics import Pose, pose
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.graph import Layout
@@ -259,16 +258,16 @@ class Branch:
                 break
         raise ClosureError(no_further(self.y), self.lay.mechanism.name, REMEDY)
 
-    def poses(self, y: Array) -> Pose:
-        """Closed poses for some independent coordinates in order. Shape (n, k)."""
+    def joints(self, y: Array) -> Array:
+        """Joint coordinates of closed poses for some independent coordinates in order. Shape (n, k) -> (n, n_q)."""
         q = np.empty((len(y), len(self.q)))
         if self.is_tree:
             q[:, self.columns] = y
-            return pose(self.lay, q)
+            return q
         for row, goal in zip(q, y, strict=True):
             self.move(goal)
             row[:] = self.q
-        return pose(self.lay, q)
+        return q
 
 
 def positions(lay: Layout, y: Array, t: Array, rates: Rates | None = None) -> Array:

@@ -19,7 +19,7 @@ from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
 from screwgauge.reference.closed.region import Region
 from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.joint_types import JointPose
-from screwgauge.reference.equations.kinematics import Pose, coordinates, pose, tree_pose
+from screwgauge.reference.equations.kinematics import coordinates, tree_pose
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.equations.rounding import chart_conditions
 from screwgauge.reference.equations.screws import dot, transpose
@@ -119,14 +119,14 @@ class LoopEquations:
         """The equations at some joint coordinates. Shape (n, n_q)."""
         return Closed(self.loops, coordinates(q, NUMPY), self.loops.folds(q), NUMPY)
 
-    def matrix(self, at: Pose) -> Array:
+    def matrix(self, q: Array) -> Array:
         """Derivative by the unknowns of the residuals, those of the couplings after them, and of the selected
-        coordinates, without dimension. Shape (n, m + k, n_unknown)."""
-        return self.matrix_of(self.closed(at.q))
+        coordinates, without dimension. Shape (n, n_q) -> (n, m + k, n_unknown)."""
+        return np.asarray(self.closed(q).system.A[..., : self.loops.moving])
 
-    def matrix_of(self, at: Closed) -> Array:
-        """Derivative as `matrix` gives it, of closed loops that are at hand."""
-        return np.asarray(at.system.A[..., : self.loops.moving])
+    def constraints(self, q: Array) -> Array:
+        """Rows of that matrix for the loops and couplings alone. Shape (n, n_q) -> (n, m, n_unknown)."""
+        return self.matrix(q)[:, : self.loops.given.start]
 
     def chart_conditions(self, q: Array) -> Array:
         """Condition number of the angles of each cut joint. Shape (n, n_q) -> (n, n_cut)."""
@@ -158,17 +158,13 @@ class LoopEquations:
         q[:, self.unknown] = z * self.size[self.unknown]
         return q
 
-    def fill(self, z: Array, guess: Array) -> Pose:
-        """The pose of given unknowns.
+    def coordinates(self, z: Array, guess: Array) -> Array:
+        """All joint coordinates of given unknowns. Shape (n, n_q).
 
         Args:
             z: Unknowns without dimension. Shape (n, n_unknown).
             guess: Joint coordinates, of which those of cut joints say which of equal angles is meant. Shape (n, n_q).
         """
-        return pose(self.lay, self.coordinates(z, guess))
-
-    def coordinates(self, z: Array, guess: Array) -> Array:
-        """All joint coordinates of that pose. Shape (n, n_q)."""
         return read(self.lay, self.tree(z, guess))
 
     def correct(self, q: Array, y: Array) -> tuple[Array, Array] | None:
@@ -254,7 +250,7 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
 def _may_rest(system: LoopEquations) -> bool:
     """Whether at home, to first order, anything stands still that is not chosen: of most mechanisms nothing does."""
     columns = system.lay.mechanism.independent_columns
-    A = system.matrix(pose(system.lay, system.lay.mechanism.home[None]))
+    A = system.matrix(system.lay.mechanism.home[None])
     still = np.abs(velocity_map(A, len(columns))[0]).max(axis=1) <= STILL
     return any(rests and c not in columns for c, rests in zip(system.unknown, still, strict=True))
 

@@ -244,6 +244,22 @@ class Closed:
         """Rates of the tree's coordinates, eq. (26). Shape (..., n_q)."""
         return times(self.K.swapaxes(-1, -2), yd)
 
+    def joint_rates(self, w: Array, V: Array) -> Array:
+        """Rates of all joints. Shape (..., n_q).
+
+        Args:
+            w: Those of the tree. Shape (..., n_q).
+            V: Twists of the bodies. Shape (..., b, 6).
+        """
+        return self._with_cuts(w, lambda cut: cut.rates(V))
+
+    def _with_cuts(self, tree: Array, of_cut: Any) -> Array:
+        """Numbers of all coordinates from those of the tree, and of each cut joint from its own two bodies."""
+        joined = tree + 0.0
+        for cut in self.cuts:
+            joined[..., self.loops.lay.columns[cut.at.joint.name]] = of_cut(cut)
+        return joined
+
     def accelerations(self, ydd: Array, w: Array, V: Array, A: Array) -> Array:
         """Second derivatives of the tree's coordinates, eq. (48). Shape (..., n_q).
 
@@ -308,8 +324,7 @@ class Motion(Closed):
     def joint_map(self) -> Array:
         """Velocity map of all joints. Shape (..., n_q, k)."""
         rates = np.moveaxis(self.K, -2, 0)
-        columns = [self._with_cuts(w, lambda cut, V=V: cut.rates(V)) for w, V in zip(rates, self.partial, strict=True)]
-        return np.stack(columns, axis=-1)
+        return np.stack([self.joint_rates(w, V) for w, V in zip(rates, self.partial, strict=True)], axis=-1)
 
     @cached_property
     def bias(self) -> Array:
@@ -353,7 +368,7 @@ class Motion(Closed):
     @cached_property
     def joint_velocity(self) -> Array:
         """Rates of all joints. Shape (..., n_q)."""
-        return self._with_cuts(self.w, lambda cut: cut.rates(self.V))
+        return self.joint_rates(self.w, self.V)
 
     @cached_property
     def joint_acceleration(self) -> Array:
@@ -381,10 +396,3 @@ class Motion(Closed):
         """Rate of a joint coordinate by its name. Shape (...)."""
         c = self.mechanism.coordinates.index(coordinate)
         return (self.joint_velocity if c in self.loops.owner else self.w)[..., c]
-
-    def _with_cuts(self, tree: Array, of_cut: Any) -> Array:
-        """Numbers of all coordinates from those of the tree, and of each cut joint from its own two bodies."""
-        joined = tree + 0.0
-        for cut in self.cuts:
-            joined[..., self.loops.lay.columns[cut.at.joint.name]] = of_cut(cut)
-        return joined

@@ -1,7 +1,7 @@
 """Kinematics of the spanning tree: poses, unit screws, twists and their biases (sections 2 to 4 of the paper).
 
-`tree_pose` and what follows from it take any kind of number; `Pose` holds arrays for all bodies and joints and the
-closure residuals. Closed loops are in `closure`.
+`tree_pose` and what follows from it take any kind of number; `pose` and `gaps` are for arrays of given coordinates.
+Closed loops are in `closure`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
 from screwgauge.reference.equations.joint_types import JointPose, Value, placed, unplaced
 from screwgauge.reference.equations.ops import NUMPY, Ops
@@ -235,71 +234,43 @@ def forces_along(at: TreePose, wrenches: Array) -> Array:
     return tau
 
 
-@dataclass(frozen=True, eq=False)
-class Pose(TreePose):
-    """Where everything is, for n samples. Body 0 is ground.
+def pose(lay: Layout, q: Array) -> TreePose:
+    """Poses by the joints of the tree, and screws of all joints, those of cut joints by their own coordinates.
 
-    Attributes:
-        R, p: Orientation and origin of each body in the world. Shapes (n, b, 3, 3), (n, b, 3).
-        S: Unit screws, child relative to parent, eqs. (18)-(20), those of cut joints by their own coordinates.
-            Shape (n, n_q, 6).
-        q: Joint coordinates [rad or m]. Shape (n, n_q).
-        residual: Closure residual: for each cut joint, the small displacement (as a twist at O) from the child's pose
-            as the tree gives it to the pose as the cut joint gives it. Zero where loops close. Shape (n, n_cut, 6).
+    Args:
+        q: Joint coordinates; the loops need not be closed. Shape (n, n_q).
     """
-
-    q: Array
-    residual: Array
-
-    def rows(self, rows: Sequence[int] | NDArray[np.intp]) -> Pose:
-        """Poses of some of the samples."""
-        at = np.asarray(rows)
-        return Pose(self.lay, self.R[at], self.p[at], self.S[at], self.q[at], self.residual[at])
-
-    @property
-    def loop_matrix(self) -> Array:
-        """Screws of all loops, six rows a loop: ``G w = 0`` closes them, eq. (15). Shape (n, 6 n_cut, n_q)."""
-        G = self.S[:, None] * self.lay.loop[None, :, :, None]
-        return np.asarray(G.transpose(0, 1, 3, 2).reshape(len(self.q), -1, self.q.shape[1]))
-
-    @cached_property
-    def constraint_matrix(self) -> Array:
-        """Loop matrix over the coupling rows: what velocities satisfy. Shape (n, 6 n_cut + n_coupling, n_q)."""
-        couplings = self.lay.mechanism.coupling_rows
-        return np.concatenate([self.loop_matrix, couplings.matrix(self.q)], axis=1)
-
-    @property
-    def closing_matrix(self) -> Array:
-        """Constraint matrix over the selection of y, ``[G; E] w = [0; yd]``. (n, 6 n_cut + n_coupling + k, n_q)."""
-        selection = np.eye(self.q.shape[1], dtype=self.q.dtype)[self.lay.mechanism.independent_columns]
-        E = np.broadcast_to(selection, (len(self.q), *selection.shape))
-        return np.concatenate([self.constraint_matrix, E], axis=1)
-
-    def chain_screws(self, chain: tuple[Edge, ...]) -> Array:
-        """Screw matrix S of a serial chain, eqs. (5), (18)-(20). Shape (n, 6, n_chain)."""
-        signs = [(edge, -1 if edge.reverse else 1) for edge in chain]
-        screws = [sign * self.S[:, i] for edge, sign in signs for i in self.lay.columns[edge.joint.name][::sign]]
-        return np.stack(screws, axis=2)
-
-
-def pose(lay: Layout, q: Array) -> Pose:
-    """Poses and screws for joint coordinates `q`, shape (n, n_q); the loops need not be closed."""
     at = tree_pose(lay, coordinates(q, NUMPY))
-    residual = np.empty((len(q), len(lay.cuts), 6), dtype=q.dtype)
+    for joint in lay.cuts:
+        at.S[:, lay.columns[joint.name]] = _beyond(at, joint, q)[0]
+    return at
+
+
+def gaps(lay: Layout, q: Array) -> Array:
+    """How far cut joints are from where their own coordinates have them: a check of coordinates that are given.
+
+    Args:
+        q: Joint coordinates. Shape (n, n_q).
+
+    Returns:
+        Small displacement, as a twist at O, from the child's pose by the tree to that by the cut joint. Shape
+        (n, n_cut, 6).
+    """
+    at, found = tree_pose(lay, coordinates(q, NUMPY)), np.empty((len(q), len(lay.cuts), 6), dtype=q.dtype)
     for i, joint in enumerate(lay.cuts):
-        residual[:, i], at.S[:, lay.columns[joint.name]] = _across(at, joint, q[:, lay.columns[joint.name]])
-    return Pose(lay, at.R, at.p, at.S, q, residual)
+        (_, R, p), frames = _beyond(at, joint, q), at.joint(joint)
+        turn = vee(R @ frames.R_child.swapaxes(-1, -2))
+        # measured at the joint, where the lever arms are short, then moved to O
+        found[:, i, :3], found[:, i, 3:] = turn, p - frames.p_child - cross(turn, frames.p_child)
+    return found
 
 
-def _across(at: TreePose, joint: Joint, q: Array) -> tuple[Array, Array]:
-    """Closure residual and screws of a cut joint, see `Pose`. Shape (n, f) -> (n, 6), (n, f, 6)."""
-    frames = at.joint(joint)
-    values = joint_values(joint.freedoms, range(q.shape[1]), coordinates(q, NUMPY))
-    screws, R_via, p_via = joint_screws(joint, frames.R_parent, frames.p_parent, values)
-    turn = vee(R_via @ frames.R_child.swapaxes(-1, -2))
-    # measured at the joint, where the lever arms are short, then moved to O
-    shift = p_via - frames.p_child
-    return np.concatenate([turn, shift - cross(turn, frames.p_child)], axis=-1), screws
+def _beyond(at: TreePose, joint: Joint, q: Array) -> tuple[Array, Array, Array]:
+    """Screws of a cut joint and its frame beyond them by its own coordinates, see `joint_screws`."""
+    frames, columns = at.joint(joint), at.lay.columns[joint.name]
+    return joint_screws(
+        joint, frames.R_parent, frames.p_parent, joint_values(joint.freedoms, columns, coordinates(q, NUMPY))
+    )
 
 
 _lengths: WeakKeyDictionary[Mechanism, float] = WeakKeyDictionary()

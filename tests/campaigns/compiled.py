@@ -26,7 +26,6 @@ from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism
 from screwgauge.problem import GivenMotion, ModelFiles, Rows
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed.assembly_mode import positions
-from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.files import replace_file
 from screwgauge.reference.graph import layout
@@ -104,8 +103,8 @@ def by_truth(scene: Scene, motion: GivenMotion) -> tuple[Rows, Answers]:
     answers = {name: (x.array[done], truth.errors[name].radius[done].copy()) for name, x in truth.values.items()}
     if "reaction" in answers:
         lay, three = layout(scene.mechanism), motion.part(rows[done[[0, len(done) // 2, -1]]])
-        at = pose(lay, positions(lay, three.y, three.t, (three.yd, three.ydd)))
-        some = [mobility(lay, at.rows([i])).determined[: answers["reaction"][0].shape[1]] for i in range(3)]
+        q = positions(lay, three.y, three.t, (three.yd, three.ydd))
+        some = [mobility(lay, q[[i]]).determined[: answers["reaction"][0].shape[1]] for i in range(3)]
         answers["reaction"][1][:, ~np.all(some, axis=0)] = np.inf
     return rows[done], answers
 

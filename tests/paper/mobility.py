@@ -9,7 +9,6 @@ from paper.case import Case, largest
 from paper.erratum import Erratum, Form
 
 from screwgauge.reference.equations import screws
-from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.linear import null_space
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.rotations import Array
@@ -48,7 +47,7 @@ def upu_wrench_right(theta: float, R: float, L: float) -> Array:
 
 def overconstraint(case: Case) -> list[Erratum]:
     """1: what 56 unknowns have more than 54 equations is redundant actuation; no constraint is redundant."""
-    facts = mobility(case.lay, pose(case.lay, case.at.q[[len(case.t) // 3]]))
+    facts = mobility(case.lay, case.at.q[[len(case.t) // 3]])
     unknowns, equations = len(facts.names), 6 * facts.bodies
     printed = Form(f"{unknowns} unknowns less {equations} equations", unknowns - equations)
     right = Form("constraint components less their rank", facts.overconstraints)
@@ -59,7 +58,7 @@ def free_axes(case: Case) -> list[Erratum]:
     """2: the second free axis turns with the platform. Its angle to the twists that the chains allow."""
     a, fixed = case.motion.y[:, 0], FREE_TWISTS[:, 1]
     moved = np.stack([0 * a, np.cos(a), np.sin(a), 0 * a, 0 * a, 0 * a], axis=1)
-    free = [output_freedoms(case.lay, pose(case.lay, case.at.q[[i]])) for i in range(len(a))]
+    free = [output_freedoms(case.lay, case.at.q[[i]]) for i in range(len(a))]
     printed = Form("the y-axis, whatever the pose", max(_angle(space, fixed) for space in free))
     right = Form("(0, cos a, sin a)", max(_angle(space, axis) for space, axis in zip(free, moved, strict=True)))
     return [Erratum(2, "E", "(14), abstract", "angle of the second free axis", printed, right, "rad")]

@@ -6,14 +6,14 @@ import numpy as np
 from paper import mobility
 from paper.erratum import about
 
-from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.graph import serial_chains
+from support.solve import chain_screws
 from support.tolerances import ROUNDING
 
 
 def test_eq_6_is_the_upu_chain_at_home(case):
     chain = serial_chains(case.lay.mechanism)[0]
-    screws = pose(case.lay, case.at.q[:1]).chain_screws(chain)[0]
+    screws = chain_screws(case.lay, case.at.q[:1], chain)[0]
     printed = mobility.upu_screws(np.pi / 6, R=0.8, L=0.6)
     assert np.abs(screws[:, :3] - printed[:, :3]).max() < ROUNDING
     # Table 2 turns the wrist, but not the plane that its two axes span

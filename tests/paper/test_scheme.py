@@ -105,14 +105,15 @@ def test_rates_and_accelerations_follow_the_positions(lay, start):
 
 def test_every_chain_puts_the_platform_where_the_closed_mechanism_has_it(lay):
     t = every(1.0)
-    at = pose(lay, positions(lay, SCENE.moved(t).y, t))
+    q = positions(lay, SCENE.moved(t).y, t)
+    at = pose(lay, q)
     side = chains(lay)
-    S, R, p = side.walk(side.gather(at.q))
-    assert np.abs(side.scatter(side.gather(at.q), at.q.shape[1]) - at.q).max() == 0.0
+    S, R, p = side.walk(side.gather(q))
+    assert np.abs(side.scatter(side.gather(q), q.shape[1]) - q).max() == 0.0
     assert np.abs(R - at.R[:, None, -1]).max() < 1e-14
     assert np.abs(p - at.p[:, None, -1]).max() < 1e-14
     for k in range(6):
-        assert np.abs(side.scatter(S[..., k], at.q.shape[1]) - at.S[..., k]).max() < 1e-15
+        assert np.abs(side.scatter(S[..., k], q.shape[1]) - at.S[..., k]).max() < 1e-15
 
 
 def test_the_right_twist_is_that_of_the_closed_mechanism(lay):

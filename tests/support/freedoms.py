@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.reference.equations.kinematics import Pose
 from screwgauge.reference.graph import Layout, serial_chains
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.mobility import Mobility, check_independent, in_lengths, mobility
+from screwgauge.reference.mobility import Mobility, check_independent, mobility
 from screwgauge.reference.reciprocal import reciprocal_screws
 from screwgauge.reference.rotations import Array
-from support.solve import at_home
+from support.solve import at_home, chain_screws
 
 
 def mobility_at_home(mechanism: Mechanism) -> Mobility:
@@ -23,16 +22,16 @@ def exchange(screw: Array) -> Array:
     return np.concatenate([screw[3:], screw[:3]])
 
 
-def chain_constraints(lay: Layout, at: Pose) -> list[Array]:
+def chain_constraints(lay: Layout, q: Array) -> list[Array]:
     """Wrenches by which each serial chain constrains the output body, eqs. (9)-(11). Shape (6, r) each."""
-    return [reciprocal_screws(at.chain_screws(chain)[0]) for chain in serial_chains(lay.mechanism)]
+    return [reciprocal_screws(chain_screws(lay, q, chain)[0]) for chain in serial_chains(lay.mechanism)]
 
 
-def output_constraints(lay: Layout, at: Pose) -> Array:
+def output_constraints(lay: Layout, q: Array) -> Array:
     """All chain constraints side by side, eq. (12). Shape (6, r)."""
-    return np.concatenate(chain_constraints(lay, at), axis=1)
+    return np.concatenate(chain_constraints(lay, q), axis=1)
 
 
-def output_freedoms(lay: Layout, at: Pose) -> Array:
+def output_freedoms(lay: Layout, q: Array) -> Array:
     """Twists that all chains allow the output body, eqs. (13)-(14), orthonormal. Shape (6, freedoms)."""
-    return reciprocal_screws(output_constraints(lay, at))
+    return reciprocal_screws(output_constraints(lay, q))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,22 +26,28 @@ from screwgauge.reference.closed.newton import Curve, bent, knots, predicted, st
 from screwgauge.reference.closed.walk import Loops as LoopProblem
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.equations.forward import NewtonEuler, force_matrix
-from screwgauge.reference.equations.kinematics import Pose, joint_bias, length, pose
-from screwgauge.reference.graph import Layout, layout
+from screwgauge.reference.equations.kinematics import gaps, joint_bias, length, pose
+from screwgauge.reference.graph import Edge, Layout, layout
 from screwgauge.reference.mechanism import Mechanism, in_precision
 from screwgauge.reference.rotations import Array
 from screwgauge.study.cases.singular import WholeSystem, wide_force_matrix
 
 
-def at_home(mechanism: Mechanism) -> tuple[Layout, Pose]:
-    """A mechanism laid out, and its pose at home."""
-    lay = layout(mechanism)
-    return lay, pose(lay, mechanism.home[None])
+def at_home(mechanism: Mechanism) -> tuple[Layout, Array]:
+    """A mechanism laid out, and its joint coordinates at home. Shape (1, n_q)."""
+    return layout(mechanism), mechanism.home[None]
 
 
-def posed(lay: Layout, *y: float) -> Pose:
-    """The pose of given independent coordinates [rad, m]."""
-    return pose(lay, positions(lay, np.array([y]), np.zeros(1)))
+def posed(lay: Layout, *y: float) -> Array:
+    """Joint coordinates for given independent ones [rad, m]. Shape (1, n_q)."""
+    return positions(lay, np.array([y]), np.zeros(1))
+
+
+def chain_screws(lay: Layout, q: Array, chain: Sequence[Edge]) -> Array:
+    """Screw matrix S of a serial chain, eqs. (5), (18)-(20). Shape (n, n_q) -> (n, 6, n_chain)."""
+    S, signs = pose(lay, q).S, [(edge, -1 if edge.reverse else 1) for edge in chain]
+    screws = [sign * S[:, i] for edge, sign in signs for i in lay.columns[edge.joint.name][::sign]]
+    return np.stack(screws, axis=2)
 
 
 def moved(lay: Layout, y: Array, yd: Array, ydd: Array | None = None, **forces: Any) -> ClosedMotion:

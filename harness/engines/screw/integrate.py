@@ -19,7 +19,6 @@ from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.assembly_mode import Branch
 from screwgauge.reference.closed.loops import home_equations, read
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
-from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mobility import near_singularity
@@ -64,7 +63,7 @@ class _Near(Exception):
         """Worked out only when it is to be read: most such poses are stepped over."""
         mechanism = self.lay.mechanism
         where = mechanism.described(self.q[mechanism.independent_columns])
-        why = near_singularity(self.lay, pose(self.lay, self.q[None]))
+        why = near_singularity(self.lay, self.q[None])
         return f"the pose {where} is nearly singular (condition {self.condition:.1e}): {why}"
 
 
@@ -102,7 +101,7 @@ class _Run:
         else:
             if self.traced is not None:
                 self.traced.lend(self.branch)
-            closed = self.branch.poses(states[:, :k]).q
+            closed = self.branch.joints(states[:, :k])
         return motion_at(self.lay, closed, states[:, k:-1], applied=self.applied, t=t)
 
     def slope(self, t: float, state: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from screwgauge.problem import GivenMotion, Rows, spread
 from screwgauge.reference.applied import Load
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.equations.joint_types import components, constraint_wrenches
-from screwgauge.reference.equations.kinematics import Pose, pose
+from screwgauge.reference.equations.kinematics import TreePose, pose
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.mechanism import Mechanism
@@ -22,11 +23,12 @@ from screwgauge.solution import REFERENCE, Solution, Values
 FRAMES = 120  # pictures of a motion, at most
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class DrawnMotion:
     """Some samples of a motion; the home pose alone where there is none.
 
     Attributes:
+        q: Joint coordinates. Shape (n, n_q).
         t: Time [s]. Shape (n,).
         values: Forces that an engine has computed at these samples, quantity -> values.
         loads: Of the scene, at these samples.
@@ -34,11 +36,16 @@ class DrawnMotion:
     """
 
     lay: Layout
-    at: Pose
+    q: Array
     t: Array
     source: str
     values: Mapping[str, Values] = field(default_factory=dict)
     loads: tuple[Load, ...] = ()
+
+    @cached_property
+    def at(self) -> TreePose:
+        """Poses and screws."""
+        return pose(self.lay, self.q)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,8 +67,7 @@ class Arrow:
 
 def home_pose(mechanism: Mechanism) -> DrawnMotion:
     """The home pose."""
-    lay = layout(mechanism)
-    return DrawnMotion(lay, pose(lay, mechanism.home[None]), np.zeros(1), "home pose")
+    return DrawnMotion(layout(mechanism), mechanism.home[None], np.zeros(1), "home pose")
 
 
 def drawn_motion(scene: Scene, solutions: Mapping[str, Solution]) -> DrawnMotion:
@@ -76,14 +82,14 @@ def drawn_motion(scene: Scene, solutions: Mapping[str, Solution]) -> DrawnMotion
             rows = finite[spread(len(finite), FRAMES)]
             if len(rows):
                 values = {quantity: one.at(rows) for quantity, one in solution.values.items()}
-                return DrawnMotion(lay, pose(lay, q[rows]), scene.t[rows], name, values, _loads(scene, rows))
+                return DrawnMotion(lay, q[rows], scene.t[rows], name, values, _loads(scene, rows))
     if isinstance(scene.task, GivenMotion):
         rows = spread(len(scene.t), FRAMES)
         try:
             q = positions(lay, scene.task.y[rows], scene.t[rows])
         except ScrewgaugeError:  # the report names what no engine could follow
             return home_pose(scene.mechanism)
-        return DrawnMotion(lay, pose(lay, q), scene.t[rows], "screw", loads=_loads(scene, rows))
+        return DrawnMotion(lay, q, scene.t[rows], "screw", loads=_loads(scene, rows))
     return home_pose(scene.mechanism)
 
 

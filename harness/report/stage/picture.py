@@ -25,9 +25,8 @@ from screwgauge.models.shapes import (
     viewed_from,
 )
 from screwgauge.problem import spread
-from screwgauge.reference.equations.kinematics import Pose, length
+from screwgauge.reference.equations.kinematics import length
 from screwgauge.reference.errors import first_few
-from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.reciprocal import Element, Held, held, idle_forces, normal_of_plane
 from screwgauge.reference.rotations import Array
@@ -100,7 +99,7 @@ def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
     mechanism, at, unit = motion.lay.mechanism, motion.at, length(motion.lay)
     middle, columns = at.com[0].mean(axis=0), mechanism.independent_columns
     keys, shown, solids = spread(len(motion.t), HELD), arrows(motion), shapes(mechanism)
-    holding = held(motion.lay, at.rows(keys))
+    holding = held(motion.lay, motion.q[keys])
     longest, scales = dict[tuple[str, bool], float](), dict[str, str]()
     for one in shown:
         most, which = float(np.linalg.norm(one.vectors, axis=1).max()), (one.group, one.turns)
@@ -114,7 +113,7 @@ def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
         "unit": unit,
         "view": _rounded(viewed_from(mechanism)),
         "t": [float(f"{t:.6g}") for t in motion.t],
-        "y": {name: _rounded(at.q[:, i]) for name, i in zip(mechanism.independent, columns, strict=True)},
+        "y": {name: _rounded(motion.q[:, i]) for name, i in zip(mechanism.independent, columns, strict=True)},
         "units": [mechanism.units[i] for i in columns],
         "bodies": list(mechanism.body_index),
         "poses": _poses(at.R, (at.p - middle) / unit),
@@ -127,7 +126,7 @@ def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
         "keys": keys.tolist(),
         "holds": _holds(holding, middle, unit),
         "doubts": [one.name for one in solids if one.group == "doubts"],
-        "words": [*_sentences(motion.lay, at.rows(keys), holding, motion.t[keys]), *_loads(shown), *_springs(more)],
+        "words": [*_sentences(motion, holding, motion.t[keys]), *_loads(shown), *_springs(more)],
     }
 
 
@@ -208,14 +207,14 @@ def _kind(one: Element) -> int:
     return 0 if one.pitch == 0.0 else 1 if np.isinf(one.pitch) else 2
 
 
-def _sentences(lay: Layout, at: Pose, holding: Sequence[Held], t: Array) -> list[str]:
+def _sentences(motion: DrawnMotion, holding: Sequence[Held], t: Array) -> list[str]:
     """Constraints of the legs, remaining freedoms, redundancy of actuators, and whether they change during the motion.
 
     Args:
-        holding: At each of the samples of `at`; the first is described.
+        holding: At some samples; the first, which is that of the motion, is described.
         t: Their times [s].
     """
-    first, mechanism = holding[0], lay.mechanism
+    lay, at, first, mechanism = motion.lay, motion.at, holding[0], motion.lay.mechanism
     joints = [joint for joint in mechanism.joints if joint.constrains and joint.angles]
     places = {joint.name: at.joint(joint).p_child[0] for joint in joints}
     sides = [side for joint in mechanism.joints for side in (joint.parent, joint.child)]
@@ -231,7 +230,7 @@ def _sentences(lay: Layout, at: Pose, holding: Sequence[Held], t: Array) -> list
         )
     elif n:
         text.append(f"{_many(n, 'of these', '').capitalize()} constraints {'is' if n == 1 else 'are'} redundant.")
-    if n := idle_forces(lay, at.rows([0])).shape[1]:
+    if n := idle_forces(lay, motion.q[:1]).shape[1]:
         freedoms = _many(len(mechanism.independent), "degree of freedom", "degrees of freedom", whole=True)
         idle = "does no work and only preloads" if n == 1 else "do no work and only preload"
         text.append(

@@ -17,7 +17,7 @@ from screwgauge.problem import GivenMotion
 from screwgauge.reference.closed.assembly_mode import closed_form_positions, positions
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.joint_types import placed, unplaced
-from screwgauge.reference.equations.kinematics import pose
+from screwgauge.reference.equations.kinematics import gaps, pose
 from screwgauge.reference.equations.screws import lie_bracket
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.graph import Edge, Layout, output_body, serial_chains
@@ -242,7 +242,7 @@ def platform_screws(lay: Layout, motion: GivenMotion, twist: str = "right") -> t
 def _driver_alone(lay: Layout, motion: GivenMotion) -> tuple[Array, Array] | None:
     """Results from the joint with the independent coordinates; None where that leaves a loop open."""
     q = closed_form_positions(lay, motion.y)
-    if q is None or np.abs(pose(lay, q[:: max(1, len(q) // 16)]).residual).max() > CLOSED:
+    if q is None or np.abs(gaps(lay, q[:: max(1, len(q) // 16)])).max() > CLOSED:
         return None
     chosen = lay.mechanism.independent_columns
     columns = next(columns for columns in lay.columns.values() if set(chosen) <= set(columns))

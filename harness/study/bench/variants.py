@@ -17,14 +17,14 @@ from screwgauge import __version__
 from screwgauge.engines.chunks import component_names
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.problem import GivenMotion, ModelFiles, Problem, Progress, quiet
-from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.assembly_mode import closed_form_positions, positions
-from screwgauge.reference.closed.newton import Evaluation, velocity_map
+from screwgauge.reference.closed.loops import LoopEquations, loop_equations
 from screwgauge.reference.closed.newton import newton as newtons_method
+from screwgauge.reference.closed.newton import velocity_map
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.dynamics import QUANTITIES
-from screwgauge.reference.equations.kinematics import pose
+from screwgauge.reference.equations.kinematics import gaps, twists
 from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.mechanism import in_precision, rounded
@@ -102,8 +102,10 @@ def closed(lay: Layout, problem: Problem, motion: GivenMotion, *, mended: bool =
     q = closed_form_positions(lay, motion.y)
     if q is None:
         raise ClosureError("no closed form", "this mechanism", "its chains are not all of the kinds U-P-U and U-P-S")
-    if mended and np.abs(pose(lay, q).residual).max() > 64 * np.finfo(q.dtype).eps:
-        q = newtons_method(_closing(lay), q, motion.y, most=5)[0]
+    if mended and np.abs(gaps(lay, q)).max() > 64 * np.finfo(q.dtype).eps:
+        system, goals = _unitless(lay, motion.y)
+        z = newtons_method(system.evaluate, (q / system.size)[:, system.unknown], goals, most=5)[0]
+        q = system.coordinates(z, q)
     return _beyond(lay, problem, motion, q)
 
 
@@ -112,18 +114,17 @@ def newton(lay: Layout, problem: Problem, motion: GivenMotion, *, steps: int) ->
 
     Predicted is from a corrected sample at most `STEP` away, without a look at what the prediction is worth.
     """
-    evaluate, columns = _closing(lay), lay.mechanism.independent_columns
-    q = np.tile(lay.mechanism.home, (len(motion) + 1, 1))
-    at, K = q[:1], np.zeros((q.shape[1], len(columns)))
-    for i, y in enumerate(motion.y, 1):
-        q[i] = at[0] + K @ (y - at[0, columns])
-        if i == 1 or np.abs(y - at[0, columns]).max() > STEP:
-            at, matrix, _ = newtons_method(evaluate, q[i : i + 1], y[None])
-            q[i], K = at[0], velocity_map(matrix, len(columns))[0]
-    q = q[1:]
+    home, (system, goals) = lay.mechanism.home, _unitless(lay, motion.y)
+    z = np.tile((home / system.size)[system.unknown], (len(motion), 1))
+    at, near, K = z[0], goals[0], np.zeros((z.shape[1], goals.shape[1]))
+    for i, y in enumerate(goals):
+        z[i] = at + K @ (y - near)
+        if i == 0 or np.abs(y - near).max() > STEP:
+            (at,), matrix, _ = newtons_method(system.evaluate, z[i : i + 1], y[None])
+            z[i], near, K = at, y, velocity_map(matrix, len(y))[0]
     if steps:
-        q = newtons_method(evaluate, q, motion.y, most=steps)[0]
-    return _beyond(lay, problem, motion, q)
+        z = newtons_method(system.evaluate, z, goals, most=steps)[0]
+    return _beyond(lay, problem, motion, system.coordinates(z, np.tile(home, (len(z), 1))))
 
 
 def differences(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
@@ -140,9 +141,9 @@ def differences(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
 
 def without_drift(lay: Layout, problem: Problem, motion: GivenMotion) -> Arrays:
     """Accelerations from ``A a = [0; ydd]``, the velocity terms of the loops forgotten."""
-    A = pose(lay, positions(lay, motion.y, motion.t)).closing_matrix
-    right = np.concatenate([np.zeros((len(motion), A.shape[1] - motion.y.shape[1])), motion.ydd], axis=1)
-    return {"joint_acceleration": linear.solve(A, right[..., None])[..., 0]}
+    at = loop_equations(lay).closed(positions(lay, motion.y, motion.t))
+    a = at.solve(motion.ydd)
+    return {"joint_acceleration": at.joint_rates(a, twists(at.pose, a))}
 
 
 def paper(lay: Layout, problem: Problem, motion: GivenMotion, *, twist: str, method: str) -> Arrays:
@@ -165,16 +166,10 @@ VARIANTS: dict[str, Callable[..., Arrays]] = {
 }
 
 
-def _closing(lay: Layout) -> Evaluation:
-    """Closure residuals and their derivative."""
-    columns, couplings = lay.mechanism.independent_columns, lay.mechanism.coupling_rows
-
-    def evaluate(q: Array, goal: Array) -> tuple[Array, Array]:
-        at = pose(lay, q)
-        errors = [at.residual.reshape(len(q), -1), couplings.residuals(q), q[:, columns] - goal]
-        return np.concatenate(errors, axis=1), at.closing_matrix
-
-    return evaluate
+def _unitless(lay: Layout, y: Array) -> tuple[LoopEquations, Array]:
+    """The loop equations, and the independent coordinates over their units. Shape (n, k)."""
+    system = loop_equations(lay)
+    return system, y / system.size[lay.mechanism.independent_columns]
 
 
 def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arrays:

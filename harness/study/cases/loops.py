@@ -22,7 +22,6 @@ from screwgauge.problem import InitialValue, Integration, Problem
 from screwgauge.quantities import natural_scales
 from screwgauge.reference.applied import hold
 from screwgauge.reference.closed.assembly_mode import positions
-from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
@@ -108,7 +107,7 @@ def _forces(posed: PreparedScene) -> Question:
     """Forces from the motion, only the unique ones of the reactions."""
     mechanism, motion = posed.scene.mechanism, posed.scene.motion
     lay = layout(mechanism)
-    counts = mobility(lay, pose(lay, positions(lay, motion.y[:1], motion.t[:1])))
+    counts = mobility(lay, positions(lay, motion.y[:1], motion.t[:1]))
     reactions = counts.names[: counts.constraints]
     unique = tuple(name for name, flag in zip(reactions, counts.unique, strict=False) if flag)
     kinds = [sorted({name.split(".")[1] for name in group}) for group in (unique, {*reactions} - {*unique})]

@@ -107,7 +107,7 @@ def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
     for _ in range(3):  # Newton's method
         residual, A = system.evaluate(z, y)
         z = z + linear.solve(A, (goal - residual)[..., None])[..., 0]
-    q, A = system.fill(z, q).q, system.evaluate(z, y)[1]
+    q, A = system.coordinates(z, q), system.evaluate(z, y)[1]
     v, w, at_rest = np.zeros_like(q), np.zeros_like(z), np.zeros_like(q)
     witness = mechanism_tree(mechanism, lay)
     for _ in range(3):  # the matrix is that of closed loops

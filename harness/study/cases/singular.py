@@ -21,7 +21,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import closed_form_positions, positions
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.forward import NewtonEuler, force_matrix
-from screwgauge.reference.equations.kinematics import pose
+from screwgauge.reference.equations.kinematics import gaps, pose
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.mechanism import in_precision
 from screwgauge.reference.rotations import Array
@@ -158,9 +158,8 @@ def wide_force_matrix(lay: Layout, y: Array) -> Array | None:
     q = closed_form_positions(lay, y.astype(np.longdouble))
     if q is None:
         return None
-    at = pose(lay, q)
-    closed = np.abs(at.residual).max(initial=0.0) < 64 * wider.eps
-    return force_matrix(at, at.q, at.S) if closed else None
+    at, closed = pose(lay, q), np.abs(gaps(lay, q)).max(initial=0.0) < 64 * wider.eps
+    return force_matrix(at, q, at.S) if closed else None
 
 
 def _towards(angle: float) -> Array:
