@@ -45,9 +45,9 @@ def test_a_page_that_asks_is_seen_and_not_served(opened: Opened) -> None:
 
 def test_the_first_screen_answers(opened: Opened) -> None:
     opened.at(1280)
-    lowest = opened.ask(
-        "Math.max(...[...document.querySelectorAll('.front > *')].map(e => e.getBoundingClientRect().bottom))"
-    )
+    shown = "[...document.querySelectorAll('.front > .banner, .front > figure')].map(e => e.getBoundingClientRect())"
+    assert opened.ask(f"{shown}.length") == 3  # verdict, curve, mechanism
+    lowest = opened.ask(f"Math.max(...{shown}.map(box => box.bottom))")
     assert lowest < 800
     text = opened.ask("document.querySelector('.front').innerText")
     for said in ("✓ AGREE", "worst numbers", "digits", "SHA-256", "pinocchio", "date"):

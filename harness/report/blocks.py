@@ -105,11 +105,12 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Folded:
-    """Blocks after their title, with a note of a few words."""
+    """Blocks after their title, with a note of a few words; on paper open or not."""
 
     title: str
     blocks: tuple[Block, ...]
     note: str = ""
+    printed: bool = True
 
 
 @dataclass(frozen=True, slots=True)

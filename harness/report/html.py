@@ -163,9 +163,10 @@ def _room(block: b.Front | b.Appendix | b.Folded) -> str:
             return _front(inside)
         case b.Appendix(inside):
             return _folded_sections(fragment(inside))
-        case b.Folded(title, inside, note):
+        case b.Folded(title, inside, note, printed):
             lead = f"<b>{_text(title)}</b><span>{_text(note)}</span>" if note else _text(title)
-            return f"<details>\n<summary>{lead}</summary>\n{fragment(inside)}\n</details>"
+            kind = "" if printed else ' class="more"'
+            return f"<details{kind}>\n<summary>{lead}</summary>\n{fragment(inside)}\n</details>"
 
 
 def _front(blocks: tuple[Block, ...]) -> str:

@@ -57,9 +57,9 @@ class Report:
     Its text has level-1 headings for sections, before them the first screen, after ``# Appendix`` what is folded; one
     with ``?`` is left out if all its places are empty. A line ``{name}`` is a place for what the value of that name is:
     text, list, facts, blocks. ``{name: columns; else}`` is a table of rows, see `table`, or that text if there are
-    none; ``{name+ lines: columns}`` shows `LONG` rows and folds the rest. A paragraph or an item may begin with
-    ``{?name}`` or ``{!name}``: it is there only if the value is true, or is not. Names within them are filled in.
-    ``{# Title}`` stands for the text of the section of that title.
+    none; ``{name+ lines: columns}`` shows `LONG` rows and folds the rest, on paper too. A paragraph or an item may
+    begin with ``{?name}`` or ``{!name}``: it is there only if the value is true, or is not. Names within them are
+    filled in. ``{# Title}`` stands for the text of the section of that title.
 
     Attributes:
         text: Name of the file in ``texts/``, or the path of another one, without its ``.md``.
@@ -235,7 +235,7 @@ class _Filled(Mapping[str, Any]):
             lines: Any = value.body if isinstance(value, Table) else tuple(value)
             parts = (lines[:LONG], lines[LONG:])
             short, rest = (Table(value.head, part) if isinstance(value, Table) else Items(part) for part in parts)
-            return [short, Folded(f"{len(parts[1])} more{noun}", (rest,))] if parts[1] else [short]
+            return [short, Folded(f"{len(parts[1])} more{noun}", (rest,), printed=False)] if parts[1] else [short]
         if isinstance(value, str):
             return [Paragraph(value)]
         if isinstance(value, Mapping):

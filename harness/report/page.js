@@ -54,7 +54,7 @@
 
   let opened = [];
   addEventListener("beforeprint", () => {
-    opened = [...document.querySelectorAll("details:not([open])")];
+    opened = [...document.querySelectorAll("details:not([open], .more)")];
     for (const fold of opened) fold.open = true;
   });
   addEventListener("afterprint", () => {
