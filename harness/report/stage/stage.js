@@ -204,8 +204,8 @@ function screwgaugeStage(element, data) {
   const legend = make("div", {}, `${ROW};font-size:.85em`, ...data.legend.map(([colour, text]) => make("span", {}, "", swatch(colour), text)));
   const labels = named.map(shape => {
     const halo = "text-shadow:0 0 3px var(--paper),0 0 3px var(--paper),0 0 2px var(--paper)";
-    const style = `position:absolute;left:0;top:0;white-space:nowrap;${halo};${shape.g === "links" ? "font-style:italic;opacity:.75" : ""}`;
-    const text = make("span", {textContent: shape.n}, style), a = vector(shape.a);
+    const style = `position:absolute;left:0;top:0;white-space:nowrap;${halo};${shape.g === "links" ? `font-style:italic;color:${shape.c}` : ""}`;
+    const text = make("span", {textContent: shape.n, className: shape.g}, style), a = vector(shape.a);
     overlay.append(text);
     return {text, mark: shape.g === "joints", body: shape.i, at: shape.k === "ball" || shape.k === "slide" ? a : a.lerp(vector(shape.b), 0.5)};
   });
