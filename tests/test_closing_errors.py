@@ -43,7 +43,7 @@ def cut(request, tmp_path):
     assert joint in {each.name for each in tree.cuts}
     assert mechanism.joint(joint).kind == kind
     y = mechanism.home[mechanism.independent_columns] + 0.02 * np.arange(1, 1 + len(mechanism.independent))
-    return LoopEquations(tree), posed(layout(mechanism), *y).q
+    return LoopEquations(tree), posed(layout(mechanism), *y)
 
 
 def test_errors_vanish_where_loops_close_and_change_as_their_derivative_says(cut):

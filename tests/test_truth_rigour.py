@@ -117,7 +117,7 @@ def test_routes_that_disagree_are_an_error(monkeypatch):
 def test_singular_pose_is_not_certified():
     mechanism = load_mechanism("3ups-upu-s")
     y = [0.1, np.arctan2(0.3 * 3**0.5, 0.5) - np.arccos((0.25 + 0.27) ** 0.5 / 0.8)]
-    start = posed(layout(mechanism), *y).q[0].tolist()
+    start = posed(layout(mechanism), *y)[0].tolist()
     with ctx.workprec(192):
         certifier = Certifier(Linkage(mechanism, mechanism_tables("3ups-upu-s")))
         b = (exact.number("3*sqrt(3)/5")).atan() - (arb(13) / 16).sqrt().acos()
@@ -127,7 +127,7 @@ def test_singular_pose_is_not_certified():
 
 def test_poor_guess_ends_in_a_proof_or_a_refusal():
     mechanism = load_mechanism("3ups-upu-s")
-    start = posed(layout(mechanism), 0.1, 0.05).q[0]
+    start = posed(layout(mechanism), 0.1, 0.05)[0]
     with ctx.workprec(192):
         certifier = Certifier(Linkage(mechanism, mechanism_tables("3ups-upu-s")))
         y = [arb("0.1"), arb("0.05")]
