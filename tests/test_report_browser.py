@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 
@@ -21,9 +23,13 @@ PAPER = 703  # what is left of A4 between the margins [pixels]
 
 
 @pytest.fixture(scope="module")
-def report() -> list[Any]:
+def results() -> screwgauge.Results:
     scene = screwgauge.load_scene("3ups-upu-s").at([0.0, 0.5, 1.0])
-    results = screwgauge.run(replace(scene, figures=scene.figures[:2]), engines=["screw", "pinocchio"])
+    return screwgauge.run(replace(scene, figures=scene.figures[:2]), engines=["screw", "pinocchio"])
+
+
+@pytest.fixture(scope="module")
+def report(results: screwgauge.Results) -> list[Any]:
     return run_page.report(results, run_page.pictures(results))
 
 
@@ -98,6 +104,46 @@ def test_plots_are_drawn_when_they_are_opened_and_engines_can_be_switched_off(op
     assert fold.locator(".moving.chart svg").first.evaluate(shown) > before
 
 
+def saved(opened: Opened, near: str, form: str) -> str:
+    """The file that a button near something leaves."""
+    opened.ask("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+    with opened.page.expect_download() as download:
+        opened.page.locator(f"{near} button", has_text=form).first.click()
+    assert download.value.suggested_filename.endswith(f".{form.lower()}")
+    return Path(download.value.path()).read_text(encoding="utf-8-sig")
+
+
+def test_a_table_is_saved_as_it_reads(opened: Opened) -> None:
+    opened.at(1280)
+    lines = [*csv.reader(saved(opened, "#judge ~ .save", "CSV").splitlines())]
+    shown = opened.ask(
+        """[...document.querySelectorAll('#judge ~ .scroll table')].slice(0, 1).flatMap(table =>
+          [...table.rows].map(row => [...row.cells].map(cell => cell.textContent.replaceAll('\\u00a0', ' '))))"""
+    )
+    assert len(shown) > 4
+    assert lines == shown
+
+
+def test_a_chart_is_saved_as_points_with_units_and_as_a_picture(opened: Opened, results: screwgauge.Results) -> None:
+    opened.at(1280)
+    rows = [*csv.DictReader(saved(opened, "details figure", "CSV").splitlines())]
+    first = [row for row in rows if row["engine"] == "screw"]
+    known = results.frame("joint_position")["screw"]
+    for row in first:
+        assert float(row["joint position [rad]"]) == pytest.approx(
+            known.loc[float(row["t [s]"]), f"{row['panel'].replace(' ', '')}.{row['curve']}"], rel=1e-5, abs=1e-12
+        )
+    assert len(first) == 3 * len({(row["panel"], row["curve"]) for row in first}) > 9
+    assert {row["pair"] for row in rows} > {"|screw - pinocchio|"}
+    assert ElementTree.fromstring(saved(opened, "details figure", "SVG")).tag.endswith("svg")
+
+
+def test_no_cell_that_is_saved_is_a_formula(opened: Opened) -> None:
+    text = "=HYPERLINK(1)"
+    opened.ask(f"document.querySelector('#judge ~ .scroll td').textContent = '{text}'")
+    assert f"'{text}," in saved(opened, "#judge ~ .save", "CSV")
+
+
 def test_links_lead_to_what_is_then_open(opened: Opened) -> None:
     opened.at(1280)
     places = opened.ask("[...document.querySelectorAll('nav a, a.word')].map(a => a.hash.slice(1))")
@@ -165,7 +211,7 @@ def test_paper_has_everything_and_cuts_no_table(opened: Opened) -> None:
           .map(e => e.getBoundingClientRect()).map(box => [box.height, box.right])"""
     )
     assert all(height > 0 and right <= PAPER + 1 for height, right in boxes)
-    assert opened.ask("[...document.querySelectorAll('.moving')].filter(e => e.offsetHeight).length") == 0
+    assert opened.ask("[...document.querySelectorAll('.moving, .save')].filter(e => e.offsetHeight).length") == 0
 
 
 def test_it_asks_for_nothing_and_says_nothing(opened: Opened) -> None:

@@ -18,7 +18,7 @@
     const element = document.createElement("div");
     element.className = `moving ${kind}`;
     load(kind);
-    figure.append(element);
+    figure.querySelector(":scope > svg").after(element);
     const room = figure.clientWidth; // one panel gets as narrow as its place; several, or on a phone, scroll
     if (json.width + 90 > room && room > 500)
       Object.assign(json, { width: room, autosize: { type: "fit-x", contains: "padding" } });
@@ -42,6 +42,79 @@
   }, { rootMargin: "300px" });
   const painted = () => figures.forEach((figure, i) => data[i] && data[i].dataset.kind && watch.observe(figure));
   requestAnimationFrame(() => requestAnimationFrame(painted)); // what is still is seen first
+
+  // Saves a table as CSV, a figure as SVG and the points of a chart as CSV.
+  const cell = (value) => {
+    const text = String(value ?? "").replaceAll("\u00a0", " ").trim();
+    const safe = /^[=+@-]./.test(text) && isNaN(text) ? `'${text}` : text; // a spreadsheet takes it for a formula
+    return /[",\n]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;
+  };
+  const csv = (rows) => `\ufeff${rows.map((row) => row.map(cell).join(",")).join("\n")}\n`;
+  const named = (text) => text.toLowerCase().replace(/[^a-z0-9]+/g, "-").slice(0, 60).replace(/^-|-$/g, "") || "table";
+
+  const LOOKS = ["s", "i", "kind", "colour", "dash", "shape", "hollow", "joined"];
+
+  // Rows of described curves, each as its densest series; in differences, lines are drawn where zero is none.
+  function curves({ values }, known) {
+    const identity = ({ kind, s, colour, shape, component, ...rest }) => JSON.stringify(rest), best = {};
+    const rank = ({ kind, pair }) => (pair ? ["asked", "line", "mark"] : ["line", "mark", "asked"]).indexOf(kind);
+    for (const one of known) best[identity(one)] = Math.min(best[identity(one)] ?? 9, rank(one));
+    return values.split("\n").slice(1).map((line) => line.split(",")).flatMap(([s, t, v]) =>
+      rank(known[s]) === best[identity(known[s])] ? [{ ...known[s], t, v }] : []);
+  }
+
+  // Rows of a chart and of all charts within it: a column for each field, under the title of its axis if it has one.
+  function rowsOf(view, above = {}) {
+    const inner = ["vconcat", "concat", "layer"].flatMap((name) => view[name] ?? []).concat(view.spec ?? []);
+    const axes = [above, view, ...inner].flatMap((one) => [...Object.values(one.encoding ?? {}), ...(one.axes ?? [])]);
+    const titles = Object.fromEntries(axes.filter((x) => x?.title).map((x) => [x.field ?? x.scale, x.title]));
+    titles.v ??= titles.y;
+    const own = [view.data ?? []].flat().filter(({ name, values }) => values && !/_store$/.test(name));
+    const rows = own.flatMap((data) => typeof data.values === "string"
+      ? curves(data, view.transform[0].from.data.values) : data.values.map((row) => ({ panel: view.title?.text, ...row })));
+    const renamed = rows.map((row) => Object.fromEntries(Object.entries(row).flatMap(([key, value]) =>
+      LOOKS.includes(key) || value === undefined ? [] : [[titles[key] ?? key, value]])));
+    return [...renamed, ...inner.flatMap((one) => rowsOf(one, view))];
+  }
+
+  function points(spec) {
+    const rows = rowsOf({ ...spec, title: {} }), heads = [...new Set(rows.flatMap(Object.keys))];
+    return csv([heads, ...rows.map((row) => heads.map((head) => row[head]))]);
+  }
+
+  function offer(name, forms) {
+    const line = document.createElement("p");
+    line.className = "save";
+    for (const [form, [type, hint, make]] of Object.entries(forms)) {
+      const button = document.createElement("button");
+      Object.assign(button, { textContent: form, title: hint });
+      button.addEventListener("click", () => {
+        const link = document.createElement("a");
+        link.href = URL.createObjectURL(new Blob([make()], { type }));
+        link.download = `${named(name)}.${form.toLowerCase()}`;
+        link.click();
+        setTimeout(() => URL.revokeObjectURL(link.href), 1e4);
+      });
+      line.append(button);
+    }
+    return line;
+  }
+
+  for (const table of document.querySelectorAll(".scroll:not(.facts) table")) {
+    const above = [...document.querySelectorAll("h1, h2")].filter((head) => head.compareDocumentPosition(table) & 4);
+    const rows = () => csv([...table.rows].map((row) => [...row.cells].map((one) => one.textContent)));
+    table.parentElement.after(offer(above.at(-1).textContent, { CSV: ["text/csv", "Save this table", rows] }));
+  }
+  figures.forEach((figure, i) => {
+    const still = figure.querySelector(":scope > svg");
+    if (!still || !data[i]) return;
+    const forms = { SVG: ["image/svg+xml", "Save this picture", () => new XMLSerializer().serializeToString(still)] };
+    if (data[i].dataset.kind === "chart") {
+      const hint = "Save the points that are drawn; run --csv writes every sample";
+      forms.CSV = ["text/csv", hint, () => points(JSON.parse(data[i].textContent))];
+    }
+    figure.append(offer(still.getAttribute("aria-label"), forms));
+  });
 
   // Whatever a link leads to is open.
   function reveal() {
