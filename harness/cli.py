@@ -165,7 +165,6 @@ def _parser() -> argparse.ArgumentParser:
     def executed(add: Any, what: str) -> None:
         add("-j", "--jobs", type=int, metavar="N", help=f"{what} at a time (1)")
         add("--cluster", metavar="ADDRESS|FILE", help="do them on a Dask cluster: its scheduler, or the file of that")
-        add("--insecure", action="store_true", help="let --cluster reach beyond this machine without TLS")
 
     add = command(commands.list_, "what there is to choose from")
     add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases", "discrepancies"])

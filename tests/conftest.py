@@ -48,7 +48,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("campaigns", "campaigns (-m campaign)")
     group.addoption("--count", type=int, metavar="N", help="rows of each campaign (those of the report that is kept)")
     group.addoption("--models", type=Path, action="append", default=[], metavar="DIR", help="further public models")
-    where = "Dask cluster that makes the rows of random mechanisms; its workers need the folder tests on PYTHONPATH"
+    where = "Dask cluster that makes the rows of random mechanisms; all of it needs the folder tests on PYTHONPATH"
     group.addoption("--cluster", metavar="ADDRESS|FILE", help=where)
     group.addoption("--reports", type=Path, metavar="DIR", help="folder of their reports (one that goes away)")
 

@@ -4,157 +4,226 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 pytest.importorskip("distributed")
 
+import dask
+
 from screwgauge.study import cluster as study
-from screwgauge.study.cluster import Cluster, check_address, on_worker
+from screwgauge.study.cluster import Cluster
 from screwgauge.study.isolation import Limits
 from support import tasks as support
 from support.errors import DescriptionError, OutputError
-from support.tasks import InTurn, Journal, Task, rows, tasks
+from support.tasks import Journal, Processes, Task, rows, tasks
 
 pytestmark = pytest.mark.filterwarnings("ignore")
+#: Prints the address of a cluster with one worker, and runs until it is killed.
+SCHEDULER = """
+import sys, distributed
+cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None)
+print(cluster.scheduler_address, flush=True)
+sys.stdin.read()
+"""
+
+
+@contextmanager
+def cluster(workers: int, failures: int = 1) -> Iterator[str]:
+    """The address of a cluster on the loopback, whose workers may die so often before Dask blames their tasks."""
+    from distributed import LocalCluster
+
+    options = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None}
+    with dask.config.set({"distributed.scheduler.allowed-failures": failures}), LocalCluster(**options) as found:
+        yield found.scheduler_address
 
 
 @pytest.fixture(scope="module")
-def local():
-    """Two workers on the loopback."""
-    import dask
-    from distributed import LocalCluster
-
-    with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
-        LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as found,
-    ):
-        yield found
+def local() -> Iterator[str]:
+    with cluster(2) as address:
+        yield address
 
 
 class Interfering(Journal):
     """A journal beside which something happens after so many rows."""
 
-    def __init__(self, after: int, what) -> None:
-        super().__init__(None, "")
+    def __init__(self, after: int, what: Callable[[], Any], place: Path | None = None) -> None:
+        super().__init__(place, "")
         self.after, self.what, self.keys = after, what, list[str]()
 
-    def keep(self, key, result) -> None:
+    def keep(self, key: str, result: Any) -> None:
         super().keep(key, result)
         self.keys.append(key)
         if len(self.keys) == self.after:
             self.what()
 
 
-@pytest.mark.slow
-def test_rows_are_those_of_this_machine_though_a_worker_is_killed(local):
-    def kill() -> None:
-        from distributed import Client
+def kill_a_worker(address: str) -> None:
+    from distributed import Client
 
-        with Client(local.scheduler_address, set_as_default=False) as client:
-            os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
-
-    kept = Interfering(20, kill)
-    assert rows(tasks(200), Cluster(local.scheduler_address), kept) == rows(tasks(200), InTurn())
-    assert len(kept.keys) == len({*kept.keys}) == 200
+    with Client(address, set_as_default=False) as client:
+        os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
 
 
 @pytest.mark.slow
-def test_what_a_scheduler_has_lost_is_asked_for_again(local, monkeypatch):
-    futures, submit = [], study._Session._submit
-
-    def submitted(self, names):
-        futures.append(submit(self, names))
-        return futures[-1]
-
-    monkeypatch.setattr(study._Session, "_submit", submitted)
-    kept = Interfering(20, lambda: [future.cancel() for future in futures])
-    assert rows(tasks(200), Cluster(local.scheduler_address), kept) == rows(tasks(200), InTurn())
-    assert len(kept.keys) == len({*kept.keys}) == 200
+@pytest.mark.parametrize("n", [60, pytest.param(500, marks=pytest.mark.thorough)])
+def test_rows_are_those_of_processes_though_a_worker_is_killed_half_way(n, local, isolated):
+    kept = Interfering(n // 2, partial(kill_a_worker, local))
+    assert rows(tasks(n), Cluster(local), kept) == rows(tasks(n), Processes(2))
+    assert len(kept.keys) == len({*kept.keys}) == n
 
 
 @pytest.mark.slow
-def test_a_task_that_takes_its_worker_with_it_is_a_row_and_the_others_are_there(local):
+def test_where_the_scheduler_dies_the_same_command_goes_on(tmp_path, cache_folder):
+    def command(after: int) -> tuple[list[dict[str, Any]], Interfering]:
+        more = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+        with subprocess.Popen([sys.executable, "-c", SCHEDULER], env=environment, **more) as scheduler:
+            try:
+                kept = Interfering(after, scheduler.kill, tmp_path)
+                return rows(asked, Cluster(scheduler.stdout.readline().strip()), kept), kept
+            finally:
+                scheduler.kill()
+
+    asked = [Task(f"{i}", partial(support.appends, tmp_path / f"{i}", i)) for i in range(100)]
+    with pytest.raises(OutputError, match="the same command again"):
+        command(10)
+    before = Journal(tmp_path, "").results
+    found, kept = command(-1)
+    assert found == [{"i": i} for i in range(100)]
+    assert 10 <= len(before) < 100
+    assert {*kept.keys} == {task.name for task in asked} - before.keys()
+    assert {(tmp_path / name).read_text() for name in before} == {"done\n"}
+
+
+@pytest.mark.slow
+def test_a_task_that_takes_its_worker_with_it_is_a_row_and_the_others_are_there():
     odd = [Task("killed", support.dies), Task("taken", support.takes_its_worker)]
-    found = rows([*odd, *tasks(5)], Cluster(local.scheduler_address))
+    with cluster(1, failures=0) as address:
+        found = rows([*odd, *tasks(5)], Cluster(address))
     assert found[:2] == [
         {"lost": "killed: crashed: its process got SIGKILL, 4 times"},
-        {"lost": "taken: its worker was killed, 2 times"},
+        {"lost": "taken: its worker was killed, 1 times"},
     ]
     assert [row["i"] for row in found[2:]] == [*range(5)]
 
 
 @pytest.mark.slow
-def test_engines_have_limits_in_a_worker(local):
-    from distributed import Client
+def test_an_interrupt_cancels_what_is_queued(local, tmp_path):
+    def interrupt() -> None:
+        raise KeyboardInterrupt
 
-    with Client(local.scheduler_address, set_as_default=False) as client:
-        assert client.submit(support.limited_run, pure=False).result() == (True, [])
+    file = tmp_path / "done"
+    queued = [Task(f"{i}", partial(support.appends, file, i)) for i in range(300)]
+    with pytest.raises(KeyboardInterrupt):
+        rows(queued, Cluster(local), Interfering(1, interrupt))
+    rows(tasks(4), Cluster(local))
+    assert len(file.read_text().splitlines()) < len(queued)
+
+
+@pytest.mark.slow
+def test_tasks_have_limits_of_time_and_memory_and_engines_processes_of_their_own(local):
+    endless = rows([Task("endless", support.endless)], Cluster(local, Limits(seconds=1.0)))
+    greedy = rows([Task("greedy", support.greedy)], Cluster(local, Limits(memory=1.0)))
+    assert "endless: stopped after 1 s" in endless[0]["lost"]
+    assert "greedy: needs more than 1 GB" in greedy[0]["lost"]
+    assert rows([Task("run", support.limited_run)], Cluster(local)) == [{"ok": True, "failures": []}]
+
+
+@pytest.mark.slow
+def test_progress_tells_how_many_workers_there_are(local):
+    seen = list[tuple[str, float]]()
+    some = {task.name: task for task in tasks(3)}
+    Cluster(local)(some, lambda name, row: None, lambda step, share: seen.append((step, share)))
+    assert {step for step, share in seen} == {"2 workers"}
+    assert [share for step, share in seen] == sorted(share for step, share in seen)
+    assert seen[-1][1] == 1.0
 
 
 @pytest.mark.slow
 def test_a_worker_with_another_version_is_refused_by_name(local, monkeypatch):
     here = study.versions()
-    monkeypatch.setattr(study, "versions", lambda: here | {"pin": "0.1", "mujoco": "0.2"})
-    with pytest.raises(DescriptionError, match=r"other versions than here on tcp://127.*: pin .* in place of 0\.1"):
-        rows(tasks(2), Cluster(local.scheduler_address))
+    monkeypatch.setattr(study, "versions", lambda: here | {"pin": "0.1", "engine x": "1"})
+    with pytest.raises(
+        DescriptionError, match=r"the worker \S+ has pin \S+ instead of 0\.1, engine x None instead of 1;"
+    ):
+        rows(tasks(2), Cluster(local))
 
 
-def test_a_worker_that_comes_later_looks_for_itself():
-    with pytest.raises(DescriptionError, match=r"a worker: mujoco .* in place of 0\.2"):
-        on_worker([], Limits(), study.versions() | {"mujoco": "0.2"}, "/", ())
-
-
-@pytest.mark.parametrize("absolute", [False, True])
-def test_files_travel_by_their_content(absolute, tmp_path, monkeypatch):
-    (tmp_path / "a.txt").write_text("far")
-    monkeypatch.chdir(tmp_path)
-    name = str(tmp_path / "a.txt") if absolute else "a.txt"
-    at_home = support.reads(name, None)
-    (tmp_path / "a.txt").unlink()
-    works = [("a", partial(support.reads, name), {str(tmp_path / "a.txt"): "hash"})]
-    found = on_worker(works, Limits(), study.versions(), str(tmp_path), ("hash",), b"far")[1]
-    assert found == {"a": at_home}
-    assert os.getcwd() == str(tmp_path)
-
-
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:8786", "tcp://[::1]:1", "tcp://localhost:2", "tls://10.0.0.1:3"])
-def test_this_machine_and_tls_are_reached(address):
-    check_address(address)
-
-
-@pytest.mark.parametrize(
-    ("address", "said"),
-    [
-        ("tcp://10.0.0.1:8786", "beyond this machine and not encrypted"),
-        ("tcp://scheduler.example:8786", "beyond this machine and not encrypted"),
-        ("tcp://127.0.0.1", "is no address"),
-        ("tcp://127.0.0.1:x", "is no address"),
-        ("http://127.0.0.1:80", "is no address"),
-        ("tcp://127.0.0.1.example:80", "beyond this machine and not encrypted"),
-    ],
-)
-def test_nothing_else_is(address, said):
-    with pytest.raises(DescriptionError, match=said):
-        check_address(address)
-
-
-def test_a_trusted_network_is_reached_if_that_is_said():
-    check_address("tcp://10.0.0.1:8786", insecure=True)
-
-
-def test_the_file_of_a_scheduler_is_read_as_an_address_is(tmp_path):
-    (tmp_path / "s.json").write_text('{"address": "tcp://10.0.0.1:1"}')
-    with pytest.raises(DescriptionError, match="not encrypted"):
-        Cluster(str(tmp_path / "s.json"))
-    (tmp_path / "s.json").write_text("{}")
-    with pytest.raises(DescriptionError, match="has no address"):
-        Cluster(str(tmp_path / "s.json"))
+@pytest.mark.parametrize("machine", ["the scheduler", "tcp://10.0.0.1:1"])
+def test_another_version_of_dask_is_refused_before_any_task(machine):
+    same = {"packages": {"dask": "2026.1", "numpy": "2.0", "lz4": None}}
+    other = {"packages": {"dask": "2025.1", "numpy": None}}
+    scheduler, worker = (other, same) if machine == "the scheduler" else (same, other)
+    found = {"client": same, "scheduler": scheduler, "workers": {"tcp://10.0.0.1:1": worker}}
+    client = SimpleNamespace(get_versions=None, sync=lambda call, **options: found)
+    with pytest.raises(DescriptionError, match=f"{machine} has dask 2025.1 instead of 2026.1;"):
+        study._check_versions(client)
 
 
 @pytest.mark.slow
-def test_no_scheduler_is_one_sentence_that_says_how_to_go_on(monkeypatch):
-    monkeypatch.setattr(study, "CONNECT", 0.1)
-    with pytest.raises(OutputError, match=r"no scheduler answers .*run the same command again: it goes on"):
-        rows(tasks(1), Cluster("tcp://127.0.0.1:1"))
+def test_files_are_read_in_the_folder_of_the_command(local, tmp_path, monkeypatch):
+    (tmp_path / "a.txt").write_text("content")
+    monkeypatch.chdir(tmp_path)
+    task = Task("a", partial(support.reads, "a.txt"), files=[Path("a.txt")])
+    assert rows([task], Cluster(local)) == [{"text": "content"}]
+
+
+@pytest.mark.parametrize("content", [None, "other"])
+def test_a_worker_that_has_not_the_same_file_is_refused(content, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "a.txt"
+    if content is not None:
+        file.write_text(content)
+    with pytest.raises(DescriptionError, match=r"a\.txt: is not on the worker"):
+        study._with_files(partial(support.reads, "a.txt"), str(tmp_path), {str(file): "digest"}, lambda *said: None)
+
+
+@pytest.mark.parametrize(
+    "where",
+    [
+        "",
+        "foo",
+        "tcp://127.0.0.1:x",
+        "http://127.0.0.1:80",
+        "tls://127.0.0.1:1",
+        "tcp://127.0.0.1:1",
+        "{}",
+        '{"address": 3}',
+    ],
+)
+def test_an_address_at_which_no_scheduler_answers_is_refused(where, tmp_path):
+    if where.startswith("{"):
+        (tmp_path / "scheduler.json").write_text(where)
+        where = str(tmp_path / "scheduler.json")
+    with dask.config.set({study.ANSWER: "0.1s"}), pytest.raises(DescriptionError, match=r"no scheduler answers \(\w"):
+        rows(tasks(1), Cluster(where))
+
+
+def test_a_scheduler_that_must_be_reached_by_tls_is_not_reached_without(local):
+    with (
+        dask.config.set({"distributed.comm.require-encryption": True}),
+        pytest.raises(DescriptionError, match=r"no scheduler answers .*encryption required"),
+    ):
+        rows(tasks(1), Cluster(local))
+
+
+@pytest.mark.slow
+def test_a_cluster_without_workers_is_not_waited_for():
+    said = pytest.raises(OutputError, match=r"no worker for 0\.3 s; start some and run the same command again")
+    with cluster(0) as address, dask.config.set({study.WORKERS: "0.3s"}), said:
+        rows(tasks(1), Cluster(address))
+
+
+def test_a_cluster_without_dask_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(study, "find_spec", lambda name: None)
+    with pytest.raises(OutputError, match=r"pip install 'screwgauge\[cluster\]'"):
+        Cluster("tcp://127.0.0.1:1")

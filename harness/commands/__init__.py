@@ -242,7 +242,7 @@ def executor(options: argparse.Namespace, limits: Limits | None = None) -> Execu
     """Where tasks run, as options say."""
     from screwgauge.study.cluster import executor
 
-    return executor(options.jobs, options.cluster, limits, insecure=options.insecure)
+    return executor(options.jobs, options.cluster, limits)
 
 
 def _names(text: str | None) -> list[str] | None:

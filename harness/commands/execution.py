@@ -117,6 +117,7 @@ def _write(
 
 _CAMPAIGN = "run pytest -m campaign -k {} in a checkout, see reports/README.md"
 _KEPT = "keep check.json of each check, and compare with a known state by check --baseline"
+_TLS = "leave it out, and use tls:// or a network that you trust: Dask has no login, see harness/guide/cluster.md"
 _PAPER = "run pytest tests/paper --reports=DIR in a checkout, see reports/README.md"
 _ENDED, _RENAMED = "is no longer part of the package", "has another name"
 #: Command, or command and option -> what became of it, and what to type in its place.
@@ -128,6 +129,7 @@ ENDED = {
     "diagnose --case": (_RENAMED, "write casebook ID"),
     "diagnose --matrix": (_ENDED, "name a library for each side: diagnose FILE@pinocchio FILE@mujoco"),
     "diagnose --self-test": (_ENDED, _CAMPAIGN.format("selftest")),
+    **{f"{name} --insecure": (_ENDED, _TLS) for name in ("bench", "check", "matrix", "stress")},
     "history": (_ENDED, _KEPT),
     "paper": (_ENDED, _PAPER),
     "run --errata": (_ENDED, _PAPER),

@@ -31,13 +31,13 @@ class Task:
         name: One of its own among all tasks.
         work: Takes a progress and returns the row. It pickles.
         key: What a journal knows the row by; the name if empty.
-        files: The files that it reads, for machines that may not have them.
+        files: Those that it reads and that do not come with the package, for machines that must have them, too.
     """
 
     name: str
     work: Callable[[Progress], Any]
     key: str = ""
-    files: Callable[[], Iterable[Path]] = tuple
+    files: Sequence[Path] = ()
 
 
 class Executor(Protocol):

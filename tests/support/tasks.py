@@ -29,16 +29,31 @@ def takes_its_worker(progress: Any) -> dict[str, Any]:
 
 
 def reads(name: str, progress: Any) -> dict[str, Any]:
-    return {"text": Path(name).read_text(encoding="utf-8"), "file": str(Path(name))}
+    return {"text": Path(name).read_text(encoding="utf-8")}
 
 
-def limited_run() -> tuple[bool, list[str]]:
+def appends(file: Path, i: int, progress: Any) -> dict[str, Any]:
+    with file.open("a", encoding="utf-8") as opened:
+        opened.write("done\n")
+    return {"i": i}
+
+
+def endless(progress: Any) -> dict[str, Any]:
+    while True:
+        pass
+
+
+def greedy(progress: Any) -> dict[str, Any]:
+    return {"size": len(bytearray(10**10))}
+
+
+def limited_run(progress: Any) -> dict[str, Any]:
     """A run with limits, wherever that is."""
     import screwgauge
 
     scene = screwgauge.load_scene("slider-crank")
     found = screwgauge.run(scene.at(scene.t[:3]), ["screw"], ["joint_position"], limits=screwgauge.Limits())
-    return found.ok, [*found.failures]
+    return {"ok": found.ok, "failures": [*found.failures]}
 
 
 def tasks(n: int, *more: Task) -> list[Task]:

@@ -136,7 +136,7 @@ def _by_family(
         families.setdefault(contestant.family, []).append(contestant)
     works = {name: partial(_of_family, posed, plan, some, end) for name, some in families.items()}
     rows: list[list[BenchRow]] = run_tasks(
-        [Task(name, work, files=posed.written) for name, work in works.items()],
+        [Task(name, work, files=posed.written()) for name, work in works.items()],
         execute,
         lost=lambda name, reason: [row for one in families[name] for row in _lost(one, reason, FAILED)],
         progress=progress,

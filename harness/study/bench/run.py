@@ -196,7 +196,7 @@ def _elsewhere(
     for name, group in groups.items():
         known = {c.key: (kept.results.get(c.key), kept.times.get(c.key, [])) for c in group}
         work = partial(_measured, posed, group, known, protocol.rounds, end)
-        tasks.append(Task(name, work, files=posed.written))
+        tasks.append(Task(name, work, files=posed.written()))
 
     def lost(name: str, reason: str) -> Measurements:
         return {c.key: {"status": FAILED, "reason": reason} for c in groups[name]}, {}

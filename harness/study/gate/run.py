@@ -42,8 +42,9 @@ def check_items(
     kept = Journal(place, address("check", settings.smoke, settings.tolerances))
     tasks = []
     for item in items:
-        key = address(item.name, item.files, files=files_in(item)) if place else ""
-        tasks.append(Task(item.name, partial(_timed, item, settings), key, partial(files_in, item)))
+        files = files_in(item) if place else []
+        key = address(item.name, item.files, files=files) if place else ""
+        tasks.append(Task(item.name, partial(_timed, item, settings), key, files))
 
     def keep(key: str, row: GateRow) -> None:
         with suppress(OutputError):  # the report meets the full disk again
