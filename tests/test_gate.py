@@ -191,7 +191,10 @@ def test_the_command_leaves_files_for_ci(theirs, monkeypatch, capsys):
     printed = capsys.readouterr().out
     assert "\n::error file=" in printed
     assert "✗ FAILED: 0 of 1 pass." in printed
-    assert (theirs / "out" / "report.html").is_file()
+    page = (theirs / "out" / "report.md").read_text(encoding="utf-8")
+    assert page.startswith("# Check of turn")
+    assert page.count("| turn | ✗ differ |") == 1
+    assert page.index("coupler: inertia yy") < page.index("plots/01-turn.svg") < page.index("## Largest tolerances")
     assert main(["check", "turn.toml", "--json", "--out", "out"]) == 1
     assert json.loads(capsys.readouterr().out)["rows"][0]["status"] == "differ"
     assert json.loads((theirs / "out" / "check.json").read_text())["rows"][0]["status"] == "differ"

@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.judging.residual import Residual
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures import chart
@@ -68,7 +69,25 @@ def named(comparison: Comparison) -> dict[str, Drawing]:
 
 
 def _quantity(name: str, drawing: Drawing, comparison: Comparison) -> Picture:
-    subject, (pairs, tolerance) = _subject(drawing, comparison), _compared(drawing, comparison)
+    return _drawn(name, drawing, _subject(drawing, comparison), *_compared(drawing, comparison))
+
+
+def pair_picture(name: str, title: str, worst: Residual, curve: Array) -> Picture:
+    """What two engines say of one component, and their difference.
+
+    Args:
+        curve: Times [s] and both values. Shape (n, 3).
+    """
+    columns = dict(zip((worst.a, worst.b), curve.T[1:], strict=True))
+    values = {engine: {worst.component: column} for engine, column in columns.items()}
+    everywhere = dict.fromkeys(columns, np.ones(len(curve), dtype=bool))
+    drawing = Drawing(title, worst.quantity, worst.unit, (("", (worst.component,)),))
+    subject = _Subject(curve[:, 0], values, everywhere, drawing.panels)
+    tolerance = abs(worst.values[0] - worst.values[1]) * worst.tolerance / worst.error
+    return _drawn(name, drawing, subject, [(worst.a, worst.b)], tolerance if np.isfinite(tolerance) else None)
+
+
+def _drawn(name: str, drawing: Drawing, subject: _Subject, pairs: list[Pair], tolerance: float | None) -> Picture:
     first, *others = subject.values
     shown = [first, *(engine for engine in others if {(first, engine), (engine, first)} & {*pairs})]
     labels = [_labels(names, subject.values[first]) for _, names in subject.panels]

@@ -8,17 +8,20 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from screwgauge.judging.residual import JUDGE
 from screwgauge.reference.errors import OutputError, first_few
 from screwgauge.reference.files import replace_file, stamped, why
-from screwgauge.report.blocks import Banner, Block, Heading
+from screwgauge.report.blocks import Banner, Block, Heading, Picture
+from screwgauge.report.figures.run import pair_picture
 from screwgauge.report.layout import Report
 from screwgauge.report.left_out import more
 from screwgauge.report.text import markdown, terminal
 from screwgauge.report.verdict import verdict
 from screwgauge.report.write import Shown
 from screwgauge.study.comparison import Comparison
-from screwgauge.study.formatting import beyond, digits_text, number, size
+from screwgauge.study.formatting import beyond, digits_text, file_name, number, size
 from screwgauge.study.gate.check import SHOWN, Check
 from screwgauge.study.gate.check import check_with as check_items_with
 from screwgauge.study.gate.items import GateRow
@@ -89,14 +92,27 @@ def _lines(rows: Iterable[GateRow]) -> list[dict[str, Any]]:
     for row in rows:
         worst = {**asdict(row.worst), "digits": digits_text(row.worst.error)} if row.worst else nothing
         scaled = size(row.worst.error) if row.worst else ""
-        lines.append({**worst, "scene": row.scene, "word": WORDS[row.status], "scaled": scaled})
+        about = {"scene": row.scene, "word": WORDS[row.status], "took": f"{row.seconds:.1f} s"}
+        lines.append({**worst, **about, "scaled": scaled})
     return lines
 
 
-def _nearest(check: Check) -> list[dict[str, Any]]:
-    """The three that come nearest to their tolerance, or are farthest beyond it."""
-    sized = [(beyond(row.worst.error, row.worst.tolerance), row) for row in check.rows if row.worst is not None]
-    return _lines(row for _, row in sorted(sized, key=lambda pair: pair[0], reverse=True)[:3])
+def _rows(check: Check) -> list[dict[str, Any]]:
+    """What does not pass first, then what comes nearest to its tolerance."""
+
+    def order(row: GateRow) -> tuple[bool, float]:
+        return row.ok, -beyond(row.worst.error, row.worst.tolerance) if row.worst else 0.0
+
+    return _lines(sorted(check.rows, key=order))
+
+
+def _pictures(check: Check) -> list[Picture]:
+    """What does not pass, as both engines have it."""
+    bad, drawn = [(row, row.worst) for row in check.rows if row.worst and row.curve], list[Picture]()
+    for i, (row, worst) in enumerate(bad[:SHOWN], 1):
+        title = f"{row.scene}: {worst.quantity} at {worst.component}"
+        drawn.append(pair_picture(f"{i:02d}-{file_name(row.scene)}", title, worst, np.array(row.curve)))
+    return drawn
 
 
 def _about(check: Check) -> dict[str, Any]:
@@ -106,6 +122,7 @@ def _about(check: Check) -> dict[str, Any]:
     return {
         "scenes and pairs": len(check.rows),
         "motion": "a few samples of an exciting one" if check.smoke else "its own",
+        "duration": f"{sum(row.seconds for row in check.rows):.1f} s, of all scenes together",
         "engines": ", ".join(engines),
         "files": first_few(files, SHOWN) + (", see Environment" if len(files) > SHOWN else ""),
         "date": check.date,
@@ -181,16 +198,16 @@ PAGE = _Page(
     banner=_banners,
     data={"check.json": lambda check: check.record},
     values={
-        "title": lambda check: "Check",
-        "nearest": _nearest,
+        "title": lambda check: f"Check of {first_few([row.scene for row in check.rows], 3)}",
         "about": _about,
         "files": _files,
-        "rows": lambda check: _lines(sorted(check.rows, key=lambda row: row.ok)),
+        "rows": _rows,
         "tolerances": _tolerances,
         "unread": lambda check: [*check.unread],
         "admitted": _admitted,
         "tested": lambda check: [f"{row.scene}: {row.coverage or row.sentence}" for row in check.rows if row.ok],
     },
+    draw=_pictures,
 )
 
 

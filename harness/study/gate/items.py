@@ -179,6 +179,7 @@ class GateRow:
         read: Files that were read, by the names that were given.
         more: What its files have more than the rigid machine that is compared, in a sentence; empty if nothing.
         admitted: What is admitted on purpose: differences and files that the scene allows, tolerances above `WIDE`.
+        curve: Of a scene that does not pass: time [s] and both values of the worst component, at some samples.
     """
 
     scene: str
@@ -196,6 +197,7 @@ class GateRow:
     read: Sequence[str] = ()
     more: str = ""
     admitted: Sequence[str] = ()
+    curve: Sequence[tuple[float, float, float]] = ()
 
     @property
     def ok(self) -> bool:

@@ -19,8 +19,10 @@ from screwgauge.environment import environment
 from screwgauge.judging.coverage import Coverage
 from screwgauge.judging.residual import JUDGE, Residual
 from screwgauge.models.catalog import description_files
+from screwgauge.problem import spread
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.files import read_file
+from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 from screwgauge.study.comparison import Comparison
@@ -31,6 +33,7 @@ from screwgauge.study.run import run
 
 #: What half a unit of the last digit in each of some hundred numbers makes of a force, in such units.
 DIGITS = 50.0
+CURVE = 400  # samples that are kept of what does not pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +89,8 @@ def compared(
     used = dict.fromkeys([*scene.quantities, *scene.tolerances])
     leave = admissions({quantity: scene.tolerance(quantity) for quantity in used}, scene.allow)
     row = replace(row, doubts=results.reservations, unread=results.unread, read=read, admitted=leave)
-    return replace(row, more=settings.more(results) if results.left_out.terms else ""), results
+    more = settings.more(results) if results.left_out.terms else ""
+    return replace(row, more=more, curve=_curve(results, row.worst)), results
 
 
 def _status(results: Comparison, errors: Sequence[Residual]) -> Outcome:
@@ -130,10 +134,10 @@ def _errors(results: Comparison, given: Mapping[str, str]) -> Iterator[Residual]
         quantity, unit, a, b = (str(row[key]) for key in ("quantity", "unit", "a", "b"))
         tolerance, reason = derived(results, row, given)
         ok = bool(row["ok"] or row["max_scaled"] <= tolerance)
-        first, second = (nan if ok else _value(results, row, side) for side in "ab")
-        where, t = str(row["worst_component"]), float(row["worst_t"])
-        size = float(row["max_scaled"])
-        yield Residual(quantity, unit, a, b, size, tolerance, reason, ok, where, t, (first, second))
+        where, t, size = str(row["worst_component"]), float(row["worst_t"]), float(row["max_scaled"])
+        found = Residual(quantity, unit, a, b, size, tolerance, reason, ok, where, t)
+        first, second = (nan if ok else _value(results, found, engine) for engine in (a, b))
+        yield replace(found, values=(first, second))
 
 
 def derived(results: Comparison, row: Mapping[Any, Any], given: Mapping[str, str]) -> tuple[float, str]:
@@ -172,14 +176,32 @@ def _admitted(scene: Scene, quantity: str, solutions: Sequence[Solution]) -> str
     return max(errors, key=lambda error: max(error.absolute.values(), default=0.0)).source
 
 
-def _value(results: Comparison, pair: Mapping[Any, Any], side: str) -> float:
+def _column(results: Comparison, worst: Residual, engine: str) -> Array | None:
+    """An engine's values of the component that is worst; None if it has none. Shape (n,)."""
+    solution = results.solutions.get(engine)
+    values = solution.values.get(worst.quantity) if solution is not None else None
+    if values is None or worst.component not in values.components:
+        return None
+    return values.array[:, values.components.index(worst.component)]
+
+
+def _value(results: Comparison, worst: Residual, engine: str) -> float:
     """An engine's value where and when the difference is largest; NaN if it has none."""
-    solution = results.solutions.get(pair[side])
-    values = solution.values.get(pair["quantity"]) if solution is not None else None
-    if values is None or pair["worst_component"] not in values.components or not np.isfinite(pair["worst_t"]):
+    column = _column(results, worst, engine)
+    if column is None or not np.isfinite(worst.t):
         return nan
-    row = int(np.argmin(np.abs(results.times - pair["worst_t"])))
-    return float(values.array[row, values.components.index(pair["worst_component"])])
+    return float(column[int(np.argmin(np.abs(results.times - worst.t)))])
+
+
+def _curve(results: Comparison, worst: Residual | None) -> tuple[tuple[float, float, float], ...]:
+    """Times [s] and values of both engines around what is worst, if that is out of tolerance."""
+    if worst is None or worst.ok:
+        return ()
+    first, second = (_column(results, worst, engine) for engine in (worst.a, worst.b))
+    if first is None or second is None:
+        return ()
+    some = [*spread(len(results.times), CURVE), int(np.argmin(np.abs(results.times - worst.t)))]
+    return tuple(map(tuple, np.stack([results.times, first, second], axis=1)[np.unique(some)].tolist()))
 
 
 def compared_pair(item: Item, settings: GateSettings) -> GateRow:
