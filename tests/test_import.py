@@ -88,6 +88,12 @@ def test_an_arm_moves_as_its_file_says(tmp_path):
         assert got == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
+def test_a_file_that_has_changed_is_imported_anew(tmp_path):
+    before = screwgauge.load_scene(robot(tmp_path, *ARM)).mechanism.mass
+    heavier = [part.replace('value="1.0"', 'value="2.0"') for part in ARM]
+    assert screwgauge.load_scene(robot(tmp_path, *heavier)).mechanism.mass == pytest.approx(before + 1.0)
+
+
 def test_what_is_written_is_what_was_imported(tmp_path, write):
     mechanism = import_model(robot(tmp_path, *ARM)).mechanism
     path = write("arm.toml", description(mechanism))

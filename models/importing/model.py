@@ -30,7 +30,7 @@ from screwgauge.models.urdf import read_loops
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
-from screwgauge.reference.files import check_count
+from screwgauge.reference.files import check_count, digest, files_read, is_file
 from screwgauge.reference.left_out import LeftOut, entries
 from screwgauge.reference.lint import implausible
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
@@ -364,20 +364,33 @@ def scratch_folder() -> Path:
     return folder
 
 
-_imported: dict[Path, tuple[Path, Imported]] = {}
+#: Model file -> digests of the files that it consists of, and what was made of these.
+_imported: dict[Path, tuple[dict[Path, str], tuple[Path, Imported]]] = {}
 
 
 def imported_file(path: Path) -> tuple[Path, Imported]:
-    """A description made from a model file, in a folder that goes away with the process; made once."""
-    return _imported.get(path) or keep(path, import_model(path))
+    """A description made from a model file, in a folder that goes away with the process; made once for its content."""
+    digests, made = _imported.get(path, ({}, None))
+    if made is None or digests != _digests([*digests], path):
+        made = keep(path, import_model(path))
+    return made
 
 
 def keep(path: Path, imported: Imported) -> tuple[Path, Imported]:
     """Keeps what was imported from a model file as a description, see `imported_file`."""
     file = scratch_folder() / f"{path.stem}.toml"
     file.write_text(description(imported.mechanism, notes(imported)), encoding="utf-8")
-    _imported[path] = file, imported
-    return _imported[path]
+    with files_read() as read:
+        prepare(path)
+    made = file, imported
+    _imported[path] = _digests(read, path), made
+    return made
+
+
+def _digests(files: Sequence[Path], model: Path) -> dict[Path, str]:
+    """Digests of the files of a model, with the loops file beside it."""
+    loops = loops_for(model)
+    return {file: digest(file) if is_file(file) else "" for file in (*files, *filter(None, [loops]))}
 
 
 def notes(imported: Imported) -> tuple[str, ...]:
