@@ -37,11 +37,14 @@ def _law(powers: Powers, x: Array, s: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Resistance:
-    """Inertia and passive forces along a sum of joint coordinates: of a hinge, slide, fixed tendon or actuator.
+    """Inertia and passive forces along a stroke: of a hinge, slide, tendon or actuator.
+
+    The stroke is a sum of joint coordinates, or the length of a straight path over points of bodies.
 
     Attributes:
         of: What has them, a noun and a name: ``joint m1``.
-        along: Coordinate -> what a unit of it adds to the stroke.
+        along: Coordinate -> what a unit of it adds to the stroke; empty for a path.
+        path: Body, or ground, and point in its frame [m], shape (3,), in order; empty for coordinates.
         armature: [kg m^2 or kg] of a stroke in rad or m.
         damping: Law of the rate [N m s/rad or N s/m, ...].
         friction: Dry friction [N m or N].
@@ -50,24 +53,8 @@ class Resistance:
     """
 
     of: str
-    along: Mapping[str, float]
-    armature: float = 0.0
-    damping: Powers = ()
-    friction: float = 0.0
-    stiffness: Powers = ()
-    rest: tuple[float, float] = (0.0, 0.0)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PathResistance:
-    """The same along a straight path over points of bodies: of a tendon over sites.
-
-    Attributes:
-        path: Body, or ground, and point in its frame [m], shape (3,), in order.
-    """
-
-    of: str
-    path: tuple[tuple[str, Array], ...]
+    along: Mapping[str, float] = field(default_factory=dict)
+    path: tuple[tuple[str, Array], ...] = ()
     armature: float = 0.0
     damping: Powers = ()
     friction: float = 0.0
@@ -127,7 +114,7 @@ class Drag:
     frame: Frame = field(default_factory=Frame)
 
 
-LeftOut = Resistance | PathResistance | TurnResistance | BorneWeight | Drag
+LeftOut = Resistance | TurnResistance | BorneWeight | Drag
 
 _LAWS = {"armature", "damping", "friction"}
 
@@ -158,13 +145,9 @@ def _entry(table: Any, where: str, known: Mapping[str, Collection[str]]) -> Left
 
 
 def _resistance(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]]) -> Resistance:
-    shares = table["along"]
+    shares = table.get("along", {})
     check_keys(shares, known["along"], f"{where}, along")
     along = {name: number(share, f"{where}, along.{name}") for name, share in shares.items()}
-    return Resistance(along=along, **_spring(table, where), **_laws(table, where))
-
-
-def _path_resistance(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]]) -> PathResistance:
     points, bodies = read_list(table, "path", where), {GROUND, *known["body"]}
     for point in points:
         check_keys(point, {"body", "point"}, f"{where}, path")
@@ -172,13 +155,10 @@ def _path_resistance(table: dict[str, Any], where: str, known: Mapping[str, Coll
         (check_name("body", read_text(one, "body", where), bodies, f"{where}, path"), read_vector(one, "point", where))
         for one in points
     )
-    return PathResistance(path=tuple(path), **_spring(table, where), **_laws(table, where))
-
-
-def _spring(table: dict[str, Any], where: str) -> dict[str, Any]:
     rest = table.get("rest", 0.0)
     low, high = vector(rest, f"{where}, rest", 2) if isinstance(rest, list) else [number(rest, f"{where}, rest")] * 2
-    return {"stiffness": _powers(table, "stiffness", where), "rest": (float(low), float(high))}
+    spring = {"stiffness": _powers(table, "stiffness", where), "rest": (float(low), float(high))}
+    return Resistance(along=along, path=tuple(path), **spring, **_laws(table, where))
 
 
 def _turn_resistance(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]]) -> TurnResistance:
@@ -223,7 +203,7 @@ _Reader = Callable[[dict[str, Any], str, Mapping[str, Collection[str]]], LeftOut
 #: Keys that tell what an entry is -> its further keys, and who reads it.
 _READERS: dict[frozenset[str], tuple[set[str], _Reader]] = {
     frozenset({"along"}): ({*_LAWS, "stiffness", "rest"}, _resistance),
-    frozenset({"path"}): ({*_LAWS, "stiffness", "rest"}, _path_resistance),
+    frozenset({"path"}): ({*_LAWS, "stiffness", "rest"}, _resistance),
     frozenset({"joint"}): (_LAWS, _turn_resistance),
     frozenset({"body", "box"}): ({"density", "viscosity", "wind", "point", "rotation"}, _drag),
     frozenset({"body", "mass"}): ({"point"}, _weight),
@@ -234,10 +214,11 @@ def entries(one: LeftOut) -> dict[str, Any]:
     """An entry of ``[[left_out]]``, without what is zero."""
     match one:
         case Resistance():
-            return {"of": one.of, "along": dict(one.along), **_written(one), **_written_spring(one)}
-        case PathResistance():
             path = tuple({"body": body, "point": point} for body, point in one.path)
-            return {"of": one.of, "path": path, **_written(one), **_written_spring(one)}
+            stroke = {"path": path} if path else {"along": dict(one.along)}
+            rest = {"rest": np.array(one.rest)} if any(one.rest) else {}
+            spring = {"stiffness": np.array(one.stiffness), **rest} if one.stiffness else {}
+            return {"of": one.of, **stroke, **_written(one), **spring}
         case TurnResistance():
             return {"of": one.of, "joint": one.joint, **_written(one)}
         case BorneWeight():
@@ -247,13 +228,7 @@ def entries(one: LeftOut) -> dict[str, Any]:
     return {"of": one.of, "body": one.body, "box": one.box, **medium, **placed}
 
 
-def _written_spring(one: Resistance | PathResistance) -> dict[str, Any]:
-    if not one.stiffness:
-        return {}
-    return {"stiffness": np.array(one.stiffness), **({"rest": np.array(one.rest)} if any(one.rest) else {})}
-
-
-def _written(one: Resistance | PathResistance | TurnResistance) -> dict[str, Any]:
+def _written(one: Resistance | TurnResistance) -> dict[str, Any]:
     numbers: Iterable[tuple[str, Any]] = (
         ("armature", one.armature),
         ("damping", np.array(one.damping) if one.damping else None),

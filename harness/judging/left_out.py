@@ -22,7 +22,6 @@ from screwgauge.reference.left_out import (
     BorneWeight,
     Drag,
     LeftOut,
-    PathResistance,
     Resistance,
     TurnResistance,
     damper_law,
@@ -220,7 +219,7 @@ class MeasuredForces:
 def _needed(answer: Answer, one: LeftOut, springs: Sequence[JointSpring]) -> Iterator[tuple[str, Array]]:
     """Kinds of an entry, and what bodies need for each."""
     match one:
-        case PathResistance():
+        case Resistance() if one.path:
             yield from _along_path(answer, one)
         case Resistance():
             there = [spring for spring in springs if one.of == f"joint {spring.coordinate}"]
@@ -270,7 +269,7 @@ def _along_stroke(answer: Answer, one: Resistance, springs: Iterable[JointSpring
     return {kind: force for kind, force in forces.items() if there[kind]}
 
 
-def _resisting(one: Resistance | PathResistance, stroke: Array, rate: Array, acceleration: Array) -> Needed:
+def _resisting(one: Resistance, stroke: Array, rate: Array, acceleration: Array) -> Needed:
     """Kind -> force along the stroke. Shape (n,)."""
     return {
         ARMATURE: one.armature * acceleration,
@@ -280,7 +279,7 @@ def _resisting(one: Resistance | PathResistance, stroke: Array, rate: Array, acc
     }
 
 
-def _along_path(answer: Answer, one: PathResistance) -> Iterator[tuple[str, Array]]:
+def _along_path(answer: Answer, one: Resistance) -> Iterator[tuple[str, Array]]:
     """The same along a path: what its ends, and where it bends, need."""
     frames = [answer.tree.body_frames[body].placed(np.eye(3), point) for body, point in one.path]
     at = answer.motion.links.frames(stacked(frames))

@@ -39,7 +39,7 @@ from screwgauge.reference.errors import (
     first_few,
 )
 from screwgauge.reference.graph import layout
-from screwgauge.reference.left_out import LeftOut, PathResistance, Resistance, TurnResistance
+from screwgauge.reference.left_out import LeftOut, Resistance, TurnResistance
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import same_times
@@ -280,9 +280,8 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
     for one in left_out_of(source, reading):
         if isinstance(one, Resistance):
             along = {name: share for name, share in one.along.items() if name in mechanism.coordinates}
-            found += [replace(one, along=along)] if along else []
-        elif isinstance(one, PathResistance):
-            found += [one] * ({body for body, _ in one.path} <= mechanism.body_index.keys())
+            reached = {body for body, _ in one.path} <= mechanism.body_index.keys()
+            found += [replace(one, along=along)] if along or (one.path and reached) else []
         elif not isinstance(one, TurnResistance) and one.body in mechanism.body_index:
             found.append(one)
     return tuple(found)

@@ -21,7 +21,6 @@ from screwgauge.reference.left_out import (
     BorneWeight,
     Drag,
     LeftOut,
-    PathResistance,
     Powers,
     Resistance,
     TurnResistance,
@@ -144,10 +143,9 @@ def _of_tendons(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
             "stiffness": _powers(stiffness) if springs else (),
         }
         of, fixed = f"tendon {model.tendon(i).name}", shares(model, i)
-        if any(laws.values()) and fixed is None:
-            yield PathResistance(of, _path(model, i, reading, where), **laws, rest=(low, high))
-        elif any(laws.values()):
-            yield Resistance(of, _coordinates(model, fixed or {}), **laws, rest=(low, high))
+        if any(laws.values()):
+            path = _path(model, i, reading, where) if fixed is None else ()
+            yield Resistance(of, _coordinates(model, fixed or {}), path, **laws, rest=(low, high))
 
 
 def _path(model: Any, tendon: int, reading: Reading, where: str) -> tuple[tuple[str, Array], ...]:
@@ -245,7 +243,7 @@ def kept(
     for one in left_out:
         if isinstance(one, BorneWeight | Drag):
             found += _on_part(one, names["bodies"].get(one.body, one.body), graph)
-        elif isinstance(one, PathResistance):
+        elif isinstance(one, Resistance) and one.path:
             path = ((names["bodies"].get(body, body), point) for body, point in one.path)
             moved = tuple(_point_on_part(body, point, graph, f"{where}, {one.of}") for body, point in path)
             found.append(replace(one, path=moved))
