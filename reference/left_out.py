@@ -157,8 +157,10 @@ def _resistance(table: dict[str, Any], where: str, known: Mapping[str, Collectio
     )
     rest = table.get("rest", 0.0)
     low, high = vector(rest, f"{where}, rest", 2) if isinstance(rest, list) else [number(rest, f"{where}, rest")] * 2
-    spring = {"stiffness": _powers(table, "stiffness", where), "rest": (float(low), float(high))}
-    return Resistance(along=along, path=tuple(path), **spring, **_laws(table, where))
+    spring = _powers(table, "stiffness", where)
+    return Resistance(
+        along=along, path=tuple(path), stiffness=spring, rest=(float(low), float(high)), **_laws(table, where)
+    )
 
 
 def _turn_resistance(table: dict[str, Any], where: str, known: Mapping[str, Collection[str]]) -> TurnResistance:

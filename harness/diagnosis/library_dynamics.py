@@ -14,7 +14,7 @@ from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import weighed
 from screwgauge.diagnosis.properties import PASSIVE
-from screwgauge.engines.raw_queries import Answers, Ask, Closing, JointStates
+from screwgauge.engines.raw_queries import Answers, Ask, JointStates
 from screwgauge.models.kinematics import ReadingTree, draw, not_modelled, plant, size
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
@@ -113,14 +113,16 @@ def loop_pairs(
     states = states.at(clear(equations(tree, states).rows))
     if not fits.any() or not len(states.q):
         return {}
-    theirs: Closing = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
+    rows, bias = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
     own, slides = equations(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])
-    if theirs.rows.shape != own.rows.shape:  # it keeps others besides, which no reading has
+    if rows.shape != own.rows.shape:  # it keeps others besides, which no reading has
         return {}
-    (one, _), (two, sure) = (admissible_projector(rows, slides, size(tree.reading)) for rows in (theirs.rows, own.rows))
+    (one, _), (two, sure) = (admissible_projector(each, slides, size(tree.reading)) for each in (rows, own.rows))
     # least squares amplify rounding, of rows and of gaps, by the square of the condition number
     weight = sure[:, None, None] ** 2
-    here, there = (weight * (np.linalg.pinv(e.rows, rcond=DEPENDENT) @ e.bias[..., None]) for e in (theirs, own))
+    here, there = (
+        weight * (np.linalg.pinv(J, rcond=DEPENDENT) @ b[..., None]) for J, b in ((rows, bias), (own.rows, own.bias))
+    )
     return {
         "constraint Jacobian": Compared(sure[:, None, None] * one, sure[:, None, None] * two, 1.0),
         "Jdot v": Compared(here, there, drawn),

@@ -55,19 +55,6 @@ class Answers:
     acceleration: Array
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Closing:
-    """What the library has of closures and couplings, along the velocities of the reading.
-
-    Attributes:
-        rows: That it keeps zero with the velocities, whatever rows it chooses. Shape (n, m, n_freedom).
-        bias: Their rate at zero accelerations, Jdot v, where the velocities keep the loops closed. Shape (n, m).
-    """
-
-    rows: Array
-    bias: Array
-
-
 #: Asks a library: file, bodies that are wanted, joints in their order, whether the base of a URDF floats, and whether
 #: the file is taken whole or without what no reading holds.
 Ask = Callable[[Path, tuple[str, ...], Mapping[str, JointStates], bool, bool], Answers]

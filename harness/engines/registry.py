@@ -146,19 +146,15 @@ ENGINES: dict[str, Engine] = {
 }
 
 
+@lru_cache(maxsize=1)
 def further_entries() -> Mapping[str, EntryPoint]:
     """Entries of engines of other packages by name."""
-    return _plugins()
-
-
-@lru_cache(maxsize=1)
-def _plugins() -> dict[str, EntryPoint]:
     return {entry.name: entry for entry in entry_points(group=GROUP) if entry.name not in ENGINES}
 
 
 def engine_names() -> tuple[str, ...]:
     """All names, those of other packages last. Nothing is loaded for them."""
-    return (*ENGINES, *_plugins())
+    return (*ENGINES, *further_entries())
 
 
 def engines() -> dict[str, Engine]:
@@ -174,9 +170,9 @@ def get_engine(name: str) -> Engine:
     """
     if name in ENGINES:
         return ENGINES[name]
-    if name not in _plugins():
+    if name not in further_entries():
         raise UnknownNameError("engine", name, engine_names())
-    return _described(_plugins()[name])
+    return _described(further_entries()[name])
 
 
 #: Loads an engine where its module can do no harm, and prints its description last.

@@ -21,7 +21,7 @@ from screwgauge.reference.errors import ScrewgaugeError, UnknownNameError, check
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import KINDS, Mechanism
 from screwgauge.reference.rotations import Array
-from screwgauge.scene.default import stays_regular
+from screwgauge.scene.default import obstacle
 from screwgauge.scene.motion import read_drive
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene
@@ -158,7 +158,7 @@ def _motion(rng: np.random.Generator, mechanism: Mechanism, fastest: float) -> T
             motion[label] = {"offset": float(value), "harmonics": np.array(rows).tolist()}
         try:
             drive = read_drive(motion, list(mechanism.independent), Path(), "motion")[0]
-            if not stays_regular(mode, drive(np.linspace(0.0, 1.0, POSES)), POSES):
+            if obstacle(mode, drive(np.linspace(0.0, 1.0, POSES)), POSES):
                 break
         except ScrewgaugeError:  # it leads to a singular pose, or to where the loops do not close
             break

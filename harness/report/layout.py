@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache, reduce
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from screwgauge.environment import environment
 from screwgauge.reference.errors import ReportError
@@ -35,9 +34,6 @@ from screwgauge.report.blocks import (
 from screwgauge.report.figures.renderer import RENDERER, losses
 from screwgauge.report.text import markdown
 from screwgauge.report.write import write_report
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 TEXTS = Path(__file__).with_name("texts")
 RECORD, TERMINAL = "environment.json", "On a terminal"
@@ -269,35 +265,3 @@ def _glossary() -> dict[str, str]:
     """Word -> what it means, from ``texts/glossary.md``."""
     lines = " ".join((TEXTS / "glossary.md").read_text(encoding="utf-8").split()).split(" - **")[1:]
     return {word: Marked(meaning) for word, _, meaning in (line.partition("**: ") for line in lines)}
-
-
-def study(
-    file: str,
-    title: str,
-    banner: Callable[[pd.DataFrame], Banner],
-    kept: Collection[str] = (),
-    draw: Callable[[pd.DataFrame], Sequence[Picture]] = lambda results: (),
-    texts: Path = TEXTS,
-    **values: Value,
-) -> Report:
-    """A report whose text, in the folder `texts`, has the name of the table's file.
-
-    Args:
-        kept: Columns of the file, all by default.
-    """
-    return Report(
-        text=str(texts / Path(file).stem),
-        banner=banner,
-        data={file: lambda results: results[[*kept]] if kept else results},
-        values={
-            "title": lambda results: title,
-            "about": lambda results: {"table": f"{file}, {len(results)} rows"},
-            **values,
-        },
-        draw=draw,
-    )
-
-
-def counted(values: Iterable[Any]) -> str:
-    """``3 agree, 1 differ``, the most frequent first."""
-    return ", ".join(f"{count} {value}" for value, count in Counter(values).most_common())

@@ -49,7 +49,7 @@ def conclusion(results: Comparison) -> tuple[Banner, list[str]]:
 
 def _conclusion(results: Comparison) -> tuple[list[str], str, Status]:
     outcome = results.outcome
-    news = [sentence for each in results.outcomes for sentence in _SENTENCES.get(each, _nothing)(results)]
+    news = [text for each in results.outcomes if each in _SENTENCES for text in _SENTENCES[each](results)]
     left = sentences(results, agree=outcome in ("agree", "judged", "rigid"))
     if not results.ok:
         left += [_leave(results.left_out.inertia)] if "rigid" in results.outcomes else []
@@ -77,11 +77,6 @@ WORDS: dict[Outcome, str] = {
     "differ": "✗ DIFFER",
     "failed": "✗ FAILED",
 }
-
-
-def _nothing(results: Comparison) -> list[str]:
-    """What needs no sentence beside those on agreement."""
-    return []
 
 
 def _failed(results: Comparison) -> list[str]:

@@ -48,15 +48,6 @@ PART = 12  # samples that are followed before they are looked at
 PERIODS = 2.0 * SINES  # of a sine of the usual frequency, two of the slowest
 
 
-def stays_regular(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> bool:
-    """Whether poses along a motion from home are within limits and about as well conditioned as home.
-
-    Raises:
-        ScrewgaugeError: It cannot be followed.
-    """
-    return not obstacle(mode, motion, part)
-
-
 def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
     """The obstacle of a motion from home, in words: limits, or poses much worse conditioned than home; empty if none.
 

@@ -27,7 +27,8 @@ def points_off_bodies(source: Source) -> Iterator[str]:
     MuJoCo puts that point where the anchor is in the pose of the file. Bodies with meshes are not judged, as meshes are
     not read.
     """
-    if source.form != "mjcf" or not any(root.find("equality/connect") is not None for root in _roots(source)):
+    roots = (source.root, *source.attached.values())
+    if source.form != "mjcf" or not any(root.find("equality/connect") is not None for root in roots):
         return
     import mujoco
 
@@ -45,11 +46,6 @@ def points_off_bodies(source: Source) -> Iterator[str]:
             distance, reach = _distance(model, data, body, model.eq_data[i, 3:6], meshed)
             if distance > OFF * reach:
                 yield _sentence(model, i, distance)
-
-
-def _roots(source: Source) -> Iterator[Any]:
-    yield source.root
-    yield from source.attached.values()
 
 
 def _meshed(source: Source) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,23 +40,13 @@ Further = Callable[[Mapping[str, Sequence[Any]]], Mapping[str, list[Any]]]
 """Quantities and checks of a trace -> other outputs."""
 
 
-class Arc(NamedTuple):
-    """A program whose pivots are large on a part of the motion.
-
-    Attributes:
-        gain: Largest value there of the check of that name.
-    """
-
-    program: Program
-    gain: float
-
-
 @dataclass(frozen=True, slots=True)
 class Traced:
     """A program and what its numbers mean.
 
     Attributes:
-        arcs: One program, or several that differ in their pivots only, where none are large over the whole motion.
+        arcs: One program, or several that differ in their pivots only, where none are large over the whole motion; of
+            each the largest value of the check ``gain`` where its pivots are large.
         places: Quantity, or one of `CHECKS`, -> its outputs; and those of ``reached``: what became of the prediction,
             and its rates.
         predicted: Tree coordinates that it starts from, inputs after y, yd and ydd; none in closed form.
@@ -64,7 +54,7 @@ class Traced:
         timed: Whether time is the next one.
     """
 
-    arcs: tuple[Arc, ...]
+    arcs: tuple[tuple[Program, float], ...]
     places: Mapping[str, slice]
     predicted: tuple[int, ...]
     near: tuple[int, ...]
@@ -73,7 +63,7 @@ class Traced:
     @property
     def program(self) -> Program:
         """The first program."""
-        return self.arcs[0].program
+        return self.arcs[0][0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,7 +147,7 @@ def _traced(
         places[name] = slice(len(flat), len(flat) + len(numbers))
         flat += numbers
     kept, largest = _well_solved(loops, samples[3], checks["gain"][0], trace.kept)
-    arc = Arc(program(len(trace.inputs), flat, len(CHECKS), first), largest)
+    arc = program(len(trace.inputs), flat, len(CHECKS), first), largest
     return Traced((arc,), places, tuple(guess), tuple(near), timed), kept
 
 
@@ -251,27 +241,17 @@ FORWARD_STEPS = 2
 BEND, SLACK = 0.3, 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class ForwardTrace:
-    """A program and what its numbers mean.
-
-    Attributes:
-        program: Inputs are a closed pose, that is d dependent coordinates, their velocity map row by row and y, then y,
-            yd and time of a state nearby. Outputs: ydd, power of all that stores no energy, the closed pose of the
-            state, and `FORWARD_CHECKS`.
-        dependent: Columns of the dependent coordinates.
-    """
-
-    program: Program
-    dependent: tuple[int, ...]
-
-
-def forward_program(loops: Loops, applied: Applied, q: Array) -> ForwardTrace:
+def forward_program(loops: Loops, applied: Applied, q: Array) -> tuple[Program, list[int]]:
     """Traces forward dynamics.
 
     Args:
         applied: What acts.
         q: Joint coordinates of closed poses where pivots are chosen. Shape (n, n_q).
+
+    Returns:
+        The program, and the columns of the dependent coordinates. Inputs are a closed pose, that is d dependent
+        coordinates, their velocity map row by row and y, then y, yd and time of a state nearby. Outputs: ydd, power of
+        all that stores no energy, the closed pose of the state, and `FORWARD_CHECKS`.
 
     Raises:
         NotTraceableError: The mechanism or what acts on it is beyond this.
@@ -298,7 +278,7 @@ def forward_program(loops: Loops, applied: Applied, q: Array) -> ForwardTrace:
     checks = [moved, _mean(motion, y), _condition(motion), motion.inertia_gain]
     checks += [far * (1.0 / max(len(columns), 1)), off / (BEND**2 * far + SLACK**2)] if columns else [0.0, 0.0]
     answer = [*motion.ydd, motion.input_power, *motion.q[columns], *motion.K[..., columns].T.flat, *y]
-    return ForwardTrace(program(len(trace.inputs), [*answer, *checks], len(FORWARD_CHECKS)), tuple(columns))
+    return program(len(trace.inputs), [*answer, *checks], len(FORWARD_CHECKS)), columns
 
 
 #: Factor and shift that make y of the prediction's pose, y and yd from the coordinates at the samples of a trace.

@@ -10,7 +10,7 @@ from zlib import crc32
 
 import numpy as np
 import pandas as pd
-from campaigns.rows import TEXTS
+from campaigns.page import study
 
 import screwgauge
 from screwgauge.models.generate import stem, write_models
@@ -18,7 +18,6 @@ from screwgauge.quantities import length
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.report.blocks import Banner
-from screwgauge.report.layout import study
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.formatting import Row, rows
 from screwgauge.study.gate.measure import GateSettings, compared
@@ -130,7 +129,6 @@ PAGE = study(
     NAME,
     "False alarms and missed changes",
     lambda found: Banner.of(sentence(found), passed(found), "PASSED", "FAILED"),
-    texts=TEXTS,
     sentence=sentence,
     families=lambda found: [{"family": name, **_counts(some)} for name, some in found.groupby("family")],
     bad=_bad,

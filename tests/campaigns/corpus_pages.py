@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import pandas as pd
-from campaigns.rows import TEXTS
+from campaigns.page import study
 
 from screwgauge.report.blocks import Banner
-from screwgauge.report.layout import study
 from screwgauge.study.formatting import Row, grouped, rows
 
 YES = "yes"
@@ -68,7 +67,6 @@ PAIRS = study(
     "pairs.csv",
     "Pairs of files put to a diagnosis",
     _pairs_banner,
-    texts=TEXTS,
     groups=_pair_groups,
     wrong=lambda table: [row for row in rows(table) if row["right"] not in (YES, "skipped")],
     pairs=lambda table: rows(table),
@@ -123,7 +121,6 @@ SINGLES = study(
     "singles.csv",
     "Single edits put to a diagnosis",
     _singles_banner,
-    texts=TEXTS,
     scrambled=_by("scrambled"),
     kinds=_by("edit", "scrambled"),
     models=_by("model"),
@@ -150,6 +147,5 @@ SEVERAL = study(
     "several.csv",
     "Several edits at once put to a diagnosis",
     _several_banner,
-    texts=TEXTS,
     misses=lambda table: [row for row in rows(table) if row["leads"] != YES or int(row["others"])],
 )

@@ -16,12 +16,11 @@ from campaigns.editors.content import CONTENT
 from campaigns.editors.elements import Edit, NoPlaceError
 from campaigns.editors.forms import FORMS
 from campaigns.editors.rigid import RIGID
+from campaigns.page import study
 from campaigns.public import installed
-from campaigns.rows import TEXTS
 
 import screwgauge
 from screwgauge.report.blocks import Banner
-from screwgauge.report.layout import study
 from screwgauge.study.formatting import rows
 
 #: Package -> name of a model and its file.
@@ -108,6 +107,5 @@ PAGE = study(
     "edits.csv",
     "Edits of public arms, hands and legs",
     _banner,
-    texts=TEXTS,
     edits=lambda table: [{**row, "edit": f"{row['kind']}: {row['edit']}"} for row in rows(table)],
 )

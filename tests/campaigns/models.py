@@ -11,15 +11,15 @@ from time import process_time
 
 import numpy as np
 import pandas as pd
+from campaigns.page import counted, study
 from campaigns.public import Public, by_source
-from campaigns.rows import TEXTS, rows_in_turn
+from campaigns.rows import rows_in_turn
 from campaigns.verdict import judged
 
 from screwgauge.judging.residual import columns_of, frame
 from screwgauge.models.importing.model import Imported, Options
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.report.blocks import Banner
-from screwgauge.report.layout import counted, study
 from screwgauge.scene.default import write_imported
 from screwgauge.scene.read import load_scene
 from screwgauge.study.formatting import rows
@@ -121,7 +121,6 @@ PAGE = study(
     "imports.csv",
     "Public models",
     _banner,
-    texts=TEXTS,
     reasons=lambda table: [row for row in rows(table) if row["reason"]],
     models=lambda table: by_source(rows(table), SHOWN),
     omitted=lambda table: [row for row in rows(table) if row["left_out"]],

@@ -8,11 +8,10 @@ from itertools import pairwise
 from statistics import median
 
 import pandas as pd
+from campaigns.page import study
 from campaigns.random_mechanisms import CERTIFIED, ENGINES
-from campaigns.rows import TEXTS
 
 from screwgauge.report.blocks import Banner, Table, table
-from screwgauge.report.layout import study
 from screwgauge.study.formatting import Row, grouped, rows
 
 VERDICTS = ("agree", "estimated", "judged", "differ", "failed", "refused")
@@ -82,7 +81,6 @@ PAGE = study(
     "random.csv",
     "Random mechanisms",
     _banner,
-    texts=TEXTS,
     sentence=_sentence,
     families=_families,
     reasons=_reasons,

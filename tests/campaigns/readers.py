@@ -9,8 +9,9 @@ from functools import partial
 from itertools import chain
 
 import pandas as pd
+from campaigns.page import counted, study
 from campaigns.public import Public, by_source
-from campaigns.rows import TEXTS, rows_in_turn
+from campaigns.rows import rows_in_turn
 from campaigns.two_readers import SAME, compared
 
 from screwgauge.diagnosis.library_dynamics import ASKED
@@ -19,7 +20,6 @@ from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError, first_few
 from screwgauge.report.blocks import Banner
-from screwgauge.report.layout import counted, study
 from screwgauge.solution import Failure
 from screwgauge.study.formatting import Row, grouped, missing, number, rows, size
 from screwgauge.study.loading import read_isolated
@@ -139,7 +139,6 @@ PAGE = study(
     "readers.csv",
     "Readers of public models",
     _banner,
-    texts=TEXTS,
     causes=lambda table: [row for row in rows(table) if row["cause"]],
     models=lambda table: by_source(map(_line, grouped(rows(table), "source", "model", "format").values()), SHOWN),
 )

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from statistics import median
 from typing import Any
 
 import pandas as pd
+from campaigns.page import counted, study
 from campaigns.selftest import ALIKE, CHANGED, CLOSE, VISIBLE
 
 from screwgauge.report.blocks import Banner
-from screwgauge.report.layout import Value, counted, study
+from screwgauge.report.layout import Value
 from screwgauge.study.formatting import Row, grouped, rows, words
 
 #: What is wanted: share detected of the changes that torques show, named right, magnitude right; time [s].
@@ -114,5 +114,4 @@ PAGE = study(
     alike=_alike,
     visible=lambda table: VISIBLE,
     close=lambda table: CLOSE,
-    texts=Path(__file__).parent / "texts",
 )

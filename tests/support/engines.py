@@ -61,9 +61,9 @@ def further_engines(sources: Mapping[str, str]) -> Iterator[None]:
     entries = EntryPoints(EntryPoint(name, source, registry.GROUP) for name, source in sources.items())
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(registry, "entry_points", lambda group: entries.select(group=group))
-        registry._plugins.cache_clear()
+        registry.further_entries.cache_clear()
         yield
-    registry._plugins.cache_clear()
+    registry.further_entries.cache_clear()
 
 
 @dataclass(frozen=True)

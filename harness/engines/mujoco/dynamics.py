@@ -186,16 +186,12 @@ class MujocoSettings:
         return f"solimp {solimp}, {f'{most}{self.passes} refinements' if self.passes else 'raw'}"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sprung:
-    """A model that carries springs itself, and what is left to be applied in every step."""
+def sprung_model(mjcf: Path, applied: Applied, tree: MujocoTree) -> tuple[mujoco.MjModel, Applied]:
+    """Puts springs into a model: exact equivalents, which the implicit integrators see.
 
-    model: mujoco.MjModel
-    left: Applied
-
-
-def sprung_model(mjcf: Path, applied: Applied, tree: MujocoTree) -> Sprung:
-    """Puts springs into a model: exact equivalents, which the implicit integrators see."""
+    Returns:
+        The model, and what is left to be applied in every step.
+    """
     spec = mujoco.MjSpec.from_file(str(mjcf))
     tendons = {f"spring {i}": s for i, s in enumerate(applied.springs) if isinstance(s, PointSpring)}
     for name, spring in tendons.items():
@@ -213,7 +209,7 @@ def sprung_model(mjcf: Path, applied: Applied, tree: MujocoTree) -> Sprung:
     joints = (spring for spring in applied.springs if isinstance(spring, JointSpring))
     springs = tuple(spring for spring in joints if not joint_spring(model, spring, tree))
     motors = tuple(m for m in applied.motors if not (m.coordinate in tree.coordinates and m.constant))
-    return Sprung(model, Applied(applied.gravity, loads, springs, motors))
+    return model, Applied(applied.gravity, loads, springs, motors)
 
 
 def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -> bool:
@@ -240,7 +236,7 @@ class MujocoStepper:
     """`mj_step` or its parts. See `screwgauge.engines.tree.protocol.Stepper`."""
 
     def __init__(
-        self, sprung: Sprung, tree: MujocoTree, applied: Applied, held: TreeForces, settings: MujocoSettings
+        self, model: mujoco.MjModel, tree: MujocoTree, applied: Applied, held: TreeForces, settings: MujocoSettings
     ) -> None:
         """Prepares the steps.
 
@@ -248,7 +244,7 @@ class MujocoStepper:
             applied: All that acts; what never changes is set once.
             held: What has to be applied in every step.
         """
-        self.model, self.held = sprung.model, held
+        self.model, self.held = model, held
         self.setting, self.passes = settings.steps, settings.passes
         settings.set_steps(self.model)
         self.model.opt.gravity[:] = tree.model.opt.gravity
@@ -261,10 +257,10 @@ class MujocoStepper:
         )
         self.advance = mujoco.mj_Euler if settings.integrator == "Euler" else mujoco.mj_implicit
         for motor in applied.motors:
-            if motor not in sprung.left.motors:
+            if motor not in held.applied.motors:
                 self.base[tree.coordinates.index(motor.coordinate)] += motor.force(0.0)
         for load in applied.loads:
-            if load not in sprung.left.loads and load.body != GROUND:
+            if load not in held.applied.loads and load.body != GROUND:
                 i = tree.ids[tree.bodies.index(load.body)]
                 self.data.xfrc_applied[i] += np.concatenate([load.force, load.torque])
 

@@ -76,9 +76,9 @@ class MujocoDynamics(TreeDynamics):
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> MujocoStepper:
         applied = problem.applied
         TreeForces(closed, applied, task.start)  # refuses wrong names before MuJoCo does
-        sprung = sprung_model(self.mjcf, applied, self.tree)
-        held = TreeForces(closed, sprung.left, task.start)
-        return MujocoStepper(sprung, self.tree, applied, held, self.settings)
+        model, left = sprung_model(self.mjcf, applied, self.tree)
+        held = TreeForces(closed, left, task.start)
+        return MujocoStepper(model, self.tree, applied, held, self.settings)
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:
         model, data = self.model, self.data

@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from screwgauge.engines.raw_queries import Answers, Carried, Closing, JointStates, carried
+from screwgauge.engines.raw_queries import Answers, Carried, JointStates, carried
 from screwgauge.models.readings.compiled import heard
 from screwgauge.models.readings.mujoco import loaded
 from screwgauge.models.readings.source import prepare
@@ -37,13 +37,19 @@ def ask(
     return Answers(COVERS, tau, M, bias, gravity, velocity, acceleration)
 
 
-def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = False) -> Closing:
-    """See `raw_queries.Closing`: of equalities, all other constraints off."""
+def closing(path: Path, joints: Mapping[str, JointStates], floating: bool = False) -> tuple[Array, Array]:
+    """Rows of equalities along the velocities of the reading, all other constraints off.
+
+    Returns:
+        Rows, shape (n, m, n_freedom), and their rate at zero accelerations, Jdot v, where the velocities keep the loops
+        closed. Shape (n, m).
+    """
     with heard():
         model, data, states = _begun(path, joints, floating, ("CONTACT", "FRICTIONLOSS", "LIMIT"))
         model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
         samples = [_closing(model, data, state) for state in states]
-    return Closing(*(np.array(each) for each in zip(*samples, strict=True)))
+    rows, bias = (np.array(each) for each in zip(*samples, strict=True))
+    return rows, bias
 
 
 def _begun(

@@ -63,11 +63,11 @@ class TracedForward:
     def _make(self) -> None:
         """Makes the program, pivots being chosen at the poses that are known to matter."""
         clock, lay, loops = Stopwatch(), self.lay, self.system.loops
-        traced = forward_program(loops, self.applied, np.array(self.poses))
-        compiled, note = runner(traced.program, self.backend)
+        program, self.dependent = forward_program(loops, self.applied, np.array(self.poses))
+        compiled, note = runner(program, self.backend)
         self.note = f"{note}; " if note else ""
-        self.operations, self.columns = len(traced.program.code), lay.mechanism.independent_columns
-        self.dependent, k, width = [*traced.dependent], len(self.columns), getattr(compiled, "width", 1)
+        self.operations, self.columns = len(program.code), lay.mechanism.independent_columns
+        k, width = len(self.columns), getattr(compiled, "width", 1)
         d = len(self.dependent)
         self.pose, self.state = np.zeros((d + d * k + k, width)), np.zeros((2 * k + 1, width))
         self.reached, self.answer = np.zeros_like(self.pose), np.zeros((k + 1, width))

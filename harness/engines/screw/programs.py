@@ -266,8 +266,8 @@ def _retried(runner: Runner, rows: Rows, given: Sequence[Array], outputs: Sequen
 
 def runner_of(traced: Traced, backend: str) -> tuple[Runner, str]:
     """The programs of a trace ready to run, see `runner`."""
-    made, notes = zip(*(runner(arc.program, backend) for arc in traced.arcs), strict=True)
-    limits = [WITHIN * arc.gain for arc in traced.arcs]
+    made, notes = zip(*(runner(program, backend) for program, _ in traced.arcs), strict=True)
+    limits = [WITHIN * gain for _, gain in traced.arcs]
     return made[0] if len(made) == 1 else Arcs(made, limits), "; ".join(filter(None, dict.fromkeys(notes)))
 
 

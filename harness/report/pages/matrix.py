@@ -5,7 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 from screwgauge.report.blocks import Banner, Block, Folded, Items
-from screwgauge.report.layout import study
+from screwgauge.report.layout import Report
 from screwgauge.study.formatting import listed, rows
 from screwgauge.study.matrix import COLUMNS
 
@@ -27,12 +27,14 @@ def _reasons(table: pd.DataFrame) -> list[Block]:
     return [Folded("What does not pass", (Items(reasons),))] if reasons else []
 
 
-PAGE = study(
-    "matrix.csv",
-    "Versions of Pinocchio and MuJoCo",
-    _banner,
-    COLUMNS,
-    about=lambda table: {name: ", ".join(dict.fromkeys(table[name])) for name in PACKAGES},
-    pairs=rows,
-    reasons=_reasons,
+PAGE = Report(
+    text="matrix",
+    banner=_banner,
+    data={"matrix.csv": lambda table: table[[*COLUMNS]]},
+    values={
+        "title": lambda table: "Versions of Pinocchio and MuJoCo",
+        "about": lambda table: {name: ", ".join(dict.fromkeys(table[name])) for name in PACKAGES},
+        "pairs": rows,
+        "reasons": _reasons,
+    },
 )

@@ -161,17 +161,14 @@ def _contestant(values: Mapping[str, Any]) -> Contestant:
         parameter = varied[0], number(filled(varied[1]), "contestants.toml")
     if "named" in values and (parameter is None or parameter[1] not in values["named"]):
         fields["label"] = ""
+    settings, variant = (filled(values.get(key, {})) for key in ("settings", "variant"))
     return Contestant(
         **fields,
-        method=_method(values["engine"], filled(values.get("settings", {})), filled(values.get("variant", {}))),
+        method=VariantMethod(values["engine"], variant) if variant else Method(values["engine"], settings),
         question=partial(question, **arguments) if arguments else question,
         quantities=tuple(values["quantities"]),
         parameter=parameter,
     )
-
-
-def _method(engine: str, settings: Mapping[str, Any], variant: Mapping[str, Any]) -> Method:
-    return VariantMethod(engine, variant) if variant else Method(engine, settings)
 
 
 def leaving_out() -> Iterator[Contestant]:
