@@ -229,5 +229,6 @@ def test_what_closes_loops_is_not_priced_against_what_is_given_the_motion(found)
 
 def test_a_bench_that_was_only_cut_short_has_no_cross(found):
     short = replace(found, rows=[*found.rows, replace(found.rows[-1], status=CUT)], fits=[])
-    front, *_ = PAGE.blocks(short)[1].blocks
-    assert (front.word, front.status) == ("CUT SHORT", "note")
+    cut, measured, *_ = PAGE.blocks(short)[1].blocks
+    assert (cut.word, cut.status, measured.word) == ("CUT SHORT", "note", "✓ MEASURED")
+    assert "before 1 row;" in cut.text

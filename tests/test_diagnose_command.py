@@ -31,7 +31,8 @@ def test_the_same_is_0_and_a_difference_1_with_report_json_and_fix(arms, tmp_pat
     assert found["backfill"]["on"] == "file"
     assert found["models"]["B"]["sha256"]
     report = (out / "report.md").read_text(encoding="utf-8")
-    for heading in ("Causes", "How they move", "Which joint is which", "What was not read", "Files"):
+    assert report.index("| no. | share | cause |") < report.index("| screwgauge |")  # causes before any environment
+    for heading in ("How they move", "Which joint is which", "What was not read", "Files"):
         assert f"## {heading}" in report
     assert json.loads(command("diagnose", arms[0], fix, "--json").out)["same"]
     said = command("diagnose", arms[0], other, "--json", "--fix", tmp_path / "again.xml", status=1)

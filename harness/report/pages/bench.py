@@ -56,13 +56,14 @@ FITTED = ("Filled points are fitted; the line has the expected slope through the
 OTHERS = "published by others"
 
 
-def _banner(bench: Bench) -> Banner:
-    """What is cheapest; a cross where a slope is off, none where only time ran out."""
+def _banners(bench: Bench) -> list[Banner]:
+    """What time did not suffice for; what is cheapest, with a cross where a slope is off."""
     sentence = _simulated_headline(bench) if bench.scene.simulated else headline(bench)
-    good = all(fit.ok for fit in bench.fits)
-    if good and not bench.complete:
-        return Banner(sentence, "CUT SHORT", "note")
-    return Banner.of(sentence, good, "MEASURED", "NOT ALL MEASURED AS EXPECTED")
+    measured = Banner.of(sentence, all(fit.ok for fit in bench.fits), "MEASURED", "NOT ALL MEASURED AS EXPECTED")
+    lost = [row["rows"] for row in _cut_short(bench)]
+    budget = f"The budget of {number(bench.plan.budget)} s ended before {count(sum(lost), 'row')}"
+    cut = f"{budget}; what follows is measured on the others."
+    return [*([Banner(cut, "CUT SHORT")] if lost else []), measured]
 
 
 def _cheapest(bench: Bench, quantity: str) -> list[Row]:
@@ -112,9 +113,6 @@ def _remarks(bench: Bench) -> list[str]:
         parts.append(f"{sum(fit.ok for fit in bench.fits)} of {len(bench.fits)} slopes are as theory expects.")
     if failed := [row["contestant"] for row in table_rows if row["status"] == FAILED]:
         parts.append(f"{count(len(failed), 'row')} failed: {listed(dict.fromkeys(failed))}.")
-    if cut := _cut_short(bench):
-        lost = count(sum(row["rows"] for row in cut), "row")
-        parts.append(f"The budget of {number(bench.plan.budget)} s cut short {lost} of {len(cut)} families.")
     return parts
 
 
@@ -318,7 +316,7 @@ def _slopes(name: str, fits: Sequence[SlopeFit]) -> Picture:
 
 PAGE = Report(
     text="bench",
-    banner=_banner,
+    banner=_banners,
     data={
         "bench.csv": lambda bench: bench_table(bench.rows),
         "slopes.csv": lambda bench: slopes_table(bench.fits),
@@ -328,7 +326,6 @@ PAGE = Report(
     },
     values={
         "title": lambda bench: f"{bench.scene.title or bench.scene.name}: error against run time",
-        "headline": headline,
         "remarks": _remarks,
         "about": _about,
         "files": lambda bench: judged(bench.provenance),
@@ -358,7 +355,6 @@ SIMULATION = replace(
     },
     values={
         **PAGE.values,
-        "headline": _simulated_headline,
         "cheapest": _quickest,
         "measured": _measured,
     },

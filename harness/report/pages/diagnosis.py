@@ -138,7 +138,6 @@ PAGE = Report(
         "title": lambda diagnosis: " and ".join(f"{Path(m.label).name} ({m.library})" for _, m in _sides(diagnosis)),
         "about": _about,
         "differences": _differences,
-        "largest": lambda diagnosis: _causes(diagnosis)[:3] if len(diagnosis.causes) > 1 else [],
         "causes": _causes,
         "scale": _scale,
         "proof": _proof,

@@ -93,13 +93,23 @@ def machines(diagnosis: Diagnosis) -> Picture:
     for k, side in enumerate(sides):
         shift = np.array([k * SIDE + (SIDE - scale * size[0]) / 2.0, HEAD + EDGE]) - scale * low
         out.append(_drawn(side, scale * view, shift, heaviest, tall - CORNER, k * SIDE))
-    out.append(corner(view, scale, tall))
+    out += [corner(view, scale, tall), _legend(2 * SIDE - 300.0, tall - 16.0)]
     size_text = f'viewBox="0 0 {2 * SIDE:.0f} {tall:.0f}" width="{2 * SIDE:.0f}" height="{tall:.0f}"'
     svg = (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="two" {size_text}><style>{LOOK}</style>'
         f'<rect width="100%" height="100%" fill="#fff"/>{"".join(out)}</svg>\n'
     )
     return Picture("machines", "Both machines at home, what differs in colour", svg)
+
+
+def _legend(x: float, y: float) -> str:
+    marks = (
+        '<circle class="mass" r="6"/><text x="11" y="4">centre of mass</text>',
+        '<circle r="3"/><text x="8" y="4">joint</text>',
+        '<path class="differs" d="M-12,0H6"/><text x="12" y="4">what differs</text>',
+    )
+    places = zip((0.0, 120.0, 190.0), marks, strict=True)
+    return "".join(f'<g transform="translate({x + dx:.0f} {y:.0f})">{mark}</g>' for dx, mark in places)
 
 
 def _seen(points: Array, sides: Sequence[DrawnMachine]) -> Array:
