@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from threading import Lock
 
@@ -50,12 +50,16 @@ def safe_path() -> list[str]:
 
 
 @contextmanager
-def inherit_safely() -> Iterator[None]:
-    """Lets a library start processes, which inherit the environment and `sys.path` that this one has meanwhile."""
+def inherit_safely(variables: Mapping[str, str] = SAFE) -> Iterator[None]:
+    """Lets a library start processes, which inherit the environment and `sys.path` that this one has meanwhile.
+
+    Args:
+        variables: Of the environment; `SAFE` among them.
+    """
     with _LOCK:
-        path, before = sys.path[:], {name: os.environ.get(name) for name in SAFE}
+        path, before = sys.path[:], {name: os.environ.get(name) for name in variables}
         sys.path[:] = safe_path()
-        os.environ.update(SAFE)
+        os.environ.update(variables)
         try:
             yield
         finally:

@@ -22,11 +22,15 @@ def printable(text: str, *, lines: bool = False) -> str:
     Args:
         lines: Whether line breaks stay.
     """
-    if lines:
+    if lines and not _is_printable(text.replace("\n", "")):
         return "\n".join(map(printable, text.split("\n")))
-    if text.isprintable() and _UNSEEN.isdisjoint(text):
+    if lines or _is_printable(text):
         return text
     return "".join(sign if sign.isprintable() and sign not in _UNSEEN else " " for sign in text)
+
+
+def _is_printable(text: str) -> bool:
+    return text.isprintable() and (text.isascii() or _UNSEEN.isdisjoint(text))
 
 
 def log_text(text: str) -> str:

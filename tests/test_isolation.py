@@ -5,6 +5,8 @@ from __future__ import annotations
 import errno
 import os
 import pickle
+import signal
+import subprocess
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
@@ -19,6 +21,7 @@ from support import bad_works
 from support.command import main
 from support.engines import ENGINES, Failure, Values, check_same, further_engines, isolated, silent
 from support.errors import ModelFileError, UnknownNameError
+from support.processes import python
 
 pytestmark = pytest.mark.usefixtures("isolated")
 
@@ -56,7 +59,7 @@ def test_a_system_without_the_folders_of_processes_is_named_in_one_sentence(
 
     monkeypatch.setattr(isolation, "_EXECUTORS", {})
     if lacking == "/dev/shm":
-        monkeypatch.setattr(import_module("loky.backend.synchronize"), "_SemLock", refuse)
+        monkeypatch.setattr(import_module("_multiprocessing"), "SemLock", refuse)
     else:
         real = os.path.exists
         monkeypatch.setattr(os.path, "exists", lambda path: not str(path).startswith("/proc") and real(path))
@@ -101,6 +104,37 @@ def test_progress_is_that_of_all(tmp_path):
     works = {"fine": partial(bad_works.until_seen, seen=seen)}
     assert isolated(works, Limits(), report) == {"fine": "seen"}
     assert said[-1] == ("fine", 0.5)
+
+
+def test_processes_are_forks_of_one_that_is_replaced_when_it_was_killed():
+    first, second = isolated(dict.fromkeys(("fork 1", "fork 2"), bad_works.server), Limits(), silent).values()
+    assert first == second != os.getpid()
+    os.kill(first, signal.SIGKILL)
+    os.waitid(os.P_PID, first, os.WEXITED | os.WNOWAIT)
+    (third,) = isolated({"fork 3": bad_works.server}, Limits(), silent).values()
+    assert third not in (first, os.getpid())
+
+
+def test_a_process_has_the_environment_that_its_parent_has_when_it_starts(monkeypatch):
+    for value in ("before", "after"):
+        monkeypatch.setenv("SCREWGAUGE_TEST", value)
+        before = {**os.environ}
+        assert isolated({value: bad_works.variable}, Limits(), silent) == {value: f"{value}disable"}
+        assert os.environ == before
+
+
+@pytest.mark.slow
+def test_a_script_that_runs_a_scene_is_not_run_again_by_processes(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(
+        "print('begun', flush=True)\n"
+        "import screwgauge\n"
+        "scene = screwgauge.load_scene('slider-crank').at([0.0])\n"
+        "assert screwgauge.run(scene, ['screw', 'mujoco'], ['joint_position'], limits=screwgauge.Limits()).ok\n",
+        encoding="utf-8",
+    )
+    done = subprocess.run(python(str(script)), capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("begun\n", "")
 
 
 def test_bad_input_is_raised_as_it_is():

@@ -32,6 +32,7 @@ from screwgauge.processes import ONE, SAFE, inherit_safely
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, shown
 from screwgauge.reference.files import why
 from screwgauge.solution import Failure
+from screwgauge.study.forks import Forks
 from screwgauge.study.lifeline import hold, lifeline
 
 T = TypeVar("T")
@@ -208,10 +209,16 @@ def is_worker() -> bool:
     return _worker
 
 
-def _begin(line: Connection) -> None:
-    """Initializer of a process: it ends with its parent, and its standard output goes to standard error."""
+def _begin(line: Connection, environment: Mapping[str, str]) -> None:
+    """Initializer of a process: it ends with its parent, and its standard output goes to standard error.
+
+    Args:
+        environment: Of its parent, which may have changed since the server of processes has started.
+    """
     global _worker
     _worker = True
+    os.environ.clear()
+    os.environ.update(environment)
     hold(line)
     with suppress(OSError):  # there is no standard error
         os.dup2(2, 1)
@@ -251,7 +258,7 @@ def _submit(name: str, work: Callable[[], T]) -> Future[T]:
         Finalize(None, _stop_all, exitpriority=100)  # before its children are waited for
     if name in _EXECUTORS and monotonic() - _FREE.get(name, 0.0) > ASKED:
         _stop(name)
-    with inherit_safely():
+    with inherit_safely(ENVIRONMENT):
         try:
             future: Future[T] = _EXECUTORS[name].submit(work)
         except (KeyError, BrokenProcessPool):
@@ -271,7 +278,7 @@ def _executor() -> ProcessPoolExecutor:
         raise ScrewgaugeError("is not there, without which no process is watched and ended", "/proc", remedy)
     try:
         return ProcessPoolExecutor(
-            max_workers=1, timeout=IDLE, env=ENVIRONMENT, initializer=_begin, initargs=(lifeline(),)
+            max_workers=1, timeout=IDLE, context=Forks(), initializer=_begin, initargs=(lifeline(), {**os.environ})
         )
     except OSError as error:
         raise ScrewgaugeError(f"cannot hold semaphores of processes ({why(error)})", "/dev/shm", remedy) from None

@@ -108,3 +108,12 @@ def says_where_nothing_can_be_written(progress) -> str:
 
 def where(progress) -> str:
     return os.getcwd()
+
+
+def server(progress) -> int:
+    """The process that it was forked from."""
+    return os.getppid()
+
+
+def variable(progress) -> str:
+    return os.environ["SCREWGAUGE_TEST"] + os.environ["MUJOCO_GL"]

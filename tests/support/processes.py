@@ -2,4 +2,4 @@
 
 from __future__ import annotations
 
-from screwgauge.processes import inherit_safely, safe_path
+from screwgauge.processes import inherit_safely, python, safe_path

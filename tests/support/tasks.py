@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from functools import partial
+from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,9 @@ def dies(progress: Any) -> dict[str, Any]:
 
 
 def takes_its_worker(progress: Any) -> dict[str, Any]:
-    os.kill(os.getppid(), signal.SIGKILL)
+    worker = parent_process()
+    assert worker is not None
+    os.kill(worker.pid, signal.SIGKILL)
     return {}
 
 
