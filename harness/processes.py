@@ -7,6 +7,7 @@ is first imported.
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Iterator, Mapping
@@ -33,6 +34,11 @@ def fix_threads() -> bool:
 def one_thread() -> bool:
     """Whether every variable is set to one thread."""
     return ONE.items() <= os.environ.items()
+
+
+def collect_rarely() -> None:
+    """Look for garbage in cycles a seventieth as often: imports and traces of equations make many objects and none."""
+    gc.set_threshold(50_000)
 
 
 def python(*arguments: str) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import faulthandler
+import gc
 import os
 import re
 import resource
@@ -28,7 +29,7 @@ from loky import cpu_count
 from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
 from screwgauge.problem import Progress
-from screwgauge.processes import ONE, SAFE, inherit_safely
+from screwgauge.processes import ONE, SAFE, collect_rarely, inherit_safely
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, shown
 from screwgauge.reference.files import why
 from screwgauge.solution import Failure
@@ -220,6 +221,8 @@ def _begin(line: Connection, environment: Mapping[str, str]) -> None:
     os.environ.clear()
     os.environ.update(environment)
     hold(line)
+    gc.freeze()  # what the server has imported is no garbage, and stays in the memory that all share
+    collect_rarely()
     with suppress(OSError):  # there is no standard error
         os.dup2(2, 1)
 
