@@ -18,6 +18,7 @@ from screwgauge.reference.equations.kinematics import length, pose
 from screwgauge.reference.graph import layout
 from screwgauge.reference.lint import suspicious
 from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
+from screwgauge.reference.reciprocal import pose_joints
 from screwgauge.reference.rotations import Array
 
 #: Colours of bodies; dark enough for their names.
@@ -67,14 +68,18 @@ def cut_joints(mechanism: Mechanism) -> frozenset[str]:
     return frozenset(joint.name for joint in layout(mechanism).cuts)
 
 
+def hardware(mechanism: Mechanism) -> list[Joint]:
+    """Joints without those that only give a pose coordinates."""
+    return [joint for joint in mechanism.joints if joint.name not in pose_joints(mechanism)]
+
+
 def ends(mechanism: Mechanism) -> dict[str, list[End]]:
     """Body -> where its joints are."""
     ends_of: dict[str, list[End]] = {name: [] for name in mechanism.body_index}
-    for joint in mechanism.joints:
-        if joint.constrains:
-            standing = GROUND in (joint.parent, joint.child)
-            for name, frame in joint.sides:
-                ends_of[name].append(End(frame.p, standing, joint.slides > 0))
+    for joint in hardware(mechanism):
+        standing = GROUND in (joint.parent, joint.child)
+        for name, frame in joint.sides:
+            ends_of[name].append(End(frame.p, standing, joint.slides > 0))
     return ends_of
 
 
@@ -109,9 +114,8 @@ def shapes(mechanism: Mechanism) -> list[Shape]:
     for body in mechanism.bodies:
         drawn += _body(body, index[body.name], points[body.name], unit, colour_of(index[body.name]))
     cuts = cut_joints(mechanism)
-    for joint in mechanism.joints:
-        if joint.constrains:
-            drawn += _joint(joint, index[joint.parent], index[joint.child], unit, joint.name in cuts)
+    for joint in hardware(mechanism):
+        drawn += _joint(joint, index[joint.parent], index[joint.child], unit, joint.name in cuts)
     for odd in suspicious(mechanism):
         at = odd.point / unit
         drawn.append(Shape("doubts", "cage", index[odd.body], at, at, 3.0 * JOINT, DOUBT, odd.sentence))
@@ -323,7 +327,7 @@ def joint_marks(mechanism: Mechanism) -> list[tuple[Joint, Array, Array]]:
     lay = layout(mechanism)
     at, index, unit = pose(lay, mechanism.home[None]), mechanism.body_index, length(lay)
     found = list[tuple[Joint, Array, Array]]()
-    for joint in (joint for joint in mechanism.joints if joint.constrains):
+    for joint in hardware(mechanism):
         (body, place), base = mark(joint), index[joint.parent]
         point = at.p[0, index[body]] + at.R[0, index[body]] @ place
         found.append((joint, point / unit, at.R[0, base] @ joint.parent_frame.R @ joint.freedoms[-1][1]))

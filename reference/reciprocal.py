@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -167,6 +168,7 @@ def held(lay: Layout, q: Array, body: str = "") -> tuple[Held, ...]:
     """
     mechanism, unit, at = lay.mechanism, length(lay), pose(lay, q)
     body, ways = (body, legs(mechanism, body)) if body else end_body(mechanism)
+    ways = tuple(leg for leg in ways if not {joint.name for joint in leg.joints} <= pose_joints(mechanism))
     i = mechanism.body_index[body]
     middles = (at.p[:, i] + at.R[:, i] @ mechanism.body(body).com) / unit
     allowed = [body_twists(mechanism, leg.joints, body, q, unit) for leg in ways]
@@ -179,6 +181,35 @@ def held(lay: Layout, q: Array, body: str = "") -> tuple[Held, ...]:
         redundant = both.shape[1] - linear.rank(both)
         bodies.append(Held(body, ways, wrenches, elements(free[k], middle, unit), redundant))
     return tuple(bodies)
+
+
+@lru_cache(maxsize=8)
+def pose_joints(mechanism: Mechanism) -> frozenset[str]:
+    """Joints of ground that only give the pose of a body coordinates.
+
+    They constrain nothing (F), or nothing at home that the other legs of the body do not (E), and no actuator, coupling
+    or other leg depends on them.
+    """
+    found = {joint.name for joint in mechanism.joints if not joint.constrains}
+    planar = [
+        joint for joint in mechanism.joints if joint.kind == "E" and GROUND in joint.bodies and not joint.actuated
+    ]
+    for joint in planar:
+        body = next(side for side in joint.bodies if side != GROUND)
+        ways = legs(mechanism, body)
+        if joint.name in coupled_joints(mechanism) or len(ways) < 2:
+            continue
+        q, unit = mechanism.home[None], length(layout(mechanism))
+        own, rest = [], np.zeros((6, 0))
+        for leg in ways:
+            system = reciprocal_screws(body_twists(mechanism, leg.joints, body, q, unit)[0])
+            if leg.joints == (joint,):
+                own.append(system)
+            else:
+                rest = np.concatenate([rest, system], axis=1)
+        if own and linear.rank(np.concatenate([rest, *own], axis=1)) == linear.rank(rest):
+            found.add(joint.name)
+    return frozenset(found)
 
 
 def normal_of_plane(screws: Array) -> Array | None:

@@ -17,7 +17,7 @@ from screwgauge.models.shapes import across, differing, facing, shapes, viewed_f
 from screwgauge.report.stage.drawing import drawing, labels
 from screwgauge.report.stage.motion import FRAMES
 from screwgauge.report.stage.picture import remarks, stage
-from support.mechanism import Mechanism, load_mechanism, mechanism_names
+from support.mechanism import Joint, Mechanism, load_mechanism, mechanism_names
 from support.pages import Items, Picture
 from support.solve import layout, length, pose, positions
 
@@ -100,6 +100,19 @@ def test_the_marks_of_legs_stay_half_way_along() -> None:
     data = data_of(stage(load_mechanism("3ups-upu-s")))
     slides = [one for one in data["shapes"] if one["n"] == "leg1.slide" and one["k"] == "box"]
     assert {one["i"] for one in slides} == {load_mechanism("3ups-upu-s").body_index["leg1.lower"]}
+
+
+def test_a_joint_that_only_gives_a_pose_coordinates_is_no_hardware() -> None:
+    plain = load_mechanism("3-rrr")
+    names = ("pose.q1", "pose.q2", "pose.q3")
+    free = np.tile([-np.inf, np.inf], (3, 1))
+    pose_of = Joint("pose", "E", "ground", "platform", np.eye(3)[2:], names, np.zeros(3), free)
+    described = replace(plain, joints=(*plain.joints, pose_of), independent=dict(zip("xyz", names, strict=True)))
+    data, other = data_of(stage(described)), data_of(stage(plain))
+    assert "pose" not in {one["n"] for one in data["shapes"]}
+    assert data["words"][0] == other["words"][0]  # no leg more
+    assert "six constraints are redundant" in data["words"][2] == other["words"][2]
+    assert "table" in {one["n"] for one in data_of(stage(load_mechanism("ruse")))["shapes"]}  # which carries a plate
 
 
 def test_arrows_are_the_forces_to_scale() -> None:
