@@ -105,6 +105,23 @@ def test_where_the_scheduler_dies_the_same_command_goes_on(tmp_path, cache_folde
 
 
 @pytest.mark.slow
+def test_rows_that_came_are_kept_where_the_scheduler_is_lost_among_them(local, monkeypatch):
+    fetched, result = [], study._result
+
+    def lost(future, timeout):
+        if len(fetched) == 3:
+            raise ConnectionError
+        fetched.append(result(future, timeout))
+        return fetched[-1]
+
+    monkeypatch.setattr(study, "_result", lost)
+    kept = Journal(None, "")
+    with pytest.raises(OutputError, match="the same command again"):
+        rows(tasks(40), Cluster(local), kept)
+    assert [*kept.results.values()] == fetched
+
+
+@pytest.mark.slow
 def test_a_task_that_takes_its_worker_with_it_is_a_row_and_the_others_are_there():
     odd = [Task("killed", support.dies), Task("taken", support.takes_its_worker)]
     with cluster(1, failures=0) as address:

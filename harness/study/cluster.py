@@ -79,18 +79,20 @@ class Cluster:
         from distributed import KilledWorker
 
         groups, done = [tasks], 0
+
+        def tell(workers: int) -> None:
+            report(f"{workers} worker{'s' * (workers != 1)}", done / len(tasks))
+
         while groups:
             group = groups.pop()
-            for workers, results in self._batches(client, self._submit(client, group)):
-                for name, result in results:
-                    if isinstance(result, KilledWorker) and len(group) > 1:
-                        groups.append({name: group[name]})
-                        continue
-                    if isinstance(result, KilledWorker):
-                        result = Failure(name, f"its worker was killed, {result.allowed_failures + 1} times")
-                    keep(name, result)
-                    done += 1
-                report(f"{workers} worker{'s' * (workers != 1)}", done / len(tasks))
+            for name, result in self._results(client, self._submit(client, group), tell):
+                if isinstance(result, KilledWorker) and len(group) > 1:
+                    groups.append({name: group[name]})
+                    continue
+                if isinstance(result, KilledWorker):
+                    result = Failure(name, f"its worker was killed, {result.allowed_failures + 1} times")
+                keep(name, result)
+                done += 1
 
     def _submit(self, client: Client, tasks: Mapping[str, Task]) -> dict[Future, str]:
         """Hand tasks to the scheduler; return the name of each future."""
@@ -102,11 +104,17 @@ class Cluster:
             futures[client.submit(on_worker, name, work, self.limits, expected, pure=False)] = name
         return futures
 
-    def _batches(self, client: Client, names: dict[Future, str]) -> Iterator[tuple[int, list[tuple[str, Any]]]]:
-        """Yield the number of workers and the named results that came since the last time, until all are there.
+    def _results(
+        self, client: Client, names: dict[Future, str], tell: Callable[[int], None]
+    ) -> Iterator[tuple[str, Any]]:
+        """Yield each result with its name as soon as it is there.
+
+        Args:
+            names: Of the futures that are not done; each is removed, so that its worker forgets the result.
+            tell: Takes the number of workers, several times a second.
 
         Raises:
-            OutputError: There is no worker any more.
+            OutputError: There has been no worker for too long.
             OSError: The scheduler does not answer.
         """
         import dask
@@ -116,19 +124,21 @@ class Cluster:
         timeout = dask.config.get(ANSWER)
         patience, seen = parse_timedelta(dask.config.get(WORKERS) or PATIENCE), monotonic()
         completed = as_completed(names, loop=client.loop)
-        while names:
-            results = []
-            for future in completed.next_batch(block=False):
-                try:
-                    results.append((names[future], _result(future, timeout)))
-                    del names[future]  # its worker forgets the result
-                except TimeoutError:  # the worker that had the result died: another makes it anew
-                    completed.add(future)
+        while True:
             workers = len(client.sync(client.nthreads, callback_timeout=timeout))
-            seen = monotonic() if workers or results else seen
+            tell(workers)
+            if not names:
+                return
+            seen = monotonic() if workers else seen
             if monotonic() - seen > patience:
                 raise OutputError(f"has had no worker for {patience:g} s", self.where, f"start some {AGAIN}")
-            yield workers, results
+            for future in completed.next_batch(block=False):
+                try:
+                    result = _result(future, timeout)
+                except TimeoutError:  # the worker that had the result died: another makes it anew
+                    completed.add(future)
+                else:
+                    yield names.pop(future), result
             sleep(TICK)
 
 
