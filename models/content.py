@@ -23,10 +23,6 @@ from screwgauge.reference.errors import first_few
 from screwgauge.reference.files import is_file, read_xml
 from screwgauge.reference.mechanism import Mechanism
 
-#: What becomes of a kind; `content.toml` explains each.
-FATES = ("held", "compared", "withheld", "aside", "irrelevant")
-#: What a run makes of a kind; `content.toml` explains each.
-RUNS = ("held", "measured", "refused", "idle")
 #: The kind of what is in no other.
 OTHER = "not held by the reading"
 #: Labels and values.
@@ -40,12 +36,12 @@ class Kind:
     """An entry of the table.
 
     Attributes:
-        fate: One of `FATES`.
+        fate: What becomes of it; `content.toml` explains each.
         note: By what it is compared, or why it is not.
         alone: ``withheld`` or ``aside`` if that is what it is where one model alone can have it or has it.
         xml: Names by which the walk through a file calls it.
         of, arrays, when, joints: How a compiled MuJoCo model keeps it.
-        run: What a run of the file makes of it, one of `RUNS`.
+        run: What a run of the file makes of it; `content.toml` explains each.
         why, remedy: Of a kind that is refused: what would be wrong without it, and what to do.
     """
 

@@ -6,7 +6,7 @@ Bodies that welds, or three points, make one are one; points that two bodies hav
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -155,15 +155,10 @@ class Machine:
         return next((name for name, body in self.bodies.items() if member in body.members), GROUND)
 
 
-def machine_of(reading: Reading, keep: Collection[str] = ()) -> Machine:
-    """The normal form, at a pose that closes the loops if there is one near.
-
-    Args:
-        keep: Bodies without mass that stay bodies.
-    """
+def machine_of(reading: Reading) -> Machine:
+    """The normal form, at a pose that closes the loops if there is one near."""
     machine = uncontracted(at_closed_pose(reading))
-    carriers = [n for n, body in machine.bodies.items() if not body.solid and not {*body.members} & {*keep}]
-    return contracted(machine, carriers)
+    return contracted(machine, [name for name, body in machine.bodies.items() if not body.solid])
 
 
 def at_closed_pose(reading: Reading) -> Reading:

@@ -138,16 +138,8 @@ def held(reading: Reading, joints: Collection[str]) -> Reading:
         else:
             into[name] = GROUND, body.pose
             fixed |= {name: body.pose, **{link: body.pose @ T for link, T in body.fixed.items()}}
-    gone = set(joints)
-    return replace(
-        reading,
-        bodies=bodies,
-        joints={name: joint for name, joint in reading.joints.items() if name not in gone},
-        fixed=fixed,
-        closures={name: _moved_to(closure, into) for name, closure in reading.closures.items()},
-        couplings={name: c for name, c in reading.couplings.items() if not {c.joint, c.of} & gone},
-        actuators={name: driven for name, driven in reading.actuators.items() if driven[0] not in gone},
-    )
+    closures = {name: _moved_to(closure, into) for name, closure in reading.closures.items()}
+    return _lacking(replace(reading, bodies=bodies, fixed=fixed, closures=closures), (), joints)
 
 
 def _moved_to(closure: ClosureReading, into: Mapping[str, tuple[str, Array]]) -> ClosureReading:

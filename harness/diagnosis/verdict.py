@@ -197,7 +197,8 @@ def _explains(differences: Sequence[Difference], of: Explanation, both: Together
     if why.before.scaled <= SAME:
         unseen = sum(len(cause.differences) for cause in why.causes[1:] if cause.kind == "unseen")
         further = [f"{_others(unseen)} not affect torques."] if unseen else []
-        return [f"{_capital(_unseen(differences, why.before.scaled, both))}.", *further]
+        text = _unseen(differences, why.before.scaled, both)
+        return [f"{text[0].upper()}{text[1:]}.", *further]
     if not why.seen:
         why_not = "there was no time to explain" if late else "nothing that the two say explains"
         return [f"Torques differ by {_largest(why.before)}, which {why_not}."]
@@ -217,10 +218,6 @@ def _explains(differences: Sequence[Difference], of: Explanation, both: Together
 
 def _others(count: int) -> str:
     return f"{count} further difference{'s do' if count > 1 else ' does'}"
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _of_tree(differences: Sequence[Difference], seen: Sequence[int]) -> str:

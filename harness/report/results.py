@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from screwgauge.reference.errors import OutputError, UnknownNameError, check_choice
+from screwgauge.reference.errors import UnknownNameError, check_choice
 from screwgauge.reference.files import check_free
 from screwgauge.report.blocks import Block, Picture
-from screwgauge.report.folder import locked, write_files
+from screwgauge.report.folder import write_files
 from screwgauge.report.html import fragment
 from screwgauge.report.pages import run as run_page
 from screwgauge.report.record import values_table
@@ -38,10 +39,7 @@ class Results(Shown, Comparison):
             OutputError: The folder cannot be written or has other files of these names, or pyarrow is missing.
             ReportError: The numbers are there, the report could not be made.
         """
-        if out == "":
-            raise OutputError("is empty, which would be the current folder", "out", "name a folder")
-        with locked(Path(out)):
-            return run_page.write(self, Path(out), samples=samples, pdf=pdf, force=force)
+        return self._write(out, samples=samples, pdf=pdf, force=force)
 
     def to_csv(
         self,
@@ -108,6 +106,9 @@ class Results(Shown, Comparison):
         if not pictures:
             raise UnknownNameError("figure", name, [picture.name for picture in every])
         return Pictures(pictures)
+
+    def _report(self) -> Any:
+        return run_page
 
     def _page(self) -> Iterable[Block]:
         return run_page.report(self, self.plot())

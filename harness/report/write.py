@@ -15,7 +15,7 @@ from typing import Any, Self
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError, ReportError
 from screwgauge.report.blocks import Block, Picture, changed, walk
-from screwgauge.report.folder import PAGES, SAMPLES, check_writable, write_files, written
+from screwgauge.report.folder import PAGES, SAMPLES, check_writable, locked, write_files, written
 from screwgauge.report.html import fragment, page
 from screwgauge.report.text import markdown, screenful
 from screwgauge.study.formatting import free_name
@@ -122,12 +122,39 @@ class Shown:
         return cls(**{item.name: getattr(result, item.name) for item in fields(result)})
 
     @abstractmethod
+    def _report(self) -> Any:
+        """The kind of its report."""
+
     def _page(self) -> Iterable[Block]:
         """The whole page."""
+        report = self._report()
+        blocks: list[Block] = report.blocks(self, report.draw(self))
+        return blocks
 
-    @abstractmethod
     def _screen(self) -> Iterable[Block]:
         """What fits a screen."""
+        blocks: list[Block] = self._report().terminal(self)
+        return blocks
+
+    def write(self, out: str | Path, *, force: bool = False) -> Path:
+        """Writes data into a folder, then report and plots; those of the report before are replaced.
+
+        Args:
+            out: Folder, made if need be; if the data cannot be written, it is as it was before.
+            force: Files in the way are replaced, whoever wrote them.
+
+        Raises:
+            OutputError: The folder cannot be written or has other files of these names.
+            ReportError: The data are there, the report could not be made.
+        """
+        return self._write(out, force=force)
+
+    def _write(self, out: str | Path, **writing: Any) -> Path:
+        if out == "":
+            raise OutputError("is empty, which would be the current folder", "out", "name a folder")
+        with locked(Path(out)):
+            path: Path = self._report().write(self, Path(out), **writing)
+        return path
 
     def to_html(self, path: str | Path | None = None) -> str | Path:
         """The report as one page that opens offline.

@@ -28,7 +28,7 @@ import numpy as np
 from loky import cpu_count
 from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
-from screwgauge.problem import Progress
+from screwgauge.problem import Progress, silent
 from screwgauge.processes import ONE, SAFE, collect_rarely, inherit_safely
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, shown
 from screwgauge.reference.files import why
@@ -191,13 +191,9 @@ class _Jobs(Generic[T]):
         self.keep(name, result)
 
 
-def isolated_calls(
-    works: Mapping[str, Callable[[], T | Failure]],
-    limits: Limits,
-    report: Callable[[str, float], None] = lambda names, share: None,
-) -> dict[str, T | Failure]:
-    """`isolated` for jobs that report no progress."""
-    return isolated({name: partial(_unwatched, work) for name, work in works.items()}, limits, report)
+def isolated_call(name: str, work: Callable[[], T | Failure], limits: Limits) -> T | Failure:
+    """What a job returns in the process of a name; see `isolated`."""
+    return isolated({name: partial(_unwatched, work)}, limits, silent)[name]
 
 
 def _unwatched(work: Callable[[], T], progress: Progress) -> T:

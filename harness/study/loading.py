@@ -14,7 +14,7 @@ from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import LoaderError, ModelFileError
 from screwgauge.solution import Failure
-from screwgauge.study.isolation import Limits, isolated_calls
+from screwgauge.study.isolation import Limits, isolated_call
 
 #: Of one reading: the largest models take a second. Of one import: the largest public models take a few.
 LOADING, IMPORTING = Limits(seconds=60.0, memory=4.0), Limits(seconds=120.0, memory=4.0)
@@ -27,8 +27,7 @@ def read_isolated(path: Path, library: str, floating: bool = False) -> Reading:
         ScrewgaugeError: It cannot be read.
         LoaderError: The library crashed or met a limit.
     """
-    process = f"{library}-reading"
-    reading = isolated_calls({process: partial(read, path, library, floating=floating)}, LOADING)[process]
+    reading = isolated_call(f"{library}-reading", partial(read, path, library, floating=floating), LOADING)
     if isinstance(reading, Failure):
         what = f"{library} does not survive it ({_reason(reading)})"
         raise LoaderError(what, str(path), "let another library read it")
@@ -46,7 +45,7 @@ def sides(a: str, b: str, meshes: bool) -> tuple[str | Weighed, str | Weighed]:
         return a, b
     models = list[Weighed]()
     for each in (a, b):
-        one = isolated_calls({"meshes": partial(weighed, each, scratch_folder())}, LOADING)["meshes"]
+        one = isolated_call("meshes", partial(weighed, each, scratch_folder()), LOADING)
         if isinstance(one, Failure):
             what = f"mujoco does not survive its meshes ({_reason(one)})"
             raise LoaderError(what, each, "give its bodies an <inertial>")
@@ -60,7 +59,7 @@ def import_isolated(path: Path, options: Options | None = None) -> Imported:
     Raises:
         ScrewgaugeError: It is no model, or one that a description cannot hold; or whoever reads it fails.
     """
-    imported = isolated_calls({"import": partial(import_model, path, options or Options())}, IMPORTING)["import"]
+    imported = isolated_call("import", partial(import_model, path, options or Options()), IMPORTING)
     if isinstance(imported, Failure):
         remedy = "let another library read it (--reader), or give a smaller model"
         raise ModelFileError(f"cannot be read: {_reason(imported)}", str(path), remedy)

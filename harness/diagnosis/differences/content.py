@@ -104,7 +104,7 @@ def _alike(x: float | str, y: float | str) -> bool:
 
 
 def _fate(a: Content | None, b: Content | None, readings: tuple[Reading, Reading], *, named_alike: bool) -> str:
-    """``same``, ``differs``, or a fate of `content.FATES`."""
+    """``same``, ``differs``, or a fate of `content.toml`."""
     one = a or b
     assert one is not None
     kind = kinds()[one.kind]

@@ -13,7 +13,7 @@ import numpy as np
 from screwgauge.judging.residual import JUDGE
 from screwgauge.reference.errors import OutputError, first_few
 from screwgauge.reference.files import replace_file, stamped, why
-from screwgauge.report.blocks import Banner, Block, Heading, Picture
+from screwgauge.report.blocks import Banner, Heading, Picture
 from screwgauge.report.figures.run import pair_picture
 from screwgauge.report.layout import Report
 from screwgauge.report.left_out import more
@@ -155,11 +155,8 @@ class CheckReport(Shown, Check):
     def __repr__(self) -> str:
         return terminal(self._screen())
 
-    def _page(self) -> Iterable[Block]:
-        return PAGE.blocks(self)
-
-    def _screen(self) -> Iterable[Block]:
-        return PAGE.terminal(self)
+    def _report(self) -> Report:
+        return PAGE
 
 
 class _Page(Report):
