@@ -27,7 +27,7 @@ from screwgauge.reference.graph import Layout
 class ClosedMotion(Forward):
     """A closed mechanism at n samples of a motion, all in floats; each quantity is computed on first access.
 
-    Of a joint that closes a loop, the angles are those given; in gimbal lock its rates are not numbers.
+    Of a joint that closes a loop, the coordinates are those given; in gimbal lock its rates are not numbers.
     """
 
     def __init__(
@@ -35,7 +35,7 @@ class ClosedMotion(Forward):
     ) -> None:
         """See `motion_at`."""
         super().__init__(loops, coordinates(q, NUMPY), yd, ydd, loops.folds(q), NUMPY, applied or Applied())
-        self.t, self.near = t, {c: q[:, c] for c in loops.lay.cut_columns if loops.lay.turns[c]}
+        self.t = t
 
     @property
     def condition(self) -> Array:
@@ -47,18 +47,10 @@ class ClosedMotion(Forward):
         """Condition number of the angles of each cut joint, infinite in gimbal lock. Shape (n, n_cut)."""
         return chart_conditions(self)
 
-    def _locked(self, cut: int) -> tuple[Array, ...]:
-        """Entries of the coordinates of a cut joint, by its number, where it is in gimbal lock."""
-        columns = np.array(self.loops.lay.columns[self.loops.cuts[cut].name])
-        return np.ix_(~(self.charts[:, cut] <= linear.SINGULAR), columns)
-
-    @cached_property
+    @property
     def joint_position(self) -> Array:
-        """Coordinates of all joints, those of a joint in gimbal lock as given. Shape (n, n_q)."""
-        q = super().joint_position
-        for j in range(len(self.cuts)):
-            q[self._locked(j)] = self.q[self._locked(j)]
-        return q
+        """Coordinates of all joints, as given. Shape (n, n_q)."""
+        return self.q
 
     @cached_property
     def screws(self) -> Array:
@@ -69,8 +61,8 @@ class ClosedMotion(Forward):
     def _with_cuts(self, tree: Array, of_cut: Any) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
             joined = super()._with_cuts(tree, of_cut)
-        for j in range(len(self.cuts)):
-            joined[self._locked(j)] = np.nan
+        for joint, chart in zip(self.loops.cuts, self.charts.T, strict=True):
+            joined[np.ix_(~(chart <= linear.SINGULAR), self.loops.lay.columns[joint.name])] = np.nan
         return joined
 
     @cached_property

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 TURN = 2.0 * np.pi
 #: A rotation has two triples of angles about orthogonal axes: (x, y, z) and (x, -y, z) + pi.
@@ -136,41 +137,26 @@ def quaternion_rotation(q: Array) -> Array:
     return np.asarray(np.eye(3) + 2.0 * (w * K + K @ K))
 
 
-def triad_angles(R: Array, axes: Array, *, few: bool = False) -> Array:
-    """Angles of ``R = Rot(axes[0], q1) Rot(axes[1], q2) Rot(axes[2], q3)``, for orthogonal axes.
+def sequence_angles(M: Array, m: int = 3, hand: float = 1.0) -> Array:
+    """The first m angles of ``M = Rot(x, q1) Rot(y, q2) Rot(z, hand q3)``, through gimbal lock.
 
     Args:
-        R: Rotation matrix. Shape (..., 3, 3).
-        axes: Three mutually orthogonal unit axes, right- or left-handed. Shape (3, 3).
-        few: Whether the joint has no third axis: two angles have no gimbal lock.
+        M: Rotation matrix in right-handed axes. Shape (..., 3, 3).
+        m: How many axes the joint has: two angles have no gimbal lock.
+        hand: -1 if its third axis is opposite to the third of these.
 
     Returns:
-        Angles [rad], the middle one of three within +-pi/2. Shape (..., 3).
+        Angles [rad] within half a turn, the middle one of three within +-pi/2. Shape (..., m).
     """
-    # In the basis of the axes the product is the usual x-y-z sequence; a left-handed triad mirrors the angles.
-    hand = np.sign(np.linalg.det(axes.astype(float))).astype(R.dtype)
-    return np.asarray(hand * sequence_angles(axes @ R @ axes.T, few=few))
-
-
-def sequence_angles(M: Array, *, few: bool = False) -> Array:
-    """Angles of ``M = Rot(x, q1) Rot(y, q2) Rot(z, q3)``; see `triad_angles`."""
-    if few:
-        q1, q2 = np.arctan2(M[..., 2, 1], M[..., 1, 1]), np.arctan2(M[..., 0, 2], M[..., 0, 0])
-        return np.stack([q1, q2, np.zeros_like(q1)], axis=-1)
+    if m < 3:
+        both = np.arctan2(M[..., 2, 1], M[..., 1, 1]), np.arctan2(M[..., 0, 2], M[..., 0, 0])
+        return np.stack(both, axis=-1)[..., :m]
     q1 = np.arctan2(-M[..., 1, 2], M[..., 2, 2])
     q2 = np.arctan2(M[..., 0, 2], np.hypot(M[..., 1, 2], M[..., 2, 2]))
     # beside q1, so that the two together are right where q2 is a right angle and either of them is anything
     c, s = np.cos(q1)[..., None], np.sin(q1)[..., None]
     row = c * M[..., 1, :2] + s * M[..., 2, :2]
-    return np.stack([q1, q2, np.arctan2(row[..., 0], row[..., 1])], axis=-1)
-
-
-def triad(axes: Array) -> Array:
-    """Completes one or two orthogonal unit axes to three, right-handed. Shape (1 to 3, 3) -> (3, 3)."""
-    if len(axes) == 3:
-        return axes
-    second = axes[1] if len(axes) == 2 else np.linalg.svd(axes)[2][1]
-    return np.vstack([axes[0], second, cross(axes[0], second)])
+    return np.stack([q1, q2, hand * np.arctan2(row[..., 0], row[..., 1])], axis=-1)
 
 
 def within_half_turn(angles: Array) -> Array:
@@ -188,7 +174,7 @@ def other_triple(angles: Array) -> Array:
     return np.asarray(MIDDLE.astype(angles.dtype) * angles + np.pi)
 
 
-def nearest_angles(angles: Array, near: Array) -> tuple[Array, NDArray[np.bool_]]:
+def nearest_angles(angles: Array, near: Array) -> tuple[Array, Flags]:
     """The angles nearest to others, among both triples of the same rotation and all whole turns.
 
     Args:
@@ -203,6 +189,40 @@ def nearest_angles(angles: Array, near: Array) -> tuple[Array, NDArray[np.bool_]
     other = nearest_turn(other_triple(angles), near)
     swapped = np.abs(other - near).sum(axis=-1) < np.abs(one - near).sum(axis=-1)
     return np.where(swapped[..., None], other, one), swapped
+
+
+def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rates: Array | None = None) -> Array:
+    """Angles followed from sample to sample: of all that mean the same, those nearest to what is predicted.
+
+    Args:
+        begin: Where to begin: the first sample is the one next to it. Shape (m,).
+        angles: Of a joint at each sample [rad]. Shape (n, m).
+        sure: Whether the chart determines them; a sample at a lock is no ground for later ones. Shape (n,).
+        t, rates: Times [s], shape (n,), and rates [rad/s], shape (n, m), by which each sample is predicted from the
+            one before; without them it is the one before.
+
+    Returns:
+        Shape (n, m).
+    """
+    sure = sure & np.isfinite(angles).all(axis=1)
+    if t is None or rates is None:
+        t, rates = np.zeros(len(angles)), np.zeros_like(angles)
+    at = np.concatenate([t[:1], t[sure]])  # nothing is predicted from the beginning
+    half = 0.5 * np.diff(at)[:, None]
+    x, r = np.vstack([begin, angles[sure]]), np.vstack([np.zeros_like(begin), rates[sure]])
+    half[:1] = 0.0
+    if len(begin) == 3:
+        same = x[1:] - x[:-1] - half * (r[1:] + r[:-1])
+        other = other_triple(x[1:]) - x[:-1] - half * (MIDDLE * r[1:] + r[:-1])
+        # whether a sample goes on by its other triple does not depend on which triple the one before took
+        change = np.abs(within_half_turn(other)).sum(axis=1) < np.abs(within_half_turn(same)).sum(axis=1)
+        swapped = (np.cumsum(change) % 2 == 1)[:, None]
+        x[1:], r[1:] = np.where(swapped, other_triple(x[1:]), x[1:]), np.where(swapped, MIDDLE * r[1:], r[1:])
+    x[1:] -= TURN * np.cumsum(np.round((np.diff(x, axis=0) - half * (r[1:] + r[:-1])) / TURN), axis=0)
+    out, last = np.empty_like(angles), np.cumsum(sure)[~sure]
+    out[sure] = x[1:]
+    out[~sure] = nearest_angles(angles[~sure], x[last] + (t[~sure] - at[last])[:, None] * r[last])[0]
+    return out
 
 
 def across_direction(R: Array, direction: Array) -> Array:

@@ -7,11 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from screwgauge.engines.tree.cut_joints import SURE, follow, read_chart
+from screwgauge.engines.tree.cut_joints import SURE, read_chart
 from support.acting import GRAVITY, Applied, hold
 from support.engines import MOTION, Problem, ask, model_files, simulate
 from support.errors import ClosureError
-from support.geometry import rotation
+from support.geometry import follow, rotation
 from support.mechanism import load_mechanism
 from support.scene import GivenMotion, InitialValue
 from support.tolerances import BY_LOCK, FALLEN, FAST_DIFFERENCE, READ

@@ -18,45 +18,29 @@ from screwgauge.reference.closed.continuation import Continuation
 from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
 from screwgauge.reference.closed.region import Region
 from screwgauge.reference.equations.closure import Closed, Loops
-from screwgauge.reference.equations.joint_types import JointPose
+from screwgauge.reference.equations.joint_types import read_coordinates
 from screwgauge.reference.equations.kinematics import coordinates, tree_pose
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.equations.rounding import chart_conditions
-from screwgauge.reference.equations.screws import dot, transpose
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.graph import Layout
-from screwgauge.reference.mechanism import KINDS, Mechanism
-from screwgauge.reference.rotations import Array, nearest_angles, triad, triad_angles
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array, follow
 
 
 def read(lay: Layout, guess: Array, *, near: bool = True) -> Array:
     """Joint coordinates in which those of the cut joints are what the poses of the bodies by the tree say.
 
-    Unlike `joint_types.cut_coordinates` this goes through gimbal lock: of all angles that mean the same, those
-    nearest to a guess are taken, whichever triple they are of.
-
     Args:
         guess: Joint coordinates. Shape (n, n_q).
-        near: Whether those of the cut joints are to be near the guess, else within half a turn.
+        near: Whether those of the cut joints are to be near the guess, see `read_coordinates`.
     """
     q = guess.copy()
     if lay.cuts:
         at = tree_pose(lay, coordinates(guess, NUMPY))
         for joint in lay.cuts:
             columns = lay.columns[joint.name]
-            q[:, columns] = _values(at.joint(joint), guess[:, columns], near=near)
-    return q
-
-
-def _values(at: JointPose, guess: Array, *, near: bool) -> Array:
-    """Coordinates of one joint. Shape (n, f) -> (n, f)."""
-    q, turns = guess.copy(), np.array(KINDS[at.joint.kind])
-    if turns.any():
-        few = at.joint.angles < 3
-        angles = triad_angles(transpose(at.R_parent) @ at.R_child, triad(at.joint.axes), few=few)[..., : turns.sum()]
-        q[:, turns] = nearest_angles(angles, guess[:, turns])[0] if near else angles
-    if not turns.all():
-        q[:, ~turns] = np.stack([dot(e, at.p_child - at.p_parent) for e in at.slides], axis=1)
+            q[:, columns] = read_coordinates(at.joint(joint), guess[:, columns] if near else None)
     return q
 
 
@@ -67,14 +51,10 @@ def follow_cut_joints(lay: Layout, q: Array, near: Array) -> Array:
         q: Joint coordinates, of which those of the tree are looked at. Shape (v, n_q).
         near: Those of the pose before the first. Shape (n_q,).
     """
-    if not lay.cuts:
-        return q
     q = read(lay, q, near=False)
     for joint in lay.cuts:
         turning = [c for c in lay.columns[joint.name] if lay.turns[c]]
-        before = near[turning]
-        for row in q:
-            before = row[turning] = nearest_angles(row[turning], before)[0]
+        q[:, turning] = follow(near[turning], q[:, turning], np.ones(len(q), dtype=bool))
     return q
 
 

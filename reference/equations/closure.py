@@ -357,12 +357,8 @@ class Motion(Closed):
         return self._with_cuts(self.q, self._cut_position)
 
     def _cut_position(self, cut: CutJoint) -> Array:
-        q = list[Any]()
-        for column, (x, cosine) in zip(self.loops.lay.columns[cut.at.joint.name], cut.values, strict=True):
-            angle = self.near.get(column, 0.0)
-            s, c = self.ops.sin(angle), self.ops.cos(angle)
-            turns = cosine is not None
-            q.append(angle + self.ops.atan2(x * c - cosine * s, cosine * c + x * s) if turns else x)
+        near = {column: self.near.get(column, 0.0) for column in self.loops.lay.columns[cut.at.joint.name]}
+        q = [x + self._off(column, x) for column, x in near.items()]
         return np.stack(np.broadcast_arrays(*q), axis=-1)
 
     @cached_property

@@ -31,7 +31,7 @@ from screwgauge.reference.equations.screws import (
     transpose,
 )
 from screwgauge.reference.mechanism import KINDS, Frame, Joint, by_role
-from screwgauge.reference.rotations import across, triad
+from screwgauge.reference.rotations import across, nearest_angles, sequence_angles
 
 Value = tuple[Any, Any]
 """Sine and cosine of an angle; length of a slide, and None."""
@@ -233,6 +233,19 @@ def reaction_names(joints: Sequence[Joint], couplings: Sequence[Coupling]) -> tu
     return tuple(name for name, _ in pairs), tuple(unit for _, unit in pairs)
 
 
+@lru_cache(maxsize=4096)
+def triad(joint: Joint) -> tuple[Array, float]:
+    """Right-handed orthonormal axes that begin with a joint's first two, or with its only one.
+
+    Returns:
+        The three, shape (3, 3), and -1 where the joint's third axis is opposite to theirs, else 1.
+    """
+    first, axes = joint.axes[0], joint.axes
+    second = axes[1] if len(axes) > 1 else np.linalg.svd(axes)[2][1]
+    third = cross(first, second)
+    return np.stack([first, second, third]), -1.0 if len(axes) > 2 and third @ axes[2] < 0.0 else 1.0
+
+
 def constraint_wrenches(at: JointPose) -> Array:
     """Wrenches by which the parent constrains the child, eq. (8). Shape (..., m, 6)."""
     return stack(force(at.type.forces(at), at.p_child[..., None, :]), couple(at.type.moments(at)))
@@ -277,9 +290,33 @@ def cut_coordinates(at: JointPose, fold: Any, sqrt: Callable[[Any], Any]) -> lis
     Args:
         fold: Sign of the cosine of a spherical joint's middle angle: a rotation has two triples of angles.
     """
-    A = triad(at.joint.axes)
-    handed = float(np.sign(np.linalg.det(A.astype(float))))
-    M = A @ (transpose(at.R_parent) @ at.R_child) @ A.T
-    angles = ((handed * sine, cosine) for sine, cosine in at.type.angles(M, fold, sqrt))
+    M, hand = _rotation(at)
+    sides = zip(at.type.angles(M, fold, sqrt), (1.0, 1.0, hand), strict=False)
+    angles = ((side * sine, cosine) for (sine, cosine), side in sides)
     shifts = ((dot(e, at.p_child - at.p_parent), None) for e in at.slides)
     return [next(angles if turns else shifts) for turns in KINDS[at.joint.kind]]
+
+
+def read_coordinates(at: JointPose, near: Array | None = None) -> Array:
+    """The coordinates of a cut joint as floats; unlike `cut_coordinates` this goes through gimbal lock.
+
+    Args:
+        near: Of all angles that mean the same, those nearest to these are taken, whichever triple they are of; without
+            them angles are within half a turn. Shape (n, f).
+
+    Returns:
+        Shape (n, f).
+    """
+    M, hand = _rotation(at)
+    turns, angles = np.array(KINDS[at.joint.kind]), sequence_angles(M, at.joint.angles, hand)
+    q = np.empty((len(M), len(turns)), dtype=M.dtype)
+    q[:, turns] = angles if near is None else nearest_angles(angles, near[:, turns])[0]
+    for i, e in zip(np.flatnonzero(~turns), at.slides, strict=True):
+        q[:, i] = dot(e, at.p_child - at.p_parent)
+    return q
+
+
+def _rotation(at: JointPose) -> tuple[Array, float]:
+    """Rotation of the child's frame against the parent's in axes of the joint, see `triad`."""
+    A, hand = triad(at.joint)
+    return A @ (transpose(at.R_parent) @ at.R_child) @ A.T, hand

@@ -17,6 +17,7 @@ from screwgauge.reference.equations.joint_types import (
     components,
     constraint_wrenches,
     reaction_names,
+    triad,
 )
 from screwgauge.reference.equations.ops import Ops
 from screwgauge.reference.equations.rounding import gain

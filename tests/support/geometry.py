@@ -11,11 +11,11 @@ from screwgauge.reference.linear import EPS, SINGULAR, condition
 from screwgauge.reference.rotations import (
     MIDDLE,
     Array,
+    follow,
     quaternion_rotation,
     rotation,
     sequence_angles,
     skew,
-    triad_angles,
     vee,
     within_half_turn,
 )

@@ -15,6 +15,7 @@ from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import AssemblyMode, Guess
+from screwgauge.reference.closed.loops import read
 from screwgauge.reference.closed_motion import ClosedMotion
 from screwgauge.reference.equations import dynamics as equations
 from screwgauge.reference.equations.closure import Loops
@@ -95,7 +96,7 @@ class Work:
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
             q, moving = closed[doubtful], self.loops.columns[: self.loops.moving]
             q[:, moving] += shake * self.loops.sizes[moving]
-            return self._beyond(q, motion.part(doubtful))[0]
+            return self._beyond(read(self.lay, q), motion.part(doubtful))[0]
 
         units = {name: units for name, (_, units) in self.names().items()}
         return examined(values, trust, A, motion.y.shape[1], again, self.clock, units, self.loops.length)

@@ -21,7 +21,7 @@ from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed.assembly_mode import Guess
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.graph import Layout
-from screwgauge.reference.rotations import Array, nearest_angles, nearest_turn
+from screwgauge.reference.rotations import Array, nearest_angles
 from screwgauge.reference.traced.program import columns
 from screwgauge.reference.traced.trace import NotTraceableError, Scalar
 from screwgauge.reference.traced.tracing import CHARTED, CHECKS, Traced, TracedQuantities, traced
@@ -305,9 +305,7 @@ class TracedWork:
             swapped = fold * np.cos(near[:, columns[1]]) < 0.0 if joint.angles == 3 else np.zeros(1, dtype=bool)
             if "joint_position" in values:
                 q = values["joint_position"]
-                nearest, other = nearest_angles(q[:, turning], near[:, turning])
-                q[:, turning] = nearest if joint.angles == 3 else nearest_turn(q[:, turning], near[:, turning])
-                swapped = other if joint.angles == 3 else swapped
+                q[:, turning], swapped = nearest_angles(q[:, turning], near[:, turning])
             if swapped.any():
                 for name, places in self._middle[columns[1]].items():
                     if name in values:

@@ -8,12 +8,12 @@ import numpy as np
 
 from screwgauge.engines.chunks import JointMotion
 from screwgauge.engines.tree.closed_tree import ClosedTree
-from screwgauge.engines.tree.cut_joints import SURE, Flags, follow
+from screwgauge.engines.tree.cut_joints import SURE
 from screwgauge.engines.tree.protocol import Mover
 from screwgauge.reference import linear
 from screwgauge.reference.closed.newton import ROUNDING
 from screwgauge.reference.errors import SingularPoseError
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, Flags, follow
 
 #: Singular values of the closing rows below this share of the largest are not divided by: next to a singular pose of
 #: the loops the smallest correction would be a long one along what the rows hardly see.

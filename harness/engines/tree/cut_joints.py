@@ -9,13 +9,19 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from screwgauge.reference import rotations
+from screwgauge.reference.equations.joint_types import triad
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.rotations import MIDDLE, TURN, Array, cross, other_triple, within_half_turn
-
-Flags = NDArray[np.bool_]
+from screwgauge.reference.rotations import (
+    MIDDLE,
+    Array,
+    cross,
+    follow,
+    nearest_angles,
+    other_triple,
+    sequence_angles,
+    within_half_turn,
+)
 
 #: Angles read with a worse condition are no ground for the samples after them: poses closed to 1e-13 leave 1e-5 rad.
 SURE = 1e8
@@ -80,7 +86,7 @@ class Chart:
         Args:
             angles: Shape (n, m).
         """
-        return replace(self, q=rotations.nearest_angles(self.q, angles)[0])
+        return replace(self, q=nearest_angles(self.q, angles)[0])
 
     def agreeing(self, i: int, angle: Array) -> Chart:
         """A chart of the same rotations by the triples whose angle `i` comes nearest to a given one. Shape (n,)."""
@@ -93,49 +99,11 @@ class Chart:
 
 def read_chart(joint: Joint, R_parent: Array, R_child: Array) -> Chart:
     """Angles of a cut R or S joint from the orientations of its bodies. Shapes (n, 3, 3)."""
-    axes, m = rotations.triad(joint.axes), len(joint.axes)
-    basis = np.vstack([axes[:2], cross(axes[0], axes[1])]).T
-    hand = 1.0 if basis[:, 2] @ axes[2] > 0.0 else -1.0
-    R = R_parent @ (joint.parent_frame.R @ basis)
-    M = R.swapaxes(1, 2) @ (R_child @ (joint.child_frame.R @ basis))
-    angles = rotations.sequence_angles(M, few=m < 3)[:, :m]
-    if hand < 0.0:
-        angles[:, 2:] *= hand
-    return Chart(angles, R, hand * M[..., 2])  # the last angle turns about the last axis
-
-
-def follow(begin: Array, angles: Array, sure: Flags, t: Array | None = None, rates: Array | None = None) -> Array:
-    """Angles followed from sample to sample: of all that mean the same, those nearest to what is predicted.
-
-    Args:
-        begin: Where to begin: the first sample is the one next to it. Shape (m,).
-        angles: As `read_chart` reads them [rad]. Shape (n, m).
-        sure: Whether the chart determines them; a sample at a lock is no ground for later ones. Shape (n,).
-        t, rates: Times [s], shape (n,), and rates [rad/s], shape (n, m), by which each sample is predicted from the
-            one before; without them it is the one before.
-
-    Returns:
-        Shape (n, m).
-    """
-    sure = sure & np.isfinite(angles).all(axis=1)
-    if t is None or rates is None:
-        t, rates = np.zeros(len(angles)), np.zeros_like(angles)
-    at = np.concatenate([t[:1], t[sure]])  # nothing is predicted from the beginning
-    half = 0.5 * np.diff(at)[:, None]
-    x, r = np.vstack([begin, angles[sure]]), np.vstack([np.zeros_like(begin), rates[sure]])
-    half[:1] = 0.0
-    if len(begin) == 3:
-        same = x[1:] - x[:-1] - half * (r[1:] + r[:-1])
-        other = other_triple(x[1:]) - x[:-1] - half * (MIDDLE * r[1:] + r[:-1])
-        # whether a sample goes on by its other triple does not depend on which triple the one before took
-        change = np.abs(within_half_turn(other)).sum(axis=1) < np.abs(within_half_turn(same)).sum(axis=1)
-        swapped = (np.cumsum(change) % 2 == 1)[:, None]
-        x[1:], r[1:] = np.where(swapped, other_triple(x[1:]), x[1:]), np.where(swapped, MIDDLE * r[1:], r[1:])
-    x[1:] -= TURN * np.cumsum(np.round((np.diff(x, axis=0) - half * (r[1:] + r[:-1])) / TURN), axis=0)
-    out, last = np.empty_like(angles), np.cumsum(sure)[~sure]
-    out[sure] = x[1:]
-    out[~sure] = rotations.nearest_angles(angles[~sure], x[last] + (t[~sure] - at[last])[:, None] * r[last])[0]
-    return out
+    basis, hand = triad(joint)
+    R = R_parent @ (joint.parent_frame.R @ basis.T)
+    M = R.swapaxes(1, 2) @ (R_child @ (joint.child_frame.R @ basis.T))
+    # the last angle turns about the last axis
+    return Chart(sequence_angles(M, len(joint.axes), hand), R, hand * M[..., 2])
 
 
 def unwrapped(begin: Array, chart: Chart, given: bool) -> Array:
