@@ -175,8 +175,11 @@ def _parser() -> argparse.ArgumentParser:
     add("--include", default="", metavar="A,B", help="to add: contacts, limits, geoms, sensors, yaml (a robot.yaml)")
     add("--check", action="store_true", help="compare what yourdfpy, Pinocchio and MuJoCo read with the description")
 
-    add = command(commands.import_, "a URDF or MJCF as description (NAME.toml) and scene (NAME.scene.toml)")
-    add("file", type=_path, metavar="FILE", help="a URDF or MJCF")
+    add = command(
+        commands.import_,
+        "a URDF or MJCF, or a description with a rough home, as description (NAME.toml) and scene (NAME.scene.toml)",
+    )
+    add("file", type=_path, metavar="FILE", help="a URDF or MJCF, or a TOML file whose home is to be solved for")
     add(
         "--loops",
         type=_path,

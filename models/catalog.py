@@ -44,14 +44,22 @@ def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "") -> 
     )
 
 
-def load_mechanism(name: str | Path) -> Mechanism:
+def load_mechanism(name: str | Path, *, closed: bool = True) -> Mechanism:
     """Reads a mechanism by built-in name or path.
 
+    Args:
+        closed: Home is solved for where loops are open as it is written.
+
     Raises:
+        ClosureError: No pose closes its loops.
         ScrewgaugeError: It does not exist or does not describe a mechanism.
     """
     path = mechanism_path(name)
-    return _built_in(path) if FOLDER in path.parents else _read(path)
+    if FOLDER in path.parents:
+        return _built_in(path)
+    from screwgauge.models.home import at_closed_home
+
+    return at_closed_home(_read(path)) if closed else _read(path)
 
 
 def _read(path: Path) -> Mechanism:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TypeVar
@@ -300,6 +300,13 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
         actuators={name: (joint.coordinates[0], 1.0) for name, joint in driven},
         gravity=np.asarray(gravity, dtype=float),
     )
+
+
+def limited(reading: Reading, mechanism: Mechanism) -> Reading:
+    """An expected reading with the limits of the description."""
+    limits = dict(zip(mechanism.coordinates, map(tuple, mechanism.limits.tolist()), strict=True))
+    joints = {name: replace(joint, limits=limits.get(name, joint.limits)) for name, joint in reading.joints.items()}
+    return replace(reading, joints=joints)
 
 
 def home_poses(tree: Tree) -> dict[str, Array]:

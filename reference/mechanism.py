@@ -203,6 +203,7 @@ class Mechanism:
         group: What it is listed under.
         couplings: Joint coordinates that are polynomials of others; none of them twice, and none of itself.
         left_out: What acts in the model file that it was made from, and is in no engine: a run measures it.
+        remarks: What was changed when it was read, a sentence each.
     """
 
     name: str
@@ -216,6 +217,7 @@ class Mechanism:
     where: str = ""
     couplings: tuple[Coupling, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_couplings(self.couplings, self.coordinates)
@@ -320,7 +322,7 @@ def _filled(lead: str, items: Sequence[str]) -> list[str]:
 
 
 #: Fields that say nothing of how a mechanism moves.
-_LABELS = {"title", "source", "group", "where"}
+_LABELS = {"title", "source", "group", "where", "remarks"}
 
 
 def same_content(a: Any, b: Any) -> bool:

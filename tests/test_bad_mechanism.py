@@ -237,24 +237,6 @@ def test_a_unit_axis_may_be_written_as_an_expression(rod):
     assert np.linalg.norm(load_mechanism(path).joints[0].axes) == pytest.approx(1.0, abs=PLACED)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    ['[joints."leg1.slide"]\nhome = [0.61]', '[joints."leg2.wrist"]\nchild_frame = { position = [0, 0.5, 0.5] }',
-     '[joints.s]\nhome = [0, 0, 0.1]'],
-)  # fmt: skip
-def test_a_loop_that_is_open_at_home_is_refused(changes, changed_scene, refused):
-    said = refused("run", changed_scene(changes))
-    assert "changed.toml: the loop through joint '" in said
-    assert "stays open by" in said
-    assert "at the home pose" in said
-    assert "correct the placements or the home coordinates" in said
-
-
-def test_models_of_an_open_loop_are_not_written(changed_scene, refused):
-    scene = changed_scene('[joints."leg1.slide"]\nhome = [0.61]')
-    assert "stays open" in refused("models", scene.with_name("changed.toml"))
-
-
 def dependent(mechanism, pair: tuple[str, str]) -> bool:
     """Whether two coordinates together leave a freedom of the closed loops at home, by the rank of their rates."""
     lay, home = at_home(mechanism)

@@ -237,7 +237,7 @@ def test_a_loops_file_with_a_number_in_the_place_of_a_list_is_refused(key, paper
 def test_a_loop_that_stays_open_says_how_far_in_its_unit(change, said, write):
     path = write("open.toml", f'extends = "3ups-upu-s"\nname = "open"\njoints.{change}\n')
     with pytest.raises(ScrewgaugeError, match=said) as caught:
-        check_home(load_mechanism(path))
+        check_home(load_mechanism(path, closed=False))
     assert "rad or m" not in str(caught.value)
     assert re.search(r"by \S+ (rad|m)( and \S+ m)? at", str(caught.value))
 

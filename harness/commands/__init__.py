@@ -49,7 +49,7 @@ def models(options: argparse.Namespace) -> int:
     file = Path(options.mechanism)
     inputs = filter(None, [file, loops_beside(file) if file.suffix == ".urdf" else None])
     paths = keep_models(mechanism, out, inputs=inputs, force=options.force, include=included, **given)
-    for line in (*map(str, paths), *left_out(mechanism), *implausible(mechanism)):
+    for line in (*map(str, paths), *left_out(mechanism), *mechanism.remarks, *implausible(mechanism)):
         say(line)
     if not options.check:
         return 0
@@ -60,17 +60,19 @@ def models(options: argparse.Namespace) -> int:
 
 
 def import_(options: argparse.Namespace) -> int:
-    """Writes a URDF or MJCF as a description and a scene, and prints what neither can hold."""
+    """Writes a URDF or MJCF, or a description with its home solved for, as a description and a scene; prints notes."""
     from screwgauge.diagnosis.compare import indexed
     from screwgauge.models.importing.model import Options, Wanted, notes
     from screwgauge.scene.default import write_imported
     from screwgauge.study.loading import import_isolated
 
+    out = options.out or Path(f"{options.file.stem}.toml")
+    check_free(out, filter(None, (options.file, options.loops)), force=options.force)
+    if options.file.suffix == ".toml":
+        return _import_description(options, out)
     independent, actuated = _names(options.independent), _names(options.actuated)
     wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
     choice = Options(options.loops, options.reader or "", options.floating, options.meshes, wanted)
-    out = options.out or Path(f"{options.file.stem}.toml")
-    check_free(out, filter(None, (options.file, options.loops)), force=options.force)
     imported_model = import_isolated(options.file, choice)
     written = write_imported(imported_model, out, force=options.force)
     for line in (
@@ -78,6 +80,19 @@ def import_(options: argparse.Namespace) -> int:
         *notes(imported_model),
         *indexed(options.file, imported_model, meshes=options.meshes),
     ):
+        say(line)
+    return 0
+
+
+def _import_description(options: argparse.Namespace, out: Path) -> int:
+    from screwgauge.models.importing.description import import_description
+    from screwgauge.scene.default import write_imported
+
+    for name in ("loops", "independent", "actuated", "floating", "meshes", "reader"):
+        if getattr(options, name):
+            raise DescriptionError(f"--{name} is for model files", "import", "leave it out, and edit the description")
+    description, text = import_description(options.file)
+    for line in (*map(str, write_imported(description, out, text, force=options.force)), *description.remarks):
         say(line)
     return 0
 

@@ -62,10 +62,13 @@ def _load(name: str) -> Scene | Mechanism:
         known = dict.fromkeys([*scene_names(), *mechanism_names(), "or the path of a TOML file, URDF or MJCF"])
         raise UnknownNameError("scene, mechanism or model", name, known)
     try:
-        return load_scene(mechanism_path(name))
+        scene = load_scene(mechanism_path(name))
+        for remark in scene.mechanism.remarks:
+            complain(f"screwgauge: {remark}")
+        return scene
     except ScrewgaugeError as error:
         try:
-            still = load_mechanism(name)
+            still = load_mechanism(name, closed=False)
         except ScrewgaugeError:
             raise error from None
         complain(f"screwgauge: shown at home, as no motion can be given: {error}")

@@ -14,7 +14,7 @@ from screwgauge.diagnosis.machine.cutting import Cut, cuts, recut
 from screwgauge.diagnosis.pairing.common import STANDARD
 from screwgauge.diagnosis.pairing.mapping import Found, Pairing, coincident, congruent, paired
 from screwgauge.models.catalog import load_mechanism
-from screwgauge.models.check import expected_reading
+from screwgauge.models.check import expected_reading, limited
 from screwgauge.models.importing import is_model
 from screwgauge.models.machine import at_closed_pose
 from screwgauge.models.readings.loops import OWN, loops_for, with_loops
@@ -27,7 +27,6 @@ from screwgauge.reference.files import digest, is_file, read_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.default import gravity_of
-from screwgauge.scene.preflight import check_closed
 
 #: Reads a file by a library: (file, library, floating).
 Read = Callable[[Path, str, bool], Reading]
@@ -56,6 +55,7 @@ class Model:
         open_by: How far its loops are open at home as written, in words; empty where they are closed.
         never_closed: Which loops close from no start, in words; empty where all do.
         says_closures: Whether its files can hold closures; a URDF alone cannot.
+        remarks: What was changed when it was read, a sentence each.
     """
 
     label: str
@@ -74,6 +74,7 @@ class Model:
     never_closed: str = ""
     loops_sha256: str = ""
     says_closures: bool = True
+    remarks: tuple[str, ...] = ()
 
     @property
     def home(self) -> dict[str, float]:
@@ -209,19 +210,15 @@ def _digest(text: str) -> str:
 
 
 def _described(name: str) -> Model:
-    check_closed(mechanism := load_mechanism(name))
+    mechanism = load_mechanism(name)
     file = Path(name) if is_file(Path(name)) else None
     sha256 = digest(file) if file else ""
-    return Model(name, file, "screwgauge", _expected(mechanism, "full", gravity_of(name)), sha256=sha256)
+    reading = _expected(mechanism, "full", gravity_of(name))
+    return Model(name, file, "screwgauge", reading, sha256=sha256, remarks=mechanism.remarks)
 
 
 def _expected(mechanism: Mechanism, cut: str, gravity: Array | None) -> Reading:
-    reading = expected_reading(mechanism, cut, STANDARD)
-    limits = {
-        name: bounds for joint in mechanism.joints for name, bounds in zip(joint.coordinates, joint.limits, strict=True)
-    }
-    joints = {name: replace(joint, limits=limits.get(name, joint.limits)) for name, joint in reading.joints.items()}
-    return replace(reading, joints=joints, gravity=gravity)
+    return replace(limited(expected_reading(mechanism, cut, STANDARD), mechanism), gravity=gravity)
 
 
 def alike(a: Model, b: Model, load: Read = in_process) -> tuple[Model, Model]:

@@ -77,6 +77,7 @@ def _of_side(
         reading: In common terms.
         looped: One of the models has closures; `compared`: what these leave is compared.
     """
+    yield from (f"{{side}}: {sentence}" for sentence in model.remarks)
     if model.open_by:
         where = "; loops are compared where they are closed" if compared else ""
         yield f"{{side}} {{is}} open at home as written: {model.open_by}{where}"

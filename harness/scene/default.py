@@ -287,10 +287,11 @@ def _at_rest(mechanism: Mechanism, file: Path, applied: Applied) -> Scene:
     )
 
 
-def write_imported(imported: Imported, file: Path, *, force: bool = False) -> tuple[Path, Path]:
+def write_imported(imported: Imported, file: Path, text: str = "", *, force: bool = False) -> tuple[Path, Path]:
     """Writes the description and its scene into one folder.
 
     Args:
+        text: Of the description; made of the mechanism by default.
         force: Existing files are replaced, whatever their origin.
 
     Returns:
@@ -309,7 +310,7 @@ def write_imported(imported: Imported, file: Path, *, force: bool = False) -> tu
         file.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=file.parent, prefix=".import-") as folder:
             made = Path(folder) / file.name, Path(folder) / scene.name
-            _write(made[0], description(imported.mechanism, notes(imported)))
+            _write(made[0], text or description(imported.mechanism, notes(imported)))
             # as it will be read, to the last digit; what is wrong is wrong in the file that was imported
             mechanism = replace(load_mechanism(made[0]), where=imported.mechanism.where)
             _write(made[1], default_scene(mechanism, Path(file.name), **acting_on(imported)))

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from screwgauge.models.home import check_closed
 from screwgauge.problem import GivenMotion
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.continuation import PathEnd
 from screwgauge.reference.closed.loops import loop_equations
-from screwgauge.reference.equations.kinematics import gaps, length
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.lint import TURNED, WRITTEN, hinges, implausible, in_degrees
@@ -36,46 +36,9 @@ def check_home(mechanism: Mechanism) -> Layout:
         DescriptionError: The independent coordinates do not determine the motion.
     """
     lay = layout(mechanism)
-    _check_closed(lay)
+    check_closed(lay)
     check_independent(lay, mechanism.home[None])
     return lay
-
-
-def check_closed(mechanism: Mechanism) -> None:
-    """Refuses a mechanism that does not close at home.
-
-    Raises:
-        ClosureError: A loop stays open at the home pose, or a coupling does not hold there.
-    """
-    _check_closed(layout(mechanism))
-
-
-def _check_closed(lay: Layout) -> None:
-    mechanism, size = lay.mechanism, np.array([1.0, length(lay)])[:, None]
-    for joint, gap in zip(lay.cuts, np.abs(gaps(lay, mechanism.home[None])[0]).reshape(-1, 2, 3), strict=True):
-        if not (gap / size <= 1e-9).all():  # home is given in closed form or to ten digits
-            wide = zip(gap.max(axis=1), (gap / size).max(axis=1), ("rad", "m"), strict=True)
-            open_by = " and ".join(f"{most:.3g} {unit}" for most, scaled, unit in wide if not scaled <= 1e-9)
-            raise ClosureError(
-                f"the loop through joint '{joint.name}' stays open by {open_by} at the home pose",
-                mechanism.where,
-                "correct the placements or the home coordinates",
-            )
-    _check_couplings(mechanism, length(lay))
-
-
-def _check_couplings(mechanism: Mechanism, length: float) -> None:
-    rows = mechanism.coupling_rows
-    for coupling, column, gap in zip(
-        mechanism.couplings, rows.columns, np.abs(rows.residuals(mechanism.home[None])[0]), strict=True
-    ):
-        unit = mechanism.units[column]
-        if not gap <= 1e-9 * (1.0 if unit == "rad" else length):
-            raise ClosureError(
-                f"'{coupling.coordinate}' is off by {gap:.3g} {unit} at the home pose",
-                coupling.where or mechanism.where,
-                "correct the polynomial or the home coordinates",
-            )
 
 
 def check_scene(scene: Scene) -> Mobility:

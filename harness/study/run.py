@@ -99,7 +99,7 @@ def run(
     checked = _check_simulated(scene, wanted) if scene.simulated else _check_given(scene, wanted)
     check_leave(scene)
     unread, doubted = _unread(scene, names), doubts(scene)
-    warnings = (*doubted, *checked.warnings, *_changed(scene), *unread.values())
+    warnings = (*doubted, *scene.mechanism.remarks, *checked.warnings, *_changed(scene), *unread.values())
     for sentence in warnings:
         warn(sentence)
     tables = {name: recorded(scene, name, checked.components, checked.wanted) for name in names if name in scene.tables}

@@ -81,13 +81,13 @@ def chosen(loops: Loops, keyframes: Mapping[str, Mapping[str, float]], where: st
         ClosureError: Some loops do not close from any start.
     """
     homes, nearest, tried = list[Home](), (loops.home, np.inf), 0
-    for start, begin in _starts(loops, keyframes):
+    for start, begin in starts(loops, keyframes):
         tried += 1
         q, error = loops.newton(begin)
         nearest = min(nearest, (q, error), key=lambda pair: pair[1])
         if not error <= ROUNDING:
             continue
-        homes.append(one := _home(loops, start, *_centred(loops, q, error)))
+        homes.append(one := measured(loops, start, *_centred(loops, q, error)))
         kept = begin is loops.home and q is begin  # closed as it is
         fine = [each for each in homes if not each.beyond and each.least > REGULAR]
         if one.good or (kept and one in fine) or len(fine) == ENOUGH:
@@ -117,7 +117,7 @@ def _why(best: Home, homes: Sequence[Home]) -> Iterator[str]:
     yield f"{reason} From {OWN} they close where it is {own.least:.2g}{kept}."
 
 
-def _starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, Array]]:
+def starts(loops: Loops, keyframes: Mapping[str, Mapping[str, float]]) -> Iterator[tuple[str, Array]]:
     """Coordinates from which loops may close, with a name; whatever is on no loop stays."""
     yield OWN, loops.home
     for name, pose in keyframes.items():
@@ -147,7 +147,8 @@ def _between(loops: Loops, names: Sequence[str], share: Array) -> Array:
     return q
 
 
-def _home(loops: Loops, start: str, q: Array, error: float) -> Home:
+def measured(loops: Loops, start: str, q: Array, error: float) -> Home:
+    """A closed pose with what makes it a good home."""
     rank, least = _rank(loops, q)
     return Home(start, q, error, rank, least, tuple(beyond(loops, q)), _distance(loops, q))
 
@@ -224,6 +225,7 @@ def _lack(loops: Loops, q: Array) -> float:
 
 #: Residual that counts as closed [rad or lengths of the model]; descriptions are held to 1e-9.
 CLOSED = 1e-11
+MINOR = 1e-3  # share of a gap below which what is open in the other unit goes without a word
 STEPS = 100
 STUCK = 8  # steps without a gain of a hundredth: it ends there
 LARGEST = 0.4  # step [rad or lengths]
@@ -232,9 +234,14 @@ LATEST = 8  # poses whose equations are kept: those of a step are asked for agai
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """The loop equations of a tree, lengths counted in lengths of the model; coordinates have shape (n_coordinate,)."""
+    """The loop equations of a tree, lengths counted in lengths of the model; coordinates have shape (n_coordinate,).
+
+    Attributes:
+        held: Joints that stay at home.
+    """
 
     tree: ReadingTree
+    held: frozenset[str] = frozenset()
 
     @property
     def reading(self) -> Reading:
@@ -273,8 +280,16 @@ class Loops:
         return {name: np.array(some) for name, some in units.items()}
 
     @cached_property
+    def free(self) -> Array:
+        """0 for the velocities of joints that are held, else 1. Shape (n_freedom,)."""
+        free = np.ones(len(self.size))
+        for name in self.held:
+            free[self.tree.freedoms[name]] = 0.0
+        return free
+
+    @cached_property
     def closing(self) -> Array:
-        """1 for the velocities that some loop or coupling depends on, else 0. Shape (n_freedom,)."""
+        """1 for the velocities that some loop or coupling depends on and nothing holds, else 0. Shape (n_freedom,)."""
         moves = dict(zip(self.reading.bodies, self.tree.moves, strict=True))
         out, still = np.zeros(len(self.size)), np.zeros(len(self.size))
         for closure in self.reading.closures.values():
@@ -282,7 +297,7 @@ class Loops:
         for coupling in self.reading.couplings.values():
             for joint in filter(None, (coupling.joint, coupling.of)):
                 out[self.tree.freedoms[joint]] = 1.0
-        return np.minimum(out, 1.0)
+        return np.minimum(out, 1.0) * self.free
 
     def residuals(self, q: Array) -> dict[str, Array]:
         """How far each closure and coupling is open [rad or lengths]: 3, 6 or 1 numbers."""
@@ -297,10 +312,9 @@ class Loops:
     def _gap(self, name: str, r: Array) -> str:
         if len(r) > 1:
             gaps = {"rad": float(np.linalg.norm(r[:-3])), "m": float(np.linalg.norm(r[-3:]))}
+            least = max(CLOSED, MINOR * max(gaps.values()))
             sizes = [
-                f"{gap * (self.length if unit == 'm' else 1.0):.2g} {unit}"
-                for unit, gap in gaps.items()
-                if gap > CLOSED
+                f"{gap * (self.length if unit == 'm' else 1.0):.2g} {unit}" for unit, gap in gaps.items() if gap > least
             ]
             return f"'{name}' by {' and '.join(sizes)}"
         slides = self.reading.joints[self.reading.couplings[name].joint].kind == "slide"
@@ -322,7 +336,7 @@ class Loops:
     def _system(self, q: Array) -> tuple[Array, Array]:
         rest, unit = np.zeros((1, len(self.size))), np.concatenate([np.zeros(0), *self.units.values()])
         at = equations(self.tree, TreeStates(q[None], rest, rest))
-        return at.gap[0] / unit, at.rows[0] / unit[:, None] * self.size
+        return at.gap[0] / unit, at.rows[0] / unit[:, None] * self.size * self.free
 
     def stepped(self, q: Array, step: Array) -> Array:
         """Coordinates after a step of all velocities without dimension, shape (n_freedom,)."""

@@ -52,6 +52,7 @@ def _banners(check: Check) -> list[Banner]:
     """The verdict, and what no machine has."""
     odd = [(row.scene, sentence) for row in check.rows for sentence in row.doubts]
     odd += [(row.scene, f"{row.more}.") for row in check.rows if row.more and row.ok]
+    odd += [(row.scene, f"{sentence}.") for row in check.rows for sentence in row.remarks]
     return [_banner(check), *(Banner(f"{scene}: {sentence}", "Warning") for scene, sentence in odd)]
 
 

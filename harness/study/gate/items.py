@@ -174,6 +174,7 @@ class GateRow:
         coverage: What the motion tests, in a sentence.
         versions: Of engines, by name; `files`: file -> SHA-256.
         doubts: Sentences that qualify agreement: on numbers that no machine has, on model files; whatever the status.
+        remarks: Sentences that qualify nothing: that home was solved for.
         file, line: Where to look for the cause; 0 if no line is known.
         unread: What the scene names and nobody read, in sentences.
         read: Files that were read, by the names that were given.
@@ -198,6 +199,7 @@ class GateRow:
     more: str = ""
     admitted: Sequence[str] = ()
     curve: Sequence[tuple[float, float, float]] = ()
+    remarks: Sequence[str] = ()
 
     @property
     def ok(self) -> bool:

@@ -89,6 +89,7 @@ def compared(
     used = dict.fromkeys([*scene.quantities, *scene.tolerances])
     leave = admissions({quantity: scene.tolerance(quantity) for quantity in used}, scene.allow)
     row = replace(row, doubts=results.reservations, unread=results.unread, read=read, admitted=leave)
+    row = replace(row, remarks=scene.mechanism.remarks)
     more = settings.more(results) if results.left_out.terms else ""
     return replace(row, more=more, curve=_curve(results, row.worst)), results
 

@@ -1,0 +1,208 @@
+"""The home pose of a description: its loops close there as it is written, or home is solved for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from screwgauge.models.check import expected_reading, limited
+from screwgauge.models.importing.homes import REGULAR, Home, Loops, measured, some, starts
+from screwgauge.models.kinematics import plant
+from screwgauge.reference.applied import GRAVITY
+from screwgauge.reference.closed.anchors import Flags
+from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.equations.kinematics import gaps, length
+from screwgauge.reference.errors import ClosureError, DescriptionError, first_few
+from screwgauge.reference.graph import Layout, layout
+from screwgauge.reference.linear import EPS
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.mobility import check_independent
+from screwgauge.reference.rotations import Array, nearest_turn
+from screwgauge.witness.kinematics import move
+from screwgauge.witness.tree import TreeStates
+
+#: Gap up to which a loop is closed [rad or lengths of the mechanism]: home is given in closed form or to ten digits.
+CLOSED = 1e-9
+#: Starts that are tried where a good pose is at hand: all but the first are to show whether there are others.
+FEW = 12
+#: Poses of bodies that differ by less are the same [rad or lengths].
+SAME = 1e-6
+#: Other closing poses that are named.
+NAMED = 3
+
+
+def check_closed(lay: Layout) -> None:
+    """Refuses a mechanism that does not close at home.
+
+    Raises:
+        ClosureError: A loop stays open, or a coupling does not hold.
+    """
+    mechanism, size = lay.mechanism, np.array([1.0, length(lay)])[:, None]
+    for joint, gap in zip(lay.cuts, np.abs(gaps(lay, mechanism.home[None])[0]).reshape(-1, 2, 3), strict=True):
+        if not (gap / size <= CLOSED).all():
+            wide = zip(gap.max(axis=1), (gap / size).max(axis=1), ("rad", "m"), strict=True)
+            open_by = " and ".join(f"{most:.3g} {unit}" for most, scaled, unit in wide if not scaled <= CLOSED)
+            raise ClosureError(
+                f"the loop through joint '{joint.name}' stays open by {open_by} at the home pose",
+                mechanism.where,
+                "correct the placements or the home coordinates",
+            )
+    _check_couplings(mechanism, length(lay))
+
+
+def _check_couplings(mechanism: Mechanism, length: float) -> None:
+    rows = mechanism.coupling_rows
+    for coupling, column, gap in zip(
+        mechanism.couplings, rows.columns, np.abs(rows.residuals(mechanism.home[None])[0]), strict=True
+    ):
+        unit = mechanism.units[column]
+        if not gap <= CLOSED * (1.0 if unit == "rad" else length):
+            raise ClosureError(
+                f"'{coupling.coordinate}' is off by {gap:.3g} {unit} at the home pose",
+                coupling.where or mechanism.where,
+                "correct the polynomial or the home coordinates",
+            )
+
+
+def at_closed_home(mechanism: Mechanism) -> Mechanism:
+    """The mechanism as it is if it closes at home, else with a home that was solved for, and a remark that says so.
+
+    Independent coordinates stay as they are, unless no regular pose closes there; the others move as little as may be.
+    A home of zeros that is singular is none that anybody chose, as where all links lie on a line.
+
+    Raises:
+        ClosureError: No pose closes.
+    """
+    lay = layout(mechanism)
+    try:
+        check_closed(lay)
+    except ClosureError:
+        return _solved(mechanism)
+    if mechanism.home.any() or not lay.cuts or _is_regular(mechanism):
+        return mechanism
+    moved = _solved(mechanism)
+    return moved if _is_regular(moved) else mechanism
+
+
+def _is_regular(mechanism: Mechanism) -> bool:
+    """True if the independent coordinates determine the motion at home."""
+    try:
+        check_independent(layout(mechanism), mechanism.home[None])
+    except DescriptionError:
+        return False
+    return True
+
+
+def _solved(mechanism: Mechanism) -> Mechanism:
+    """The mechanism with the best of the poses that close its loops as its home."""
+    free = Loops(plant(limited(expected_reading(mechanism, "full", GRAVITY), mechanism)))
+    held = replace(free, held=frozenset(mechanism.independent.values()))
+    solved, open_by = list[Mechanism](), list[str]()
+    for loops in (held, free):
+        poses, nearest = _closing_poses(loops, held)
+        if not poses:
+            open_by = loops.gaps(loops.newton(nearest)[0], CLOSED)
+            continue
+        homes = [_home(mechanism, loops, each.q) for each in poses]
+        moved = _placed(mechanism, _to_rounding(_placed(mechanism, homes[0]), mechanism.home != homes[0]))
+        remark = _remark(mechanism, moved.home, [] if loops is free else homes[1:])
+        solved.append(replace(moved, remarks=(*mechanism.remarks, remark)))
+        if poses[0].least > REGULAR and _is_regular(solved[-1]):
+            return solved[-1]
+    if solved:
+        return solved[0]
+    what = f"no pose closes its loops: the smallest gap that is reached is {some(open_by)}"
+    raise ClosureError(what, mechanism.where, "correct lengths, placements or limits")
+
+
+def _closing_poses(loops: Loops, held: Loops) -> tuple[list[Home], Array]:
+    """Poses that close all loops, the best first, and that which comes nearest to closing them.
+
+    Args:
+        held: The loops with the independent coordinates held, whose condition counts.
+    """
+    poses, nearest, smallest = list[Home](), loops.home, np.inf
+    first, *others = starts(loops, {})
+    for count, (start, begin) in enumerate((first, *reversed(others)), 1):  # the farthest lead to other poses
+        q, error = loops.newton(begin)
+        if (size := float(np.linalg.norm(loops.system(q)[0]))) < smallest:
+            nearest, smallest = q, size
+        if error <= CLOSED:
+            poses.append(measured(held, start, _near_turns(loops, q), error))
+        if count >= FEW and any(one.least > REGULAR and not one.beyond for one in poses):
+            break
+    distinct = list[Home]()
+    for one in sorted(poses, key=partial(_rank, free=loops is not held)):
+        away = (np.abs(_places(loops, one.q) - _places(loops, other.q)).max() for other in distinct)
+        if all(far > SAME for far in away):
+            distinct.append(one)
+    return distinct, nearest
+
+
+def _rank(pose: Home, *, free: bool) -> tuple[Any, ...]:
+    """What makes one of several poses the home: nearness, and a good condition where all coordinates are free."""
+    *regular, condition, distance = pose.key()
+    return (*regular, condition if free else 0.0, round(distance, 6), *np.round(-pose.q, 6))
+
+
+def _near_turns(loops: Loops, q: Array) -> Array:
+    """Coordinates without the whole turns of hinges that lead away from home; those of coupled ones stay."""
+    coupled = {name for one in loops.reading.couplings.values() for name in (one.joint, one.of)}
+    q = q.copy()
+    for name, place in loops.tree.places.items():
+        joint, near = loops.reading.joints[name], nearest_turn(q[place], loops.home[place])
+        low, high = joint.limits
+        if joint.kind == "hinge" and name not in coupled and low <= near <= high:
+            q[place] = near
+    return q
+
+
+def _places(loops: Loops, q: Array) -> Array:
+    """Orientations of all bodies, and their origins over the length of the mechanism. Shape (12 n_body,)."""
+    rest = np.zeros((1, len(loops.size)))
+    bodies = move(loops.tree, TreeStates(q[None], rest, rest)).bodies
+    return np.concatenate([bodies.R.ravel(), bodies.p.ravel() / loops.length])
+
+
+def _home(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
+    """Coordinates of a mechanism by those of its reading; what is held, or on no loop, is as it was. Shape (n_q,)."""
+    names = [*loops.tree.places]
+    return np.where(loops.closing, q, loops.home)[[names.index(name) for name in mechanism.coordinates]]
+
+
+def _placed(mechanism: Mechanism, q: Array) -> Mechanism:
+    """The mechanism with its home at joint coordinates, shape (n_q,)."""
+    joints = (replace(joint, home=q[mechanism.columns(joint.coordinates)]) for joint in mechanism.joints)
+    return replace(mechanism, joints=tuple(joints))
+
+
+def _to_rounding(mechanism: Mechanism, moved: Flags) -> Array:
+    """Home of a mechanism that nearly closes, closed to rounding by the coordinates that have moved. Shape (n_q,)."""
+    system, home = loop_equations(layout(mechanism)), mechanism.home
+    closed = system.correct(home / system.size, (home / system.size)[mechanism.independent_columns])
+    home = home if closed is None else np.where(moved, closed[0] * system.size, home)
+    return np.where(moved & (np.abs(home) < EPS * system.size), 0.0, home)
+
+
+def _remark(mechanism: Mechanism, home: Array, others: Sequence[Array]) -> str:
+    """Sentence on how far home has moved, and on other poses that close all loops."""
+    size, names = loop_equations(layout(mechanism)).size, mechanism.coordinates
+    way = home - mechanism.home
+    most = int(np.argmax(np.abs(way) / size))
+    sentence = f"home was solved for: moved by up to {abs(way[most]):.2g} {mechanism.units[most]} ('{names[most]}')"
+    if labels := [
+        label for label, c in zip(mechanism.independent, mechanism.independent_columns, strict=True) if way[c]
+    ]:
+        as_written = mechanism.described(mechanism.home[mechanism.independent_columns])
+        sentence = f"{sentence}, {' and '.join(labels)} too, as no regular pose closes at {as_written}"
+    if others:
+        apart = [(other, int(np.argmax(np.abs(other - home) / size))) for other in others]
+        poses = [*dict.fromkeys(f"'{names[c]}' = {other[c]:.3g}" for other, c in apart)]
+        has = "another has" if len(others) == 1 else "others have"
+        found = f"the nearest of {len(others) + 1} closing poses found ({has} {first_few(poses, NAMED)})"
+        sentence = f"{sentence}, {found}"
+    return sentence

@@ -1,0 +1,80 @@
+"""Descriptions whose home is solved for, written with as much of the user's text as can stay."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator
+from copy import deepcopy
+from pathlib import Path
+from textwrap import wrap
+from typing import Any
+
+from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.formats import key, value_text
+from screwgauge.models.importing.model import Imported, description
+from screwgauge.reference.files import is_path, read_file
+from screwgauge.reference.rotations import Array
+
+#: What precedes the home of a joint, or the place for it, in the ways of writing a table; the first group stays.
+_HOME = r"[ \t]*\[[^\[\]]*\]"
+_PLACES = (
+    (rf"(^[ \t]*\[[ \t]*joints[ \t]*\.[ \t]*{{0}}[ \t]*\](?:(?!^[ \t]*\[).)*?^[ \t]*home[ \t]*=){_HOME}", " {}"),
+    (r"(^[ \t]*\[[ \t]*joints[ \t]*\.[ \t]*{0}[ \t]*\][^\n]*\n)", "home = {}\n"),
+    (rf"(^[ \t]*(?:joints\.)?{{0}}[ \t]*=[ \t]*\{{{{[^\n]*?\bhome[ \t]*=){_HOME}", " {}"),
+    (r"(^[ \t]*(?:joints\.)?{0}[ \t]*=[ \t]*\{{)", " home = {},"),
+    (rf"(^[ \t]*(?:joints\.)?{{0}}\.home[ \t]*=){_HOME}", " {}"),
+)
+
+
+def import_description(path: Path) -> tuple[Imported, str]:
+    """The mechanism of a description, with a home in which its loops close, and its text.
+
+    Raises:
+        ScrewgaugeError: It is no description, or no pose closes its loops.
+    """
+    mechanism, written = load_mechanism(path), load_mechanism(path, closed=False)
+    pairs = zip(mechanism.joints, written.joints, strict=True)
+    homes = {joint.name: joint.home for joint, old in pairs if (joint.home != old.home).any()}
+    remarks = tuple(f"{remark[0].upper()}{remark[1:]}." for remark in mechanism.remarks)
+    text = with_homes(path, homes)
+    if text is None:
+        remarks = (*remarks, f"Written anew: the text of {path.name} could not be kept.")
+        text = description(mechanism, remarks)
+    else:
+        text = "\n".join([*(f"# {line}" for remark in remarks for line in wrap(remark, 116)), text])
+    remarks = remarks or (f"The loops of {path.name} close at home as written.",)
+    return Imported(mechanism, (), None, {}, remarks, ()), text
+
+
+def with_homes(path: Path, homes: dict[str, Array]) -> str | None:
+    """The text of a description with other homes of joints, all else as it is; None where no such text is found."""
+    text = read_file(path)
+    if is_path(
+        str((tables := tomllib.loads(text)).get("extends", ""))
+    ):  # which may mean another file in another folder
+        return None
+    wanted = deepcopy(tables)
+    for name, home in homes.items():
+        wanted.setdefault("joints", {}).setdefault(name, {})["home"] = home.tolist()
+        texts = (each for each in _texts(text, name, value_text(home)) if _parsed(each) == wanted)
+        if (changed := next(texts, None)) is None:
+            return None
+        text = changed
+    return text
+
+
+def _texts(text: str, name: str, home: str) -> Iterator[str]:
+    """Texts with the home of a joint in each place that may be the right one, at last in a table of its own."""
+    quoted = rf"(?:\"{re.escape(name)}\"|'{re.escape(name)}'|{re.escape(name)})"
+    for place, new in _PLACES:
+        for match in re.finditer(place.format(quoted), text, re.MULTILINE | re.DOTALL):
+            yield text[: match.end(1)] + new.format(home) + text[match.end() :]
+    yield f"{text.rstrip()}\n\n[joints.{key(name)}]\nhome = {home}\n"
+
+
+def _parsed(text: str) -> Any:
+    try:
+        return tomllib.loads(text)
+    except ValueError:
+        return None

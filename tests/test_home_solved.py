@@ -1,0 +1,247 @@
+"""Home is solved for: rough or missing in a description, it is the nearest pose in which all loops close."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import screwgauge
+from support.command import main
+from support.errors import ClosureError
+from support.mechanism import at_closed_home, load_mechanism, mechanism_names, same_content
+from support.scene import check_home
+from support.solve import gaps, layout
+from support.tolerances import CLOSED, LINEAR
+
+#: A planar four-bar by its lengths alone [m]: all links lie along x where its angles are zero.
+CRANK, COUPLER, ROCKER, BASE = 0.2, 0.5, 0.45, 0.4
+LENGTHS = """# A four-bar of mine.
+name = "four-bar"
+independent.crank = "a"
+
+[bodies]
+crank = {{ mass = 0.5, com = [0.1, 0, 0], inertia = {{ xx = 1e-4, yy = 2e-3, zz = 2e-3 }} }}
+coupler = {{ mass = 1.2, com = [0.25, 0, 0], inertia = {{ xx = 1e-3, yy = 3e-2, zz = 3e-2 }} }}
+rocker = {{ mass = 0.9, com = [0.2, 0, 0], inertia = {{ xx = 1e-3, yy = 1.3e-2, zz = 1.3e-2 }} }}
+
+[joints]
+a = {{ {a}kind = "R", parent = "ground", child = "crank", axes = [[0, 0, 1]], actuated = true }} # driven
+b = {{ kind = "R", parent = "crank", child = "coupler", axes = [[0, 0, 1]], parent_frame.position = [{crank}, 0, 0] }}
+[joints.c]
+kind = "R"
+parent = "ground"
+child = "rocker"
+axes = [[0, 0, 1]]
+parent_frame.position = [{base}, 0, 0]
+{c}
+[joints.d] # closes the loop
+kind = "R"
+parent = "coupler"
+child = "rocker"
+axes = [[0, 0, 1]]
+parent_frame.position = [{coupler}, 0, 0]
+child_frame.position = [{rocker}, 0, 0]
+"""
+TURN = """mechanism = "four-bar.toml"
+motion.crank.polynomial = [0, "2*pi"]
+time = { duration = 1, step = 0.05 }
+"""
+SLIDER = """name = "slider"
+independent.{label} = "{label}"
+[bodies]
+crank = {{ mass = 0.5, com = [0.1, 0, 0], inertia = {{ xx = 1e-4, yy = 2e-3, zz = 2e-3 }} }}
+rod = {{ mass = 1.2, com = [0.25, 0, 0], inertia = {{ xx = 1e-3, yy = 3e-2, zz = 3e-2 }} }}
+block = {{ mass = 0.9, inertia = {{ xx = 1e-3, yy = 1e-3, zz = 1e-3 }} }}
+[joints]
+a = {{ kind = "R", parent = "ground", child = "crank", axes = [[0, 0, 1]] }}
+b = {{ kind = "R", parent = "crank", child = "rod", axes = [[0, 0, 1]], parent_frame.position = [0.2, 0, 0] }}
+c = {{ kind = "R", parent = "rod", child = "block", axes = [[0, 0, 1]], parent_frame.position = [0.5, 0, 0] }}
+s = {{ kind = "P", parent = "ground", child = "block", axes = [[1, 0, 0]] }}
+"""
+#: Built-in mechanisms with loops: planar and spatial ones, redundant loops, legs, gears and screws.
+LOOPED = ["slider-crank", "five-bar", "3-rrr", "a03-andrews", "bennett", "rccc", "sarrus", "ruse", "screw-press"]
+LOOPED += ["planetary-gear", "delta", "stewart", "3ups-upu-s", "3ups-upu-s-offset"]
+
+
+@pytest.fixture
+def four_bar(write):
+    """A four-bar by its lengths, which may be other ones; `a`, `c` are further entries of joints. Returns its path."""
+
+    def make(a: str = "", c: str = "", **lengths: float):
+        usual = {"crank": CRANK, "coupler": COUPLER, "rocker": ROCKER, "base": BASE}
+        return write("four-bar.toml", LENGTHS.format(a=a, c=c, **{**usual, **lengths}))
+
+    return make
+
+
+def gap(mechanism) -> float:
+    """Largest closure residual at home [rad or m]."""
+    return float(np.abs(gaps(layout(mechanism), mechanism.home[None])).max(initial=0.0))
+
+
+def rough(mechanism, by: float | None):
+    """A mechanism whose dependent coordinates are off home by up to so much, or zero [rad or m]."""
+    off, chosen = np.random.default_rng(1).uniform(-1.0, 1.0, len(mechanism.home)), mechanism.independent_columns
+    q = np.zeros(len(off)) if by is None else mechanism.home + by * off
+    q[chosen] = mechanism.home[chosen]
+    joints = (replace(joint, home=q[mechanism.columns(joint.coordinates)]) for joint in mechanism.joints)
+    return replace(mechanism, joints=tuple(joints))
+
+
+def apex(side: float) -> tuple[float, float]:
+    """Angles of coupler and rocker of the four-bar, its crank along x, by the law of cosines."""
+    base = BASE - CRANK
+    coupler = np.arccos((base**2 + COUPLER**2 - ROCKER**2) / (2 * base * COUPLER))
+    rocker = np.pi - np.arccos((base**2 + ROCKER**2 - COUPLER**2) / (2 * base * ROCKER))
+    return side * coupler, side * rocker
+
+
+def test_lengths_are_enough(four_bar):
+    mechanism = load_mechanism(four_bar())
+    coupler, rocker = apex(1.0)
+    assert mechanism.home == pytest.approx([0.0, coupler, rocker, rocker - coupler], abs=CLOSED)
+    assert gap(mechanism) < CLOSED
+    check_home(mechanism)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_nearest_pose_is_taken_and_the_other_one_named(side, four_bar):
+    rocker = apex(side)[1]
+    mechanism = load_mechanism(four_bar(c=f"home = [{0.9 * rocker}]"))
+    assert mechanism.home[2] == pytest.approx(rocker, abs=CLOSED)
+    (said,) = mechanism.remarks
+    assert "the nearest of 2 closing poses" in said
+    assert f"'c' = {-rocker:.3g}" in said
+
+
+def test_a_pose_within_limits_comes_before_a_nearer_one(four_bar):
+    mechanism = load_mechanism(four_bar(c="home = [1.4]\nlimits = [[-3, 1]]"))
+    assert mechanism.home[2] == pytest.approx(apex(-1.0)[1], abs=CLOSED)
+
+
+def test_what_is_written_stays_where_loops_close(four_bar):
+    path = four_bar(a='home = ["30*deg"], ')
+    mechanism = load_mechanism(path)
+    assert mechanism.home[0] == np.pi / 6
+    assert gap(mechanism) < CLOSED
+    assert "crank" not in mechanism.remarks[0]
+
+
+@pytest.mark.parametrize("name", mechanism_names())
+def test_a_home_that_closes_is_not_touched(name):
+    mechanism = load_mechanism(name)
+    assert at_closed_home(mechanism) is mechanism
+
+
+@pytest.mark.parametrize("by", [0.1, None], ids=["rough", "left out"])
+@pytest.mark.parametrize("name", LOOPED)
+def test_built_in_homes_are_found_again(name, by):
+    mechanism = load_mechanism(name)
+    solved = at_closed_home(rough(mechanism, by))
+    assert solved.home == pytest.approx(mechanism.home, abs=LINEAR)
+    assert gap(solved) < CLOSED
+    columns = mechanism.independent_columns
+    assert np.array_equal(solved.home[columns], mechanism.home[columns])
+    assert same_content(solved, at_closed_home(rough(mechanism, by)))
+
+
+def test_a_driven_coordinate_moves_only_where_no_pose_closes_at_it(write):
+    kept, moved = (load_mechanism(write("slider.toml", SLIDER.format(label=label))) for label in "as")
+    assert kept.home == pytest.approx([0.0, 0.0, 0.0, 0.7], abs=CLOSED)
+    assert 0.3 < moved.home[3] < 0.7  # s = 0 is beyond its dead points
+    assert gap(moved) < CLOSED
+    assert "s too, as no regular pose closes at s = 0" in moved.remarks[0]
+    check_home(moved)
+
+
+def test_links_that_all_lie_on_a_line_are_no_home_that_anybody_chose(four_bar):
+    mechanism = load_mechanism(four_bar(crank=0.2, coupler=0.4, rocker=0.2, base=0.4))
+    assert gap(mechanism) < CLOSED
+    assert abs(mechanism.home[0]) > 0.01
+    check_home(mechanism)
+
+
+def test_a_coupled_coordinate_follows(write):
+    geared = 'extends = "planetary-gear"\nname = "geared"\njoints.sun.home = [0.3]\n'
+    mechanism, given = load_mechanism(write("geared.toml", geared)), load_mechanism("planetary-gear")
+    assert mechanism.independent == given.independent
+    assert np.abs(mechanism.coupling_rows.residuals(mechanism.home[None])).max() < CLOSED
+    assert gap(mechanism) < CLOSED
+
+
+def test_links_that_are_too_short_are_refused_with_the_smallest_gap(four_bar):
+    with pytest.raises(
+        ClosureError, match=r"four-bar.toml: no pose closes .* gap that is reached is 'd' by (\S+) m;"
+    ) as error:
+        load_mechanism(four_bar(rocker=1.45))
+    least = 1.45 - (BASE + CRANK + COUPLER)
+    assert float(re.search(r"by (\S+) m;", str(error.value))[1]) == pytest.approx(least, rel=0.02)
+
+
+def test_a_linkage_that_moves_by_its_proportions_alone_is_refused_with_others(write):
+    other = 'extends = "bennett"\nname = "other"\njoints.j4.child_frame.position = [-0.3, 0, 0]\n'
+    with pytest.raises(ClosureError, match=r"other.toml: no pose closes its loops: .* 'j4' by"):
+        load_mechanism(write("other.toml", other))
+
+
+def test_every_engine_begins_at_the_home_that_was_solved_for(four_bar, write, command):
+    four_bar()
+    rough_scene = screwgauge.load_scene(write("turn.toml", TURN))
+    command("import", rough_scene.mechanism_file, "--out", rough_scene.mechanism_file.with_name("closed.toml"))
+    scene = screwgauge.load_scene(write("closed-turn.toml", TURN.replace("four-bar", "closed")))
+    engines = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full", "truth")
+    solved, written = (screwgauge.run(one, engines, ("joint_position", "reaction")) for one in (rough_scene, scene))
+    assert solved.ok
+    assert any("home was solved for" in sentence for sentence in solved.warnings)
+    assert not any("home was solved for" in sentence for sentence in written.warnings)
+    for engine in engines:
+        for quantity in ("joint_position", "reaction"):
+            pair = (results.values(quantity, engine=engine) for results in (solved, written))
+            np.testing.assert_array_equal(*pair)
+
+
+def test_a_gate_passes_and_lists_it(four_bar, write, command):
+    four_bar()
+    outcome = screwgauge.check(write("turn.toml", TURN))
+    assert outcome.ok
+    assert "OK: 1 of 1 pass" in repr(outcome)
+    assert "turn: home was solved for" in " ".join(repr(outcome).split())
+
+
+def test_import_writes_home_into_the_text_of_the_user(four_bar, command, inside):
+    path = four_bar(c="home = [ # a guess\n 1.2 ] # above")
+    command("import", path, "--out", "closed.toml")
+    text, written = path.read_text(), (inside / "closed.toml").read_text()
+    assert same_content(load_mechanism(inside / "closed.toml"), load_mechanism(path))
+    assert not load_mechanism(inside / "closed.toml").remarks
+    bare = re.sub(r"(?m)^# (Home|As screw).*\n|^#.*closing poses.*\n", "", written)
+    for place in (r"home = \[[^\[\]]*\],? ?", r"(?m)^\n"):
+        text, bare = re.sub(place, "", text), re.sub(place, "", bare)
+    assert bare == text
+    assert screwgauge.load_scene(inside / "closed.scene.toml").mechanism.name == "four-bar"
+
+
+def test_import_writes_anew_what_it_cannot_keep(four_bar, command, write, inside):
+    four_bar()
+    more = write("more.toml", 'extends = "four-bar.toml"\nname = "more"\n')
+    (inside / "there").mkdir()
+    assert "Written anew" in command("import", more, "--out", "there/more.toml").out
+    assert same_content(load_mechanism(inside / "there/more.toml"), load_mechanism(more))
+
+
+@pytest.mark.parametrize("more", [[], ["--out", "four-bar.toml"]])
+def test_import_does_not_overwrite_the_description(more, four_bar, inside, capfd):
+    path = four_bar()
+    text = path.read_text()
+    assert main(["import", "four-bar.toml", *more]) == 2
+    assert "overwrite it by --force" in capfd.readouterr().err
+    assert path.read_text() == text
+    assert [*inside.iterdir()] == [path]
+
+
+@pytest.mark.parametrize("option", [["--floating"], ["--actuated", "a"], ["--loops", "robot.yaml"]])
+def test_options_for_model_files_are_refused(option, four_bar, refused, inside):
+    assert f"{option[0]} is for model files" in refused("import", four_bar(), *option, out=inside / "closed.toml")
