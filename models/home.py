@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -71,7 +72,8 @@ def _check_couplings(mechanism: Mechanism, length: float) -> None:
 def at_closed_home(mechanism: Mechanism) -> Mechanism:
     """The mechanism as it is if it closes at home, else with a home that was solved for, and a remark that says so.
 
-    Independent coordinates stay as they are, unless no regular pose closes there; the others move as little as may be.
+    Independent coordinates stay as they are, unless no regular pose within limits closes there; the others move as
+    little as may be.
     A home of zeros that is singular is none that anybody chose, as where all links lie on a line.
 
     Raises:
@@ -101,7 +103,7 @@ def _solved(mechanism: Mechanism) -> Mechanism:
     """The mechanism with the best of the poses that close its loops as its home."""
     free = Loops(plant(limited(expected_reading(mechanism, "full", GRAVITY), mechanism)))
     held = replace(free, held=frozenset(mechanism.independent.values()))
-    solved, open_by = list[Mechanism](), list[str]()
+    solved, open_by = list[tuple[int, Mechanism]](), list[str]()
     for loops in (held, free):
         poses, nearest = _closing_poses(loops, held)
         if not poses:
@@ -110,13 +112,14 @@ def _solved(mechanism: Mechanism) -> Mechanism:
         homes = [_home(mechanism, loops, each.q) for each in poses]
         moved = _placed(mechanism, _to_rounding(_placed(mechanism, homes[0]), mechanism.home != homes[0]))
         remark = _remark(mechanism, moved.home, [] if loops is free else homes[1:])
-        solved.append(replace(moved, remarks=(*mechanism.remarks, remark)))
-        if poses[0].least > REGULAR and _is_regular(solved[-1]):
-            return solved[-1]
+        moved = replace(moved, remarks=(*mechanism.remarks, remark))
+        if poses[0].least > REGULAR and not poses[0].beyond and _is_regular(moved):
+            return moved
+        solved.append((len(poses[0].beyond), moved))
     if solved:
-        return solved[0]
+        return min(solved, key=itemgetter(0))[1]
     what = f"no pose closes its loops: the smallest gap that is reached is {some(open_by)}"
-    raise ClosureError(what, mechanism.where, "correct lengths, placements or limits")
+    raise ClosureError(what, mechanism.where, "correct lengths or placements")
 
 
 def _closing_poses(loops: Loops, held: Loops) -> tuple[list[Home], Array]:
@@ -198,7 +201,7 @@ def _remark(mechanism: Mechanism, home: Array, others: Sequence[Array]) -> str:
         label for label, c in zip(mechanism.independent, mechanism.independent_columns, strict=True) if way[c]
     ]:
         as_written = mechanism.described(mechanism.home[mechanism.independent_columns])
-        sentence = f"{sentence}, {' and '.join(labels)} too, as no regular pose closes at {as_written}"
+        sentence = f"{sentence}, {' and '.join(labels)} too, as no regular pose within limits closes at {as_written}"
     if others:
         apart = [(other, int(np.argmax(np.abs(other - home) / size))) for other in others]
         poses = [*dict.fromkeys(f"'{names[c]}' = {other[c]:.3g}" for other, c in apart)]

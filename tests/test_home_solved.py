@@ -122,6 +122,13 @@ def test_a_pose_within_limits_comes_before_a_nearer_one(four_bar):
     assert mechanism.home[2] == pytest.approx(apex(-1.0)[1], abs=CLOSED)
 
 
+def test_a_driven_coordinate_moves_where_no_pose_within_limits_closes_at_it(four_bar):
+    mechanism = load_mechanism(four_bar(c="limits = [[1.8, 2]]"))
+    assert 1.8 < mechanism.home[2] < 2.0
+    assert abs(mechanism.home[0]) > 0.1
+    assert gap(mechanism) < CLOSED
+
+
 def test_what_is_written_stays_where_loops_close(four_bar):
     path = four_bar(a='home = ["30*deg"], ')
     mechanism = load_mechanism(path)
@@ -153,7 +160,7 @@ def test_a_driven_coordinate_moves_only_where_no_pose_closes_at_it(write):
     assert kept.home == pytest.approx([0.0, 0.0, 0.0, 0.7], abs=CLOSED)
     assert 0.3 < moved.home[3] < 0.7  # s = 0 is beyond its dead points
     assert gap(moved) < CLOSED
-    assert "s too, as no regular pose closes at s = 0" in moved.remarks[0]
+    assert "s too, as no regular pose within limits closes at s = 0" in moved.remarks[0]
     check_home(moved)
 
 
