@@ -65,6 +65,14 @@ def test_the_two_orders_are_those_of_the_libraries(mount, write):
     assert by_name(prepare(mjcf))[:3] == ("FL_hip", "FL_thigh", "FL_calf")
 
 
+def test_chains_are_followed_to_their_end(write):
+    links = "".join(f'<link name="l{i}"/>' for i in range(1501))
+    joint = '<joint name="j{0}" type="revolute"><parent link="l{0}"/><child link="l{1}"/></joint>'
+    joints = "".join(joint.format(i, i + 1) for i in range(1500))
+    source = prepare(write("long.urdf", f'<robot name="long">{links}{joints}</robot>'))
+    assert by_name(source) == in_file(source) == tuple(f"j{i}" for i in range(1500))
+
+
 def test_two_files_that_are_the_same_but_for_the_order_say_so_and_what_it_costs(files):
     found = diagnose(*files)
     assert found.same, found.verdict

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -246,61 +249,46 @@ def _float(root: ET.Element, form: str, path: Path) -> None:
     ET.SubElement(joint, "child", link=base)
 
 
-@dataclass(frozen=True, slots=True)
-class Branch:
-    """What hangs on a link.
-
-    Attributes:
-        name: By which siblings are sorted: of the joint, or of the link that is welded there.
-        joints: That move; none of a link that is fixed.
-        behind: Further branches, as the file has them.
-    """
-
-    name: str
-    joints: tuple[str, ...]
-    behind: tuple[Branch, ...]
+Branch = tuple[str, tuple[str, ...], Any]
+"""What hangs on a link: the name by which siblings are sorted, joints that move, and where further branches are."""
 
 
 def by_name(source: Source) -> tuple[str, ...]:
     """Joints in the order that Pinocchio gives those of a URDF: siblings sorted by the names of their joints."""
-    return tuple(_joints(_branches(source), by_names=True))
+    return _joints(source, by_names=True)
 
 
 def in_file(source: Source) -> tuple[str, ...]:
     """Joints in the order that MuJoCo gives them: from the ground outwards, siblings as the file has them."""
-    return tuple(_joints(_branches(source), by_names=False))
+    return _joints(source, by_names=False)
 
 
-def _joints(branches: tuple[Branch, ...], *, by_names: bool) -> Iterator[str]:
-    waiting = list(branches)
-    if by_names:
-        waiting.sort(key=lambda branch: branch.name)
-    for branch in waiting:
-        yield from branch.joints
-        yield from _joints(branch.behind, by_names=by_names)
+def _joints(source: Source, *, by_names: bool) -> tuple[str, ...]:
+    branches: Callable[[Any], Iterable[Branch]] = _bodies
+    place: Any = source.root.iterfind("worldbody")
+    if source.form == "urdf":
+        carried = defaultdict[str, list[Branch]](list)
+        for joint in source.root.iterfind("joint"):
+            near, name = joint.find("parent"), joint.get("name", "")
+            branch = name, (name,) if joint.get("type") != "fixed" else (), carried_link(joint)
+            carried["" if near is None else near.get("link", "")].append(branch)
+        branches, place = carried.__getitem__, source.root_link
+    order, waiting = list[str](), [(tuple[str, ...](), place)]
+    while waiting:
+        joints, place = waiting.pop()
+        order += joints
+        some = [*branches(place)]
+        if by_names:
+            some.sort(key=lambda branch: branch[0])
+        waiting += [(moving, behind) for _, moving, behind in reversed(some)]
+    return tuple(order)
 
 
-def _branches(source: Source) -> tuple[Branch, ...]:
-    if source.form == "mjcf":
-        return tuple(branch for world in source.root.iterfind("worldbody") for branch in _bodies(world))
-    carried: dict[str, list[tuple[str, bool, str]]] = {}
-    for joint in source.root.iterfind("joint"):
-        near, far = (end.get("link", "") for end in (joint.find("parent"), joint.find("child")) if end is not None)
-        carried.setdefault(near, []).append((joint.get("name", ""), joint.get("type") != "fixed", far))
-    return _links(carried, source.root_link)
-
-
-def _links(carried: dict[str, list[tuple[str, bool, str]]], link: str) -> tuple[Branch, ...]:
-    return tuple(
-        Branch(name, (name,) if moves else (), _links(carried, far)) for name, moves, far in carried.get(link, ())
-    )
-
-
-def _bodies(element: ET.Element) -> Iterator[Branch]:
-    """Bodies in an element itself, those in frames included."""
-    for child in element:
+def _bodies(elements: Iterable[ET.Element]) -> Iterator[Branch]:
+    """Bodies in some elements themselves, those in frames included."""
+    for child in chain.from_iterable(elements):
         if child.tag == "frame":
-            yield from _bodies(child)
+            yield from _bodies([child])
         elif child.tag == "body":
             joints = tuple(joint.get("name", "") for joint in joints_in(child))
-            yield Branch(joints[0] if joints else child.get("name", ""), joints, tuple(_bodies(child)))
+            yield joints[0] if joints else child.get("name", ""), joints, [child]
