@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.check import expected_reading, limited
-from screwgauge.models.importing.homes import REGULAR, Home, Loops, measured, some, starts
+from screwgauge.models.importing.homes import Home, Loops, measured, some, starts
 from screwgauge.models.kinematics import plant
 from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.closed.anchors import Flags
@@ -28,8 +28,12 @@ from screwgauge.witness.tree import TreeStates
 
 #: Gap up to which a loop is closed [rad or lengths of the mechanism]: home is given in closed form or to ten digits.
 CLOSED = 1e-9
-#: Starts that are tried where a good pose is at hand: all but the first are to show whether there are others.
-FEW = 12
+#: Starts that are tried where a good pose is at hand, and their number times that of coordinates: all but the first
+#: are to show whether there are others.
+FEW, WORK = 12, 240
+#: Smallest singular value of the loop equations at a good pose; at one that is found next to a singular pose it is the
+#: square root of `CLOSED`.
+CLEAR = 1e-4
 #: Poses of bodies that differ by less are the same [rad or lengths].
 SAME = 1e-6
 #: Other closing poses that are named.
@@ -113,7 +117,7 @@ def _solved(mechanism: Mechanism) -> Mechanism:
         moved = _placed(mechanism, _to_rounding(_placed(mechanism, homes[0]), mechanism.home != homes[0]))
         remark = _remark(mechanism, moved.home, [] if loops is free else homes[1:])
         moved = replace(moved, remarks=(*mechanism.remarks, remark))
-        if poses[0].least > REGULAR and not poses[0].beyond and _is_regular(moved):
+        if _is_fine(poses[0]) and _is_regular(moved):
             return moved
         solved.append((len(poses[0].beyond), moved))
     if solved:
@@ -129,14 +133,14 @@ def _closing_poses(loops: Loops, held: Loops) -> tuple[list[Home], Array]:
         held: The loops with the independent coordinates held, whose condition counts.
     """
     poses, nearest, smallest = list[Home](), loops.home, np.inf
-    first, *others = starts(loops, {})
+    (first, *others), few = starts(loops, {}), min(FEW, 1 + WORK // len(loops.size))
     for count, (start, begin) in enumerate((first, *reversed(others)), 1):  # the farthest lead to other poses
         q, error = loops.newton(begin)
         if (size := float(np.linalg.norm(loops.system(q)[0]))) < smallest:
             nearest, smallest = q, size
         if error <= CLOSED:
             poses.append(measured(held, start, _near_turns(loops, q), error))
-        if count >= FEW and any(one.least > REGULAR and not one.beyond for one in poses):
+        if count >= few and any(map(_is_fine, poses)):
             break
     distinct = list[Home]()
     for one in sorted(poses, key=partial(_rank, free=loops is not held)):
@@ -144,6 +148,10 @@ def _closing_poses(loops: Loops, held: Loops) -> tuple[list[Home], Array]:
         if all(far > SAME for far in away):
             distinct.append(one)
     return distinct, nearest
+
+
+def _is_fine(pose: Home) -> bool:
+    return pose.least > CLEAR and not pose.beyond
 
 
 def _rank(pose: Home, *, free: bool) -> tuple[Any, ...]:
@@ -205,7 +213,6 @@ def _remark(mechanism: Mechanism, home: Array, others: Sequence[Array]) -> str:
     if others:
         apart = [(other, int(np.argmax(np.abs(other - home) / size))) for other in others]
         poses = [*dict.fromkeys(f"'{names[c]}' = {other[c]:.3g}" for other, c in apart)]
-        has = "another has" if len(others) == 1 else "others have"
-        found = f"the nearest of {len(others) + 1} closing poses found ({has} {first_few(poses, NAMED)})"
+        found = f"the nearest of {len(others) + 1} closing poses found (elsewhere {first_few(poses, NAMED)})"
         sentence = f"{sentence}, {found}"
     return sentence
