@@ -215,7 +215,8 @@ def _parser() -> argparse.ArgumentParser:
     add("what", metavar="SCENE|MECHANISM|MODEL", help=which)
     add("other", nargs="?", metavar="OTHER", help="another one: what differs at home is drawn, too")
     add("-o", "--out", type=_path, metavar="FILE.html", help="write the page and end")
-    add("--png", type=_path, metavar="FILE.png", help="write a picture of the home pose and end")
+    for form in ("png", "svg", "pdf"):
+        add(f"--{form}", type=_path, metavar=f"FILE.{form}", help="write a picture of the home pose and end")
     add("--port", type=int, metavar="N", help="default: a free one")
 
     add = command(commands.bench, "error against run time of many methods and settings", out="SCENE/bench")

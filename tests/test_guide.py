@@ -151,7 +151,7 @@ def test_help_shows_every_command_in_its_group(capsys) -> None:
 
 
 #: What else an option takes: one file for what others make a folder of, one side for two, a viewer for versions.
-OTHER_FORMS = {"import": {"-o", "--out", "--loops"}, "view": {"-o", "--out"}}
+OTHER_FORMS = {"import": {"-o", "--out", "--loops"}, "view": {"-o", "--out", "--pdf"}}
 
 
 def test_an_option_has_one_name_and_takes_one_thing() -> None:

@@ -50,6 +50,7 @@ WRITING = {
     ),
     "view --out": (["view", "a01-pendulum", "--out", "mine.toml"], "mine.toml"),
     "view --png": (["view", "a01-pendulum", "--png", "mine.png"], "mine.png"),
+    "view --svg": (["view", "a01-pendulum", "--svg", "mine.svg"], "mine.svg"),
     "check --junit": (["check", "slider-crank", "--smoke", "--junit", "mine.xml"], "mine.xml"),
     "check --update": (["check", "slider-crank", "--smoke", "--update", "--baseline", "mine.json"], "mine.json"),
     "diagnose --fix": (["diagnose", "four-bar.xml", "b.xml", "--fix", "mine.xml"], "mine.xml"),

@@ -57,6 +57,9 @@ def test_a_picture_is_written_of_one_or_two_mechanisms(tmp_path: Path) -> None:
     assert main(["view", "3ups-upu-s", "3ups-upu-s-offset", "--png", str(two)]) == 0
     assert one.read_bytes()[:4] == two.read_bytes()[:4] == b"\x89PNG"
     assert one.read_bytes() != two.read_bytes()
+    for form, start in (("svg", b"<svg "), ("pdf", b"%PDF")):
+        assert main(["view", "3ups-upu-s", f"--{form}", str(file := tmp_path / f"one.{form}")]) == 0
+        assert file.read_bytes().startswith(start)
 
 
 @pytest.mark.slow
@@ -97,6 +100,7 @@ def test_without_a_motion_the_home_pose_is_shown_and_why_is_said(tmp_path: Path,
         (["a01-pendulum", "--out", "."], ".: is a folder; name a file"),
         (["a01-pendulum", "--png", "a.jpg"], "cannot write a.jpg; name a file that ends with .png"),
         (["a01-pendulum", "--out", "a.html", "--png", "b.png"], "--out and --png at once"),
+        (["a01-pendulum", "--pdf", "a.svg"], "cannot write a.svg; name a file that ends with .pdf"),
         (["a01-pendulum", "--port", "70000"], "port 70000 cannot be served at"),
     ],
 )

@@ -18,28 +18,33 @@ if TYPE_CHECKING:
     from screwgauge.scene.scene import Scene
     from screwgauge.solution import Solution
 
+PICTURES = ("png", "svg", "pdf")
+WIDTH, DPI = "17cm", 200  # of a picture: as wide as a page's text
+
 
 def view(options: argparse.Namespace) -> int:
     """Shows a mechanism, or two side by side."""
+    from screwgauge.models.shapes import differing
+    from screwgauge.report.figures.saved import check_ending, picture_file
+    from screwgauge.report.stage.drawing import drawing
     from screwgauge.scene.scene import Scene
 
-    chosen = [name for name in ("out", "png", "port") if getattr(options, name) not in (None, False)]
+    chosen = [name for name in ("out", *PICTURES, "port") if getattr(options, name) not in (None, False)]
     if len(chosen) > 1:
         raise DescriptionError(f"--{chosen[0]} and --{chosen[1]} at once", "view", "leave one of them out")
     what = _load(options.what)
     mechanism = what.mechanism if isinstance(what, Scene) else what
-    for file in filter(None, (options.out, options.png)):
+    picture = next((getattr(options, name) for name in PICTURES if getattr(options, name)), None)
+    for file in filter(None, (options.out, picture)):
         check_free(file, filter(None, (options.what, options.other)), force=options.force)
     other = _load(options.other) if options.other else None
     other = other.mechanism if isinstance(other, Scene) else other
     unsigned = _unsigned(options.what, mechanism) | (_unsigned(options.other, other) if other else set())
-    if options.png:
-        _check_png(options.png)
-        from screwgauge.models.shapes import differing
-        from screwgauge.report.stage.drawing import drawing
-
+    if picture:
+        check_ending(picture, [f".{chosen[0]}"], f"view --{chosen[0]}")
         against = differing(mechanism, other, unsigned) if other else ()
-        _put(options.png, _png(drawing(mechanism, against), scale=2.0))
+        content = picture_file(drawing(mechanism, against), picture.suffix, WIDTH, DPI)
+        _put(picture, content.encode() if isinstance(content, str) else content)
         return 0
     text = _page(what, other, unsigned)
     if options.out:
@@ -118,24 +123,12 @@ def _solved(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
     return scene, results.solutions
 
 
-def _check_png(file: Path) -> None:
-    """Refuses a file whose name promises another kind of picture."""
-    if file.suffix != ".png":
-        raise DescriptionError(f"cannot write {file.name}", "view --png", "name a file that ends with .png")
-
-
 def _put(file: Path, content: bytes) -> None:
     try:
         file.write_bytes(content)
     except (OSError, ValueError) as error:
         raise OutputError(f"cannot be written ({why(error)})", str(file), "name another file") from None
     say(str(file))
-
-
-def _png(svg: str, **more: float) -> bytes:
-    from screwgauge.report.figures.renderer import RENDERER
-
-    return bytes(RENDERER.ask("svg_to_png", svg, **more))
 
 
 def _serve(text: bytes, port: int) -> int:

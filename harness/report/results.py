@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from screwgauge.reference.errors import UnknownNameError, check_choice
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice
 from screwgauge.reference.files import check_free
 from screwgauge.report.blocks import Block, Picture
 from screwgauge.report.folder import write_files
@@ -98,6 +98,9 @@ class Results(Shown, Comparison):
     def figure(self, name: str) -> Pictures:
         """Pictures of `plot` that show a quantity, such as ``actuator_force``, or have a name, such as ``mechanism``.
 
+        ``.save("f.pdf", width="8.5cm", font="Times", size=8)`` writes its curves alone for a paper, as PDF, SVG or PNG
+        (``dpi=600``), see `Picture.save`.
+
         Raises:
             UnknownNameError: None has; it lists the names there are.
         """
@@ -130,3 +133,14 @@ class Pictures(list[Picture]):
 
     def _repr_html_(self) -> str:
         return fragment(self)
+
+    def save(self, path: str | Path, **style: Any) -> Path:
+        """Writes the picture if there is one alone: see `Picture.save`, which also says what a style is.
+
+        Raises:
+            DescriptionError: There are several.
+        """
+        if len(self) != 1:
+            names = ", ".join(f"figure({picture.name!r})" for picture in self)
+            raise DescriptionError(f"{len(self)} figures in one file", str(path), f"choose one of {names}")
+        return self[0].save(path, **style)

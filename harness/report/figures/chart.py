@@ -131,7 +131,7 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
     lines = [line for note in notes for line in wrap(note, int(WIDTH / LETTER))]
     head = {**filled("config"), "title": {"text": wrap(title, int(WIDTH / 8)) or "", "subtitle": lines}}
     still, live = (plain({**head, **build(moving)}, partial(printable, lines=True)) for moving in (False, True))
-    still, draw = _still(still), "vegalite_to_svg"
+    still, draw = still_parts(still), "vegalite_to_svg"
     try:
         if any(layer.get("name") == "labels" for layer in still.get("layer", ())):
             still, live = (_labelled(RENDERER.ask("vegalite_to_vega", spec)) for spec in (still, live))
@@ -142,13 +142,15 @@ def picture(name: str, title: str, build: Callable[[bool], Spec], notes: Iterabl
     return Picture(name, title, svg[svg.index("<svg ") :], json.dumps(live, ensure_ascii=False))
 
 
-def _still(node: Any) -> Any:
+def still_parts(node: Any) -> Any:
     """Parts of a chart without what answers a reader, as points that are not seen."""
     if isinstance(node, list):
-        return [_still(item) for item in node if not (isinstance(item, dict) and ("select" in item or _unseen(item)))]
+        return [
+            still_parts(item) for item in node if not (isinstance(item, dict) and ("select" in item or _unseen(item)))
+        ]
     if not isinstance(node, dict):
         return node
-    return {k: _still(v) for k, v in node.items() if k != "tooltip" and not (k == "opacity" and "param" in str(v))}
+    return {k: still_parts(v) for k, v in node.items() if k != "tooltip" and not (k == "opacity" and "param" in str(v))}
 
 
 def _unseen(layer: Spec) -> bool:

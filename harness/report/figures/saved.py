@@ -1,0 +1,141 @@
+"""Figures for a paper: curves without tolerance and marks, in the width, font and size of its text."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import wrap
+
+from screwgauge.reference.errors import DescriptionError, ReportError, shown
+from screwgauge.reference.files import check_free, replace_file, stamped
+from screwgauge.report.blocks import Picture
+from screwgauge.report.figures.chart import GAP, Spec, still_parts
+from screwgauge.report.figures.renderer import RENDERER
+
+POINTS = {"pt": 1.0, "in": 72.0, "cm": 72.0 / 2.54, "mm": 7.2 / 2.54}
+ENDINGS = (".pdf", ".png", ".svg")
+DRAFTS = 4  # of a chart; each tells what axes and legends take of the width
+NARROW = 110.0  # a panel is made no narrower [pt]
+KEPT = ("$schema", "data", "transform", "params", "facet", "spec", "encoding", "layer", "width")  # of a chart
+#: Font -> those that take its place, with letters as wide, where it is not installed.
+ALIKE = {
+    "Times": "Times, Times New Roman, Nimbus Roman, TeX Gyre Termes, Liberation Serif, serif",
+    "Helvetica": "Helvetica, Arial, Nimbus Sans, Liberation Sans, sans-serif",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Style:
+    """How a figure is drawn: width, such as ``8.5cm``, font, size of its letters [pt], dots per inch of a PNG."""
+
+    width: str
+    font: str = "Helvetica"
+    size: float = 8.0
+    dpi: int = 600
+
+    def __post_init__(self) -> None:
+        if not (4.0 <= self.size <= 72.0 and 30 <= self.dpi <= 2400):
+            what = f"letters of {self.size} pt and {self.dpi} dpi"
+            raise DescriptionError(what, "figure", "give 4 to 72 pt and 30 to 2400 dpi")
+
+
+def save(picture: Picture, path: Path, style: Style, *, force: bool = False) -> Path:
+    """Writes a picture; see `Picture.save`."""
+    check_ending(path)
+    check_free(path, force=force)
+    if picture.lost:
+        raise ReportError(f"{picture.title} could not be drawn ({picture.lost})", str(path), "draw it anew")
+    spec, svg = json.loads(picture.chart or "{}"), picture.svg
+    if {"layer", "facet", "vconcat"} & spec.keys():
+        svg = _drawn(spec, in_points(style.width), style)
+    replace_file(path, picture_file(svg, path.suffix, style.width, style.dpi))
+    return path
+
+
+def picture_file(svg: str, ending: str, width: str, dpi: int) -> str | bytes:
+    """Content of an SVG, PDF or PNG file of a width such as ``8.5cm`` with all that is in an SVG."""
+    if ending == ".svg":
+        return stamped(sized(svg, in_points(width), "pt"))
+    call, more = ("svg_to_pdf", {}) if ending == ".pdf" else ("svg_to_png", {"ppi": dpi})
+    return bytes(RENDERER.ask(call, sized(svg, in_points(width)), **more))
+
+
+def check_ending(path: Path, known: Iterable[str] = ENDINGS, where: str = "figure") -> None:
+    """Refuses a file whose name promises another kind of picture."""
+    if path.suffix not in known:
+        raise DescriptionError(f"cannot write {path.name}", where, f"name a file that ends with {' or '.join(known)}")
+
+
+def in_points(width: str) -> float:
+    """A width such as ``8.5cm`` in points.
+
+    Raises:
+        DescriptionError: It is none, or none of a page.
+    """
+    found = re.fullmatch(r" *(\d+(?:\.\d*)?) *(pt|in|cm|mm) *", width) if isinstance(width, str) else None
+    points = float(found[1]) * POINTS[found[2]] if found else 0.0
+    if not 50.0 <= points <= 3000.0:
+        raise DescriptionError(f"{shown(width)} is no width of a figure", "figure", 'write "8.5cm", or mm, in, pt')
+    return points
+
+
+def sized(svg: str, wide: float, unit: str = "") -> str:
+    """An SVG of another width with all that is in it; without a unit, PDF and PNG take it for points."""
+    head, end, tail = svg.partition(">")
+    w, h = (float(re.findall(rf'\b{name}="([\d.]+)"', head)[0]) for name in ("width", "height"))
+    box = "" if "viewBox" in head else f' viewBox="0 0 {w:g} {h:g}"'
+    head = re.sub(r' (width|height)="[\d.]+"', "", head)
+    return f'{head}{box} width="{wide:.2f}{unit}" height="{wide * h / w:.2f}{unit}"{end}{tail}'
+
+
+def _installed(font: str) -> str:
+    """A font with those that take its place; text in a font that is not installed would be left out."""
+    if font in ALIKE:
+        return ALIKE[font]
+    name = re.fullmatch(r"[\w -]{1,80}", font)
+    probe = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><text y="9" font-family="{font}">a</text></svg>'
+    )
+    if not name or b"/BaseFont" not in bytes(RENDERER.ask("svg_to_pdf", probe)):
+        raise DescriptionError(
+            f"font {shown(font)} is not installed", "figure", f"name another, or {' or '.join(ALIKE)}"
+        )
+    return font
+
+
+def _drawn(spec: Spec, wide: float, style: Style) -> str:
+    """The curves of a chart as SVG, as wide as is wanted [pt]: drafts tell what axes and legends take."""
+    view = _curves(spec, wide, style)
+    panel, svg = view.get("spec", view), ""
+    axis = panel.get("encoding", view.get("encoding"))["y"]
+    axis["title"] = wrap(axis["title"], 20)
+    least = 0.5 * style.size * max(map(len, axis["title"]))  # so that titles of panels do not meet
+    for _ in range(DRAFTS):
+        panel["height"] = max(0.6 * panel["width"], least)
+        svg = RENDERER.ask("vegalite_to_svg", json.dumps(still_parts(view)))
+        over = float(re.findall(r'\bwidth="([\d.]+)"', svg)[0]) - wide
+        if abs(over) < 1.0:
+            break
+        panel["width"] -= over / view["columns"]
+    return str(svg[svg.index("<svg ") :])
+
+
+def _curves(spec: Spec, wide: float, style: Style) -> Spec:
+    """The lines of a chart in a style, without what stands around and below them."""
+    view, texts = {**spec, **spec.get("vconcat", [{}])[0]}, {"labelFontSize": style.size, "titleFontSize": style.size}
+    config = {key: {**part, **texts} for key, part in spec["config"].items() if isinstance(part, dict)}
+    config["axis"] |= {"grid": False, "domainColor": "black", "tickColor": "black"}
+    config["line"]["strokeWidth"] = 1.0
+    panel = view.get("spec", view)
+    panel["layer"] = [layer for layer in panel["layer"] if layer["mark"]["type"] == "line"]
+    channels = [panel["layer"][0]["encoding"][name] for name in ("color", "strokeDash")]
+    entry = 0.6 * style.size * max(map(len, channels[0]["scale"]["domain"])) + 40.0
+    for channel in channels:
+        channel["legend"]["columns"] = max(1, int((wide - 6.0 * style.size) / entry))
+    n = max(1, min(view.get("columns", 1), int(wide / NARROW)))
+    panel["width"] = (wide - (n - 1) * GAP) / n
+    kept = {key: view[key] for key in KEPT if key in view}
+    return {**kept, "columns": n, "config": {**config, "font": _installed(style.font), "padding": 1}}
