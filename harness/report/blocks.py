@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import compress
 from operator import attrgetter
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -102,36 +101,6 @@ class Picture:
     def __post_init__(self) -> None:
         for part in ("svg", "chart", "stage"):
             object.__setattr__(self, part, printable(getattr(self, part), lines=True))
-
-    def __repr__(self) -> str:
-        return f"Figure {self.name}: {self.title}"
-
-    def save(
-        self,
-        path: str | Path,
-        *,
-        width: str = "8.5cm",
-        font: str = "Helvetica",
-        size: float = 8.0,
-        dpi: int = 600,
-        force: bool = False,
-    ) -> Path:
-        """Writes the figure for a paper: of a chart the curves, without title, differences, tolerance and marks.
-
-        Args:
-            path: Ends with ``.pdf``, ``.png`` or ``.svg``.
-            width: In cm, mm, in or pt.
-            font: Times, Helvetica, or one that is installed. A mechanism is drawn with letters of its own.
-            size: Of its letters [pt].
-            dpi: Dots per inch of a PNG.
-            force: A file in the way is replaced.
-
-        Raises:
-            ScrewgaugeError: It cannot be drawn like this, or the file cannot be written.
-        """
-        from screwgauge.report.figures.saved import Style, save
-
-        return save(self, Path(path), Style(width, font, size, dpi), force=force)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import fields
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ import pandas as pd
 
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice
 from screwgauge.reference.files import check_free
-from screwgauge.report.blocks import Block, Picture
+from screwgauge.report.blocks import Block
+from screwgauge.report.figures.saved import Figure
 from screwgauge.report.folder import write_files
 from screwgauge.report.html import fragment
 from screwgauge.report.pages import run as run_page
@@ -77,7 +79,8 @@ class Results(Shown, Comparison):
 
     def plot(self) -> Pictures:
         """The pictures of the report; a notebook shows them."""
-        return Pictures(run_page.pictures(self))
+        pictures = run_page.pictures(self)
+        return Pictures(Figure(*(getattr(one, item.name) for item in fields(one))) for one in pictures)
 
     def frame(self, quantity: str) -> pd.DataFrame:
         """A quantity over time as all engines give it: index t [s], columns engine and component.
@@ -99,7 +102,7 @@ class Results(Shown, Comparison):
         """Pictures of `plot` that show a quantity, such as ``actuator_force``, or have a name, such as ``mechanism``.
 
         ``.save("f.pdf", width="8.5cm", font="Times", size=8)`` writes its curves alone for a paper, as PDF, SVG or PNG
-        (``dpi=600``), see `Picture.save`.
+        (``dpi=600``), see `Figure.save`.
 
         Raises:
             UnknownNameError: None has; it lists the names there are.
@@ -125,7 +128,7 @@ def csv_files(path: Path, engines: Sequence[str]) -> dict[str, Path]:
     return {engines[0]: path} if path.suffix == ".csv" else {name: path / f"{name}.csv" for name in engines}
 
 
-class Pictures(list[Picture]):
+class Pictures(list[Figure]):
     """Pictures; a notebook shows them."""
 
     def __repr__(self) -> str:
@@ -135,7 +138,7 @@ class Pictures(list[Picture]):
         return fragment(self)
 
     def save(self, path: str | Path, **style: Any) -> Path:
-        """Writes the picture if there is one alone: see `Picture.save`, which also says what a style is.
+        """Writes the picture if there is one alone: see `Figure.save`, which also says what a style is.
 
         Raises:
             DescriptionError: There are several.

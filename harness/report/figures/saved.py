@@ -42,17 +42,47 @@ class Style:
             raise DescriptionError(what, "figure", "give 4 to 72 pt and 30 to 2400 dpi")
 
 
-def save(picture: Picture, path: Path, style: Style, *, force: bool = False) -> Path:
-    """Writes a picture; see `Picture.save`."""
-    check_ending(path)
-    check_free(path, force=force)
-    if picture.lost:
-        raise ReportError(f"{picture.title} could not be drawn ({picture.lost})", str(path), "draw it anew")
-    spec, svg = json.loads(picture.chart or "{}"), picture.svg
-    if {"layer", "facet", "vconcat"} & spec.keys():
-        svg = _drawn(spec, in_points(style.width), style)
-    replace_file(path, picture_file(svg, path.suffix, style.width, style.dpi))
-    return path
+class Figure(Picture):
+    """A picture that can be saved for a paper."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return f"Figure {self.name}: {self.title}"
+
+    def save(
+        self,
+        path: str | Path,
+        *,
+        width: str = "8.5cm",
+        font: str = "Helvetica",
+        size: float = 8.0,
+        dpi: int = 600,
+        force: bool = False,
+    ) -> Path:
+        """Writes the figure for a paper: of a chart the curves, without title, differences, tolerance and marks.
+
+        Args:
+            path: Ends with ``.pdf``, ``.png`` or ``.svg``.
+            width: In cm, mm, in or pt.
+            font: Times, Helvetica, or one that is installed. A mechanism is drawn with letters of its own.
+            size: Of its letters [pt].
+            dpi: Dots per inch of a PNG.
+            force: A file in the way is replaced.
+
+        Raises:
+            ScrewgaugeError: It cannot be drawn like this, or the file cannot be written.
+        """
+        path, style = Path(path), Style(width, font, size, dpi)
+        check_ending(path)
+        check_free(path, force=force)
+        if self.lost:
+            raise ReportError(f"{self.title} could not be drawn ({self.lost})", str(path), "draw it anew")
+        spec, svg = json.loads(self.chart or "{}"), self.svg
+        if {"layer", "facet", "vconcat"} & spec.keys():
+            svg = _drawn(spec, in_points(width), style)
+        replace_file(path, picture_file(svg, path.suffix, width, dpi))
+        return path
 
 
 def picture_file(svg: str, ending: str, width: str, dpi: int) -> str | bytes:
