@@ -7,6 +7,7 @@ is first imported.
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 import sys
@@ -37,8 +38,12 @@ def one_thread() -> bool:
 
 
 def collect_rarely() -> None:
-    """Look for garbage in cycles a seventieth as often: imports and traces of equations make many objects and none."""
+    """Look for garbage in cycles a seventieth as often, and not at the end of the process.
+
+    Imports and traces of equations make many objects and no garbage.
+    """
     gc.set_threshold(50_000)
+    atexit.register(gc.freeze)
 
 
 def python(*arguments: str) -> list[str]:
