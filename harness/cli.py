@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 from screwgauge import __version__, commands
 from screwgauge.commands import view
 from screwgauge.commands.execution import check_current
-from screwgauge.processes import collect_rarely, fix_threads
+from screwgauge.processes import fix_threads, save_time
 from screwgauge.reference.errors import UnknownNameError, log_text
 from screwgauge.report.console import console, ended, say
 
@@ -71,7 +71,7 @@ def _command(arguments: Sequence[str] | None) -> int:
     finally:
         say("", end="")  # a command that cannot print is not begun
     fix_threads()
-    collect_rarely()
+    save_time()
     os.environ["MUJOCO_GL"] = "disable"  # nothing is rendered, for which MuJoCo would load libGL
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of numpy: the report shows what is not a number

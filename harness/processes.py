@@ -8,6 +8,7 @@ is first imported.
 from __future__ import annotations
 
 import atexit
+import ctypes
 import gc
 import os
 import sys
@@ -17,6 +18,7 @@ from threading import Lock
 
 ONE = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS"), "1")
 SAFE = {"PYTHONSAFEPATH": "1"}
+MALLOC = {-3: 2**25, -1: 2**28}  # M_MMAP_THRESHOLD, at its largest, and M_TRIM_THRESHOLD of <malloc.h> [bytes]
 _LOCK = Lock()
 
 
@@ -37,13 +39,18 @@ def one_thread() -> bool:
     return ONE.items() <= os.environ.items()
 
 
-def collect_rarely() -> None:
-    """Look for garbage in cycles a seventieth as often, and not at the end of the process.
+def save_time() -> None:
+    """Spend memory for time: look for garbage in cycles rarely, and not at the end; keep what arrays have freed.
 
-    Imports and traces of equations make many objects and no garbage.
+    Imports and traces of equations make many objects and no garbage. Memory that was given back is cleared by the
+    kernel when it is needed again, which takes as long as many a computation.
     """
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)
+    with suppress(OSError, AttributeError):  # another library than that of GNU
+        mallopt = ctypes.CDLL(None).mallopt
+        for parameter, size in MALLOC.items():
+            mallopt(parameter, size)
 
 
 def python(*arguments: str) -> list[str]:

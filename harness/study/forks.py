@@ -22,8 +22,8 @@ NEEDED = (
     "numpy.ma",
     "screwgauge.study.isolation",
     "screwgauge.study.methods",
-    "screwgauge.engines.tree.inverse",
-    "screwgauge.models.readings.compiled",
+    "screwgauge.engines.tree.model",
+    "screwgauge.models.readings.source",
 )
 _SERVER = ForkServer()
 _SERVER.set_forkserver_preload([*NEEDED])

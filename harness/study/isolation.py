@@ -29,7 +29,7 @@ from loky import cpu_count
 from loky.process_executor import BrokenProcessPool, ProcessPoolExecutor
 
 from screwgauge.problem import Progress, silent
-from screwgauge.processes import ONE, SAFE, collect_rarely, inherit_safely
+from screwgauge.processes import ONE, SAFE, inherit_safely, save_time
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError, shown
 from screwgauge.reference.files import why
 from screwgauge.solution import Failure
@@ -218,7 +218,7 @@ def _begin(line: Connection, environment: Mapping[str, str]) -> None:
     os.environ.update(environment)
     hold(line)
     gc.freeze()  # what the server has imported is no garbage, and stays in the memory that all share
-    collect_rarely()
+    save_time()
     with suppress(OSError):  # there is no standard error
         os.dup2(2, 1)
 
