@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from textwrap import wrap
 
@@ -27,21 +26,6 @@ ALIKE = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Style:
-    """How a figure is drawn: width, such as ``8.5cm``, font, size of its letters [pt], dots per inch of a PNG."""
-
-    width: str
-    font: str = "Helvetica"
-    size: float = 8.0
-    dpi: int = 600
-
-    def __post_init__(self) -> None:
-        if not (4.0 <= self.size <= 72.0 and 30 <= self.dpi <= 2400):
-            what = f"letters of {self.size} pt and {self.dpi} dpi"
-            raise DescriptionError(what, "figure", "give 4 to 72 pt and 30 to 2400 dpi")
-
-
 class Figure(Picture):
     """A picture that can be saved for a paper."""
 
@@ -56,7 +40,7 @@ class Figure(Picture):
         *,
         width: str = "8.5cm",
         font: str = "Helvetica",
-        size: float = 8.0,
+        size: float = 8,
         dpi: int = 600,
         force: bool = False,
     ) -> Path:
@@ -73,14 +57,16 @@ class Figure(Picture):
         Raises:
             ScrewgaugeError: It cannot be drawn like this, or the file cannot be written.
         """
-        path, style = Path(path), Style(width, font, size, dpi)
-        check_ending(path)
+        check_ending(path := Path(path))
         check_free(path, force=force)
         if self.lost:
             raise ReportError(f"{self.title} could not be drawn ({self.lost})", str(path), "draw it anew")
+        if not (4 <= size <= 72 and 30 <= dpi <= 2400):
+            what = f"letters of {size} pt and {dpi} dpi"
+            raise DescriptionError(what, "figure", "give 4 to 72 pt and 30 to 2400 dpi")
         spec, svg = json.loads(self.chart or "{}"), self.svg
         if {"layer", "facet", "vconcat"} & spec.keys():
-            svg = _drawn(spec, in_points(width), style)
+            svg = _drawn(spec, in_points(width), _installed(font), size)
         replace_file(path, picture_file(svg, path.suffix, width, dpi))
         return path
 
@@ -136,13 +122,13 @@ def _installed(font: str) -> str:
     return font
 
 
-def _drawn(spec: Spec, wide: float, style: Style) -> str:
+def _drawn(spec: Spec, wide: float, font: str, size: float) -> str:
     """The curves of a chart as SVG, as wide as is wanted [pt]: drafts tell what axes and legends take."""
-    view = _curves(spec, wide, style)
+    view = _curves(spec, wide, font, size)
     panel, svg = view.get("spec", view), ""
     axis = panel.get("encoding", view.get("encoding"))["y"]
     axis["title"] = wrap(axis["title"], 20)
-    least = 0.5 * style.size * max(map(len, axis["title"]))  # so that titles of panels do not meet
+    least = 0.5 * size * max(map(len, axis["title"]))  # so that titles of panels do not meet
     for _ in range(DRAFTS):
         panel["height"] = max(0.6 * panel["width"], least)
         svg = RENDERER.ask("vegalite_to_svg", json.dumps(still_parts(view)))
@@ -153,19 +139,19 @@ def _drawn(spec: Spec, wide: float, style: Style) -> str:
     return str(svg[svg.index("<svg ") :])
 
 
-def _curves(spec: Spec, wide: float, style: Style) -> Spec:
-    """The lines of a chart in a style, without what stands around and below them."""
-    view, texts = {**spec, **spec.get("vconcat", [{}])[0]}, {"labelFontSize": style.size, "titleFontSize": style.size}
+def _curves(spec: Spec, wide: float, font: str, size: float) -> Spec:
+    """The lines of a chart, without what stands around and below them."""
+    view, texts = {**spec, **spec.get("vconcat", [{}])[0]}, {"labelFontSize": size, "titleFontSize": size}
     config = {key: {**part, **texts} for key, part in spec["config"].items() if isinstance(part, dict)}
     config["axis"] |= {"grid": False, "domainColor": "black", "tickColor": "black"}
     config["line"]["strokeWidth"] = 1.0
     panel = view.get("spec", view)
     panel["layer"] = [layer for layer in panel["layer"] if layer["mark"]["type"] == "line"]
     channels = [panel["layer"][0]["encoding"][name] for name in ("color", "strokeDash")]
-    entry = 0.6 * style.size * max(map(len, channels[0]["scale"]["domain"])) + 40.0
+    entry = 0.6 * size * max(map(len, channels[0]["scale"]["domain"])) + 40.0
     for channel in channels:
-        channel["legend"]["columns"] = max(1, int((wide - 6.0 * style.size) / entry))
+        channel["legend"]["columns"] = max(1, int((wide - 6.0 * size) / entry))
     n = max(1, min(view.get("columns", 1), int(wide / NARROW)))
     panel["width"] = (wide - (n - 1) * GAP) / n
     kept = {key: view[key] for key in KEPT if key in view}
-    return {**kept, "columns": n, "config": {**config, "font": _installed(style.font), "padding": 1}}
+    return {**kept, "columns": n, "config": {**config, "font": font, "padding": 1}}
