@@ -11,7 +11,7 @@ import pytest
 import screwgauge
 from support.command import main
 from support.errors import ClosureError
-from support.mechanism import at_closed_home, load_mechanism, mechanism_names, same_content
+from support.mechanism import at_closed_home, families, load_mechanism, mechanism_names, same_content
 from support.scene import check_home
 from support.solve import gaps, layout
 from support.tolerances import CLOSED, LINEAR
@@ -153,6 +153,17 @@ def test_built_in_homes_are_found_again(name, by):
     columns = mechanism.independent_columns
     assert np.array_equal(solved.home[columns], mechanism.home[columns])
     assert same_content(solved, at_closed_home(rough(mechanism, by)))
+
+
+@pytest.mark.sampled(7)
+@pytest.mark.parametrize("by", [0.05, None], ids=["rough", "left out"])
+@pytest.mark.parametrize("family", families())
+def test_homes_of_random_mechanisms_are_found_again(family, by, tmp_path):
+    mechanism = screwgauge.random(0, family, tmp_path).mechanism
+    assert not mechanism.remarks
+    solved = at_closed_home(rough(mechanism, by))
+    assert solved.home == pytest.approx(mechanism.home, abs=LINEAR)
+    assert gap(solved) < CLOSED
 
 
 def test_a_driven_coordinate_moves_only_where_no_pose_closes_at_it(write):
