@@ -7,7 +7,6 @@ before it is asked for.
 from __future__ import annotations
 
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -66,17 +65,27 @@ _HOMES = {
     "stream": "screwgauge.study.stream",
 }
 
-try:
-    __version__ = version("screwgauge")
-except PackageNotFoundError:  # a source tree that was never installed
-    __version__ = "0+unknown"
+__version__: str
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        globals()[name] = _version()
+        return globals()[name]
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'screwgauge' has no attribute {name!r}")
 
 
+def _version() -> str:
+    """Find the version of the distribution, which takes as long as all else of the start of a process."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("screwgauge")
+    except PackageNotFoundError:  # a source tree that was never installed
+        return "0+unknown"
+
+
 def __dir__() -> list[str]:
-    return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})
+    return sorted({*__all__, "__version__", *(name for name in globals() if name.startswith("__"))})

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from screwgauge import __version__, commands
+from screwgauge import commands
 from screwgauge.commands import view
 from screwgauge.commands.execution import check_current
 from screwgauge.processes import fix_threads, save_time
@@ -131,11 +131,21 @@ class _Parser(argparse.ArgumentParser):
         super().error(log_text(" ".join(message.split())))
 
 
+class _Version(argparse.Action):
+    """Prints the version, which is looked up when it is wanted."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *given: Any) -> NoReturn:
+        from screwgauge import __version__
+
+        say(f"screwgauge {__version__}")
+        parser.exit()
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="screwgauge", usage="%(prog)s COMMAND ...", formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--version", action="version", version=f"screwgauge {__version__}")
+    parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
     subparsers = parser.add_subparsers(prog="screwgauge", required=True, metavar="COMMAND", help=argparse.SUPPRESS)
     known: dict[str, str] = {}
 
