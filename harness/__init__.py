@@ -10,13 +10,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from screwgauge.api import check, compile, diagnose, run
+    from screwgauge.api import check, compile, diagnose, review, run
     from screwgauge.diagnosis.diagnose import Diagnosis
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.report.diagnosed import DiagnosisReport
     from screwgauge.report.pages.check import CheckReport
     from screwgauge.report.results import Results
+    from screwgauge.report.reviewed import ReviewReport
     from screwgauge.scene.default import exciting
     from screwgauge.scene.observables import Recorded
     from screwgauge.scene.read import load_scene
@@ -33,6 +34,7 @@ __all__ = [
     "Limits",
     "Recorded",
     "Results",
+    "ReviewReport",
     "Scene",
     "ScrewgaugeError",
     "check",
@@ -41,6 +43,7 @@ __all__ = [
     "exciting",
     "load_scene",
     "random",
+    "review",
     "run",
     "stream",
 ]
@@ -53,6 +56,7 @@ _HOMES = {
     "Limits": "screwgauge.study.isolation",
     "Recorded": "screwgauge.scene.observables",
     "Results": "screwgauge.report.results",
+    "ReviewReport": "screwgauge.report.reviewed",
     "Scene": "screwgauge.scene.scene",
     "ScrewgaugeError": "screwgauge.reference.errors",
     "check": "screwgauge.api",
@@ -61,6 +65,7 @@ _HOMES = {
     "exciting": "screwgauge.scene.default",
     "load_scene": "screwgauge.scene.read",
     "random": "screwgauge.families.draw",
+    "review": "screwgauge.api",
     "run": "screwgauge.api",
     "stream": "screwgauge.study.stream",
 }

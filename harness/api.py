@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from screwgauge.report.diagnosed import DiagnosisReport
     from screwgauge.report.pages.check import CheckReport
     from screwgauge.report.results import Results
+    from screwgauge.report.reviewed import ReviewReport
+    from screwgauge.scene.observables import Recorded
     from screwgauge.scene.scene import Scene
     from screwgauge.study.isolation import Limits
 
@@ -124,6 +126,34 @@ def diagnose(
 
     load = load or in_process
     return DiagnosisReport.of(compared(a, b, map=map, seed=seed, loops=loops, limit=limit, load=load))
+
+
+def review(
+    numbers: str | Path | Recorded, scene: Scene | str | Path, quantities: Iterable[str] | None = None
+) -> ReviewReport:
+    """Says what is wrong with a table of numbers, column by column, and proves it by putting it right.
+
+    Args:
+        numbers: A CSV or Parquet file, or arrays.
+        scene: What they are of; its times need not be those of the table.
+        quantities: Names of what the table gives; all by default.
+
+    Returns:
+        The review, true if all columns agree to the digits that they print. `verdict` is a sentence or two, `columns`
+        have `faults` each.
+
+    Raises:
+        ScrewgaugeError: Bad input.
+    """
+    from screwgauge.report.reviewed import ReviewReport
+    from screwgauge.scene.observables import read_recorded
+    from screwgauge.scene.read import load_scene
+    from screwgauge.scene.scene import Scene
+    from screwgauge.study.run import review as reviewed
+
+    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    table = read_recorded(Path(numbers)) if isinstance(numbers, (str, Path)) else numbers
+    return ReviewReport.of(reviewed(table, scene, quantities))
 
 
 def compile(

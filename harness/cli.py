@@ -20,13 +20,14 @@ from screwgauge.report.console import console, ended, say
 DEFAULT_SCENE = "3ups-upu-s"
 PURPOSE = "Do two descriptions of a mechanism's motion agree, by how much, and if not, why?"
 GROUPS = {
-    "use": ("run", "diagnose", "casebook", "check", "import", "view"),
+    "use": ("run", "review", "diagnose", "casebook", "check", "import", "view"),
     "study": ("bench", "stress", "matrix"),
     "export": ("models", "list"),
 }
 #: An example of each, after its name.
 EXAMPLES = {
     "run": "slider-crank --quantities actuator_force,reaction",
+    "review": "torques.csv slider-crank",
     "diagnose": "robot.urdf robot.xml --fix fixed.xml",
     "casebook": "mj-soft-floor",
     "check": "scenes/ --smoke --junit report.xml",
@@ -44,6 +45,7 @@ model file that differs without leave; 2 bad input or usage; 3 an engine failed 
 STRESS_STATUS = """exit status: 0 every row is there; 1 our own solver is silently wrong somewhere; 2 bad input;
 3 a rung broke"""
 
+REVIEW_STATUS = "exit status: 0 all columns agree to the digits that they print; 1 they do not; 2 bad input"
 DIAGNOSE_STATUS = """exit status: 0 the same; 1 different, or not all compared; 2 bad input;
 3 a library failed, or --limit was met"""
 
@@ -157,7 +159,7 @@ def _parser() -> argparse.ArgumentParser:
         texts: dict[str, Any] = {"description": description, "epilog": epilog}
         added = subparsers.add_parser(name, formatter_class=parser.formatter_class, **texts)
         added.add_argument("--debug", action="store_true", help="show the traceback of an error")
-        if run not in (commands.list_, commands.casebook):
+        if run not in (commands.list_, commands.casebook, commands.review):
             added.add_argument("--force", action="store_true", help="overwrite inputs, and files of somebody's own")
         if out:
             added.add_argument("-o", "--out", type=_path, metavar="DIR", help=f"default: screwgauge-out/{out}")
@@ -219,6 +221,17 @@ def _parser() -> argparse.ArgumentParser:
     add("--json", action="store_true", help="print the summary as JSON")
     add("--limit", type=float, metavar="SECONDS", help="stop an engine that takes longer (3600)")
     add("--memory", type=float, metavar="GB", help="stop an engine that needs more (that of the machine)")
+
+    add = command(commands.review, "what is wrong with a table of numbers, column by column", epilog=REVIEW_STATUS)
+    add("numbers", type=_path, metavar="NUMBERS", help="CSV or Parquet: t and components, named as in a run")
+    add(
+        "scene",
+        type=_named,
+        metavar="SCENE",
+        help="what they are of: built-in name, or path of a TOML, URDF or MJCF file",
+    )
+    add("--quantities", metavar="A,B", help="what the table gives, where names of columns leave that open")
+    add("--json", action="store_true", help="print the review as JSON")
 
     add = command(view.view, "a mechanism in space and in motion, served to a browser on this machine")
     which = "built-in scene or mechanism, or path of a TOML, URDF or MJCF file"

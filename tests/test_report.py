@@ -195,7 +195,17 @@ def test_summary_follows_the_contract(make: Make, tmp_path: Path) -> None:
     found = read(make(1e-8).write(tmp_path / "out"))
     fixed = ["scene", "ok", "engines", "quantities", "judge", "timings", "environment"]
     judged_files = ["models", "scene_file", "scene_sha256", "description", "date", "schema"]
-    told = ["coverage", "failures", "first_difference", "guard", "known", "refused", "warnings", "engine_warnings"]
+    told = [
+        "coverage",
+        "failures",
+        "first_difference",
+        "guard",
+        "known",
+        "refused",
+        "tables",
+        "warnings",
+        "engine_warnings",
+    ]
     told += ["not_unique", "forces", "outcomes", "undecided", "left_out", "left_out_contained"]
     assert set(found) == {*fixed, *judged_files, *told}
     assert {key: found[key] for key in judged_files} == PROVENANCE

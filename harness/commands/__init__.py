@@ -151,6 +151,19 @@ def run(options: argparse.Namespace) -> int:
     return int(results.exit_status)
 
 
+def review(options: argparse.Namespace) -> int:
+    """Says what is wrong with a table of numbers."""
+    from screwgauge.api import review
+    from screwgauge.environment import json_text
+    from screwgauge.report.reviewed import blocks, summary
+    from screwgauge.report.text import terminal
+
+    imported(options.scene)
+    found = review(options.numbers, options.scene, _names(options.quantities))
+    say(json_text(summary(found), escaped=True) if options.json else terminal(blocks(found)))
+    return 0 if found else 1
+
+
 def _files(scene: Scene) -> list[Path]:
     """The files that a scene is made of."""
     tables = (table.file for table in scene.tables.values())

@@ -13,6 +13,7 @@ import pandas as pd
 from screwgauge.environment import plain
 from screwgauge.reference.applied import JointSpring, Load, Motor, Spring
 from screwgauge.reference.rotations import Array
+from screwgauge.report import reviewed
 from screwgauge.report.verdict import first_difference
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, TRUTH, Solution, Timing
@@ -116,6 +117,7 @@ def summary(results: Comparison) -> dict[str, Any]:
         "warnings": results.warnings,
         "engine_warnings": {name: s.warnings for name, s in results.solutions.items() if s.warnings},
         "first_difference": first_difference(results),
+        "tables": {name: reviewed.summary(review) for name, review in results.reviews.items()},
         "known": results.known,
         "not_unique": results.not_unique,
         "left_out": [{**asdict(term), "inertia": term.inertia} for term in results.left_out.terms],

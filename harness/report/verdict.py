@@ -8,6 +8,7 @@ from screwgauge.judging.allowance import WITHIN
 from screwgauge.reference.errors import first_few
 from screwgauge.report.blocks import Banner, Status
 from screwgauge.report.left_out import sentences
+from screwgauge.report.reviewed import sentences as sentences_of
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.formatting import Row, digits_text, listed, missing, number, rows, size, unit_text, words
 from screwgauge.study.methods import DOUBTS
@@ -126,8 +127,16 @@ def _difference(results: Comparison) -> list[str]:
         return [f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).", *more]
     where = f"first in {row['quantity']} at {row['worst_component']}" if row["worst_component"] else row["quantity"]
     at = f" at t = {number(row['worst_t'])} s"
+    said = [*_reviewed(results)]
     differ = f"{row['a']} and {row['b']} differ: {where}, by {_amount(row)}{at}{_because(row)}."
-    return [differ, *_model_differences(results, row["a"], row["b"]), *more, *results.known]
+    return [*said, differ, *_model_differences(results, row["a"], row["b"]), *more, *results.known]
+
+
+def _reviewed(results: Comparison) -> Iterator[str]:
+    """What is wrong with tables that are out of tolerance, in as many words as a headline has."""
+    for name, review in results.reviews.items():
+        if not all(column.ok for column in review.columns):
+            yield f"{name}: {' '.join(sentences_of(review))}"
 
 
 def _place(row: Row) -> str:

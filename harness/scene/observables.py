@@ -171,9 +171,14 @@ class Header:
     component: str
     unit: str
 
+    def of(self, quantity: str, unit: str) -> bool:
+        """Whether nothing that it says contradicts a quantity and a unit."""
+        stated = self.unit.replace("·", " ").replace("²", "^2")
+        return self.quantity in ("", quantity) and stated in ("", unit)
+
     def check_unit(self, unit: str, where: str) -> None:
         """Refuses a stated unit that is not that of the component: nothing is converted."""
-        if self.unit and self.unit.replace("·", " ").replace("²", "^2") != unit:
+        if not self.of(self.quantity, unit):
             raise DescriptionError(f"column '{self.text}' is in {unit} here", where, "convert it")
 
 
@@ -246,13 +251,24 @@ def _read(name: str, entry: Any, folder: Path, where: str) -> Recorded:
         raise DescriptionError(f"'{name}' is no name", where, "write letters, digits, dots and dashes")
     entry = {"file": entry} if isinstance(entry, str) else entry
     check_keys(entry, {"file", "error"}, where := f"{where}.{name}")
-    path = named_file(folder, read_text(entry, "file", where))
+    return read_recorded(named_file(folder, read_text(entry, "file", where)), entry.get("error", {}))
+
+
+def read_recorded(path: Path, error: Any = None) -> Recorded:
+    """Reads a table of one's own from CSV or Parquet.
+
+    Args:
+        error: Quantity -> what its values may be off by [its units].
+
+    Raises:
+        DescriptionError: It is no table.
+    """
     columns = read_columns(path)
     times = [header for header in map(read_header, columns) if header.component == "t" and not header.quantity]
     if len(times) != 1:
         raise DescriptionError("column 't' is missing", str(path), "give one column t with the times in s")
     times[0].check_unit("s", str(path))
-    return Recorded(columns.pop(times[0].text), columns, entry.get("error", {}), path)
+    return Recorded(columns.pop(times[0].text), columns, {} if error is None else error, path)
 
 
 def merged(t: Array, tables: Iterable[Recorded]) -> Array:

@@ -25,6 +25,7 @@ from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Failure, Solution, Values
 from screwgauge.study.left_out import LeftOutForces
 from screwgauge.study.outcome import EXIT, Outcome, weakest
+from screwgauge.study.review import TableReview
 
 T = TypeVar("T")
 
@@ -53,6 +54,7 @@ class Comparison:
         known: Sentences about discrepancies of the engines that have a name and touch what is out of tolerance.
         provenance: Files that were judged, date and schema, see `screwgauge.study.comparison`.
         left_out: What acts in files and in no engine.
+        reviews: Table -> what is wrong with it, column by column.
     """
 
     scene: Scene
@@ -72,6 +74,7 @@ class Comparison:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     undetermined: Sequence[str] = ()
     left_out: LeftOutForces = field(default_factory=LeftOutForces)
+    reviews: Mapping[str, TableReview] = field(default_factory=dict)
 
     @cached_property
     def outcomes(self) -> tuple[Outcome, ...]:

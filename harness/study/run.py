@@ -5,6 +5,7 @@ Of a simulation observables, conditions and the known solution are compared, too
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -17,7 +18,7 @@ import pandas as pd
 
 from screwgauge.casebook.book import installed, suspects
 from screwgauge.engines.chunks import Names, described
-from screwgauge.engines.registry import ENGINES, check_engines, get_engine
+from screwgauge.engines.registry import ENGINES, check_engines, engine_names, get_engine
 from screwgauge.environment import environment
 from screwgauge.judging.allowance import Allowance, Integrated
 from screwgauge.judging.assembly_modes import assembly_of, in_one_chart
@@ -34,6 +35,7 @@ from screwgauge.reference.graph import Layout
 from screwgauge.reference.mobility import Mobility, mobility
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import Sampled
+from screwgauge.scene.observables import Recorded
 from screwgauge.scene.preflight import check_actuation, check_scene, doubts, far_from_home
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
@@ -42,9 +44,10 @@ from screwgauge.study.comparison import Comparison, facts, provenance
 from screwgauge.study.leave import UNREAD, check_leave, idle_entries
 from screwgauge.study.left_out import LeftOutForces, without_left_out
 from screwgauge.study.methods import left_out, without
+from screwgauge.study.review import STANDIN, TableReview, reviews
 from screwgauge.study.simulations import MOTION, doubtful, ends, loosened, observed
 from screwgauge.study.solving import ask_engines, description_file, generated, model_files
-from screwgauge.study.user_files import check_tables, judge_table, recorded, with_factors
+from screwgauge.study.user_files import check_tables, judge_table, recorded
 
 if TYPE_CHECKING:
     from screwgauge.study.isolation import Limits
@@ -113,6 +116,8 @@ def run(
     progress("comparison", 0.0)
     steps.judge_all(answers, tables)
     errors, pairs = steps.compare()
+    judge = pd.concat(steps.judged.values(), ignore_index=True) if steps.judged else frame((), JUDGE_COLUMNS)
+    faulted = {*judge[~judge["ok"].astype(bool)]["engine"]}
     stale = tuple(idle_entries(scene, steps.solutions, steps.left_out, unread))
     return Comparison(
         scene=scene,
@@ -120,7 +125,7 @@ def run(
         failures=steps.failures,
         errors=errors,
         pairs=pairs,
-        judge=pd.concat(steps.judged.values(), ignore_index=True) if steps.judged else frame((), JUDGE_COLUMNS),
+        judge=judge,
         mobility=facts(checked.mobility),
         environment=environment(),
         warnings=(*warnings, *stale),
@@ -132,7 +137,18 @@ def run(
         provenance=judged_files,
         undetermined=checked.mobility.undetermined,
         left_out=steps.left_out,
+        reviews=reviews(scene, steps.solutions, steps.tables, errors, faulted) if tables else {},
     )
+
+
+def review(table: Recorded, scene: Scene, quantities: Iterable[str] | None = None) -> TableReview:
+    """Reviews a table beside `STANDIN` at its own times, see `screwgauge.review`."""
+    check_scene_type(scene, "review")
+    path = table.file
+    name = re.sub(r"[^\w.-]", "-", path.stem) if path else "numbers"
+    name = f"{name}-table" if name in {*engine_names(), REFERENCE} else name
+    alone = replace(scene, models={}, tables={}, engines=(STANDIN,)).beside(**{name: table})
+    return run(alone.at(table.t), (STANDIN, name), quantities).reviews[name]
 
 
 class _RunSteps:
@@ -207,7 +223,7 @@ class _RunSteps:
             reasons += ends(scene, self.checked.wanted, answers, self.failures)
         if lost := list(_lost(scene, reasons, self.solutions)):
             pairs = pd.concat([pairs, frame(lost, PAIR_COLUMNS)], ignore_index=True)
-        return errors, with_factors(pairs, self.tables, given) if self.tables else pairs
+        return errors, pairs
 
     def _compared(self) -> tuple[pd.DataFrame, pd.DataFrame]:
         scene = self.scene

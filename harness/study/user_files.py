@@ -45,10 +45,8 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import same_times
 from screwgauge.scene.observables import Header, Recorded, read_header
 from screwgauge.scene.scene import Scene
-from screwgauge.solution import REFERENCE, Solution, Values, common_rows, empty
+from screwgauge.solution import REFERENCE, Solution, Values, empty
 
-#: Share of the largest number that may be left over where one table is a multiple of another.
-ALIKE = 1e-3
 #: An angle that is so close to that of the scene, whole turns aside, is meant to be that [rad].
 NEAR = 0.1
 NO_TREE = "joint forces of an open tree are those of the tree that an engine cuts"
@@ -134,6 +132,8 @@ def _quantity(header: Header, names: Names, wanted: Collection[str], where: str)
         raise UnknownNameError("quantity", header.quantity, names, f"{where}, column '{header.text}'")
     having = [name for name in [header.quantity] if name] or [*names]
     having = [name for name in having if header.component in names[name][0]]
+    units = {name: names[name][1][names[name][0].index(header.component)] for name in having}
+    having = [name for name in having if header.of(name, units[name])] or having
     if not having:
         known = dict.fromkeys(c for name in names for c in names[name][0] if header.quantity in ("", name))
         raise UnknownNameError("column", header.text, known, where)
@@ -200,35 +200,6 @@ def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) 
     known = replace(answer, values=values, assembly=answer.assembly if values else None)
     rows = judge(scene.mechanism, problem, known, tolerance_of=tolerance_of)
     return rows if "joint_position" in values else rows[rows["residual"] != "loop_closure"]
-
-
-def with_factors(pairs: pd.DataFrame, tables: Iterable[str], solutions: Mapping[str, Solution]) -> pd.DataFrame:
-    """Pairs, with a remark where a table out of tolerance is a multiple of what it is compared with."""
-    tables, pairs = {*tables}, pairs.copy()
-    for i, row in pairs[~pairs["ok"].astype(bool) & pairs["b"].isin(tables) & pairs["max_scaled"].notna()].iterrows():
-        a, b = (solutions[row[side]] for side in "ab")
-        factor = _factor(*_shared(a, b, row["quantity"], row["unit"]))
-        if abs(factor - 1.0) > ALIKE:
-            sentence = f"{b.engine} is {factor:.6g} times {a.engine} throughout: check its units and signs"
-            pairs.loc[i, "reason"] = "; ".join(filter(None, (row["reason"], sentence)))
-    return pairs
-
-
-def _shared(a: Solution, b: Solution, quantity: str, unit: str) -> Iterator[Array]:
-    first, second = a.values[quantity], b.values[quantity]
-    rows = common_rows(len(first.array), a, b)
-    units = zip(first.components, first.units, strict=True)
-    names = tuple(name for name, has in units if has == unit and name in second.components)
-    for one in (first, second):
-        yield one.pick(names).array[rows]
-
-
-def _factor(a: Array, b: Array) -> float:
-    """The factor from a to b, 1 if b is no multiple of a, or there are too few numbers."""
-    if b.size < 3 or not a.any():
-        return 1.0
-    factor = float(np.sum(a * b) / np.sum(a * a))
-    return factor if np.abs(b - factor * a).max() <= ALIKE * np.abs(b).max() else 1.0
 
 
 #: What an engine of this package makes of something beyond the description, by its kind.

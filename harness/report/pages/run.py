@@ -13,6 +13,7 @@ import pandas as pd
 from screwgauge.judging.allowance import LIMIT
 from screwgauge.judging.residual import ERROR_COLUMNS
 from screwgauge.judging.trust import Guarded
+from screwgauge.report import reviewed
 from screwgauge.report.blocks import Banner, Block, Folded, Marked, Picture
 from screwgauge.report.figures.run import make_plots, named, unmatched
 from screwgauge.report.folder import SAMPLES
@@ -236,6 +237,9 @@ VALUES: dict[str, Value] = {
     "residuals too large": lambda results: _shown(row for row in rows(results.judge) if not row["ok"]),
     "overview": _overview,
     "differ": lambda results: not all(row["ok"] for row in compared(results)),
+    "tables": lambda results: [
+        {"table": name, **row} for name, review in results.reviews.items() for row in reviewed.rows(review)
+    ],
     "forces": forces,
     "left out": left_out_rows,
     "actuators": lambda results: [row for row in forces(results) if row["what"].startswith("actuator")],

@@ -1,0 +1,185 @@
+"""Reviews of tables in words: what is wrong with which columns, and what agrees once it is put right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
+from typing import Any
+
+from screwgauge.reference.errors import first_few
+from screwgauge.report.blocks import Banner, Block, Table, table
+from screwgauge.report.write import Shown
+from screwgauge.study.formatting import Row, digits_text, listed, missing, number, size, unit_text
+from screwgauge.study.review import ReviewedColumn, TableReview
+from screwgauge.study.transformations import Fault
+
+NAMED, FIGURES = 4, 4  # columns in a sentence, the others being counted; figures of a size
+COLUMNS = "column = name | unit | finding | digits = error:as_digits | put right = after"
+#: Kind of a fault -> what columns do that have it.
+WORDS = {
+    "sign": "{be} negated",
+    "side": "{be} of the other side of {fault.of}: what the successor exerts on the predecessor",
+    "permutation": "{have} the numbers of {fault.of}",
+    "shift": "{be} {late} by {time} s{samples}",
+    "offset": "{be} off by a constant {amount}",
+    "filter": "{be} filtered: {fault.of}, {parameter}",
+    "missing": "{be} without the {thing}",
+    "reversed": "{have} the {thing} reversed",
+    "noise": "{have} noise of {amount} (rms)",
+}
+
+
+class ReviewReport(Shown, TableReview):
+    """A review that shows itself."""
+
+    __slots__ = ()
+
+    @property
+    def verdict(self) -> str:
+        """What is wrong with the table, in a sentence or two."""
+        return banner(self).text
+
+    def _page(self) -> Iterable[Block]:
+        return blocks(self)
+
+    def _screen(self) -> Iterable[Block]:
+        return blocks(self)
+
+
+def blocks(review: TableReview) -> list[Block]:
+    """Verdict, and a line for each column."""
+    return [banner(review), columns(review)]
+
+
+def columns(review: TableReview) -> Table:
+    """A line for each column."""
+    return table(rows(review), COLUMNS)
+
+
+def banner(review: TableReview) -> Banner:
+    """The verdict."""
+    word = "AGREE" if review.ok else "FAULTS" if review.explained else "NOT EXPLAINED"
+    return Banner(
+        " ".join(sentences(review)), f"{'✓' if review.ok else '✗'} {word}", "agree" if review.ok else "differ"
+    )
+
+
+def sentences(review: TableReview) -> list[str]:
+    """What is wrong; what agrees after that is put right; what nothing explains."""
+    whole = [column for column in review.columns if column.faults is not None]
+    lost = [column for column in review.columns if column.faults is None]
+    if not review.columns:
+        return [f"Nothing of {review.name} has a unique value, so nothing is compared."]
+    agree = f"{_all(review, whole)} to {digits_text(max((c.left for c in whole), default=1.0))} digits"
+    if review.ok:
+        return [f"{agree[0].upper()}{agree[1:]} with {review.engine}.", *_loose(review)]
+    kinds = {fault.kind for column in whole for fault in column.faults or ()}
+    noisy = ", which the noise leaves" if "noise" in kinds else ""
+    right = f"; put right, {agree}{noisy}" if kinds - {"noise"} else f"; {agree}{noisy}"
+    said = [f"{'; '.join(_phrases(review))}{right}."] if kinds else [f"{agree[0].upper()}{agree[1:]}."] * bool(whole)
+    if lost:
+        worst = max(lost, key=lambda column: column.error)
+        many = "No fault that is known explains" if len(lost) == 1 else "No faults that are known explain"
+        by = f"{_name(review, worst)} is off by {size(worst.error)} of its largest size"
+        said.append(f"{many} {_names(review, lost)} ({by}).")
+    return said
+
+
+def _loose(review: TableReview) -> Iterator[str]:
+    """Columns that agree to what they print, and not to the tolerance of a run."""
+    for quantity in dict.fromkeys(column.quantity for column in review.columns if not column.ok):
+        place = max(column.place for column in review.columns if column.quantity == quantity)
+        yield f"That is what they print: state error.{quantity} = {number(place, 2)}, and a run agrees."
+
+
+def _all(review: TableReview, some: list[ReviewedColumn]) -> str:
+    if len(some) == 1:
+        return "it agrees" if len(review.columns) == 1 else f"{_name(review, some[0])} agrees"
+    return f"{_names(review, some)} agree" if some else "nothing agrees"
+
+
+def _phrases(review: TableReview) -> Iterator[str]:
+    """Who has which fault."""
+    groups = [group for key, group in review.faults.items() if key[0] != "permutation"]
+    yield from _exchanged(review)
+    for group in groups:
+        yield f"{_names(review, [column for column, _ in group])} {phrase(review, group)}"
+
+
+def _exchanged(review: TableReview) -> Iterator[str]:
+    """Columns that have each other's numbers, then those that have others'."""
+    found = {
+        column: fault.of for group in review.faults.values() for column, fault in group if fault.kind == "permutation"
+    }
+    by = {(column.quantity, column.component): of for column, of in found.items()}
+    for column, of in found.items():
+        if by.get((column.quantity, of)) != column.component:
+            yield f"{_name(review, column)} has the numbers of {of}"
+        elif column.component < of:
+            yield f"{_name(review, column)} and {of} are swapped"
+
+
+def phrase(review: TableReview, group: list[tuple[ReviewedColumn, Fault]]) -> str:
+    """What columns with one fault do."""
+    column, fault = group[0]
+    sizes = sorted(abs(each.size) for _, each in group)
+    if fault.kind == "factor":
+        words = "{be} in {unit}" if fault.of else "{be} {times} times the right numbers, which is no unit"
+    else:
+        words = WORDS[fault.kind]
+    step = review.step
+    return words.format(
+        fault=fault,
+        be="is" if len(group) == 1 else "are",
+        have="has" if len(group) == 1 else "have",
+        unit=unit_text(fault.of),
+        times=number(fault.size, 6),
+        amount=f"{number(sizes[-1] if fault.kind == 'noise' else fault.size, FIGURES)} {unit_text(column.unit)}",
+        late="late" if fault.size > 0.0 else "early",
+        time=number(sizes[0], FIGURES),
+        samples=f" ({number(sizes[0] / step, 3)} samples)" if step else "",
+        parameter=f"{fault.size:g} of them"
+        if fault.of.startswith("mean")
+        else f"cut off at {number(fault.size, 3)} Hz",
+        thing=fault.of,
+    )
+
+
+def _name(review: TableReview, column: ReviewedColumn) -> str:
+    one = len({each.quantity for each in review.columns}) == 1
+    return column.component if one else f"{column.quantity}/{column.component}"
+
+
+def _names(review: TableReview, some: list[ReviewedColumn]) -> str:
+    if 1 < len(some) == len(review.columns):
+        return f"all {len(some)} columns"
+    names = [_name(review, column) for column in some]
+    return listed(names) if len(names) <= NAMED else first_few(names, NAMED - 1)
+
+
+def rows(review: TableReview) -> list[Row]:
+    """Columns as lines of a table."""
+    return [
+        {**asdict(column), "name": _name(review, column), "finding": _finding(review, column), "after": _after(column)}
+        for column in review.columns
+    ]
+
+
+def _after(column: ReviewedColumn) -> str:
+    return digits_text(column.left) if column.faults else ""
+
+
+def _finding(review: TableReview, column: ReviewedColumn) -> str:
+    if column.faults is None:
+        return "✗ not explained"
+    return "; ".join(phrase(review, [(column, fault)]) for fault in column.faults) or "✓ agrees"
+
+
+def summary(review: TableReview) -> dict[str, Any]:
+    """A review as plain data."""
+    found = [
+        {**asdict(column), "finding": _finding(review, column), "left": None if missing(column.left) else column.left}
+        for column in review.columns
+    ]
+    verdict = banner(review).text
+    return {"name": review.name, "ok": review.ok, "explained": review.explained, "verdict": verdict, "columns": found}

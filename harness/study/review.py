@@ -1,0 +1,228 @@
+"""Reviews tables of the user's own: which columns agree with an engine, and which faults explain the others."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from screwgauge.judging.compare import reference_scale
+from screwgauge.problem import Rows
+from screwgauge.quantities import QUANTITIES, natural_scales
+from screwgauge.reference.applied import Applied, Load, Motor, PointSpring, Spring
+from screwgauge.reference.rotations import Array
+from screwgauge.scene.motion import Sampled, same_times
+from screwgauge.scene.observables import read_header
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Solution, Values, common_rows, reference_first
+from screwgauge.study.solving import solve
+from screwgauge.study.table_faults import Column, Explanation, explanations, last_place
+from screwgauge.study.transformations import Expected, Fault, Key, even_step, shifts
+
+SIGN = Fault("sign", size=-1.0)
+STANDIN = "screw"  # answers what would be expected under other forces, and at other times
+DENSE = 2001  # times between which expected numbers are interpolated
+PAIRED = 6  # things that act, of which any two may be missing
+
+
+@dataclass(frozen=True, slots=True)
+class ReviewedColumn:
+    """One column of a table.
+
+    Attributes:
+        error: Largest scaled error as the column stands.
+        faults: What is wrong with it, none if it agrees; None if that is not known.
+        left: Largest scaled error after the faults are put right.
+        place: Unit in the last place of its largest number [unit].
+        ok: Whether it is within tolerance as it stands.
+    """
+
+    quantity: str
+    component: str
+    unit: str
+    error: float
+    faults: tuple[Fault, ...] | None
+    left: float
+    place: float
+    ok: bool
+
+
+@dataclass(frozen=True, slots=True)
+class TableReview:
+    """A table of the user's own beside an engine.
+
+    Attributes:
+        engine: With which it is compared.
+        step: Between samples [s], 0 if that varies.
+        columns: In the order of the quantities; components without a unique value are left out.
+    """
+
+    name: str
+    engine: str
+    step: float
+    columns: tuple[ReviewedColumn, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether all columns agree to the digits that they carry."""
+        return bool(self.columns) and all(column.faults == () for column in self.columns)
+
+    def __bool__(self) -> bool:
+        return self.ok
+
+    @property
+    def explained(self) -> bool:
+        """Whether the faults that are named are all."""
+        return all(column.faults is not None for column in self.columns)
+
+    @property
+    def faults(self) -> dict[Key, list[tuple[ReviewedColumn, Fault]]]:
+        """Faults with the columns that have them, those that are one together."""
+        found: dict[Key, list[tuple[ReviewedColumn, Fault]]] = {}
+        for column in self.columns:
+            for fault in column.faults or ():
+                found.setdefault(fault.key, []).append((column, fault))
+        return found
+
+
+def reviews(
+    scene: Scene,
+    solutions: Mapping[str, Solution],
+    tables: Mapping[str, Solution],
+    errors: pd.DataFrame,
+    faulted: Collection[str],
+) -> dict[str, TableReview]:
+    """Reviews the tables of a scene.
+
+    Args:
+        solutions: Of engines and tables, in one chart.
+        tables: As they are.
+        errors: Rows of component pairs.
+        faulted: Engines that the judge faults: no measure of others.
+    """
+    engines = [one for one in reference_first(solutions.values()) if one.engine not in {*scene.tables, *faulted}]
+    if scene.simulated or not engines:
+        return {}
+    found = {}
+    for name, table in tables.items():
+        columns = list[ReviewedColumn]()
+        for quantity in table.values:
+            if engine := next((one for one in engines if quantity in one.values), None):
+                pair = errors[(errors["quantity"] == quantity) & errors["a"].isin(both := {name, engine.engine})]
+                columns += _reviewed(scene, quantity, engine, (solutions[name], table), pair[pair["b"].isin(both)])
+        found[name] = TableReview(name, engines[0].engine, even_step(scene.tables[name].t), tuple(columns))
+    return found
+
+
+def _reviewed(
+    scene: Scene, quantity: str, engine: Solution, readings: Sequence[Solution], pair: pd.DataFrame
+) -> Iterator[ReviewedColumn]:
+    """Columns of one quantity; only where one is out of tolerance is anything else computed.
+
+    Args:
+        readings: The table in the chart of the engine, and as it is: angles in degrees are none of any chart.
+    """
+    rows = common_rows(len(scene.t), engine, readings[0])
+    right = engine.values[quantity].at(rows)
+    known = {row["component"]: row for row in pair.to_dict("records") if not pd.isna(row["ok"])}
+    read = [_columns(scene, quantity, right, one, rows, known) for one in readings]
+    why: dict[str, Explanation | None] = {name: None for name, row in known.items() if not row["ok"]}
+    expected = _expected(scene, quantity, right, scene.t[rows]) if why else None
+    for columns in read if expected else ():
+        wrong = [column for name, column in columns.items() if name in why and why[name] is None]
+        found = explanations(wrong, expected) if wrong and expected else []
+        why |= {column.component: one for column, one in zip(wrong, found, strict=True)}
+    if quantity == "reaction":
+        why |= _sides([*read[0].values()], why)
+    for name, column in read[0].items():
+        row, error = known[name], float(known[name]["max_scaled"])
+        one = why.get(name, Explanation((), error))
+        left, faults = (one.left, one.faults) if one else (error, None)
+        place = float(column.place.max())
+        yield ReviewedColumn(quantity, name, column.unit, error, faults, left, place, bool(row["ok"]))
+
+
+def _columns(
+    scene: Scene, quantity: str, right: Values, table: Solution, rows: Rows, known: Mapping[str, Any]
+) -> dict[str, Column]:
+    """Columns of a table that have a unique value."""
+    given, natural, recorded = (
+        table.values[quantity].at(rows),
+        natural_scales(scene.mechanism),
+        scene.tables[table.engine],
+    )
+    stated, columns, at = recorded.error.get(quantity, 0.0), {}, same_times(scene.t[rows], recorded.t)[1]
+    headers = [*map(read_header, recorded.columns)]
+    for name, unit, values in zip(given.components, given.units, given.array.T, strict=True):
+        if name in known:
+            scale = reference_scale(right, unit, natural[unit])
+            tolerance = max(stated, scale * float(known[name]["tolerance"]))
+            own = right.array[:, right.components.index(name)]
+            # as it was printed: before turns were added
+            text = next(h.text for h in headers if h.component == name and h.of(quantity, unit))
+            place = last_place(recorded.columns[text])[at]
+            columns[name] = Column(name, unit, values, own, scale, tolerance, place)
+    return columns
+
+
+def _sides(columns: Sequence[Column], why: Mapping[str, Explanation | None]) -> dict[str, Explanation]:
+    """Explanations where all components of a joint that are not zero are negated: those of the other side."""
+    found: dict[str, Explanation] = {}
+    for joint in {column.component.rpartition(".")[0] for column in columns}:
+        some = [c for c in columns if c.component.rpartition(".")[0] == joint and np.abs(c.values).max() > c.tolerance]
+        known = {column.component: one for column in some if (one := why.get(column.component)) and SIGN in one.faults}
+        side = {SIGN: Fault("side", joint, -1.0)}
+        for name, one in known.items() if len(known) == len(some) else ():
+            found[name] = replace(one, faults=tuple(side.get(fault, fault) for fault in one.faults))
+    return found
+
+
+def _expected(scene: Scene, quantity: str, right: Values, t: Array) -> Expected:
+    """What an engine says, and by how much that changes under other forces and at other times."""
+    dense = scene.drive.samples.t if isinstance(scene.drive, Sampled) else np.linspace(scene.t[0], scene.t[-1], DENSE)
+    times = np.union1d(t, dense)
+
+    def solved(applied: Applied) -> Array:
+        changed = replace(scene, applied=applied, models={}, tables={}).at(times)
+        return solve(changed, [STANDIN], [quantity])[0][STANDIN].values[quantity].pick(right.components).array
+
+    base = solved(scene.applied)
+    parts = _parts(scene.applied) if QUANTITIES[quantity].needs == "f" else {}
+    less = {name: solved(applied) - base for name, applied in parts.items()}
+    changes: dict[tuple[Fault, ...], Array] = {
+        (): 0.0 * base,
+        **{(Fault("missing", name),): change for name, change in less.items()},
+    }
+    changes |= {(Fault("reversed", name),): 2.0 * less[name] for name in less if not name.startswith("spring")}
+    for two in combinations(less, 2) if len(less) <= PAIRED else ():
+        changes[tuple(Fault("missing", name) for name in two)] = less[two[0]] + less[two[1]]
+    every = np.stack([*changes.values()], axis=1)
+    arrays = right.array[:, None] + every[np.searchsorted(times, t)]
+    some = np.searchsorted(times, dense)
+    moved = shifts(t, dense, base[some][:, None] + every[some])
+    return Expected(right.components, tuple(changes), t, arrays, moved)
+
+
+def _parts(applied: Applied) -> dict[str, Applied]:
+    """Everything that acts, by name, with all that acts besides."""
+    parts = {"gravity": replace(applied, gravity=np.zeros(3))} if applied.g.any() else {}
+    for field in ("loads", "springs", "motors"):
+        some: tuple[Any, ...] = getattr(applied, field)
+        for k, one in enumerate(some):
+            name = _name(one)
+            name = f"{name} ({k + 1})" if name in parts else name
+            without: dict[str, Any] = {field: (*some[:k], *some[k + 1 :])}
+            parts[name] = replace(applied, **without)
+    return parts
+
+
+def _name(one: Load | Spring | Motor) -> str:
+    if isinstance(one, Load):
+        return f"load on {one.body}"
+    if isinstance(one, PointSpring):
+        return one.where
+    return f"{'motor' if isinstance(one, Motor) else 'spring'} at {one.coordinate}"

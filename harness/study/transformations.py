@@ -1,0 +1,175 @@
+"""Transformations that make a wrong table of the right numbers: units, delays, filters, and what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from screwgauge.problem import Rows
+from screwgauge.reference.rotations import Array
+
+#: Unit of a component -> unit that a table may have in its place -> factor.
+UNITS = {
+    "rad": {"degrees": 180.0 / np.pi, "turns": 0.5 / np.pi},
+    "rad/s": {"degrees/s": 180.0 / np.pi, "rpm": 30.0 / np.pi},
+    "rad/s^2": {"degrees/s^2": 180.0 / np.pi},
+    "m": {"mm": 1e3, "cm": 1e2, "inches": 1.0 / 0.0254},
+    "m/s": {"mm/s": 1e3, "cm/s": 1e2},
+    "m/s^2": {"mm/s^2": 1e3, "g": 1.0 / 9.80665, "g of 9.81 m/s^2": 1.0 / 9.81},
+    "N": {"kN": 1e-3, "mN": 1e3, "kgf": 1.0 / 9.80665, "kg by 9.81 m/s^2": 1.0 / 9.81, "lbf": 1.0 / 4.4482216152605},
+    "N m": {"N mm": 1e3, "N cm": 1e2, "kN m": 1e-3, "kgf m": 1.0 / 9.80665, "N m per degree": np.pi / 180.0},
+}
+REACH, STEPS = 0.15, 122  # longest shift, a share of the motion; shifts and cut-offs that the coarse search tries
+HIGHEST, CUTS = 0.8, 24  # cut-off of a filter, a share of half the sampling rate
+LEAST, DEGREE = 16, 5  # samples between which is interpolated, and how
+NOISY = 30  # samples from which filters and noise are told
+ORDERS = {"exponential": 0, **{f"Butterworth, order {order}": order for order in (1, 2, 4)}}
+
+Bases = tuple[Rows, Rows]
+"""Expected numbers, by index of the alternative and of the component."""
+
+Key = tuple[str, str, str]
+"""Kind, of what, and size of a fault, rounded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One transformation.
+
+    Attributes:
+        kind: ``sign``, ``factor``, ``offset``, ``permutation``, ``shift``, ``filter``, ``missing``, ``reversed``,
+            ``side`` (that of a pair) or ``noise``.
+        of: Unit of a factor, component whose numbers these are, filter, or what is missing or reversed.
+        size: Factor, offset [unit], delay [s], cut-off [Hz] or samples of a filter, rms of noise [unit].
+    """
+
+    kind: str
+    of: str = ""
+    size: float = 1.0
+
+    @property
+    def key(self) -> Key:
+        """Equal for faults that are one: their sizes are fitted."""
+        return self.kind, self.of, "" if self.kind == "noise" else f"{self.size:.2e}"
+
+    @property
+    def fitted(self) -> bool:
+        """Whether its size is fitted, and not that of a unit."""
+        return self.kind in ("offset", "shift", "filter") or (self.kind == "factor" and not self.of)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Family:
+    """A transformation of all expected numbers with one parameter.
+
+    Attributes:
+        fault: Takes the parameter.
+        grid: Parameters that the coarse search tries. Shape (m,).
+        apply: Parameter and bases -> rows, and numbers there, shape (n_row, n_base).
+        error: Scaled error that it brings.
+        smooth: Whether the parameter is a real number.
+    """
+
+    fault: Callable[[float], tuple[Fault, ...]]
+    grid: Array
+    apply: Callable[[float, Bases], tuple[Rows, Array]]
+    error: float = 0.0
+    smooth: bool = False
+
+    @property
+    def cost(self) -> int:
+        """How many faults it is."""
+        return len(self.fault(self.grid[0]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Expected:
+    """What the columns of a quantity should be, and would be under faults of the whole table.
+
+    Attributes:
+        components: Names. Shape (k,).
+        faults: Of each alternative; the first has none.
+        t: Times [s]. Shape (n,).
+        arrays: Shape (n, n_alternative, k).
+        moved: The same at other times, see `shifts`.
+    """
+
+    components: tuple[str, ...]
+    faults: tuple[tuple[Fault, ...], ...]
+    t: Array
+    arrays: Array
+    moved: Family | None
+
+    def families(self) -> Iterator[Family]:
+        """What can be done to all numbers, beginning with nothing."""
+        every = np.arange(len(self.t))
+        yield Family(lambda p: (), np.zeros(1), lambda p, base: (every, self.arrays[:, base[0], base[1]]))
+        if self.moved:
+            yield self.moved
+        if len(self.t) >= NOISY and (step := even_step(self.t)):
+            yield from _filters(self.arrays, 0.5 / step)
+
+
+def even_step(t: Array) -> float:
+    """The step between times [s], 0 if it varies. Shape (n,)."""
+    steps = np.diff(t)
+    return float(steps.mean()) if len(steps) and np.ptp(steps) < 1e-6 * steps.mean() else 0.0
+
+
+def shifts(t: Array, dense: Array, numbers: Array) -> Family | None:
+    """Numbers of a table that is late; None where too few are known to interpolate.
+
+    Args:
+        t: Times of the table [s]. Shape (n,).
+        dense: Times at which numbers are known [s]. Shape (m,).
+        numbers: Shape (m, n_alternative, k).
+    """
+    from scipy.interpolate import BSpline, make_interp_spline
+
+    if len(dense) < LEAST:
+        return None
+    spline, half = (make_interp_spline(dense[::k], numbers[::k], k=DEGREE) for k in (1, 2))
+    inside = dense[1::2] < dense[::2][-1]
+    left = np.abs(half(dense[1::2][inside]) - numbers[1::2][inside]).max() / (np.abs(numbers).max() or 1.0)
+
+    def shifted(p: float, base: Bases) -> tuple[Rows, Array]:
+        rows = np.flatnonzero((t - p >= dense[0]) & (t - p <= dense[-1]))
+        return rows, np.asarray(BSpline(spline.t, spline.c[:, base[0], base[1]], DEGREE)(t[rows] - p))
+
+    grid = np.linspace(-REACH, REACH, STEPS) * (dense[-1] - dense[0])  # without zero
+    return Family(lambda p: (Fault("shift", size=p),), grid, shifted, float(left) / 2.0**DEGREE, smooth=True)
+
+
+def _filters(arrays: Array, half: float) -> Iterator[Family]:
+    """Filters of evenly sampled numbers; `half` the sampling rate [Hz]."""
+    from scipy.signal import butter, filtfilt, lfilter, lfilter_zi
+
+    every = np.arange(len(arrays))
+    for after, name in enumerate(("mean of samples before", "mean of samples around")):
+
+        def mean(p: float, base: Bases, after: int = after) -> tuple[Rows, Array]:
+            m, sums = int(p), np.cumsum(np.pad(arrays[:, base[0], base[1]], ((1, 0), (0, 0))), axis=0)
+            return every[m - 1 :] - after * (m // 2), (sums[m:] - sums[:-m]) / m
+
+        def counted(p: float, name: str = name) -> tuple[Fault, ...]:
+            return (Fault("filter", name, p),)
+
+        yield Family(counted, np.arange(2.0 + after, max(len(every) // 10, 4), 1 + after), mean)
+    for (name, order), way in product(ORDERS.items(), ("there and back", "from its first value", "from zero")):
+
+        def passed(p: float, base: Bases, order: int = order, way: str = way) -> tuple[Rows, Array]:
+            numbers, w = arrays[:, base[0], base[1]], min(np.exp(p), HIGHEST)
+            last = np.exp(-np.pi * w)
+            b, a = butter(order, w) if order else (np.array([1.0 - last]), np.array([1.0, -last]))
+            if way == "there and back":
+                return every, filtfilt(b, a, numbers, axis=0)
+            start = lfilter_zi(b, a)[:, None] * numbers[:1] * (way != "from zero")
+            return every, lfilter(b, a, numbers, axis=0, zi=start)[0]
+
+        def cut(p: float, name: str = f"{name}, {way}") -> tuple[Fault, ...]:
+            return (Fault("filter", name, float(np.exp(p)) * half),)
+
+        yield Family(cut, np.linspace(np.log(0.01), np.log(HIGHEST), CUTS), passed, smooth=True)
