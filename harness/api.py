@@ -153,7 +153,8 @@ def review(
 
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
     table = read_recorded(Path(numbers)) if isinstance(numbers, (str, Path)) else numbers
-    return ReviewReport.of(reviewed(table, scene, quantities))
+    found = reviewed(table, scene, quantities)
+    return ReviewReport(found.name, found.engine, found.step, found.columns)
 
 
 def compile(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
 from screwgauge.reference.errors import first_few
 from screwgauge.report.blocks import Banner, Block, Table, table
-from screwgauge.report.write import Shown
+from screwgauge.report.html import fragment
+from screwgauge.report.text import terminal
 from screwgauge.study.formatting import Row, digits_text, listed, missing, number, size, unit_text
 from screwgauge.study.review import ReviewedColumn, TableReview
 from screwgauge.study.transformations import Fault
@@ -29,7 +30,7 @@ WORDS = {
 }
 
 
-class ReviewReport(Shown, TableReview):
+class ReviewReport(TableReview):
     """A review that shows itself."""
 
     __slots__ = ()
@@ -39,11 +40,11 @@ class ReviewReport(Shown, TableReview):
         """What is wrong with the table, in a sentence or two."""
         return banner(self).text
 
-    def _page(self) -> Iterable[Block]:
-        return blocks(self)
+    def __repr__(self) -> str:
+        return terminal(blocks(self))
 
-    def _screen(self) -> Iterable[Block]:
-        return blocks(self)
+    def _repr_html_(self) -> str:
+        return fragment(blocks(self))
 
 
 def blocks(review: TableReview) -> list[Block]:
