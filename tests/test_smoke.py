@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from screwgauge.engines.tree import closed_forces
 from screwgauge.models.readings import mujoco
 from screwgauge.models.readings.assemble import Link
 from screwgauge.report.pages import check as page
+from screwgauge.scene.preflight import check_scene
 from screwgauge.study.gate import known_files, smoke
 from screwgauge.study.gate.items import items
 from screwgauge.study.gate.known_files import known_item, known_row
@@ -50,6 +52,13 @@ def test_truth_is_asked_without_springs_and_motors():
     asked = smoke.with_truth(scene)
     assert (asked.applied.springs, asked.applied.motors) == ((), ())
     assert asked.applied.loads == scene.applied.loads
+
+
+def test_the_motion_of_a_smoke_test_is_followed_once_however_many_runs_it_has():
+    scene, _ = smoke.smoked(screwgauge.load_scene("slider-crank"))
+    first, again = check_scene(scene), check_scene(smoke.full_cuts(scene))
+    assert first is again
+    assert check_scene(replace(scene, task=scene.motion.part(slice(0, 2)))) is not first
 
 
 def test_a_mistake_of_truth_is_seen(monkeypatch):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -51,7 +52,7 @@ def check_scene(scene: Scene) -> Mobility:
         ScrewgaugeError: The motion leaves the limits, cannot close, or meets a singular pose.
     """
     try:
-        return _walked(scene)
+        return _walked(scene.mechanism, scene.motion)
     except (ClosureError, JointLimitError, SingularPoseError) as error:
         remedy = "; ".join([error.remedy, *far_from_home(scene)])
         raise type(error)(error.what, error.where, remedy) from None
@@ -68,13 +69,14 @@ def far_from_home(scene: Scene) -> tuple[str, ...]:
     return (f"the motion starts at {places[0]}, home is {places[1]} (coordinates do not count from home)",)
 
 
-def _walked(scene: Scene) -> Mobility:
-    lay = check_home(scene.mechanism)
-    _check_jumps(scene)
+@lru_cache(maxsize=1)  # of the same two objects, which nothing changes: a smoke test runs a scene several times
+def _walked(mechanism: Mechanism, whole: GivenMotion) -> Mobility:
+    lay = check_home(mechanism)
+    _check_jumps(mechanism, whole)
     walk, looked_at = SampleWalk(lay), list[Array]()
-    rows = np.unique(np.linspace(0, len(scene.motion) - 1, 7).astype(int))
-    for first in range(0, len(scene.motion), PART):
-        motion = scene.motion.part(slice(first, first + PART))
+    rows = np.unique(np.linspace(0, len(whole) - 1, 7).astype(int))
+    for first in range(0, len(whole), PART):
+        motion = whole.part(slice(first, first + PART))
         q = walk.part(motion)
         if beyond := beyond_limits(lay.mechanism, q, unit=True):
             i, sentence = beyond
@@ -121,9 +123,8 @@ def delivered(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...
     return check_actuation(scene, mobility(lay, scene.mechanism.home[None]), quantities)
 
 
-def _check_jumps(scene: Scene) -> None:
+def _check_jumps(mechanism: Mechanism, motion: GivenMotion) -> None:
     """Poses are found by following the motion: consecutive samples must not be too far apart."""
-    motion, mechanism = scene.motion, scene.mechanism
     way = np.diff(motion.y, axis=0, prepend=mechanism.home[mechanism.independent_columns][None])
     size = loop_equations(layout(mechanism)).size[mechanism.independent_columns]
     far = np.argwhere(np.abs(way) / np.maximum(size, 1.0) > FARTHEST)
