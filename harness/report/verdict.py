@@ -127,15 +127,15 @@ def _difference(results: Comparison) -> list[str]:
         return [f"{row['a']} and {row['b']} cannot be compared: first in {where} ({reason}).", *more]
     where = f"first in {row['quantity']} at {row['worst_component']}" if row["worst_component"] else row["quantity"]
     at = f" at t = {number(row['worst_t'])} s"
-    said = [*_reviewed(results)]
     differ = f"{row['a']} and {row['b']} differ: {where}, by {_amount(row)}{at}{_because(row)}."
-    return [*said, differ, *_model_differences(results, row["a"], row["b"]), *more, *results.known]
+    known, unknown = (_reviewed(results, explained=explained) for explained in (True, False))
+    return [*known, differ, *unknown, *_model_differences(results, row["a"], row["b"]), *more, *results.known]
 
 
-def _reviewed(results: Comparison) -> Iterator[str]:
+def _reviewed(results: Comparison, *, explained: bool) -> Iterator[str]:
     """What is wrong with tables that are out of tolerance, in as many words as a headline has."""
     for name, review in results.reviews.items():
-        if not all(column.ok for column in review.columns):
+        if review.explained == explained and not all(column.ok for column in review.columns):
             yield f"{name}: {' '.join(sentences_of(review))}"
 
 
