@@ -204,6 +204,19 @@ def test_the_panda_is_told_as_its_report_says() -> None:
     assert f"[{len(readers.groupby(['source', 'model']))} public models]" in text
 
 
+def test_reports_begin_with_what_was_found() -> None:
+    """Every number that is quoted with a link is one of the verdict of the report; no verdict is left out."""
+    first = TEXTS["reports/README.md"].partition("\n## ")[0]
+    quoted = re.findall(r"\[([^]]*)\]\(([\w/-]+)/report\.md\)", first)
+    reports = (ROOT / "reports").rglob("report.md")
+    verdicts = {str(path.parent.relative_to(ROOT / "reports")): path.read_text(encoding="utf-8") for path in reports}
+    assert {folder for _, folder in quoted} == {*verdicts}
+    for text, folder in quoted:
+        (verdict,) = re.findall(r"^> (.*)", verdicts[folder], re.MULTILINE)
+        numbers = re.findall(r"\d+(?:\.\d+)?", re.sub(r"N = \d+|Tables .*", "", text))
+        assert {*numbers} <= {*re.findall(r"\d+(?:\.\d+)?", verdict)}, (folder, text, verdict)
+
+
 def test_no_report_says_where_it_was_made() -> None:
     texts = {path: path.read_text(encoding="utf-8") for path in (ROOT / "reports").glob("*/*.json")}
     assert len(texts) > 4

@@ -8,9 +8,11 @@ from __future__ import annotations
 import argparse
 import ast
 import inspect
+import os
 import re
 import shlex
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
@@ -30,7 +32,7 @@ GUIDE = ROOT / "harness/guide"
 ROOMS = ("models", "harness/scenes", "harness/casebook", "reference", "reports")
 MADE = "<!-- Made by `PYTHONPATH=tests python -m support.guide`. -->"
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-NAMED = re.compile(r"`([\w/-]+\.(?:toml|csv|py))`")
+NAMED = re.compile(r"`([\w/-]+\.(?:toml|csv|py|xml))`")
 
 
 def pages() -> dict[str, str]:
@@ -116,7 +118,9 @@ def _run(line: str) -> str:
             got = main(shlex.split(command)[1:])
         assert got == status, f"{line}: exit status {got}\n{out.getvalue()}{err.getvalue()}"
         return out.getvalue() + err.getvalue()
-    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"  # python3 is that of an active environment
+    env = {**os.environ, "PATH": path}
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False, env=env)
     assert done.returncode == status, f"{line}: exit status {done.returncode}\n{done.stderr}"
     return done.stdout
 
