@@ -342,7 +342,7 @@ def test_an_empty_path_is_not_the_current_folder(arguments, tmp_path, inside, ca
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("arguments", [["rum"], ["run", "--engine"], ["list", "colours"], ["run", "a", "b"]])
+@pytest.mark.parametrize("arguments", [["run", "--out"], ["run", "--engine"], ["list", "colours"], ["run", "a", "b"]])
 def test_wrong_usage_exits_with_2(arguments, capfd):
     with pytest.raises(SystemExit) as caught:
         main(arguments)
