@@ -73,21 +73,6 @@ class GivenMotion(_ReadOnly):
         drive = None if self.drive is None else _Reordered(self.drive, tuple(columns))
         return GivenMotion(self.t, self.y[:, columns], self.yd[:, columns], self.ydd[:, columns], drive)
 
-    def scaled(self, unit: Array) -> Callable[[Array], tuple[Array, Array, Array]] | None:
-        """Times -> coordinates over their units and derivatives there, where the motion is a function of time.
-
-        Args:
-            unit: Shape (k,).
-        """
-        if (drive := self.drive) is None:
-            return None
-
-        def at(t: Array) -> tuple[Array, Array, Array]:
-            motion = drive(t)
-            return motion.y / unit, motion.yd / unit, motion.ydd / unit
-
-        return at
-
 
 @dataclass(frozen=True, slots=True)
 class _Reordered:

@@ -88,8 +88,8 @@ def test_poses_far_from_their_predictions_are_predicted_from_nearer(followed):
     work = work.again()
     guess = work.predict(scene.motion)
     before = len(work.work.mode.continuation.anchors)
-    far = replace(guess.prediction, z=guess.prediction.z + 0.05 * np.eye(*guess.prediction.z.shape))
-    values = work.part(scene.motion, replace(guess, prediction=far)).values["joint_position"]
+    far = replace(guess, z=guess.z + 0.05 * np.eye(*guess.z.shape))
+    values = work.part(scene.motion, far).values["joint_position"]
     assert not work.by_array.total()
     assert len(work.work.mode.continuation.anchors) > before
     assert np.abs(values - compiled.by_array(scene, scene.motion)["joint_position"][0]).max() < 1e-12

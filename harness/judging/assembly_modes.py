@@ -91,7 +91,7 @@ def _away_from_home(
         return {}
     mode, sentences = AssemblyMode(layout(mechanism), strict=True), dict[frozenset[str], str]()
     try:
-        home = mode.motion(task.y, task.t, (task.yd, task.ydd), task.scaled(mode.unit))
+        home = mode.motion(task.y, task.t, (task.yd, task.ydd), task.drive)
     except ScrewgaugeError:  # preflight reports it
         return {}
     for one, q in known:

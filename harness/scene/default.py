@@ -64,7 +64,7 @@ def obstacle(mode: AssemblyMode, motion: GivenMotion, part: int = PART) -> str:
     mode.restart()
     for first in range(0, len(motion), part):
         some = motion.part(slice(first, first + part))
-        closed = mode.motion(some.y, some.t, (some.yd, some.ydd), some.scaled(mode.unit))
+        closed = mode.motion(some.y, some.t, (some.yd, some.ydd), some.drive)
         q = np.vstack([mechanism.home, closed])
         worst, steep = linear.condition(system.matrix(q)), np.abs(q[:, mechanism.columns(tuple(middle))])
         inside = (worst < WORSE * worst[0]).all() and (steep < np.maximum(STEEPEST, (steep[0] + np.pi / 2) / 2)).all()

@@ -177,19 +177,19 @@ class SampleWalk:
             ClosureError: The loops cannot close.
             SingularPoseError: A pose is singular, or passed on the way.
         """
-        unit, mechanism = self.mode.unit, self.lay.mechanism
+        mechanism = self.lay.mechanism
         try:
-            guess = self.mode.predict(motion.y, motion.t, (motion.yd, motion.ydd), motion.scaled(unit))
-            poses = self.mode.follow(guess)
+            poses = self.mode.predict(motion.y, motion.t, (motion.yd, motion.ydd), motion.drive)
+            z, matrix, _, *more = self.mode.follow(poses)
         except PathEnd as end:
             if not end.beyond:
                 raise ClosureError(end.what, end.where, end.remedy) from None
             raise self._passed(end, motion) from None
-        matrix = poses.more[0] if poses.more else poses.matrix
+        matrix = more[0] if more else matrix
         regular = (linear.inverted_along(matrix)[1] <= linear.SINGULAR).all()
-        q = self.system.tree(poses.z, guess.q)
+        q = self.system.tree(z, self.mode.joints(poses))
         if not regular or np.isfinite(mechanism.limits[self.lay.cut_columns]).any():
-            q = self.system.coordinates(poses.z, q)
+            q = self.system.coordinates(z, q)
         if not regular:
             check_regular(self.lay, q, motion.t, motion.y, matrix)
         self.before = float(motion.t[-1])
@@ -202,14 +202,13 @@ class SampleWalk:
 
     def _passed(self, end: PathEnd, motion: GivenMotion) -> SingularPoseError:
         """Warning: a motion passes a singular pose."""
-        y = end.y * self.mode.unit
         ended = self.system.coordinates(end.z[None], self.lay.mechanism.home[None])
         near = near_singularity(self.lay, ended)
-        meets, described = self.lay.mechanism.described(y), self.lay.mechanism.described
+        meets, described = self.lay.mechanism.described(end.y), self.lay.mechanism.described
         times = motion.t if self.before is None else np.append(self.before, motion.t)
         i = int(np.flatnonzero(times == end.t)[0])
-        if np.abs(end.y - motion.y[i - len(times)] / self.mode.unit).max() < NEAR:
-            check_regular(self.lay, ended, np.array([end.t]), y[None])
+        if np.abs((end.y - motion.y[i - len(times)]) / self.mode.unit).max() < NEAR:
+            check_regular(self.lay, ended, np.array([end.t]), end.y[None])
         if not i:
             return SingularPoseError(
                 f"the motion lies beyond a singular pose, seen from home, at {described(motion.y[0])} "

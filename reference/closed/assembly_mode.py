@@ -7,65 +7,22 @@ motion.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
-from screwgauge.reference.closed.anchors import Flags, Indices
-from screwgauge.reference.closed.continuation import REMEDY, Continuation, Followed, Predicted, no_further
-from screwgauge.reference.closed.loops import LoopEquations, follow_cut_joints, home_equations, loop_equations, read
-from screwgauge.reference.closed.newton import OPEN, Drive, newton
+from screwgauge.reference.closed.anchors import Flags
+from screwgauge.reference.closed.continuation import REMEDY, Continuation, Poses, no_further
+from screwgauge.reference.closed.loops import follow_cut_joints, home_equations, loop_equations, read
+from screwgauge.reference.closed.newton import OPEN, Motion, Rates, newton
 from screwgauge.reference.closed.region import Region
 from screwgauge.reference.equations.closed_form import closed_form
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import TURN, Array
-
-Rates = tuple[Array, Array]
-"""First and second derivatives of the independent coordinates. Shape (n, k) each."""
-
-
-@dataclass(frozen=True, eq=False)
-class Guess:
-    """Initial guesses of n closed poses.
-
-    Attributes:
-        y: Independent coordinates [rad or m]. Shape (n, k).
-        prediction: Unknowns without dimension and what they rest on; None where there is a closed form.
-        near: Gives joint coordinates [rad or m] that say which of equal angles of a cut joint is meant; where there is
-            a closed form, those of it. Shape (n, n_q).
-        source: Whose prediction it is.
-    """
-
-    system: LoopEquations
-    y: Array
-    prediction: Predicted | None
-    near: Callable[[], Array]
-    source: Continuation | None = None
-
-    def rows(self, rows: Indices) -> Guess:
-        """Guesses of some of the samples."""
-        prediction = None if self.prediction is None else self.prediction.rows(rows)
-        return replace(self, y=self.y[rows], prediction=prediction, near=lambda: self.near()[rows])
-
-    @cached_property
-    def q(self) -> Array:
-        """Joint coordinates [rad or m]. Shape (n, n_q)."""
-        near, system = self.near(), self.system
-        if self.prediction is None:
-            return near
-        near[:, system.lay.mechanism.independent_columns] = self.y  # with the whole turns that are given
-        return system.tree(self.prediction.z, near)
-
-    def columns(self, columns: Sequence[int]) -> Array:
-        """Some coordinates of the tree [rad or m]. Shape (len(columns), n)."""
-        if self.prediction is None:
-            return np.ascontiguousarray(self.q[:, [*columns]].T)
-        places = [self.system.unknown.index(c) for c in columns]
-        return np.ascontiguousarray(self.prediction.z[:, places].T) * self.system.size[[*columns], None]
 
 
 class AssemblyMode:
@@ -80,8 +37,8 @@ class AssemblyMode:
         where there is a closed form: by default other ways will do for samples that are no motion."""
         self.lay, self.system, self.columns = lay, home_equations(lay), lay.mechanism.independent_columns
         self.unit, self.strict = self.system.size[self.columns], strict
-        self.near = lay.mechanism.home
-        """Joint coordinates of the last anchor that was visited. Shape (n_q,)."""
+        self.near = lay.mechanism.home[None]
+        """Joint coordinates of the anchors that were visited last, in order. Shape (v, n_q)."""
 
     @cached_property
     def continuation(self) -> Continuation:
@@ -93,32 +50,60 @@ class AssemblyMode:
         """Where samples in any order have been reached: no motion adds to it, as they are to depend on y alone."""
         return self.system.region()
 
-    def predict(self, y: Array, t: Array, rates: Rates | None = None, drive: Drive | None = None) -> Guess:
-        """Guesses for the samples of a motion that goes on from those before.
+    def predict(self, y: Array, t: Array, rates: Rates | None = None, drive: Motion | None = None) -> Poses:
+        """Predicts the samples of a motion that goes on from those before.
 
         Args:
             y: Independent coordinates [rad or m]. Shape (n, k).
             t: Times [s]. Shape (n,).
-            rates: Their derivatives, see `Continuation.predict`.
-            drive: The motion between these times, without dimension.
+            rates, drive: Their derivatives, and the motion between these times, see `Continuation.predict`.
 
         Raises:
             ClosureError: A loop cannot close, or there is no way but over a singular pose.
         """
-        if (guess := self.in_closed_form(y)) is not None:
-            return guess
-        scaled = None if rates is None else (rates[0] / self.unit, rates[1] / self.unit)
-        prediction = self.continuation.predict(y / self.unit, t, scaled, drive)
-        near = self._visited(prediction.visited)
-        return Guess(self.system, y, prediction, lambda: near[prediction.visit], self.continuation)
+        if (poses := self.in_closed_form(y)) is not None:
+            return poses
+        poses = self.continuation.predict(y, t, rates, drive)
+        self.near = self._followed(self.continuation.path, self.near[-1])
+        return replace(poses, near=self.near)
 
-    def reach(self, y: Array) -> tuple[Guess, Flags, Flags]:
-        """Guesses for samples in any order; see `Region.reach`. Shape (n, k)."""
-        if (guess := self.in_closed_form(y)) is not None:
+    def reach(self, y: Array) -> tuple[Poses, Flags, Flags]:
+        """Predicts samples in any order; see `Region.reach`. Shape (n, k)."""
+        if (poses := self.in_closed_form(y)) is not None:
             none = np.zeros(len(y), dtype=bool)
-            return guess, none, none
-        prediction, lost, twice = self.region.reach(y / self.unit)
-        return Guess(self.system, y, prediction, lambda: self._turned(y), self.region), lost, twice
+            return poses, none, none
+        return self.region.reach(y)
+
+    def restart(self) -> None:
+        """Begins the next motion at home."""
+        self.near = self.lay.mechanism.home[None]
+        if "continuation" in vars(self):  # a motion has begun
+            self.continuation.restart()
+
+    def in_closed_form(self, y: Array) -> Poses | None:
+        """Poses that need not be followed: of an open tree, and of legs in closed form on this mode."""
+        q, system, rows = self._in_closed_form(y), self.system, np.arange(len(y))
+        if q is None:
+            return None
+        return Poses(rows.astype(float), y / self.unit, (q / system.size)[:, system.unknown], rows, rows, near=q)
+
+    def _in_closed_form(self, y: Array) -> Array | None:
+        if len(self.system.unknown) == len(self.columns) and not self.lay.cuts:
+            q = np.tile(self.lay.mechanism.home, (len(y), 1))
+            q[:, self.columns] = y
+            return q
+        return None if self.strict else closed_form_positions(self.lay, y, self.system.fixed)
+
+    def joints(self, poses: Poses) -> Array:
+        """Predicted joint coordinates [rad or m], those of cut joints near what is meant. Shape (n, n_q)."""
+        near = self._turned(poses.y) if poses.near is None else poses.near[poses.visit]
+        near[:, self.columns] = poses.y * self.unit  # with the whole turns that are given
+        return self.system.tree(poses.z, near)
+
+    def rows(self, poses: Poses, columns: Sequence[int]) -> Array:
+        """Some predicted coordinates of the tree, a row each [rad or m]. Shape (len(columns), n)."""
+        places = [self.system.unknown.index(c) for c in columns]
+        return np.ascontiguousarray(poses.z[:, places].T) * self.system.size[[*columns], None]
 
     def _turned(self, y: Array) -> Array:
         """Home, its angles turned as far as they turn with y. Shape (n, k) -> (n, n_q)."""
@@ -129,61 +114,33 @@ class AssemblyMode:
             near += (y[:, i, None] - home[self.columns[i]]) * winding
         return near
 
-    def restart(self) -> None:
-        """Begins the next motion at home."""
-        self.near = self.lay.mechanism.home
-        if "continuation" in vars(self):  # a motion has begun
-            self.continuation.restart()
-
-    def in_closed_form(self, y: Array) -> Guess | None:
-        """Joint coordinates that need not be followed: of an open tree, and of legs in closed form on this mode."""
-        if len(self.system.unknown) == len(self.columns) and not self.lay.cuts:
-            q = np.tile(self.lay.mechanism.home, (len(y), 1))
-            q[:, self.columns] = y
-            return Guess(self.system, y, None, lambda: q)
-        coordinates = None if self.strict else closed_form(self.lay, y, NUMPY, self.system.fixed)
-        return (
-            None
-            if coordinates is None
-            else Guess(self.system, y, None, lambda: read(self.lay, coordinates.q, near=False))
-        )
-
-    def _visited(self, z: Array) -> Array:
-        """All joint coordinates of the anchors along a way, which goes on from the last one. Shape (v, n_q)."""
-        q = self._followed(z, self.near)
-        self.near = q[-1]
-        return q
-
     def _followed(self, z: Array, near: Array) -> Array:
+        """All joint coordinates of the anchors along a way that begins near some. Shapes (v, n_z), (n_q,)."""
         q = self.system.tree(z, np.tile(near, (len(z), 1)))
         return follow_cut_joints(self.lay, q, near)
 
-    def refine(self, guess: Guess) -> Guess:
-        """Better guesses in the place of bad ones, see `Continuation.refine`."""
-        if guess.prediction is None or guess.source is None:
-            return guess
-        return replace(guess, prediction=guess.source.refine(guess.y / self.unit, guess.prediction))
+    def refine(self, poses: Poses) -> Poses:
+        """Better predictions in the place of bad ones, see `Continuation.refine`."""
+        return poses if poses.path is None else poses.path.refine(poses)
 
-    def follow(self, guess: Guess) -> Followed:
-        """The closed poses next to guesses, without dimension.
+    def follow(self, poses: Poses) -> tuple[Array, ...]:
+        """The closed poses next to predictions, without dimension: what `newton` returns.
 
         Raises:
             ClosureError: A loop stays open.
         """
-        y = guess.y / self.unit
-        if guess.prediction is not None and guess.source is not None:
-            return guess.source.close(y, guess.prediction)
-        system, where = self.system, self.lay.mechanism.name
-        z, J, error, *more = newton(system.evaluate, (guess.q / system.size)[:, system.unknown], y)
-        if not (error < OPEN).all():
-            raise ClosureError("the closed form leaves loops open", where, "check the geometry")
-        return Followed(z, J, error, tuple(more))
+        if poses.path is not None:
+            return poses.path.close(poses)
+        solution = newton(self.system.evaluate, poses.z, poses.y)
+        if not (solution[2] < OPEN).all():
+            raise ClosureError("the closed form leaves loops open", self.lay.mechanism.name, "check the geometry")
+        return solution
 
-    def close(self, guess: Guess) -> Array:
-        """Joint coordinates of the closed poses. Shape (n, n_q)."""
-        return self.system.coordinates(self.follow(guess).z, guess.q)
+    def close(self, poses: Poses) -> Array:
+        """Joint coordinates of the closed poses next to predictions. Shape (n, n_q)."""
+        return self.system.coordinates(self.follow(poses)[0], self.joints(poses))
 
-    def motion(self, y: Array, t: Array, rates: Rates | None = None, drive: Drive | None = None) -> Array:
+    def motion(self, y: Array, t: Array, rates: Rates | None = None, drive: Motion | None = None) -> Array:
         """Joint coordinates of the samples of a motion, see `predict`. Shape (n, n_q)."""
         return self.close(self.predict(y, t, rates, drive))
 

@@ -16,6 +16,8 @@ from screwgauge.reference.closed.newton import (
     OPEN,
     Curve,
     Drive,
+    Motion,
+    Rates,
     State,
     bent,
     consistent,
@@ -52,81 +54,77 @@ class PathEnd(ClosureError):
     """A motion that cannot be followed any further.
 
     Attributes:
-        z, y: The last pose reached: unknowns, shape (n_z,), and independent coordinates, shape (k,). No dimension.
+        z, y: The last pose reached: unknowns without dimension, shape (n_z,), and independent coordinates [rad or m],
+            shape (k,).
         t: Time of the sample that cannot be reached [s].
         singular: Whether that pose is singular; if not, the way is too long.
         beyond: Whether the loops close beyond it, too.
     """
 
-    def __init__(self, z: Array, y: Array, size: Array | float, t: float, *, singular: bool, beyond: bool) -> None:
-        super().__init__(no_further(y * size), f"t = {t:g} s", REMEDY)
+    def __init__(self, z: Array, y: Array, t: float, *, singular: bool, beyond: bool) -> None:
+        super().__init__(no_further(y), f"t = {t:g} s", REMEDY)
         self.z, self.y, self.t, self.singular, self.beyond = z, y, t, singular, beyond
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Followed:
-    """Closed poses of n samples, without dimension.
-
-    Attributes:
-        z: Unknowns. Shape (n, n_z).
-        matrix: Jacobian of the closure residuals. Shape (n, m, n_z).
-        error: Largest closure residual of each. Shape (n,).
-        more: What else was evaluated there. Shape (n, ...) each.
-    """
-
-    z: Array
-    matrix: Array
-    error: Array
-    more: tuple[Array, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Predicted:
-    """Predictions of samples, with the anchors that they come from.
+class Poses:
+    """Predictions of n closed poses, without dimension but for `near`.
 
     Attributes:
         t: Times [s], or numbers of samples in any order. Shape (n,).
+        y: Independent coordinates. Shape (n, k).
         z: Unknowns to first order. Shape (n, n_z).
         anchor: Anchor of each sample. Shape (n,).
-        visited: Of a motion the unknowns of all anchors along its way, in order; empty where samples are in any order.
-            Shape (v, n_z).
-        visit: Which of these each sample is predicted from. Shape (n,).
+        visit: Which row of `near` belongs to each sample. Shape (n,).
+        path: Whose anchors these are; None where poses are in closed form.
+        near: Joint coordinates [rad or m] that say which of equal angles of a cut joint is meant, where these do not
+            depend on y alone. Shape (v, n_q).
+        ordered: Whether samples follow each other.
     """
 
     t: Array
+    y: Array
     z: Array
     anchor: Indices
-    visited: Array
     visit: Indices
+    path: Continuation | None = None
+    near: Array | None = None
+    ordered: bool = False
 
-    def rows(self, rows: Indices) -> Predicted:
+    def rows(self, rows: Indices) -> Poses:
         """Predictions of some of the samples, in any order."""
-        return Predicted(self.t[rows], self.z[rows], self.anchor[rows], self.visited[:0], self.visit[rows])
-
-    @property
-    def ordered(self) -> bool:
-        """Whether samples follow each other."""
-        return len(self.visited) > 0
+        some = self.t[rows], self.y[rows], self.z[rows], self.anchor[rows], self.visit[rows]
+        return Poses(*some, self.path, self.near)
 
 
 class Continuation(Walk):
     """Closed poses of one assembly mode along a motion."""
 
-    def predict(
-        self, y: Array, t: Array, rates: tuple[Array, Array] | None = None, drive: Drive | None = None
-    ) -> Predicted:
+    def predict(self, y: Array, t: Array, rates: Rates | None = None, drive: Motion | None = None) -> Poses:
         """Predicts the samples of a motion that goes on from those before, each linked to the one before.
 
         Args:
-            y: Independent coordinates. Shape (n, k).
+            y: Independent coordinates [rad or m]. Shape (n, k).
             t: Times [s]. Shape (n,).
             rates: Their derivatives: between samples the motion is the curve through both states. Without them, or
                 where they do not belong together, samples are poses and any way will do. Shape (n, k) each.
-            drive: The motion itself between these times.
+            drive: The motion itself between these times: see `newton.Motion`.
 
         Raises:
             PathEnd: The motion leads to where the loops cannot close, or over a singular pose.
         """
+        y, rates = y / self.size, None if rates is None else (rates[0] / self.size, rates[1] / self.size)
+        return self._passed(y, t, rates, None if drive is None else self._unitless(drive))
+
+    def _unitless(self, drive: Motion) -> Drive:
+        def at(t: Array) -> State:
+            motion = drive(t)
+            return motion.y / self.size, motion.yd / self.size, motion.ydd / self.size
+
+        return at
+
+    def _passed(self, y: Array, t: Array, rates: Rates | None, drive: Drive | None) -> Poses:
+        """Passes samples without dimension, see `predict`."""
         self._look_for_turns(y)
         curves, moving, miss = self._curves(y, t, rates, drive)
         anchor, visit = np.empty(len(y), dtype=np.intp), np.empty(len(y), dtype=np.intp)
@@ -148,7 +146,11 @@ class Continuation(Walk):
                     break  # the anchors looked up do not hold for the samples that follow
             window = min(2 * window, WIDEST) if i == stop else max(window // 2, WINDOW)
         self.last = [t[-1], y[-1], *(x[-1] for x in rates or ())]
-        return self._predicted(y, t, anchor, visit - begin, begin)
+        table = self.anchors.table["z"][self.visits[begin:]]  # whole turns are counted along the way
+        self.path = self._unwrapped(np.concatenate([self.path[-1:], table]))[1:]
+        self.visits, visit = self.visits[-1:], visit - begin
+        z = self.anchors.predict(y, anchor) + (self.path - table)[visit]
+        return Poses(t, y, z, anchor, visit, self, ordered=True)
 
     def _pass(self, covering: Indices) -> tuple[Indices, Indices]:
         """Passes samples that are linked. Anchors, shape (n,) -> the same, and which visit each is."""
@@ -166,17 +168,7 @@ class Continuation(Walk):
             self._visit(a)
         return True
 
-    def _predicted(self, y: Array, t: Array, anchor: Indices, visit: Indices, begin: int) -> Predicted:
-        """Predictions from anchors, whole turns counted along the way."""
-        table = self.anchors.table["z"][self.visits[begin:]]
-        visited = self._unwrapped(np.concatenate([self.path[-1:], table]))[1:]
-        z = self.anchors.predict(y, anchor) + (visited - table)[visit]
-        self.path, self.visits = visited[-1:], self.visits[-1:]
-        return Predicted(t, z, anchor, visited, visit)
-
-    def _curves(
-        self, y: Array, t: Array, rates: tuple[Array, Array] | None, drive: Drive | None
-    ) -> tuple[Array, Flags, Array]:
+    def _curves(self, y: Array, t: Array, rates: Rates | None, drive: Drive | None) -> tuple[Array, Flags, Array]:
         """The curve that leads to each sample, whether it is the motion, and by how much that differs half-way.
 
         Returns:
@@ -275,55 +267,52 @@ class Continuation(Walk):
         anchor, (begin, end) = self.anchors[self.at], curve.t
         done = (self.piece.t[1] - begin) / (end - begin) if self.piece is not None and end > begin else 1.0
         beyond = self._beyond(curve.at(min(1.0, done + LEAP)))
-        return PathEnd(anchor.z, anchor.y, self.size, t, singular=singular, beyond=beyond is not None)
+        return PathEnd(anchor.z, anchor.y * self.size, t, singular=singular, beyond=beyond is not None)
 
-    def follow(
-        self, y: Array, t: Array, rates: tuple[Array, Array] | None = None, drive: Drive | None = None
-    ) -> Followed:
-        """The closed poses of samples, see `predict`."""
-        return self.close(y, self.predict(y, t, rates, drive))
+    def follow(self, y: Array, t: Array, rates: Rates | None = None, drive: Motion | None = None) -> tuple[Array, ...]:
+        """The closed poses of samples, see `predict` and `close`."""
+        return self.close(self.predict(y, t, rates, drive))
 
-    def close(self, y: Array, prediction: Predicted) -> Followed:
-        """Newton's method from predictions; samples that it leads too far are made anchors.
+    def close(self, poses: Poses) -> tuple[Array, ...]:
+        """What `newton` returns, from predictions; samples that it leads too far are made anchors.
 
         Raises:
             PathEnd: Such a sample cannot be reached.
         """
-        start = prediction.z
-        if prediction.ordered and len(y) > DENSE and 2 * len(rows := knots(y, EVERY, SPREAD)) <= len(y):
+        start, y = poses.z, poses.y
+        if poses.ordered and len(y) > DENSE and 2 * len(rows := knots(y, EVERY, SPREAD)) <= len(y):
             z, J, *_ = newton(self.evaluate, start[rows], y[rows])
             start = predicted(y, rows, z, velocity_map(J, y.shape[1]))
         solution = list(newton(self.evaluate, start, y))
         z, _, error = solution[:3]
-        far = self.anchors.corrections(z - prediction.z, prediction.anchor)
+        far = self.anchors.corrections(z - poses.z, poses.anchor)
         for i in np.flatnonzero(~((error < OPEN) & (far <= NEAR))).tolist():
-            exact = self._exact_pose(i, y, prediction)
+            exact = self._exact_pose(i, poses)
             for array, value in zip(solution, newton(self.evaluate, exact[None], y[i : i + 1]), strict=True):
                 array[i] = value[0]
-        z, J, error, *more = solution
-        return Followed(z, J, error, tuple(more))
+        return tuple(solution)
 
-    def refine(self, y: Array, prediction: Predicted) -> Predicted:
+    def refine(self, poses: Poses) -> Poses:
         """Better predictions of samples that were predicted: some of them are made anchors.
 
         Raises:
             PathEnd: Such a sample cannot be reached.
         """
-        anchor = prediction.anchor.copy()
+        y, anchor = poses.y, poses.anchor.copy()
         for i in np.unique(np.linspace(0, len(y) - 1, SOME).astype(int)).tolist():
-            self._exact_pose(i, y, prediction)
+            self._exact_pose(i, poses)
         for sheet in np.unique(self.anchors.table["sheet"][anchor]).tolist():
             rows = np.flatnonzero(self.anchors.table["sheet"][anchor] == sheet)
             covering, inside = self.anchors.cover(y[rows], sheet)
             anchor[rows] = np.where(inside, covering, anchor[rows])
         z = self.anchors.predict(y, anchor)
-        z += TURN * np.where(self.anchors.angles, np.rint((prediction.z - z) / TURN), 0.0)
-        return replace(prediction, z=z, anchor=anchor)
+        z += TURN * np.where(self.anchors.angles, np.rint((poses.z - z) / TURN), 0.0)
+        return replace(poses, z=z, anchor=anchor)
 
-    def _exact_pose(self, i: int, y: Array, prediction: Predicted) -> Array:
+    def _exact_pose(self, i: int, poses: Poses) -> Array:
         """Unknowns of a sample that is made an anchor. Shape (n_z,)."""
         try:
-            return self._exactly(y[i], int(prediction.anchor[i]), prediction.z[i])
+            return self._exactly(poses.y[i], int(poses.anchor[i]), poses.z[i])
         except Blocked as blocked:
-            way = Curve(straight(self.anchors[self.at].y, y[i]))
-            raise self._end(way, float(prediction.t[i]), singular=blocked.singular) from None
+            way = Curve(straight(self.anchors[self.at].y, poses.y[i]))
+            raise self._end(way, float(poses.t[i]), singular=blocked.singular) from None

@@ -245,11 +245,11 @@ def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
         y = home[columns] + AWAY * np.cos(1.0 + 2.3 * i + 1.7 * (1 + i) * k)
         try:
             path.restart(begun=True)  # straight on or not at all: ways round singular poses take seconds
-            pose = path.follow(y[None], np.zeros(1))
+            z, matrix, *_ = path.follow(y[None] * system.size[columns], np.zeros(1))
         except ClosureError:
             continue
-        if linear.condition(pose.matrix)[0] < CLEAR:
-            closed.append((pose.z[0], y, pose.matrix[0]))
+        if linear.condition(matrix)[0] < CLEAR:
+            closed.append((z[0], y, matrix[0]))
     if len(closed) < TRIALS // 2:
         return None
     z, y, matrix = (np.stack(parts) for parts in zip(*closed, strict=True))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,8 +184,12 @@ def _differences(at: Array, values: Array, rates: Array) -> tuple[Array, Array]:
 
 State = tuple[Array, Array, Array]
 """Independent coordinates and their first and second derivatives. Shape (..., k) each."""
+Rates = tuple[Array, Array]
+"""First and second derivatives of the independent coordinates. Shape (n, k) each."""
 Drive = Callable[[Array], State]
 """Times (n,) -> the motion there."""
+Motion = Callable[[Array], Any]
+"""Times (n,) -> an object with y, yd and ydd there [rad or m]."""
 
 #: A motion and its derivatives belong together if these miss a step by less than this share of it.
 CONSISTENT = 0.1

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.reference.closed.anchors import FARTHEST, Flags, Indices
-from screwgauge.reference.closed.continuation import Continuation, Predicted
+from screwgauge.reference.closed.continuation import Continuation, Poses
 from screwgauge.reference.closed.walk import MOST, Blocked
 from screwgauge.reference.rotations import TURN, Array, within_half_turn
 
@@ -22,17 +22,18 @@ STEEP = 1e3
 class Region(Continuation):
     """Closed poses of one assembly mode in any order."""
 
-    def reach(self, y: Array) -> tuple[Predicted, Flags, Flags]:
+    def reach(self, y: Array) -> tuple[Poses, Flags, Flags]:
         """Predicts samples in any order, from anchors on the sheet of home that spread until all are in a ball.
 
         Args:
-            y: Independent coordinates. Shape (n, k).
+            y: Independent coordinates [rad or m]. Shape (n, k).
 
         Returns:
             Predictions; which samples were not reached without passing near a singular pose, or with `LARGEST` more
             anchors; and over which of them another sheet of the same piece lies, too, so that y alone does not say the
             pose. Shape (n,) each.
         """
+        y = y / self.size
         self._look_for_turns(y)
         anchor, self.floor = self._spread(y), np.inf
         return self._of_region(y, np.maximum(anchor, 0)), anchor < 0, self._covered_twice(y, anchor)
@@ -108,7 +109,7 @@ class Region(Continuation):
         order = np.argsort(np.linalg.norm(self.anchors.away(y, self.anchors.table["y"][kin]), axis=1))
         return int(kin[order[min(i, len(kin) - 1)]])
 
-    def _of_region(self, y: Array, anchor: Indices) -> Predicted:
+    def _of_region(self, y: Array, anchor: Indices) -> Poses:
         """Predictions whose angles depend on y alone.
 
         With several independent coordinates each angle is taken within half a turn of the value expected from y; with
@@ -124,5 +125,4 @@ class Region(Continuation):
             if lag.max(initial=0.0) > np.pi - FARTHEST:  # no unknown moves farther within a ball
                 expected = home.z + (y - home.y) @ self.windings
                 z = np.where(anchors.angles, expected + within_half_turn(z - expected), z)
-        visit = np.zeros(len(y), dtype=np.intp)
-        return Predicted(np.arange(float(len(y))), z, anchor, np.empty((0, z.shape[1])), visit)
+        return Poses(np.arange(float(len(y))), y, z, anchor, anchor, self)

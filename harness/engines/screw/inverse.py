@@ -14,7 +14,8 @@ from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference import linear
-from screwgauge.reference.closed.assembly_mode import AssemblyMode, Guess
+from screwgauge.reference.closed.assembly_mode import AssemblyMode
+from screwgauge.reference.closed.continuation import Poses
 from screwgauge.reference.closed.loops import read
 from screwgauge.reference.closed_motion import ClosedMotion
 from screwgauge.reference.equations import dynamics as equations
@@ -66,15 +67,15 @@ class Work:
         self.path, self.tree = open_tree(lay)
         self.depth = stages(problem.wanted)
 
-    def predict(self, motion: GivenMotion) -> Guess:
-        """Guesses for samples that follow those before."""
+    def predict(self, motion: GivenMotion) -> Poses:
+        """Predictions of samples that follow those before."""
         with self.clock.stage("positions"):
-            return self.mode.predict(motion.y, motion.t, (motion.yd, motion.ydd), motion.scaled(self.mode.unit))
+            return self.mode.predict(motion.y, motion.t, (motion.yd, motion.ydd), motion.drive)
 
-    def close(self, motion: GivenMotion, guess: Guess) -> Array:
+    def close(self, motion: GivenMotion, poses: Poses) -> Array:
         """Joint coordinates of closed poses. Shape (n, n_q)."""
         with self.clock.stage("positions"):
-            return self.mode.close(guess)
+            return self.mode.close(poses)
 
     def under(self, loads: Array | None) -> Work:
         """Work under loads that change from sample to sample, force and torque of each. Shape (m, n)."""

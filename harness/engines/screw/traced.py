@@ -18,7 +18,7 @@ from screwgauge.engines.screw.programs import Bound, Bounds, Numbers, check_trac
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress
 from screwgauge.quantities import GIVEN
-from screwgauge.reference.closed.assembly_mode import Guess
+from screwgauge.reference.closed.continuation import Poses
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.rotations import Array, nearest_angles
@@ -138,7 +138,7 @@ class TracedWork:
         return {name: columns(n, errors if name == "error" else len(names[name][0])) for name in self.outputs}
 
     def _run(
-        self, traced: Traced, motion: GivenMotion, guess: Guess | None, loads: Array, values: Mapping[str, Array]
+        self, traced: Traced, motion: GivenMotion, guess: Poses | None, loads: Array, values: Mapping[str, Array]
     ) -> tuple[Numbers, bool]:
         """Runs the program.
 
@@ -150,11 +150,11 @@ class TracedWork:
         Returns:
             The program's checks, and whether no sample is in doubt.
         """
-        n, d = len(motion), len(traced.predicted)
+        n, d, mode = len(motion), len(traced.predicted), self.work.mode
         inputs = [np.ascontiguousarray(x.T) for x in (motion.y, motion.yd, motion.ydd)]
         if guess is not None:
-            sprung = guess.q.T[[*traced.near]] if traced.near else np.empty((0, n))
-            inputs += [guess.columns(traced.predicted), np.ascontiguousarray(sprung)]
+            sprung = mode.joints(guess).T[[*traced.near]] if traced.near else np.empty((0, n))
+            inputs += [mode.rows(guess, traced.predicted), np.ascontiguousarray(sprung)]
         inputs += [motion.t[None] if traced.timed else np.empty((0, n)), loads]
         reached, checks, clear = self._pass(inputs, np.empty((2 * d, n)), values)
         for first in (True, False) if d and not clear else ():
@@ -166,7 +166,7 @@ class TracedWork:
             stray = np.flatnonzero(~near)
             inputs[3][:, rows] = reached[:d, rows]  # once more from where Newton's method came to
             if stray.size and first:  # or from nearer
-                inputs[3][:, stray] = self.work.mode.refine(guess.rows(stray)).columns(traced.predicted)
+                inputs[3][:, stray] = mode.rows(mode.refine(guess.rows(stray)), traced.predicted)
             elif stray.size:
                 rows = np.setdiff1d(rows, stray)
             if not rows.size:
@@ -208,11 +208,11 @@ class TracedWork:
         """Whether poses are guessed first, as they are not in closed form."""
         return self.traced is None or bool(self.traced.predicted or self.traced.near)
 
-    def predict(self, motion: GivenMotion) -> Guess | None:
+    def predict(self, motion: GivenMotion) -> Poses | None:
         """Guesses for samples that follow those before; None where poses are in closed form."""
         return self.work.predict(motion) if self.guessed else None
 
-    def reach(self, motion: GivenMotion) -> Guess | None:
+    def reach(self, motion: GivenMotion) -> Poses | None:
         """Guesses for samples in any order; times are their numbers.
 
         Raises:
@@ -232,7 +232,7 @@ class TracedWork:
     def part(
         self,
         motion: GivenMotion,
-        guess: Guess | None,
+        guess: Poses | None,
         loads: Array | None = None,
         into: Mapping[str, Array] | None = None,
         *,
@@ -262,7 +262,7 @@ class TracedWork:
         self,
         traced: Traced,
         motion: GivenMotion,
-        guess: Guess | None,
+        guess: Poses | None,
         loads: Array | None,
         arrays: Mapping[str, Array],
         *,
@@ -274,7 +274,7 @@ class TracedWork:
             out, clear = self._run(traced, motion, guess, np.empty((0, n)) if loads is None else loads, arrays)
         with self.clock.stage("error estimate"), np.errstate(all="ignore"):
             if self.charted and guess is not None:
-                self._nearest(values, guess.q)
+                self._nearest(values, self.work.mode.joints(guess))
             trust = self.bounds.trust(out)
             left = np.zeros(0, dtype=np.intp) if clear else self.bounds.left(out, trust, values, self.by_array)
             if thorough:
@@ -284,7 +284,7 @@ class TracedWork:
         return Part(values, trust, left, {})
 
     def _completed(
-        self, motion: GivenMotion, guess: Guess | None, loads: Array | None, arrays: Mapping[str, Array], part: Part
+        self, motion: GivenMotion, guess: Poses | None, loads: Array | None, arrays: Mapping[str, Array], part: Part
     ) -> Part:
         """Answers of the program, with the doubtful samples answered by the array solver."""
         rows = part.doubtful

@@ -126,11 +126,10 @@ class _Work:
 
     def _positions(self, motion: GivenMotion) -> tuple[Array, Array, BodyPoses]:
         sizes = self.closed.sizes
-        rates = motion.yd / sizes.y, motion.ydd / sizes.y
-        path = self.path.follow(motion.y / sizes.y, motion.t, rates, motion.scaled(sizes.y))
-        self.residual = float(path.error.max()) * max(1.0, sizes.length)
-        R, p, screws = path.more
-        return path.z * sizes.q, path.matrix, BodyPoses(R, p, screws, self.moves)
+        rates = motion.yd, motion.ydd
+        z, matrix, error, R, p, screws = self.path.follow(motion.y, motion.t, rates, motion.drive)
+        self.residual = float(error.max()) * max(1.0, sizes.length)
+        return z * sizes.q, matrix, BodyPoses(R, p, screws, self.moves)
 
     def names(self) -> Names:
         file, tree, actuators = self.closed.file, self.closed.tree_names, self.closed.actuators
