@@ -9,6 +9,7 @@ import pytest
 import screwgauge
 from screwgauge.engines.screw import inverse as screw
 from screwgauge.engines.tree import closed_forces, inverse
+from support.at_origin import Accelerations
 from support.bench import Plan, bench
 from support.equations import Dynamics, Ops
 
@@ -30,8 +31,9 @@ def calls(monkeypatch) -> Counter[str]:
         monkeypatch.setattr(owner, name, counted)
 
     count(screw.Work, "close", "positions")
-    for name in ("velocities", "accelerations", "inertia", "virtual_power", "constraint_forces"):
+    for name in ("velocities", "accelerations", "virtual_power", "constraint_forces"):
         count(Dynamics, name, {"velocities": "rates"}.get(name, name))
+    count(Accelerations, "needs", "inertia")
     count(Ops, "square", "actuators")
     count(inverse._Pass, "_velocities", "rates")
     count(closed_forces, "min_norm", "min_norm")

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from support.equations import exchange
-from support.geometry import screws
+from support.at_origin import opposite, replace_bracket
 from support.models import write_models
 from support.report import first_difference
 from support.scene import sampled
@@ -101,7 +100,7 @@ def test_a_closure_anchor_that_is_off_by_a_micrometre(scene, tmp_path):
 @pytest.mark.slow
 def test_a_wrong_sign_in_the_lie_bracket(monkeypatch):
     """Only a fast motion tells: the paper's own case is nearly static."""
-    exchange(monkeypatch, "lie_bracket", lambda first, second: -screws.lie_bracket(first, second))
+    replace_bracket(monkeypatch, opposite)
     results = screwgauge.run(sampled("3ups-upu-s-fast", slice(0, 2000, 100)))
     status, quantity, engines = found(results)
     assert (status, quantity) == (1, "joint_acceleration")
@@ -119,7 +118,7 @@ def test_the_first_row_of_the_bracket_as_printed(monkeypatch):
         row = np.cross(w1, v2) - np.cross(w2, v1)
         return np.concatenate([row, row], axis=-1)
 
-    exchange(monkeypatch, "lie_bracket", printed)
+    replace_bracket(monkeypatch, printed)
     results = screwgauge.run(sampled("3ups-upu-s-fast", slice(0, 2000, 100)), engines=["screw"])
     assert results.exit_status == 1
 

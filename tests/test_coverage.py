@@ -12,8 +12,8 @@ from campaigns.alarms import changed
 import screwgauge
 from screwgauge import exciting
 from support.acting import Applied, JointSpring, Load, hold
+from support.at_origin import without_brackets
 from support.engines import quiet
-from support.equations import without_brackets
 from support.freedoms import mobility_at_home
 from support.judging import NOTHING, coverage
 from support.mechanism import Body, spanning_tree

@@ -1,6 +1,6 @@
 """The equations say the same over every kind of number: floats of three lengths, nodes of a trace, and balls.
 
-Balls of 200 bits are the measure: of the same doubles they give the same quantities to 45 digits and more, and what
+Balls of 256 bits are the measure: of the same doubles they give the same quantities to 45 digits and more, and what
 floats are off by is rounding. It is counted in roundings of the type times the condition number of the closing system.
 """
 
@@ -19,18 +19,22 @@ import pytest
 import screwgauge
 from screwgauge import load_scene
 from support.acting import Applied
+from support.at_origin import acceleration_screws, along_tree, inertia, recursion
 from support.coupled import EVERY_KIND, every_kind, moving
 from support.mechanism import load_mechanism, mechanism_names
 from support.numbers import (
     FORWARD,
+    NUMPY,
     POWER,
     ROUNDINGS,
+    Dynamics,
     Forward,
     State,
     acting,
     around,
     conditions,
     contained,
+    equations,
     errors_of,
     in_balls,
     in_floats,
@@ -50,7 +54,7 @@ needs_llvm = pytest.mark.skipif(not importlib.util.find_spec("llvmlite"), reason
 EPS = {kind: float(np.finfo(kind).eps) for kind in (np.float32, np.float64, np.longdouble)}
 #: Radius of balls that stand for doubles, in units of their last place.
 ULPS = 4.0
-#: Digits that balls of 200 bits, 60 digits, keep where conditions are up to a thousand.
+#: Digits that balls of 256 bits, 77 digits, keep where conditions are up to a thousand.
 PROVED = 1e-40
 
 
@@ -117,6 +121,21 @@ def check(name: str, found, number, right=None) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_balls_say_what_is_right(name):
     assert widest(true(name)) < PROVED
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_recursion_in_the_axes_of_bodies_says_what_eq_44_says_at_the_origin(name):
+    at = posed(name)
+    found, bound = equations(at, Dynamics, NUMPY, at.q, at.yd, at.ydd), ROUNDINGS * EPS[np.float64] * rounding(name)
+    A = acceleration_screws(found.pose, found.w, found.beta)
+    needs = inertia(found, found.V, A, found.applied.g)
+    forms = {
+        "accelerations": (found.A, A),
+        "inertia": (recursion.at_origin(found.pose, found.required), needs),
+        "forces along the tree": (recursion.inward(found.pose, found.required)[0], along_tree(found, needs)),
+    }
+    for what, (here, there) in forms.items():
+        assert np.abs(here - there).max() <= bound * np.abs(there).max(), what
 
 
 @pytest.mark.parametrize("number", FLOATS)

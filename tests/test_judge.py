@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import screwgauge
+from support.at_origin import Accelerations, Motion, opposite, replace_bracket
 from support.engines import Solution, Values
-from support.equations import Dynamics, exchange
-from support.geometry import screws
 from support.judging import answer_at, compared, judge
 from support.scene import natural_scales
 
@@ -41,21 +40,20 @@ def test_nothing_is_found_where_nothing_is_wrong(scene):
 
 
 def test_sign_of_the_lie_bracket(scene, monkeypatch):
-    exchange(monkeypatch, "lie_bracket", lambda first, second: -screws.lie_bracket(first, second))
+    replace_bracket(monkeypatch, opposite)
     assert "loop_acceleration" in faults(scene)
 
 
 def test_dropped_gyroscopic_term(scene, monkeypatch):
-    right = Dynamics.inertia
+    right = Accelerations.needs
 
-    def without(self, V, A, g=None):
-        R, w = self.pose.R[:, 1:], V[:, 1:, :3]
-        J = R @ np.array([body.inertia for body in self.mechanism.bodies]) @ R.swapaxes(-1, -2)
-        found = right(self, V, A, g)
+    def without(self, g):
+        J, w, found = np.array([body.inertia for body in mechanism.bodies]), self.bodies.turning.w, right(self, g)
         found[:, 1:, 3:] -= np.cross(w, (J @ w[..., None])[..., 0])
         return found
 
-    monkeypatch.setattr(Dynamics, "inertia", without)
+    mechanism = scene.mechanism
+    monkeypatch.setattr(Accelerations, "needs", without)
     found = set(faults(scene))
     assert {"newton_euler", "virtual_work"} <= found
     assert "power_balance" not in found  # w x J w does no work: power alone would not have told
@@ -64,25 +62,25 @@ def test_dropped_gyroscopic_term(scene, monkeypatch):
 def test_point_accelerations_as_eq_49_prints_them(scene, monkeypatch):
     """``v_C = w x r_C`` instead of ``v_O + w x r_C``: the centres of mass no longer move as the bodies do."""
 
-    def printed(twist, acceleration, r):
-        w, beta = twist[..., :3], acceleration[..., :3]
-        return acceleration[..., 3:] + np.cross(beta, r) + np.cross(w, np.cross(w, r))
+    right = Motion.com_acceleration.func
 
-    exchange(monkeypatch, "acceleration_at", printed)
+    def printed(self):
+        return right(self) - np.cross(self.V[:, 1:, :3], self.V[:, 1:, 3:])
+
+    monkeypatch.setattr(Motion, "com_acceleration", property(printed))
     assert "body_motion" in faults(scene)
 
 
 def test_lever_arms_with_the_sign_of_eq_55(scene, monkeypatch):
     """Lever arms from the joint to the centre of mass, as the subscripts of eq. (55) say."""
-    right = Dynamics.inertia
+    right, platform = Accelerations.needs, scene.mechanism.body_index["platform"]
 
-    def printed(self, V, A, g=None):
-        found = right(self, V, A, g)
-        platform = self.mechanism.body_index["platform"]
-        found[:, platform, 3:] -= 2.0 * np.cross(self.com[:, platform - 1], found[:, platform, :3])
+    def printed(self, g):
+        found = right(self, g)
+        found[:, platform, 3:] -= 2.0 * np.cross(scene.mechanism.body("platform").com, found[:, platform, :3])
         return found
 
-    monkeypatch.setattr(Dynamics, "inertia", printed)
+    monkeypatch.setattr(Accelerations, "needs", printed)
     assert faults(scene)["newton_euler"].startswith("platform.m")
 
 

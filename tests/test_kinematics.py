@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from support.at_origin import acceleration_at
 from support.geometry import screws
 from support.mechanism import load_mechanism, serial_chains
 from support.solve import assembly_mode, chain_acceleration, chain_screws, gaps, layout, moved, positions
@@ -117,6 +118,6 @@ def test_point_accelerations_are_derivatives_of_point_velocities(paper):
 
     h = 1e-5
     V, r, A = point_velocity(T)
-    found = screws.acceleration_at(V, A, r)
+    found = acceleration_at(V, A, r)
     ahead, behind = (screws.velocity_at(*point_velocity(T + s)[:2]) for s in (h, -h))
     assert np.abs((ahead - behind) / (2 * h) - found).max() < DIFFERENCE

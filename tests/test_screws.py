@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from support.equations import triad
-from support.geometry import rotation, screws, sequence_angles, skew, vee
+from support.geometry import revolute, rotation, screws, sequence_angles, skew, vee
 from support.mechanism import Joint
 from support.solve import chain_acceleration
 from support.tolerances import DIFFERENCE, ROUNDING
@@ -19,7 +19,7 @@ def rng() -> np.random.Generator:
 
 def test_revolute_screw_leaves_its_axis_at_rest(rng):
     e, r = np.array([0.6, 0.0, 0.8]), rng.normal(size=3)
-    S = screws.revolute(e, r)
+    S = revolute(e, r)
     assert np.abs(screws.velocity_at(S, r + 2.5 * e)).max() < ROUNDING
 
 
@@ -35,7 +35,7 @@ def test_lie_bracket_is_the_rate_of_a_screw_carried_by_a_twist(rng):
     """d/dt Ad(exp(V t)) S = [V, S] at t = 0, by a central difference."""
     axis = np.array([0.0, 0.6, 0.8])
     V, e, r, h = (
-        screws.revolute(axis, rng.normal(size=3)),
+        revolute(axis, rng.normal(size=3)),
         np.array([1.0, 0.0, 0.0]),
         rng.normal(size=3),
         1e-5,
@@ -44,7 +44,7 @@ def test_lie_bracket_is_the_rate_of_a_screw_carried_by_a_twist(rng):
 
     def carried(t: float) -> np.ndarray:
         R = rotation(axis, np.array(t))
-        return screws.revolute(R @ e, at + R @ (r - at))
+        return revolute(R @ e, at + R @ (r - at))
 
     assert np.abs((carried(h) - carried(-h)) / (2 * h) - screws.lie_bracket(V, carried(0.0))).max() < 0.1 * DIFFERENCE
 
@@ -64,7 +64,7 @@ def test_acceleration_of_a_chain_is_the_derivative_of_its_twist(rng):
     def screw_matrix(t: float) -> np.ndarray:
         q = w * t + 0.5 * beta * t * t
         R = rotation(first, q[0])
-        return np.stack([screws.revolute(first, np.zeros(3)), screws.revolute(R @ second, R @ arm)], axis=1)
+        return np.stack([revolute(first, np.zeros(3)), revolute(R @ second, R @ arm)], axis=1)
 
     def twist(t: float) -> np.ndarray:
         return screw_matrix(t) @ (w + beta * t)

@@ -8,7 +8,8 @@ import numpy as np
 
 from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring, Spring
 from screwgauge.reference.equations.kinematics import zeros
-from screwgauge.reference.equations.screws import Array, couple, dot, force, scale, times, velocity_at
+from screwgauge.reference.equations.recursion import wrench
+from screwgauge.reference.equations.screws import Array, dot, scale, times, velocity_at
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
 
@@ -20,7 +21,7 @@ class Exerted(NamedTuple):
     """Forces besides inertia, gravity and constraints.
 
     Attributes:
-        wrenches: On each body. Shape (..., b, 6).
+        wrenches: On each body, see `recursion.wrench`. Shape (..., b, 6).
         along: Along each joint coordinate [N or N m]. Shape (..., n_q).
     """
 
@@ -29,18 +30,19 @@ class Exerted(NamedTuple):
 
 
 def exerted(at: Dynamics) -> Exerted:
-    """Forces of loads, springs, dampers and motors, and given ones, see `Dynamics.given_forces`."""
+    """Forces of loads, eq. (55), springs, dampers and motors, and given ones, see `Dynamics.given_forces`."""
     W, along = zeros(at.q, len(at.mechanism.body_index), 6), zeros(at.q, at.q.shape[-1])
     coordinates = at.mechanism.coordinates
     for load in at.applied.loads:
         if body := at.mechanism.body_index[load.body]:  # the ground needs no balance
-            W[..., body, :] = W[..., body, :] + load_wrench(at, load)
+            f, m = np.asarray(load.force), np.asarray(load.torque)
+            W[..., body, :] = W[..., body, :] + wrench(at.pose, body, place(at, load), f, m)
     for spring in at.applied.springs:
         if isinstance(spring, PointSpring):
             (i, a), (j, b) = ends(at, spring)
             pull = scale(tension(at, spring) / distance(at, spring), b - a)
-            W[..., i, :] = W[..., i, :] + force(pull, a)
-            W[..., j, :] = W[..., j, :] - force(pull, b)
+            for body, (_, arm), f in zip((i, j), spring.ends, (pull, -pull), strict=True):
+                W[..., body, :] = W[..., body, :] + wrench(at.pose, body, arm, f, 0.0 * f)
         else:
             c = coordinates.index(spring.coordinate)
             along[..., c] = along[..., c] - tension(at, spring)
@@ -50,11 +52,17 @@ def exerted(at: Dynamics) -> Exerted:
     return Exerted(W, along if at.given_forces is None else along + at.given_forces)
 
 
-def load_wrench(at: Dynamics, load: Load) -> Array:
-    """Wrench of a load, as in eq. (55); force and torque keep their directions in the world. Shape (..., 6)."""
-    arm = at.mechanism.body(load.body).com if load.point is None else load.point
-    acting = force(np.asarray(load.force), point(at, at.mechanism.body_index[load.body], arm))
-    return acting + couple(np.asarray(load.torque))
+def place(at: Dynamics, load: Load) -> Array:
+    """Place in its body where a load acts, by default the centre of mass. Shape (3,)."""
+    return at.mechanism.body(load.body).com if load.point is None else load.point
+
+
+def load_power(at: Dynamics, load: Load) -> Any:
+    """Power of a load, whose force and torque keep their directions in the world. Shape (...)."""
+    body = at.mechanism.body_index[load.body]
+    V = at.V[..., body, :]
+    moved = velocity_at(V, point(at, body, place(at, load)))
+    return dot(np.asarray(load.force), moved) + dot(np.asarray(load.torque), V[..., :3])
 
 
 def point(at: Dynamics, body: int, arm: Array) -> Array:

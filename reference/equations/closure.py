@@ -26,27 +26,28 @@ from screwgauge.reference.equations.joint_types import (
 from screwgauge.reference.equations.kinematics import (
     Coordinates,
     TreePose,
-    bias_screws,
     joint_bias,
     joint_screws,
     length,
     tree_pose,
     twists,
 )
-from screwgauge.reference.equations.ops import Block, Ops
+from screwgauge.reference.equations.ops import Block, Ops, absent
+from screwgauge.reference.equations.recursion import MOVING, Accelerations, outward
 from screwgauge.reference.equations.screws import (
     Array,
-    acceleration_at,
+    cross,
     join,
-    lie_bracket,
     power,
     powers,
     scale,
     times,
+    transpose,
     unit_screws,
+    velocity_at,
 )
 from screwgauge.reference.graph import Layout
-from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.mechanism import Frame, Mechanism
 
 
 class CutJoint:
@@ -86,32 +87,69 @@ class CutJoint:
         """Rates of the cut joint, from the twists of the bodies. Shape (..., b, 6) -> (..., f)."""
         return np.asarray(power(self.D, (V[..., self.child, :] - V[..., self.parent, :])[..., None, :]))
 
-    def _relative(self, V: Array, A: Array) -> Array:
-        """Acceleration screw of child less parent without brackets of the joint's screws, eq. (44). Shape (..., 6)."""
-        before, after = V[..., self.parent, :], V[..., self.child, :]
-        return np.asarray(A[..., self.child, :] - A[..., self.parent, :] - lie_bracket(before, after))
+    def _angular(self, V: Array, moved: Accelerations) -> Array:
+        """Angular acceleration of child less parent without own brackets of the joint, eq. (44). Shape (..., 3)."""
+        turning = cross(V[..., self.parent, :3], V[..., self.child, :3])
+        return np.asarray(moved.angular(self.child) - moved.angular(self.parent) - turning)
 
-    def bias(self, V: Array, A: Array) -> Array:
+    def _linear(self, V: Array, moved: Accelerations) -> Array:
+        """The same of the points of both bodies at the joint's point of the child. Shape (..., 3)."""
+        joint, (before, after) = self.at.joint, (V[..., body, :] for body in (self.parent, self.child))
+        linear = moved.linear(self.child, joint.child_frame.p) - moved.linear(self.parent, joint.parent_frame.p)
+        if self.at.slides:
+            arm, w = self.at.p_child - self.at.p_parent, before[..., :3]
+            sliding = cross(w + after[..., :3], velocity_at(after - before, self.at.p_child))
+            linear = linear - cross(moved.angular(self.parent), arm) - cross(w, cross(w, arm)) - sliding
+        return np.asarray(linear)
+
+    def bias(self, V: Array, moved: Accelerations) -> Array:
         """Acceleration along each constraint wrench that is not due to second derivatives. Shape (..., m).
 
         Args:
-            V, A: Of all bodies. Shape (..., b, 6).
+            V: Twists of all bodies. Shape (..., b, 6).
+            moved: Their accelerations without second derivatives.
         """
-        bias = np.asarray(power(self.W, self._relative(V, A)[..., None, :]))
-        if self.at.type.own is not None:
-            bias[..., -1] = bias[..., -1] - self.at.type.own(self.at, self.rates(V))
+        kind = self.at.type
+        bias = times(kind.forces(self.at), self._linear(V, moved))
+        if kind.open is None:
+            return bias
+        bias = join(bias, times(kind.moments(self.at), self._angular(V, moved)))
+        if kind.own is not None:
+            bias[..., -1] = bias[..., -1] - kind.own(self.at, self.rates(V))
         return bias
 
-    def accelerations(self, V: Array, A: Array) -> Array:
+    def accelerations(self, V: Array, moved: Accelerations) -> Array:
         """Second derivatives of its coordinates. Shape (..., f).
 
         Args:
-            V, A: Of all bodies. Shape (..., b, 6).
+            V: Twists of all bodies. Shape (..., b, 6).
+            moved: Their accelerations.
         """
-        w = self.rates(V)
+        w, angular = self.rates(V), self._angular(V, moved)
         first, *rest = [scale(w[..., i], self.S[..., i, :]) for i in range(w.shape[-1])]
-        relative = self._relative(V, A) - joint_bias(first, rest)
+        relative = join(angular, self._linear(V, moved) - cross(angular, self.at.p_child)) - joint_bias(first, rest)
         return np.asarray(power(self.D, relative[..., None, :]))
+
+    def wrenches(self, x: Array, along: Array) -> list[tuple[int, Frame, Array, Array]]:
+        """Forces on its two bodies at their points of the joint, in the world.
+
+        Args:
+            x: Forces along its constraint wrenches. Shape (..., m).
+            along: Forces along its coordinates. Shape (..., f).
+
+        Returns:
+            Body, frame of the joint, force and moment, shape (..., 3).
+        """
+        kind, joint = self.at.type, self.at.joint
+        directions = kind.forces(self.at)
+        n = directions.shape[-2]
+        f = times(transpose(directions), x[..., :n])
+        m = times(transpose(kind.moments(self.at)), x[..., n:])
+        if not absent(along):
+            driven = times(transpose(self.D), along)
+            f, m = f + driven[..., :3], m + driven[..., 3:] - cross(self.at.p_child, driven[..., :3])
+        across = m + cross(self.at.p_child - self.at.p_parent, f) if self.at.slides else m
+        return [(self.child, joint.child_frame, f, m), (self.parent, joint.parent_frame, -f, -across)]
 
 
 class Loops:
@@ -260,23 +298,6 @@ class Closed:
             joined[..., self.loops.lay.columns[cut.at.joint.name]] = of_cut(cut)
         return joined
 
-    def accelerations(self, ydd: Array, w: Array, V: Array, A: Array) -> Array:
-        """Second derivatives of the tree's coordinates, eq. (48). Shape (..., n_q).
-
-        Args:
-            w, V, A: Rates, twists, and `bias_screws`.
-        """
-        above, given = list[Array](), ydd + 0.0
-        for cut in self.cuts:
-            above.append(-cut.bias(V, A))
-        for _, j, curvature in self.loops.couplings.derivatives(self.q, 2):
-            above.append(np.asarray(0.0 * w[..., 0] if j is None else curvature * w[..., j] * w[..., j])[..., None])
-        for k, column in enumerate(self.loops.y_columns):
-            if column in self.loops.owner:
-                j, i = self.loops.owner[column]
-                given[..., k] = given[..., k] - self.cuts[j].accelerations(V, A)[..., i]
-        return self.solve(given, join(*above) if above else None)
-
 
 class Motion(Closed):
     """Velocities and accelerations at a closed pose; each is computed on first access.
@@ -327,19 +348,46 @@ class Motion(Closed):
         return np.stack([self.joint_rates(w, V) for w, V in zip(rates, self.partial, strict=True)], axis=-1)
 
     @cached_property
-    def bias(self) -> Array:
-        """Acceleration screws of the bodies without joint accelerations. Shape (..., b, 6)."""
-        return bias_screws(self.pose, self.w, self.V)
+    def bias(self) -> Accelerations:
+        """Accelerations of the bodies without second derivatives, ``w^T S_L w`` of eqs. (42)-(44), (48)."""
+        return outward(self.pose, self.w, 0.0 * self.w)
+
+    def accelerations(self, ydd: Array) -> Array:
+        """Second derivatives of the tree's coordinates from those of the independent ones, eq. (48). (..., n_q)."""
+        above, given, w = list[Array](), ydd + 0.0, self.w
+        for cut in self.cuts:
+            above.append(-cut.bias(self.V, self.bias))
+        for _, j, curvature in self.loops.couplings.derivatives(self.q, 2):
+            above.append(np.asarray(0.0 * w[..., 0] if j is None else curvature * w[..., j] * w[..., j])[..., None])
+        for k, column in enumerate(self.loops.y_columns):
+            if column in self.loops.owner:
+                j, i = self.loops.owner[column]
+                given[..., k] = given[..., k] - self.cuts[j].accelerations(self.V, self.bias)[..., i]
+        return self.solve(given, join(*above) if above else None)
 
     @cached_property
     def beta(self) -> Array:
         """Second derivatives of the tree's coordinates, eq. (48). Shape (..., n_q)."""
-        return self.accelerations(self.ydd, self.w, self.V, self.bias)
+        return self.accelerations(self.ydd)
 
     @cached_property
+    def moved(self) -> Accelerations:
+        """Accelerations of the bodies, eq. (44)."""
+        return outward(self.pose, self.w, self.beta)
+
+    @property
+    def body_angular_acceleration(self) -> Array:
+        """Angular accelerations of the moving bodies in the world. Shape (..., b - 1, 3)."""
+        return self.pose.to_world(self.moved.bodies.turning.b, MOVING)
+
+    @property
     def A(self) -> Array:
-        """Acceleration screws of the bodies, eq. (44). Shape (..., b, 6)."""
-        return self.bias + twists(self.pose, self.beta)
+        """Acceleration screws of the bodies at O, as eq. (44) has them. Shape (..., b, 6)."""
+        (V, p), b = (x[..., MOVING, :] for x in (self.V, self.pose.p)), self.body_angular_acceleration
+        a = self.pose.to_world(self.moved.bodies.a, MOVING)
+        A = 0.0 * self.V
+        A[..., MOVING, :] = join(b, a - cross(b, p) - cross(V[..., :3], velocity_at(V, p)))
+        return A
 
     @property
     def com(self) -> Array:
@@ -349,7 +397,7 @@ class Motion(Closed):
     @cached_property
     def com_acceleration(self) -> Array:
         """Accelerations of the centres of mass, eq. (50). Shape (..., b - 1, 3)."""
-        return acceleration_at(self.V[..., 1:, :], self.A[..., 1:, :], self.com)
+        return self.pose.to_world(self.moved.of_com, MOVING)
 
     @cached_property
     def joint_position(self) -> Array:
@@ -369,11 +417,11 @@ class Motion(Closed):
     @cached_property
     def joint_acceleration(self) -> Array:
         """Second derivatives of the coordinates of all joints. Shape (..., n_q)."""
-        return self.accelerations_of_joints(self.beta, self.A)
+        return self.accelerations_of_joints(self.beta, self.moved)
 
-    def accelerations_of_joints(self, beta: Array, A: Array) -> Array:
-        """Accelerations of all joints from those of the tree and of the bodies (screws). (..., n_q), (..., b, 6)."""
-        return self._with_cuts(beta, lambda cut: cut.accelerations(self.V, A))
+    def accelerations_of_joints(self, beta: Array, moved: Accelerations) -> Array:
+        """Second derivatives of all coordinates from those of the tree and the bodies' accelerations. (..., n_q)."""
+        return self._with_cuts(beta, lambda cut: cut.accelerations(self.V, moved))
 
     @cached_property
     def screws(self) -> Array:

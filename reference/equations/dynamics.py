@@ -15,18 +15,14 @@ import numpy as np
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.equations.applied_forces import Exerted, exerted
 from screwgauge.reference.equations.closure import Loops, Motion
-from screwgauge.reference.equations.joint_types import forbidden_twists, reaction_names
-from screwgauge.reference.equations.kinematics import Coordinates, forces_along, transmitted, zeros
+from screwgauge.reference.equations.joint_types import reaction_components, reaction_names
+from screwgauge.reference.equations.kinematics import Coordinates, zeros
 from screwgauge.reference.equations.ops import Ops, System, absent
+from screwgauge.reference.equations.recursion import at_origin, inward, on_child, wrench
 from screwgauge.reference.equations.screws import (
     Array,
-    acceleration_at,
-    couple,
-    force,
-    gyroscopic,
     join,
     power,
-    powers,
     scale,
     stack,
     times,
@@ -63,27 +59,10 @@ class Dynamics(Motion):
         super().__init__(loops, at, yd, ydd, folds, ops)
         self.applied = applied
 
-    def inertia(self, V: Array, A: Array, g: Array | None = None) -> Array:
-        """Wrenches that bodies need for a motion and against gravity, eqs. (51)-(55). Shape (..., b, 6).
-
-        Args:
-            V, A: Twists and acceleration screws of the bodies. Shape (..., b, 6).
-            g: Gravity, if it is not what is applied [m/s^2]. Shape (3,).
-        """
-        g = self.applied.g if g is None else g
-        R, V, A, mechanism = self.pose.R[..., 1:, :, :], V[..., 1:, :], A[..., 1:, :], self.mechanism
-        J = np.array([body.inertia for body in mechanism.bodies])
-        F = mechanism.masses[:, None] * (acceleration_at(V, A, self.com) - g)
-        w, beta = (times(transpose(R), X[..., :3]) for X in (V, A))  # in the axes of the body, eq. (52)
-        T = times(R, times(J, beta) + gyroscopic(J, w))
-        wrench = zeros(F[..., 0], F.shape[-2] + 1, 6)
-        wrench[..., 1:, :] = force(F, self.com) + couple(T)
-        return wrench
-
     @cached_property
     def required(self) -> Array:
-        """Wrenches that bodies need for this motion and against gravity, eqs. (51)-(55). Shape (..., b, 6)."""
-        return self.inertia(self.V, self.A)
+        """Wrenches that bodies need for this motion, see `Accelerations.needs`. Shape (..., b, 6)."""
+        return self.moved.needs(self.applied.g)
 
     @cached_property
     def exerted(self) -> Exerted:
@@ -103,9 +82,9 @@ class Dynamics(Motion):
         """Forces along the tree that actuators and constraints have to make up. Shape (..., n).
 
         Args:
-            need: Wrenches that bodies need for their motion. Shape (..., b, 6).
+            need: Wrenches that bodies need for their motion, see `required`. Shape (..., b, 6).
         """
-        along = forces_along(self.pose, need - self.exerted.wrenches)
+        along = inward(self.pose, need - self.exerted.wrenches)[0]
         return along[..., self.loops.columns] - self.along_tree(self.exerted.along)
 
     @cached_property
@@ -191,14 +170,17 @@ class Dynamics(Motion):
 
     def reactions(self, f: Array, *, idle: bool = False) -> Array:
         """Reactions under given actuator forces. Shape (..., n_act) -> (..., r). `idle`: where nothing else acts."""
-        return self.components(*self.constraint_forces(f, idle=idle))
+        return self.constraint_forces(f, idle=idle)[0]
 
-    def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[dict[str, Array], Array]:
-        """Wrenches of all joints, see `transmitted`, and forces along the rows of M.
+    def constraint_forces(self, f: Array, *, idle: bool = False) -> tuple[Array, Array, Array]:
+        """Reaction components, forces along the tree that joints transmit, and forces along the rows of M.
 
-        These are the unknowns of eq. (57): ``M^T x = tau`` gives the forces at cut joints, and what is then transmitted
-        all others. Where constraints are redundant, of all answers that of smallest norm, moments over the length of
-        the mechanism.
+        The last are the unknowns of eq. (57): ``M^T x = tau`` gives the forces at cut joints, and what is then
+        transmitted all others. Where constraints are redundant, of all answers that of smallest norm, moments over the
+        length of the mechanism.
+
+        Returns:
+            Shapes (..., r), (..., n_q), (..., m).
         """
         along = self.along_joints(f)
         tau, need = -self.along_tree(along), 0.0 * self.required
@@ -207,23 +189,20 @@ class Dynamics(Motion):
         x = self.system.solve_transposed(tau)
         if null := self._redundant:
             N = np.stack(np.broadcast_arrays(*(scaled for _, scaled in null)), axis=-2)
-            preload = times(N, self.components(self.transmitted(x, need, along), x) / self._arms)
+            preload = times(N, self.transmitted(x, need, along)[0] / self._arms)
             share = self.ops.square(N @ transpose(N)).solve(preload)
             x = x - sum(scale(share[..., i], row) for i, (row, _) in enumerate(null))
-        return self.transmitted(x, need, along), x
+        return *self.transmitted(x, need, along), x
 
     @cached_property
     def imbalance(self) -> Array:
         """Residual of the balance along the coordinates of the tree. Shape (..., n)."""
-        wrenches, x = self.constraint_forces(self.actuator_force)
-        residual = self.exerted.along + self.along_joints(self.actuator_force)
+        _, transmitted, x = self.constraint_forces(self.actuator_force)
+        residual = self.exerted.along + self.along_joints(self.actuator_force) - transmitted
         for row, (i, of, slope) in enumerate(self.loops.couplings.derivatives(self.q, 1), self.loops.ends[-1]):
             residual[..., i] = residual[..., i] + x[..., row]
             if of is not None:
                 residual[..., of] = residual[..., of] - slope * x[..., row]
-        for edge in self.loops.lay.edges:
-            for c in self.loops.lay.columns[edge.joint.name]:
-                residual[..., c] = residual[..., c] - power(wrenches[edge.joint.name], self.pose.S[..., c, :])
         return residual[..., self.loops.columns]
 
     @cached_property
@@ -238,40 +217,31 @@ class Dynamics(Motion):
         null = self.system.null()
         nothing, rest = 0.0 * self.required, zeros(self.q, self.q.shape[-1])
         rows = [null[..., i, :] for i in range(null.shape[-2])]
-        return [(x, self.components(self.transmitted(x, nothing, rest), x) / self._arms) for x in rows]
+        return [(x, self.transmitted(x, nothing, rest)[0] / self._arms) for x in rows]
 
-    def transmitted(self, x: Array, need: Array, along: Array) -> dict[str, Array]:
-        """Wrench of parent on child of every joint, its own drive included. Joint -> shape (..., 6).
+    def transmitted(self, x: Array, need: Array, along: Array) -> tuple[Array, Array]:
+        """Reaction components of all joints, and forces along the tree, drives included. Shapes (..., r), (..., n_q).
+
+        Components are powers on the twists that joints forbid, and forces of couplings.
 
         Args:
             x: Forces along the rows of M. Shape (..., m).
-            need, along: Wrenches that bodies need, and forces along all coordinates. Shapes (..., b, 6), (..., n_q).
+            need: Wrenches that joints have to exert on the bodies, see `required`. Shape (..., b, 6).
+            along: Forces along all coordinates. Shape (..., n_q).
         """
-        loops, total, wrenches = self.loops, need + 0.0 * x[..., :1, None], dict[str, Array]()
+        loops, pose, total = self.loops, self.pose, need + 0.0 * x[..., :1, None]
+        parts = dict[str, Array]()
         for j, cut in enumerate(self.cuts):
-            W = times(transpose(cut.W), x[..., loops.ends[j] : loops.ends[j + 1]])
-            columns = loops.lay.columns[cut.at.joint.name]
-            if not absent(along[..., columns]):
-                W = W + times(transpose(cut.D), along[..., columns])
-            total[..., cut.child, :] = total[..., cut.child, :] - W
-            total[..., cut.parent, :] = total[..., cut.parent, :] + W
-            wrenches[cut.at.joint.name] = W
-        return wrenches | transmitted(loops.lay, total)
-
-    def components(self, wrenches: Mapping[str, Array], x: Array) -> Array:
-        """Reaction components: powers on the twists that joints forbid, and forces of couplings. Shape (..., r)."""
-        parts = [
-            x[..., self._rows_of[joint.name]]
-            if joint.name in self._rows_of
-            else powers(wrenches[joint.name][..., None, :], forbidden_twists(self.pose.joint(joint)))[..., 0, :]
-            for joint in by_role(self.mechanism.joints)
-        ]
-        return join(*parts, x[..., self.loops.ends[-1] : self.loops.given.start])
-
-    @cached_property
-    def _rows_of(self) -> dict[str, slice]:
-        ends = self.loops.ends
-        return {joint.name: slice(ends[j], ends[j + 1]) for j, joint in enumerate(self.loops.cuts)}
+            name = cut.at.joint.name
+            parts[name] = x[..., loops.ends[j] : loops.ends[j + 1]]
+            for body, frame, f, m in cut.wrenches(parts[name], along[..., loops.lay.columns[name]]):
+                total[..., body, :] = total[..., body, :] - wrench(pose, body, frame.p, f, m)
+        tree, wrenches = inward(pose, total)
+        for way in pose.ways:
+            name = way.step.edge.joint.name
+            parts[name] = reaction_components(on_child(pose, way), *wrenches[name])
+        components = join(*(parts[joint.name] for joint in by_role(self.mechanism.joints)))
+        return join(components, x[..., loops.ends[-1] : loops.given.start]), tree
 
     def open_tree_force(self, shares: Array) -> Array:
         """Forces along all coordinates that inertia and gravity ask of an open tree. Shape (..., n_q).
@@ -279,7 +249,10 @@ class Dynamics(Motion):
         Args:
             shares: How much of each body is carried by each coordinate, with its sign. Shape (b - 1, n_q).
         """
-        return np.asarray(power(transpose(shares) @ self.required[..., 1:, :], self.screws))
+        along, elsewhere = inward(self.pose, self.required)[0], shares - self.loops.lay.path[1:]
+        if elsewhere.any():
+            along = along + power(transpose(elsewhere) @ at_origin(self.pose, self.required)[..., 1:, :], self.screws)
+        return along
 
 
 QUANTITIES: Mapping[str, Any] = {
@@ -287,7 +260,7 @@ QUANTITIES: Mapping[str, Any] = {
     "joint_velocity": lambda at: at.joint_velocity,
     "joint_acceleration": lambda at: at.joint_acceleration,
     "body_angular_velocity": lambda at: _flat(at.V[..., 1:, :3]),
-    "body_angular_acceleration": lambda at: _flat(at.A[..., 1:, :3]),
+    "body_angular_acceleration": lambda at: _flat(at.body_angular_acceleration),
     "com_acceleration": lambda at: _flat(at.com_acceleration),
     "generalized_force": lambda at: at.generalized_force,
     "actuator_force": lambda at: at.actuator_force,

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.equations.applied_forces import load_wrench, motor_force, stretch, stretch_rate
+from screwgauge.reference.equations.applied_forces import load_power, motor_force, stretch, stretch_rate
 from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.joint_types import constraint_wrenches, dual_wrenches, reaction_names
-from screwgauge.reference.equations.kinematics import TreePose, twists, zeros
+from screwgauge.reference.equations.kinematics import TreePose, zeros
 from screwgauge.reference.equations.ops import System
-from screwgauge.reference.equations.screws import Array, cross, dot, join, power, times, transpose, velocity_at
+from screwgauge.reference.equations.recursion import at_origin, outward
+from screwgauge.reference.equations.screws import Array, cross, dot, join, times, transpose, velocity_at
 from screwgauge.reference.mechanism import GROUND, Joint, by_role
 from screwgauge.reference.rotations import across_direction
 
@@ -58,8 +59,8 @@ class Forward(Dynamics):
     @cached_property
     def response(self) -> Array:
         """Second derivatives of the independent coordinates under all forces, ``M^-1 (Q - h)``. Shape (..., k)."""
-        still = self.accelerations(0.0 * self.yd, self.w, self.V, self.bias)
-        tau = self.demand(self.inertia(self.V, self.bias + twists(self.pose, still)))
+        moved = outward(self.pose, self.w, self.accelerations(0.0 * self.yd))
+        tau = self.demand(moved.needs(self.applied.g))
         return self._masses.solve(-self.virtual_power(tau) / self._sizes) / self._sizes
 
     @cached_property
@@ -84,10 +85,7 @@ class Forward(Dynamics):
     @property
     def kinetic_energy(self) -> Any:
         """Half the momenta of the bodies times their velocities [J]. Shape (...)."""
-        V, mechanism = self.V[..., 1:, :], self.mechanism
-        v, w = velocity_at(V, self.com), times(transpose(self.pose.R[..., 1:, :, :]), V[..., :3])
-        momenta = mechanism.masses * dot(v, v) + dot(w, times(np.array([body.inertia for body in mechanism.bodies]), w))
-        return 0.5 * momenta.sum(-1)
+        return 0.5 * dot(self.yd, times(self.inertia_matrix, self.yd))
 
     @property
     def potential_energy(self) -> Any:
@@ -106,11 +104,10 @@ class Forward(Dynamics):
     @property
     def input_power(self) -> Any:
         """Power of motors, given forces, loads and dampers, which store no energy [W]. Shape (...)."""
-        mechanism, total = self.mechanism, 0.0 * self.yd[..., 0]
-        index = mechanism.body_index
+        total = 0.0 * self.yd[..., 0]
         for load in self.applied.loads:
             if load.body != GROUND:
-                total = total + power(load_wrench(self, load), self.V[..., index[load.body], :])
+                total = total + load_power(self, load)
         for motor in self.applied.motors:
             total = total + motor_force(self, motor) * self.joint_rate(motor.coordinate)
         for spring in self.applied.springs:
@@ -156,7 +153,7 @@ def exerted_wrenches(at: Dynamics) -> Array:
     """Wrenches of all applied forces on the bodies, those along joints included. Shape (n, b, 6)."""
     driven = np.flatnonzero(at.exerted.along.any(axis=0)).tolist()
     along = np.einsum("ni,nibx->nbx", at.exerted.along, joint_wrenches(at.pose, at.screws, driven))
-    return np.asarray(at.exerted.wrenches + along)
+    return np.asarray(at_origin(at.pose, at.exerted.wrenches) + along)
 
 
 def force_matrix(at: TreePose, q: Array, S: Array) -> Array:
@@ -254,7 +251,7 @@ class NewtonEuler:
     @property
     def need(self) -> Array:
         """Wrenches that joints and actuators must exert on the bodies, see `balances`. Shape (n, 6 (b - 1))."""
-        return balances(self.at.com, self.at.required - exerted_wrenches(self.at))
+        return balances(self.at.com, at_origin(self.at.pose, self.at.required) - exerted_wrenches(self.at))
 
     def response(self) -> tuple[Array, Array]:
         """Accelerations of all joint coordinates and all reactions, from the balance of every body and the closure of
@@ -268,10 +265,10 @@ class NewtonEuler:
         """
         at, loops, m = self.at, self.at.loops, len(self.names)
         c, G = self.c[..., :m], at.system.A[:, : loops.given.start]
-        still = at.accelerations(0.0 * at.yd, at.w, at.V, at.bias)
-        need = at.inertia(at.V, at.bias + twists(at.pose, still)) - exerted_wrenches(at)
-        unit = np.einsum("bi,nix->inbx", at.loops.lay.path, at.pose.S)[loops.columns]
-        D = balances(at.com, at.inertia(0.0 * unit, unit, np.zeros(3))).transpose(1, 2, 0) * loops.size
+        still = at.accelerations(0.0 * at.yd)
+        need = self._needs(at.w, still, at.applied.g) - exerted_wrenches(at)
+        unit = np.eye(at.q.shape[-1])[loops.columns, None]
+        D = balances(at.com, self._needs(0.0 * unit, unit, np.zeros(3))).transpose(1, 2, 0) * loops.size
         system = np.block([[D, -c], [G, np.zeros((*G.shape[:2], m))]])
         right = np.concatenate([-balances(at.com, need), np.zeros(G.shape[:2])], axis=1)
         # equal sizes of the columns, whose units differ; what stays far below is redundancy
@@ -280,4 +277,9 @@ class NewtonEuler:
         unknown = (np.linalg.pinv(system / size, rcond=1e-12) @ right[..., None] / transpose(size))[..., 0]
         beta, k = still.copy(), len(loops.columns)
         beta[:, loops.columns] += unknown[:, :k] * loops.size
-        return at.accelerations_of_joints(beta, at.bias + twists(at.pose, beta)), unknown[:, k:]
+        return at.accelerations_of_joints(beta, outward(at.pose, at.w, beta)), unknown[:, k:]
+
+    def _needs(self, w: Array, beta: Array, g: Array) -> Array:
+        """Wrenches about O that bodies need for rates and accelerations of the tree. (..., n_q) -> (..., b, 6)."""
+        pose = self.at.pose
+        return at_origin(pose, outward(pose, w, beta).needs(g))

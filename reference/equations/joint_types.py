@@ -23,8 +23,6 @@ from screwgauge.reference.equations.screws import (
     dot,
     force,
     join,
-    prismatic,
-    revolute,
     scale,
     stack,
     times,
@@ -39,13 +37,18 @@ Value = tuple[Any, Any]
 
 @dataclass(frozen=True, eq=False)
 class JointPose:
-    """World frames of a joint on its parent and on its child. Shapes (..., 3, 3), (..., 3)."""
+    """Frames of a joint on its parent and on its child, in the world. Shapes (..., 3, 3), (..., 3).
+
+    Attributes:
+        world: Orientation in the world of the axes in which these are, if they are not those of the world.
+    """
 
     joint: Joint
     R_parent: Array
     p_parent: Array
     R_child: Array
     p_child: Array
+    world: Array | None = None
 
     @cached_property
     def type(self) -> JointType:
@@ -94,7 +97,7 @@ def _none(at: JointPose) -> Array:
 
 
 def _world(at: JointPose) -> Array:
-    return _unit(at.joint.axes.dtype)
+    return _unit(at.joint.axes.dtype) if at.world is None else at.world
 
 
 @lru_cache
@@ -251,9 +254,9 @@ def constraint_wrenches(at: JointPose) -> Array:
     return stack(force(at.type.forces(at), at.p_child[..., None, :]), couple(at.type.moments(at)))
 
 
-def forbidden_twists(at: JointPose) -> Array:
-    """The unit twists of the child that these forbid; powers on them are reaction components. Shape (..., m, 6)."""
-    return stack(prismatic(at.type.forces(at)), revolute(at.type.moments(at), at.p_child[..., None, :]))
+def reaction_components(at: JointPose, f: Array, m: Array) -> Array:
+    """Reaction components: parts of a force and of a moment about the joint's point of the child. Shape (..., m)."""
+    return join(times(at.type.forces(at), f), times(at.type.moments(at), m))
 
 
 def closure_residual(at: JointPose) -> Array:

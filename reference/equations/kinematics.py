@@ -8,17 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from screwgauge.reference.equations.joint_types import JointPose, Value, placed, unplaced
+from screwgauge.reference.equations.joint_types import JointPose, Value, placed
 from screwgauge.reference.equations.ops import NUMPY, Ops
-from screwgauge.reference.equations.screws import lie_bracket, power, rotation, scale, times, unit_screws
+from screwgauge.reference.equations.screws import lie_bracket, rotation, scale, times, transpose, unit_screws
 from screwgauge.reference.graph import Edge, Layout
-from screwgauge.reference.mechanism import Joint, Mechanism
+from screwgauge.reference.mechanism import Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, vee, widest
 
 Freedoms = Sequence[tuple[bool, Array]]
@@ -62,17 +62,89 @@ def walk(lay: Layout) -> list[Step]:
         index = lay.mechanism.body_index
         lay.kept["walk"] = [
             Step(
-                e,
-                index[e.near],
-                index[e.far],
-                lay.columns[e.joint.name],
-                -1.0 if e.reverse else 1.0,
-                e.joint.freedoms,
+                e, index[e.near], index[e.far], lay.columns[e.joint.name], -1.0 if e.reverse else 1.0, e.joint.freedoms
             )
             for e in lay.edges
         ]
     steps: list[Step] = lay.kept["walk"]
     return steps
+
+
+class Crossing(NamedTuple):
+    """The way from one frame to the next, which is fixed to it or moves by one freedom.
+
+    Attributes:
+        R: Orientation of the next frame in this one; None where they are parallel.
+        p: Origin of the next frame that is fixed to this one; None where it moves or is the same.
+        axis: Axis of the freedom, in both frames.
+        travel: Along that axis; None for a rotation.
+        column, sign: Coordinate, and -1 where it counts from the next frame to this one.
+    """
+
+    R: Array | None
+    p: Array | None = None
+    axis: Array | None = None
+    travel: Any = None
+    column: int = -1
+    sign: float = 1.0
+
+    @property
+    def arm(self) -> Array | None:
+        """From the origin of this frame to that of the next; None where they are the same. Shape (..., 3)."""
+        return self.p if self.travel is None or self.axis is None else scale(self.travel, self.axis)
+
+
+class Way(NamedTuple):
+    """An edge of the tree, frame by frame: to the joint, across its freedoms, and on to the far body."""
+
+    step: Step
+    start: Sequence[Crossing]
+    freedoms: Sequence[Crossing]
+    end: Sequence[Crossing]
+
+
+def ways(lay: Layout, at: Coordinates) -> list[Way]:
+    """The edges of the tree from ground outward."""
+    found = list[Way]()
+    for step in walk(lay):
+        (_, near), (_, far) = step.edge.joint.sides[::-1] if step.edge.reverse else step.edge.joint.sides
+        freedoms = crossings(step.freedoms, step.columns, joint_values(step.freedoms, step.columns, at), step.sign)
+        found.append(Way(step, fixed(near, leave=False), freedoms, fixed(far, leave=True)))
+    return found
+
+
+def crossings(freedoms: Freedoms, columns: Sequence[int], values: Sequence[Value], sign: float = 1.0) -> list[Crossing]:
+    """The freedoms of a joint in order, the last first if it is entered from its child."""
+    found = list[Crossing]()
+    for column, (turns, axis), (value, cosine) in zip(columns, freedoms, values, strict=True):
+        value = sign * value
+        R, travel = (rotation(axis, value, cosine), None) if turns else (None, value)
+        found.append(Crossing(R, None, axis, travel, column, sign))
+    return found if sign > 0.0 else found[::-1]
+
+
+@lru_cache(maxsize=4096)
+def fixed(frame: Frame, *, leave: bool) -> tuple[Crossing, ...]:
+    """From a body to a frame that is fixed in it, or back; nothing where they are the same."""
+    R, p = (frame.R.T, -frame.p) if leave else (frame.R, frame.p)
+    turn = () if np.array_equal(R, np.eye(3)) else (Crossing(R),)
+    shift = (Crossing(None, p),) if p.any() else ()
+    return (*turn, *shift) if leave else (*shift, *turn)
+
+
+def traverse(way: Sequence[Crossing], R: Array, p: Array) -> tuple[list[tuple[Array, Array]], Array, Array]:
+    """Frames of known orientation and origin: directions and points of the axes, eqs. (18)-(20), the end, eq. (24)."""
+    lines = list[tuple[Array, Array]]()
+    for crossing in way:
+        if crossing.axis is not None:
+            lines.append((times(R, crossing.axis), p))
+        if crossing.travel is not None:
+            p = p + scale(crossing.travel, lines[-1][0])
+        elif crossing.p is not None:
+            p = p + times(R, crossing.p)
+        if crossing.R is not None:
+            R = R @ crossing.R
+    return lines, R, p
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,18 +155,28 @@ class TreePose:
         R, p: Orientation and origin of each body. Shapes (..., b, 3, 3), (..., b, 3).
         S: Unit screws of the tree's coordinates, eq. (5), child relative to parent; zero for those of cut joints.
             Shape (..., n_q, 6).
+        ways: Edges of the tree.
     """
 
     lay: Layout
     R: Array
     p: Array
     S: Array
+    ways: list[Way]
 
     @cached_property
     def com(self) -> Array:
         """Centres of mass of the moving bodies. Shape (..., b - 1, 3)."""
         local = np.array([body.com for body in self.lay.mechanism.bodies])
         return self.p[..., 1:, :] + times(self.R[..., 1:, :, :], local)
+
+    def to_world(self, v: Array, body: int | slice) -> Array:
+        """Vectors in the axes of a body, or of several, in those of the world. Shape (..., 3)."""
+        return times(self.R[..., body, :, :], v)
+
+    def to_body(self, v: Array, body: int | slice) -> Array:
+        """Vectors of the world in the axes of a body, or of several. Shape (..., 3)."""
+        return times(transpose(self.R[..., body, :, :]), v)
 
     def joint(self, joint: Joint) -> JointPose:
         """The frames of a joint on its two bodies."""
@@ -118,53 +200,29 @@ def joint_values(freedoms: Freedoms, columns: Sequence[int], at: Coordinates) ->
     ]
 
 
-def joint_axes(
-    freedoms: Freedoms, R: Array, p: Array, values: Sequence[Value], *, reverse: bool = False
-) -> tuple[list[Array], list[Array], Array, Array]:
-    """Directions and points of the axes of a joint's freedoms, eqs. (18)-(20), and its frame beyond them, eq. (24).
+def joint_screws(joint: Joint, R: Array, p: Array, values: Sequence[Value]) -> tuple[Array, Array, Array]:
+    """Unit screws of a joint's freedoms, eqs. (18)-(20), shape (..., f, 6), and its frame beyond them, eq. (24).
 
     Args:
-        R, p: Its frame on the side from which it is entered.
+        R, p: Its frame on the parent.
         values: Of each freedom.
-        reverse: Whether it is entered from its child.
     """
-    directions, points, steps = list[Array](), list[Array](), [*zip(freedoms, values, strict=True)]
-    for (turns, axis), (value, cosine) in steps[::-1] if reverse else steps:
-        e, value = times(R, axis), -value if reverse else value
-        directions.append(e)
-        points.append(p)
-        if turns:
-            R = R @ rotation(axis, value, cosine)
-        else:
-            p = p + scale(value, e)
-    order = -1 if reverse else 1
-    return directions[::order], points[::order], R, p
-
-
-def joint_screws(joint: Joint, R: Array, p: Array, values: Sequence[Value]) -> tuple[Array, Array, Array]:
-    """Unit screws of a joint's freedoms, eqs. (18)-(20), shape (..., f, 6), and its frame beyond, see `joint_axes`."""
-    directions, points, R_end, p_end = joint_axes(joint.freedoms, R, p, values)
-    turns = np.array([turns for turns, _ in joint.freedoms])
-    lines = (np.stack(np.broadcast_arrays(*vectors), axis=-2) for vectors in (directions, points))
-    return unit_screws(turns, *lines), R_end, p_end
+    lines, R_end, p_end = traverse(crossings(joint.freedoms, range(len(values)), values), R, p)
+    directions, points = (np.stack(np.broadcast_arrays(*vectors), axis=-2) for vectors in zip(*lines, strict=True))
+    return unit_screws(np.array([turns for turns, _ in joint.freedoms]), directions, points), R_end, p_end
 
 
 def tree_pose(lay: Layout, at: Coordinates) -> TreePose:
     """The pose of all bodies by the joints of the tree, eq. (24)."""
-    n = len(lay.mechanism.body_index)
-    R, p = zeros(at.q, n, 3, 3), zeros(at.q, n, 3)
-    e, r = zeros(at.q, at.q.shape[-1], 3), zeros(at.q, at.q.shape[-1], 3)
+    n, m, found = len(lay.mechanism.body_index), at.q.shape[-1], ways(lay, at)
+    R, p, e, r = zeros(at.q, n, 3, 3), zeros(at.q, n, 3), zeros(at.q, m, 3), zeros(at.q, m, 3)
     R[..., 0, :, :] = np.eye(3)
-    for edge, near, far, columns, _, freedoms in walk(lay):
-        joint = edge.joint
-        (_, start), (_, end) = joint.sides[::-1] if edge.reverse else joint.sides
-        values = joint_values(freedoms, columns, at)
-        entered = placed(R[..., near, :, :], p[..., near, :], start)
-        directions, points, R_end, p_end = joint_axes(freedoms, *entered, values, reverse=edge.reverse)
-        for c, direction, point in zip(columns, directions, points, strict=True):
-            e[..., c, :], r[..., c, :] = direction, point
-        R[..., far, :, :], p[..., far, :] = unplaced(R_end, p_end, end)
-    return TreePose(lay, R, p, unit_screws(lay.turns, e, r))
+    for step, start, freedoms, end in found:
+        here = R[..., step.near, :, :], p[..., step.near, :]
+        lines, R[..., step.far, :, :], p[..., step.far, :] = traverse([*start, *freedoms, *end], *here)
+        for crossing, (direction, place) in zip(freedoms, lines, strict=True):
+            e[..., crossing.column, :], r[..., crossing.column, :] = direction, place
+    return TreePose(lay, R, p, unit_screws(lay.turns, e, r), found)
 
 
 def twists(at: TreePose, w: Array) -> Array:
@@ -179,24 +237,8 @@ def twists(at: TreePose, w: Array) -> Array:
     return V
 
 
-def bias_screws(at: TreePose, w: Array, V: Array) -> Array:
-    """Acceleration screws of the bodies without joint accelerations, ``w^T S_L w`` of eqs. (42)-(44), (48).
-
-    The sum over i < j of [S_i w_i, S_j w_j] is the sum over j of [V before j, S_j w_j].
-
-    Returns:
-        Shape (..., b, 6).
-    """
-    A = zeros(w, V.shape[-2], 6)
-    for edge, near, far, columns, sign, _ in walk(at.lay):
-        terms = [scale(sign * w[..., c], at.S[..., c, :]) for c in columns]
-        bias = joint_bias(V[..., near, :], terms[::-1] if edge.reverse else terms)
-        A[..., far, :] = A[..., near, :] + bias
-    return A
-
-
 def joint_bias(V: Array, terms: Sequence[Array]) -> Any:
-    """The part of one joint in that sum, by eq. (37) for each freedom.
+    """Sum of the brackets of one joint's screws in eq. (44), by eq. (37) for each freedom.
 
     Args:
         V: Twist of the body before it. Shape (..., 6).
@@ -207,31 +249,6 @@ def joint_bias(V: Array, terms: Sequence[Array]) -> Any:
         bias = bias + lie_bracket(V, term)
         V = V + term
     return bias
-
-
-def transmitted(lay: Layout, wrenches: Array) -> dict[str, Array]:
-    """Wrench of parent on child that each joint of the tree transmits: the left sides of eqs. (53)-(55).
-
-    Args:
-        wrenches: What each body needs. Shape (..., b, 6).
-
-    Returns:
-        Joint -> shape (..., 6).
-    """
-    total, through = wrenches.copy(), dict[str, Array]()
-    for edge, near, far, _, sign, _ in reversed(walk(lay)):
-        through[edge.joint.name] = sign * total[..., far, :]
-        total[..., near, :] = total[..., near, :] + total[..., far, :]
-    return through
-
-
-def forces_along(at: TreePose, wrenches: Array) -> Array:
-    """Forces along the tree that give bodies these wrenches, by virtual power. (..., b, 6) -> (..., n_q)."""
-    tau = zeros(wrenches[..., 0], at.S.shape[-2])
-    for name, W in transmitted(at.lay, wrenches).items():
-        for c in at.lay.columns[name]:
-            tau[..., c] = power(W, at.S[..., c, :])
-    return tau
 
 
 def pose(lay: Layout, q: Array) -> TreePose:

@@ -8,11 +8,12 @@ from screwgauge.models.catalog import load_mechanism
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed_motion import motion_at
-from screwgauge.reference.equations.kinematics import forces_along
+from screwgauge.reference.equations import recursion
 from screwgauge.reference.graph import layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.study.bench.scheme import chains, platform_screws
+from support import at_origin
 
 SCENE = "3ups-upu-s"
 TABLE_2 = "3ups-upu-s-table2"  # the mechanism with the wrist angles of the paper's Table 2; the bodies move alike
@@ -61,12 +62,13 @@ class Case:
 
     def wrench(self, gravity: Array | None = None, *, loaded: bool = True, A: Array | None = None) -> Array:
         """What each body needs, by the case's gravity, loads and accelerations or others. Shape (n, b, 6)."""
-        need = self.at.inertia(self.at.V, self.A if A is None else A, gravity)
-        return need - self.at.exerted.wrenches if loaded else need
+        gravity = self.scene.applied.g if gravity is None else gravity
+        need = at_origin.inertia(self.at, self.at.V, self.A if A is None else A, gravity)
+        return need - recursion.at_origin(self.at.pose, self.at.exerted.wrenches) if loaded else need
 
     def generalized(self, need: Array) -> Array:
         """Generalised forces [N m]. Shape (n, 2)."""
-        return self.at.virtual_power(forces_along(self.at.pose, need)[:, self.at.loops.columns])
+        return self.at.virtual_power(at_origin.along_tree(self.at, need)[:, self.at.loops.columns])
 
     def driving(self, need: Array) -> Array:
         """Actuator forces of smallest norm [N]. Shape (n, 4)."""

@@ -13,6 +13,7 @@ from screwgauge.reference.equations import screws
 from screwgauge.reference.equations.kinematics import pose
 from screwgauge.reference.rotations import Array, rotation
 from screwgauge.study.bench.scheme import Chains, fixed_axes, subtracted
+from support import at_origin
 
 _X, _Y, _Z = np.eye(3)
 Bracket = Callable[[Array, Array], Array]
@@ -162,7 +163,7 @@ def point_acceleration(case: Case) -> list[Erratum]:
     V, A, com = case.at.V[:, 1:-1], case.A[:, 1:-1], case.at.com[:, :-1]
     exact = _second_difference(case)
     printed = Form("v_C = w x r_C", percent(acceleration_at(V, A, com), exact))
-    right = Form("v_C = v_O + w x r_C", percent(screws.acceleration_at(V, A, com), exact))
+    right = Form("v_C = v_O + w x r_C", percent(at_origin.acceleration_at(V, A, com), exact))
     return [Erratum(11, "E", "(49)", "centres of mass of the legs, error", printed, right, "%")]
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from screwgauge.models.formats import number_text, quaternion, rpy
 from screwgauge.reference import linear
 from screwgauge.reference.equations import screws
-from screwgauge.reference.equations.screws import couple, force, prismatic, revolute
+from screwgauge.reference.equations.screws import couple, force
 from screwgauge.reference.expressions import number, rotation_matrix
 from screwgauge.reference.linear import EPS, SINGULAR, condition
 from screwgauge.reference.rotations import (
@@ -19,3 +21,13 @@ from screwgauge.reference.rotations import (
     vee,
     within_half_turn,
 )
+
+
+def revolute(e: Array, r: Array) -> Array:
+    """Unit screw of a rotation about the axis e through the point r. Shape (6,)."""
+    return screws.unit_screws(np.array([True]), e[None], r[None])[0]
+
+
+def prismatic(e: Array) -> Array:
+    """Unit screw of a translation along e. Shape (6,)."""
+    return screws.unit_screws(np.array([False]), e[None], e[None])[0]

@@ -34,8 +34,9 @@ T = 0.3
 #: Roundings that the few hundred operations between a coordinate and a quantity add up to, over the condition number
 #: of what is solved; forces are sums of which parts cancel. Up to 40 are seen.
 ROUNDINGS = 100.0
-#: Bits of the balls that are the measure of all others.
-BITS = 200
+#: Bits of the balls that are the measure of all others. Turning a vector into the axes of a body and back makes balls
+#: wider, up to a thousandfold along eleven joints: 200 bits leave 32 digits of their reactions, 256 leave 49.
+BITS = 256
 #: Steps of Newton's method, each of which squares the rounding of a double, by which poses are open.
 STEPS: dict[Any, int] = {np.float32: 0, np.float64: 1, np.longdouble: 2, "arb": 3}
 

@@ -22,6 +22,7 @@ from screwgauge.reference.equations import dynamics as equations
 from screwgauge.reference.equations.closure import Loops
 from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.joint_types import reaction_names
+from screwgauge.reference.equations.recursion import at_origin
 from screwgauge.reference.equations.rounding import extent, gain
 from screwgauge.reference.equations.screws import force, power
 from screwgauge.reference.graph import Layout
@@ -141,7 +142,7 @@ class Work:
         """Largest force along a coordinate, as if weights, inertia and bodies did not cancel [N]. Shape (n,)."""
         weight = self.lay.mechanism.masses[:, None] * self.problem.applied.g
         need = at.required if self.problem.wanted <= _TREE else at.required - at.exerted.wrenches
-        sizes = np.abs(need[:, 1:]) + np.abs(force(np.broadcast_to(weight, at.com.shape), at.com))
+        sizes = np.abs(at_origin(at.pose, need)[:, 1:]) + np.abs(force(np.broadcast_to(weight, at.com.shape), at.com))
         along = power(np.abs(self.path).T @ sizes, np.abs(at.screws))
         return np.asarray((along * self.loops.sizes)[:, self.tree].max(axis=1) / self.loops.length)
 

@@ -1,0 +1,200 @@
+"""The recursion along the tree: accelerations of the bodies outward, forces inward (eqs. (36), (44), (49)-(55)).
+
+Accelerations and wrenches belong to the origin of each body and are written in its own axes, where centres of mass,
+axes and tensors are constants: of a program's operations folding removes most. Screws at O, as eq. (44) has them, give
+the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+
+from screwgauge.reference.equations.joint_types import JointPose
+from screwgauge.reference.equations.kinematics import Crossing, TreePose, Way, zeros
+from screwgauge.reference.equations.screws import Array, cross, dot, join, scale, times, transpose
+
+#: All bodies but the ground.
+MOVING = slice(1, None)
+
+
+@dataclass(frozen=True, eq=False)
+class Turning:
+    """Angular velocity and acceleration of frames that turn alike. Shape (..., 3)."""
+
+    w: Array
+    b: Array
+
+    @cached_property
+    def E(self) -> Array:
+        """``[b x] + [w x]^2``: points at r from each other accelerate by ``E r``, eq. (49). Shape (..., 3, 3)."""
+        E = np.empty((*self.b.shape, 3), dtype=self.b.dtype)
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            (x, y, z), b = (self.w[..., n] for n in (i, j, k)), self.b[..., k]
+            E[..., i, i], xy = -(y * y + z * z), x * y
+            E[..., i, j], E[..., j, i] = xy - b, xy + b
+        return E
+
+
+class FrameMotion(NamedTuple):
+    """How a frame turns, and acceleration of its origin. Shape (..., 3)."""
+
+    turning: Turning
+    a: Array
+
+    def at(self, r: Array) -> Array:
+        """Acceleration of a point of the frame, eqs. (29), (49). Shape (..., 3)."""
+        return np.asarray(self.a + times(self.turning.E, r))
+
+
+def out(crossing: Crossing, m: FrameMotion, w: Array, beta: Array) -> FrameMotion:
+    """Motion of the next frame; the vector product is the bracket of eq. (36), a term of eqs. (42), (43), (48).
+
+    Args:
+        w, beta: Rates and second derivatives of all coordinates. Shape (..., n_q).
+    """
+    arm = crossing.arm
+    turning, a = m.turning, m.a if arm is None else m.at(arm)
+    if crossing.R is not None:
+        back = transpose(crossing.R)
+        turning, a = Turning(times(back, turning.w), times(back, turning.b)), times(back, a)
+    if crossing.axis is not None:
+        rate, change = (scale(crossing.sign * x[..., crossing.column], crossing.axis) for x in (w, beta))
+        bracket = cross(turning.w, rate)
+        if crossing.travel is None:
+            turning = Turning(turning.w + rate, turning.b + bracket + change)
+        else:
+            a = a + 2.0 * bracket + change
+    return FrameMotion(turning, a)
+
+
+def back(crossing: Crossing, f: Array, m: Array, tau: Array) -> tuple[Array, Array]:
+    """Move force and moment from the origin of the next frame to that of this one; the freedom's part fills tau."""
+    if crossing.axis is not None:
+        tau[..., crossing.column] = crossing.sign * dot(crossing.axis, m if crossing.travel is None else f)
+    if crossing.R is not None:
+        f, m = times(crossing.R, f), times(crossing.R, m)
+    arm = crossing.arm
+    return f, m if arm is None else m + cross(arm, f)
+
+
+def outward(pose: TreePose, w: Array, beta: Array) -> Accelerations:
+    """Accelerations of all bodies, eqs. (38)-(44), from rates and second derivatives of the coordinates, (..., n_q)."""
+    rest = np.zeros(3, dtype=w.dtype)
+    each = [FrameMotion(Turning(rest, rest), rest)] * len(pose.lay.mechanism.body_index)
+    for step, start, *parts in pose.ways:
+        motion = each[step.near]
+        for crossing in chain(start if step.near else (), *parts):  # the ground rests
+            motion = out(crossing, motion, w, beta)
+        each[step.far] = motion
+    return Accelerations(pose, each)
+
+
+def inward(pose: TreePose, wrenches: Array) -> tuple[Array, dict[str, tuple[Array, Array]]]:
+    """Forces along the tree's coordinates that give the bodies wrenches, eqs. (53)-(55).
+
+    Args:
+        wrenches: About the origins of the bodies, in their axes. Shape (..., b, 6).
+
+    Returns:
+        Those forces, shape (..., n_q), and of each joint force and moment of parent on child in its frame of the child,
+        shape (..., 3).
+    """
+    total = [(W[..., :3], W[..., 3:]) for W in np.moveaxis(wrenches, -2, 0)]
+    tau, through = zeros(wrenches[..., 0], len(pose.lay.turns)), dict[str, tuple[Array, Array]]()
+    for step, start, freedoms, end in reversed(pose.ways):
+        f, m = total[step.far]
+        for crossing in end[::-1]:
+            f, m = back(crossing, f, m, tau)
+        through[step.edge.joint.name] = f, m
+        for crossing in freedoms[::-1]:
+            f, m = back(crossing, f, m, tau)
+        if step.edge.reverse:
+            through[step.edge.joint.name] = -f, -m
+        for crossing in start[::-1] if step.near else ():  # the ground needs no balance
+            f, m = back(crossing, f, m, tau)
+        total[step.near] = total[step.near][0] + f, total[step.near][1] + m
+    return tau, through
+
+
+def wrench(pose: TreePose, body: int, place: Array, force: Array, moment: Array) -> Array:
+    """Wrench about a body's origin in its axes, from force and moment in the world. Shape (..., 6).
+
+    Args:
+        place: Where the force acts, in body axes. Shape (3,).
+    """
+    f = pose.to_body(force, body)
+    return join(f, pose.to_body(moment, body) + cross(place, f))
+
+
+def at_origin(pose: TreePose, wrenches: Array) -> Array:
+    """Wrenches about O in the world, from those about the origins of the bodies in their axes. Shape (..., b, 6)."""
+    f, m = (pose.to_world(part, slice(None)) for part in (wrenches[..., :3], wrenches[..., 3:]))
+    return join(f, m + cross(pose.p, f))
+
+
+def on_child(pose: TreePose, way: Way) -> JointPose:
+    """A joint of the tree in the axes of its frame on the child."""
+    world = pose.joint(way.step.edge.joint)
+    eye, zero = np.eye(3, dtype=pose.lay.path.dtype), np.zeros(3)
+    R = reduce(np.matmul, (crossing.R for crossing in way.freedoms if crossing.R is not None), eye)
+    return JointPose(world.joint, R if way.step.edge.reverse else transpose(R), zero, eye, zero, world.R_child)
+
+
+@dataclass(frozen=True, eq=False)
+class Accelerations:
+    """Motion of all bodies in their own axes.
+
+    Attributes:
+        each: Ground first.
+    """
+
+    pose: TreePose
+    each: Sequence[FrameMotion]
+
+    @cached_property
+    def bodies(self) -> FrameMotion:
+        """All but the ground. Shape (..., b - 1, 3)."""
+        vectors = zip(*((one.turning.w, one.turning.b, one.a) for one in self.each[1:]), strict=True)
+        w, b, a = (np.stack(np.broadcast_arrays(*each), axis=-2) for each in vectors)
+        return FrameMotion(Turning(w, b), a)
+
+    @cached_property
+    def of_com(self) -> Array:
+        """Accelerations of the centres of mass. Shape (..., b - 1, 3)."""
+        return self.bodies.at(np.array([body.com for body in self.pose.lay.mechanism.bodies]))
+
+    def angular(self, body: int) -> Array:
+        """Angular acceleration of a body in the world. Shape (..., 3)."""
+        return self.pose.to_world(self.each[body].turning.b, body)
+
+    def linear(self, body: int, place: Array) -> Array:
+        """Acceleration in the world of the point at a place in the body. Shape (..., 3)."""
+        return self.pose.to_world(self.each[body].at(place), body)
+
+    def needs(self, g: Array) -> Array:
+        """Wrenches about their origins that bodies need for this motion and against gravity, eqs. (51)-(55).
+
+        Euler's equations, eq. (52), are in the second moments of mass P: ``J b + w x J w`` is the axial vector of
+        ``E P - (E P)^T``.
+
+        Returns:
+            Shape (..., b, 6).
+        """
+        mechanism = self.pose.lay.mechanism
+        f = mechanism.masses[:, None] * (self.of_com - self.pose.to_body(g, MOVING))
+        J, com = (
+            np.array([body.inertia for body in mechanism.bodies]),
+            np.array([body.com for body in mechanism.bodies]),
+        )
+        P = 0.5 * np.trace(J, axis1=1, axis2=2)[:, None, None] * np.eye(3, dtype=J.dtype) - J
+        EP = self.bodies.turning.E @ P
+        euler = np.stack([EP[..., j, i] - EP[..., i, j] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
+        needs = zeros(f[..., 0], f.shape[-2] + 1, 6)
+        needs[..., MOVING, :] = join(f, euler + cross(com, f))
+        return needs
