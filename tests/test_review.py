@@ -115,6 +115,15 @@ def test_rates_in_the_other_chart_of_a_joint_agree():
     assert len(review.columns) == 6
 
 
+@pytest.mark.parametrize("times", [[0.3], [0.1, 0.3]])
+def test_a_sign_is_told_from_few_samples_and_an_offset_is_not(times):
+    scene = scene_of("delta").at(times)
+    table = right(scene, "actuator_force")
+    negated, off = (screwgauge.review(printed(some, "actuator_force"), scene) for some in (-table, table + 0.5))
+    assert {*found_in(negated)} == {("sign", "")}
+    assert not any(column.faults for column in off.columns)
+
+
 def test_a_load_on_the_other_body_is_reversed():
     scene = scene_of("3ups-upu-s", 101)
     other = scene_of("3ups-upu-s-eq55", 101)

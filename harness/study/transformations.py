@@ -23,7 +23,8 @@ UNITS = {
     "N m": {"N mm": 1e3, "N cm": 1e2, "kN m": 1e-3, "kgf m": 1.0 / 9.80665, "N m per degree": np.pi / 180.0},
 }
 REACH, STEPS = 0.15, 122  # longest shift, a share of the motion; shifts and cut-offs that the coarse search tries
-HIGHEST, CUTS = 0.8, 24  # cut-off of a filter, a share of half the sampling rate
+LOWEST, HIGHEST, CUTS = 0.002, 0.8, 32  # cut-off of a filter, a share of half the sampling rate
+WIDEST = 100  # samples of a mean
 LEAST, DEGREE = 16, 5  # samples between which is interpolated, and how
 NOISY = 30  # samples from which filters and noise are told
 ORDERS = {"exponential": 0, **{f"Butterworth, order {order}": order for order in (1, 2, 4)}}
@@ -157,7 +158,7 @@ def _filters(arrays: Array, half: float) -> Iterator[Family]:
         def counted(p: float, name: str = name) -> tuple[Fault, ...]:
             return (Fault("filter", name, p),)
 
-        yield Family(counted, np.arange(2.0 + after, max(len(every) // 10, 4), 1 + after), mean)
+        yield Family(counted, np.arange(2.0 + after, np.clip(len(every) // 10, 4, WIDEST), 1 + after), mean)
     for (name, order), way in product(ORDERS.items(), ("there and back", "from its first value", "from zero")):
 
         def passed(p: float, base: Bases, order: int = order, way: str = way) -> tuple[Rows, Array]:
@@ -172,4 +173,4 @@ def _filters(arrays: Array, half: float) -> Iterator[Family]:
         def cut(p: float, name: str = f"{name}, {way}") -> tuple[Fault, ...]:
             return (Fault("filter", name, float(np.exp(p)) * half),)
 
-        yield Family(cut, np.linspace(np.log(0.01), np.log(HIGHEST), CUTS), passed, smooth=True)
+        yield Family(cut, np.linspace(np.log(LOWEST), np.log(HIGHEST), CUTS), passed, smooth=True)
