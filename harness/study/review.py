@@ -184,7 +184,9 @@ def _sides(columns: Sequence[Column], why: Mapping[str, Explanation | None]) -> 
 def _expected(scene: Scene, quantity: str, right: Values, t: Array) -> Expected:
     """What an engine says, and by how much that changes under other forces and at other times."""
     dense = (
-        scene.drive.samples.t if isinstance(scene.drive, Sampled) else np.unique(np.linspace(*scene.t[[0, -1]], DENSE))
+        scene.drive.samples.t
+        if isinstance(scene.drive, Sampled)
+        else np.unique(np.linspace(scene.t[0], scene.t[-1], DENSE))
     )
     times = np.union1d(t, dense)
 
