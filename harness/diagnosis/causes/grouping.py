@@ -191,7 +191,7 @@ class Grouping:
         how_much = (
             f"{value:g} times those of A in B ({percent}{meant}: {names})"
             if value
-            else f"0 in B, and not in A ({names})"
+            else f"0 in B, {_common(ones)} in A ({names})"
         )
         how_much = f"{value:g} {ones[0].unit} in B, 0 in A ({names})" if how == "is" else how_much
         sentence = f"{noun} of {who}: {how_much}"
@@ -366,6 +366,12 @@ def _item(one: Difference) -> str:
 def _words(one: Difference) -> str:
     """Sentence of a difference without its item."""
     return one.sentence.removeprefix(f"{_item(one)}: ").removeprefix(f"{one.item_b}: ")
+
+
+def _common(ones: Sequence[Difference]) -> str:
+    """Value of all in A; ``not 0`` if they have several."""
+    values = {f"{value:.4g}" for one in ones if one.a is not None for value in np.ravel(one.a)}
+    return f"{values.pop()} {ones[0].unit}" if len(values) == 1 else "not 0"
 
 
 def _factor(each: Difference) -> tuple[str, float] | None:

@@ -73,7 +73,7 @@ def _scale(diagnosis: Diagnosis) -> str:
     rest = "; those of the rest are of what is left when the causes before are put right" if rests else ""
     return (
         f"Shares are of the torque difference at {STATES} random states{most}, torques of each unit over the largest "
-        f"of it; a negative one makes up for others{rest}."
+        f"of it; a negative one partly cancels the others{rest}."
     )
 
 
