@@ -176,7 +176,7 @@ def compile(
         ScrewgaugeError: Bad input, or a motion that cannot be followed.
     """
     from screwgauge.engines.screw.compiled import Solver
-    from screwgauge.quantities import GIVEN, check_quantities
+    from screwgauge.quantities import OF_MOTION, check_quantities
     from screwgauge.reference.errors import DescriptionError, check_choice, shown
     from screwgauge.scene.preflight import delivered
     from screwgauge.scene.scene import check_scene_type
@@ -185,7 +185,7 @@ def compile(
     check_choice("backend", [backend], ("numpy", "llvm"), "compile")
     if not (isinstance(threads, int) and threads > 0):
         raise DescriptionError(f"{shown(threads)} threads", "compile", "give a positive whole number")
-    wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", GIVEN)
+    wanted = check_quantities(scene.quantities if quantities is None else quantities, "compile", OF_MOTION)
     wanted, left = delivered(scene, wanted) if quantities is None else (wanted, ())
     solver = Solver(scene, wanted, backend, threads)
     solver.notes = (*left, *solver.notes)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import numpy as np
 
@@ -22,11 +23,12 @@ class Quantity:
 
     Attributes:
         of: What has a component each: ``joint`` coordinates, axes of each ``body``, coordinates of the ``tree``,
-            ``independent`` coordinates, ``actuator``, ``reaction`` components, ``observable``.
+            ``independent`` coordinates, ``pair`` of these, ``actuator``, ``reaction`` components, ``observable``.
         needs: What has to be known before: ``q``, ``v``, ``a`` (positions, rates, accelerations) or ``f`` (forces).
         tolerance: Scaled error up to which two engines agree.
         ruled: Whether a rule fixes what redundant actuation leaves open.
         body: Which motion of a body in world axes it is: one of `BODY_UNITS`.
+        named: Whether it is computed only where somebody names it.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Quantity:
     tolerance: float
     ruled: bool = False
     body: str = ""
+    named: bool = False
 
 
 #: Unit of each motion of a body: angular velocity and acceleration, velocity and acceleration of the centre of mass.
@@ -71,6 +74,7 @@ QUANTITIES = {
             SOLVED,
             ruled=True,
         ),
+        Quantity("mass_matrix", "inertia that the independent coordinates have", "pair", "v", SOLVED, named=True),
         Quantity("observable", "what a forward scene follows", "observable", "q", SOLVED),
     )
 }
@@ -78,16 +82,30 @@ QUANTITIES = {
 OF_JOINTS = tuple(name for name, quantity in QUANTITIES.items() if quantity.of == "joint")
 OF_BODIES = tuple(name for name, quantity in QUANTITIES.items() if quantity.of == "body")
 BODY_MOTION = {QUANTITIES[name].body: name for name in OF_BODIES}
-#: What engines compute when the motion is given, and when it is integrated.
-GIVEN = tuple(name for name in QUANTITIES if name != "observable")
+#: What engines can compute when the motion is given, what of it if nobody chooses, and what when it is integrated.
+OF_MOTION = tuple(name for name in QUANTITIES if name != "observable")
+GIVEN = tuple(name for name in OF_MOTION if not QUANTITIES[name].named)
 SIMULATED = (*OF_JOINTS, "observable")
 #: Unit of a coordinate -> unit of a force along it.
 FORCE = {"rad": "N m", "m": "N"}
+#: How many of two coordinates are angles -> unit of the inertia between them.
+INERTIA = ("kg", "kg m", "kg m^2")
 #: Share of its natural scale, or of its largest summand, below which no magnitude is a measure.
 FLOOR = 1e-6
 #: Error of a motion over the tolerance of its steps. The smooth established problems show up to 160 (a01-pendulum at
 #: 1e-6), stiff ones less; singular poses multiply errors further, so scenes that pass them say tolerances of their own.
 GROWTH = 1e3
+
+
+def pairs(units: Mapping[str, str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and units of inertia of the upper triangle of a mass matrix, row by row, as `np.triu_indices` has it.
+
+    Args:
+        units: Label of each coordinate -> rad or m. Their order makes no difference to a name.
+    """
+    both = [*combinations_with_replacement(units, 2)]
+    names = tuple(",".join(sorted(pair)) for pair in both)
+    return names, tuple(INERTIA[sum(units[label] == "rad" for label in pair)] for pair in both)
 
 
 def digits(scaled: float) -> float:
@@ -123,8 +141,8 @@ def length(mechanism: Mechanism) -> float:
 
 
 def arm(unit: str, length: float) -> float:
-    """What turns an angle into this unit of length, or a force into this unit of moment, else 1."""
-    return length if unit in ("m", "m/s", "m/s^2", "N m") else 1.0
+    """What turns an angle into this unit of length, a force into one of moment, a mass into one of inertia, else 1."""
+    return length ** (2 if unit == "kg m^2" else unit in ("m", "m/s", "m/s^2", "N m", "kg m"))
 
 
 def natural_scales(mechanism: Mechanism) -> dict[str, float]:
@@ -133,7 +151,7 @@ def natural_scales(mechanism: Mechanism) -> dict[str, float]:
 
 
 def scales_of(L: float, M: float) -> dict[str, float]:
-    """S0 by unit: 1 rad, L, sqrt(g/L), sqrt(g L), g/L, g, M g, M g L, of a length [m] and a mass [kg]."""
+    """S0 by unit: 1 rad, L, sqrt(g/L), sqrt(g L), g/L, g, M g, M g L, M, of a length [m] and a mass [kg]."""
     return {
         "rad": 1.0,
         "m": L,
@@ -144,4 +162,5 @@ def scales_of(L: float, M: float) -> dict[str, float]:
         "N": M * G0,
         "N m": M * G0 * L,
         "W": M * G0 * (G0 * L) ** 0.5,
+        **{unit: M * arm(unit, L) for unit in INERTIA},
     }

@@ -9,7 +9,7 @@ import numpy as np
 
 from screwgauge.engines.error_estimate import Part, error_of
 from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress
-from screwgauge.quantities import BODY_UNITS, FORCE, GIVEN, OF_JOINTS, QUANTITIES, RATE, Quantity
+from screwgauge.quantities import BODY_UNITS, FORCE, OF_JOINTS, OF_MOTION, QUANTITIES, RATE, Quantity, pairs
 from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.errors import ClosureError, ModelFileError
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
@@ -84,9 +84,11 @@ def component_names(
             return tuple(unit), tuple(f"{each}{RATE[quantity.needs]}" for each in unit.values())
         if quantity.of == "body":
             return axes, (BODY_UNITS[quantity.body],) * len(axes)
+        if quantity.of == "pair":
+            return pairs({label: unit[c] for label, c in independent.items()})
         return reactions if quantity.of == "reaction" else forces[quantity.of]
 
-    return {name: components(QUANTITIES[name]) for name in GIVEN}
+    return {name: components(QUANTITIES[name]) for name in OF_MOTION}
 
 
 def described(mechanism: Mechanism) -> Names:

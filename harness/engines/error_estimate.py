@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from screwgauge.problem import Rows
-from screwgauge.quantities import FLOOR, OF_JOINTS, QUANTITIES, arm, scales_of
+from screwgauge.quantities import FLOOR, INERTIA, OF_JOINTS, QUANTITIES, arm, scales_of
 from screwgauge.reference import linear
 from screwgauge.reference.linear import DIGIT, ROUNDED
 from screwgauge.reference.rotations import Array
@@ -207,7 +207,9 @@ def _by_unit(
     for unit in dict.fromkeys(units):
         columns = [i for i, has in enumerate(units) if has == unit]
         size, summands = np.abs(array[:, columns]).max(axis=1, initial=0.0), summand(unit, trust)
-        yield unit, columns, size, size + summands * arm(unit, length), (whole + summands) * arm(unit, length)
+        most = (whole + summands) * arm(unit, length)
+        # masses do not cancel: what couples two coordinates is as large as the roots of their own inertia at the most
+        yield unit, columns, size, most if unit in INERTIA else size + summands * arm(unit, length), most
 
 
 def error_of(name: str, parts: Sequence[Part], has: Values, length: float, mass: float) -> Error:
@@ -294,4 +296,6 @@ def summand(unit: str, trust: Trust) -> Scalar:
     """Size of what a component is the sum of: in rad, N or lengths of the mechanism."""
     if unit in ("rad", "m"):
         return 1.0
+    if unit in INERTIA:
+        return 0.0
     return trust.speed if unit in ("rad/s", "m/s") else trust.rush if unit.endswith("s^2") else trust.load

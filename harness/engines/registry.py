@@ -124,6 +124,7 @@ def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) 
 
 _TRUTH = "ball arithmetic with rigorous radii, on request (needs python-flint)"
 _OPEN = dict.fromkeys(("tree_force", "tree_force_soft"), "the open tree has nothing to certify that RNEA does not know")
+_INERTIA = {"mass_matrix": "its Newton-Euler equations are solved whole"}
 ENGINES: dict[str, Engine] = {
     engine.name: engine
     for engine in (
@@ -138,7 +139,7 @@ ENGINES: dict[str, Engine] = {
             f"{_HERE}.truth:load",
             frozenset((GivenMotion,)),
             "python-flint",
-            lacks=_OPEN,
+            lacks=_OPEN | _INERTIA,
             sprung=False,
             most=201,
         ),

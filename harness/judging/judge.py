@@ -106,6 +106,8 @@ def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals:
     yield from body_motions(whole)
     if forces:
         yield from _forces(whole, some, admissible)
+    if some.has("mass_matrix"):
+        yield from residuals.mass_matrix(some, admitted_by(some))
     if tree:
         yield from residuals.tree_forces(some)
 

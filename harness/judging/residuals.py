@@ -13,12 +13,13 @@ from screwgauge.judging.allowance import MOST
 from screwgauge.judging.answer import Answer, largest
 from screwgauge.judging.residual import Residuals
 from screwgauge.judging.trust import SAFETY
-from screwgauge.quantities import BODY_MOTION, FLOOR, FORCE, OF_BODIES, arm
+from screwgauge.quantities import BODY_MOTION, FLOOR, FORCE, OF_BODIES, arm, pairs
 from screwgauge.reference.graph import Layout, spanning_tree
 from screwgauge.reference.rotations import Array, cross, lanes
 from screwgauge.solution import Values
 from screwgauge.witness.constraints import AdmissibleMotion
 from screwgauge.witness.dynamics import along, kinetic_energy
+from screwgauge.witness.dynamics import mass_matrix as inertia
 from screwgauge.witness.dynamics import newton_euler as body_equations
 from screwgauge.witness.joints import open_tree
 from screwgauge.witness.kinematics import move
@@ -165,6 +166,21 @@ def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, 
         size = max(float(terms[columns].max()), largest(loose[..., columns]))
         left, about = np.concatenate(missing, axis=1), ("generalized_force", "actuator_force", *OF_BODIES)
         yield answer.residual("virtual_work", FORCE[unit], names, left, size, about)
+
+
+def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
+    """Reported inertia less that of all bodies in the motions that the loops admit, composed from the tips inwards."""
+    mechanism, partial, length = answer.mechanism, admissible.partial, answer.scales["m"]
+    labels = zip(mechanism.independent, mechanism.independent_columns, strict=True)
+    names, units = pairs({label: mechanism.units[column] for label, column in labels})
+    M = partial.swapaxes(1, 2) @ inertia(answer.motion) @ partial
+    right = M[(..., *np.triu_indices(M.shape[-1]))]
+    missing = answer.values["mass_matrix"].pick(names).array - right
+    load = largest(right / [arm(unit, length) for unit in units])
+    for unit in dict.fromkeys(units):
+        columns = [i for i, has in enumerate(units) if has == unit]
+        some, size = [names[i] for i in columns], load * arm(unit, length)
+        yield answer.residual("mass_matrix", unit, some, missing[:, columns], size, ("mass_matrix",))
 
 
 TREE_FORCES = ("tree_force", "tree_force_soft")

@@ -11,7 +11,7 @@ import numpy as np
 from screwgauge.models.catalog import load_mechanism, mechanism_path
 from screwgauge.models.importing import is_model
 from screwgauge.problem import InitialValue, Integration
-from screwgauge.quantities import GIVEN, QUANTITIES, SIMULATED, check_quantities
+from screwgauge.quantities import GIVEN, OF_MOTION, QUANTITIES, SIMULATED, check_quantities
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number
@@ -113,7 +113,7 @@ def _read_given(data: dict[str, Any], path: Path, mechanism: Mechanism) -> dict[
         "applied": _applied(data, mechanism, where),
         "task": drive(read_grid(data.get("time"), sampled, f"{where}, time")),
         "rule": rule,
-        "quantities": check_quantities(data.get("quantities", list(GIVEN)), where, GIVEN),
+        "quantities": check_quantities(data.get("quantities", list(GIVEN)), where, OF_MOTION),
         "drive": drive,
         "tables": tables,
         "text": {"motion": motion, "gravity": data.get("gravity", _GRAVITY), "loads": data.get("loads", [])},

@@ -28,7 +28,7 @@ from screwgauge.judging.judge import judge, summands
 from screwgauge.judging.residual import JUDGE_COLUMNS, PAIR_COLUMNS, SizedResidual, frame
 from screwgauge.judging.trust import Refusal, integrated, integration_note, refusals
 from screwgauge.problem import Report, silent, spread
-from screwgauge.quantities import GIVEN, SIMULATED, check_quantities
+from screwgauge.quantities import OF_MOTION, SIMULATED, check_quantities
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.files import is_file
 from screwgauge.reference.graph import Layout
@@ -302,7 +302,7 @@ def _requested(
             raise DescriptionError(what, f"{where}, models", "check the path")
     named, where = (scene.engines, where) if engines is None else (engines, "")
     names = check_engines(named, where, others=scene.tables)
-    known = SIMULATED if scene.simulated else GIVEN
+    known = SIMULATED if scene.simulated else OF_MOTION
     wanted = check_quantities(scene.quantities if quantities is None else quantities, known=known)
     if scene.simulated and not scene.observables:
         if quantities is not None and "observable" in wanted:

@@ -252,6 +252,16 @@ class MujocoTree(OpenTree):
             out[i] = force
         return out
 
+    def mass_matrix(self, q: Array) -> Array:
+        model, data, units = self.model, self.data, np.eye(self.model.nv)
+        out = np.empty((len(q), *units.shape))
+        for x, M in zip(q, out, strict=True):
+            data.qpos[:] = x
+            mujoco.mj_fwdPosition(model, data)
+            for unit, column in zip(units, M, strict=True):
+                mujoco.mj_mulM(model, data, column, unit)
+        return out
+
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
         """mj_inverse with its soft equality constraints, and what their stiffness makes of the closure residuals."""
         out, rows, data, force = np.empty_like(q), list[tuple[Array, ...]](), self.data, self.data.qfrc_inverse

@@ -127,6 +127,10 @@ class PinocchioTree(OpenTree):
         model, data = self.model, self.data
         return np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
 
+    def mass_matrix(self, q: Array) -> Array:
+        upper = np.array([np.triu(pin.crba(self.model, self.data, x)) for x in q])  # older versions make no lower one
+        return np.asarray(upper + np.triu(upper, 1).swapaxes(1, 2))
+
     def transmitted(self, at: BodyPoses, q: Array, v: Array, a: Array, wrench: Array) -> Array:
         """See `screwgauge.engines.tree.protocol.OpenTree`. Forces of joints are taken in the joints' own frames."""
         n, out, origin = len(q), np.zeros_like(wrench), self.origins
@@ -230,8 +234,7 @@ class Constraints:
         Raises:
             SingularPoseError: There is one.
         """
-        upper = np.triu(pin.crba(self.model, self.data, q))
-        M = upper + np.triu(upper, 1).T
+        M = self.tree.mass_matrix(q[None])[0]
         nothing = WEIGHTLESS * M.diagonal().max()
         for k in reversed(range(len(M))):  # joints behind it are eliminated: their bodies are free to stay behind
             if M[k, k] <= nothing:

@@ -12,7 +12,7 @@ from screwgauge.engines.chunks import Names, assemble, component_names, stages
 from screwgauge.engines.error_estimate import Part, Trust, examined
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
-from screwgauge.quantities import GIVEN, QUANTITIES
+from screwgauge.quantities import OF_MOTION, QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.continuation import Poses
@@ -21,6 +21,7 @@ from screwgauge.reference.closed_motion import ClosedMotion
 from screwgauge.reference.equations import dynamics as equations
 from screwgauge.reference.equations.closure import Loops
 from screwgauge.reference.equations.dynamics import Dynamics
+from screwgauge.reference.equations.forward import Forward
 from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.equations.recursion import at_origin
 from screwgauge.reference.equations.rounding import extent, gain
@@ -120,7 +121,7 @@ class Work:
             if self.depth in "af":
                 with self.clock.stage("accelerations"):
                     rush = np.maximum(speed**2, np.abs(at.beta / loops.sizes)[:, moving].max(axis=1))
-            for name in (one for one in GIVEN if one in problem.wanted):
+            for name in (one for one in OF_MOTION if one in problem.wanted):
                 with self.clock.stage(_stage(name)):
                     out[name] = self._value(at, name)
             if self.depth == "f" or problem.wanted & _TREE:
@@ -133,9 +134,11 @@ class Work:
             trust = Trust(at.system.condition, amplified, worst, conditions, speed, rush, load, stretch=stretch)
         return out, trust, at.system.A[..., : loops.moving]
 
-    def _value(self, at: Dynamics, name: str) -> Array:
+    def _value(self, at: Forward, name: str) -> Array:
         if name in _TREE:
             return np.ascontiguousarray(at.open_tree_force(self.path)[:, self.tree])
+        if name == "mass_matrix":
+            return np.array(at.inertia_matrix[(..., *np.triu_indices(at.yd.shape[-1]))])
         return np.array(equations.QUANTITIES[name](at))
 
     def _load(self, at: Dynamics) -> Array:

@@ -281,6 +281,8 @@ def check_traceable(lay: Layout, problem: Problem) -> None:
     if {"actuator_force", "reaction"} & problem.wanted and len(mechanism.actuators) < len(mechanism.independent):
         reason = "there are fewer actuators than freedoms"
         raise NotTraceableError(reason, mechanism.name, "the array solver answers it")
+    if "mass_matrix" in problem.wanted:
+        raise NotTraceableError("no program has a mass matrix", mechanism.name, "the array solver answers it")
 
 
 def flat(arrays: Mapping[str, Array]) -> bool:

@@ -17,7 +17,7 @@ from screwgauge.engines.screw.inverse import Work
 from screwgauge.engines.screw.programs import Bound, Bounds, Numbers, check_traceable, examined, flat, roots, runner_of
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress
-from screwgauge.quantities import GIVEN
+from screwgauge.quantities import OF_MOTION
 from screwgauge.reference.closed.continuation import Poses
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.graph import Layout
@@ -65,7 +65,7 @@ class TracedWork:
         """
         self.lay, self.problem, self.work = lay, problem, Work(lay, problem)
         self.clock, self.length, self.names = self.work.clock, self.work.system.length, self.work.names
-        self.wanted = [name for name in GIVEN if name in problem.wanted]
+        self.wanted = [name for name in OF_MOTION if name in problem.wanted]
         self.outputs = [*self.wanted, *(["error"] if estimates else [])]
         self.by_array = Counter[str]()
         self.bound: Bound | None = None

@@ -198,6 +198,9 @@ class _Pass:
             self.cut_v = self.closed.cut_velocities({name: poses.charts[name] for name in self.closed.given}, self.V)
         self.values["body_angular_velocity"] = self.V[:, self.closed.bodies, :3].reshape(len(yd), -1)
         self.speed = np.abs(self.v / self.sizes.q).max(axis=1)
+        if "mass_matrix" in self.wanted:
+            M = self.K.swapaxes(1, 2) @ self.closed.tree.mass_matrix(poses.q) @ self.K
+            self.values["mass_matrix"] = M[(..., *np.triu_indices(yd.shape[1]))]
 
     def _accelerations(self) -> None:
         """Solves ``A a = [-Jdot v; ydd - bias]`` for the accelerations, with the engine's own Jdot v."""

@@ -145,6 +145,12 @@ class OpenTree(Protocol):
     def tree_force(self, q: Array, v: Array, a: Array) -> Array:
         """Inverse dynamics of the open tree under gravity alone. Shape (n, n_v)."""
 
+    def mass_matrix(self, q: Array) -> Array:
+        """Mass matrix of the open tree, by default what unit accelerations add to `tree_force`. Shape (n, n_v, n_v)."""
+        still = np.zeros_like(q)
+        rest = self.tree_force(q, still, still)
+        return np.stack([self.tree_force(q, still, still + unit) - rest for unit in np.eye(q.shape[1])], axis=1)
+
     def soft_force(self, q: Array, v: Array, a: Array, residuals: Array) -> tuple[Array, float]:
         """Inverse dynamics with soft constraints, and the absolute tolerance that follows; by default there are none.
 
