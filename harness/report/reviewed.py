@@ -73,11 +73,11 @@ def sentences(review: TableReview) -> list[str]:
         return [f"Nothing of {review.name} has a unique value, so nothing is compared."]
     agree = f"{_all(review, whole)} to {digits_text(max((c.left for c in whole), default=1.0))} digits"
     if review.ok:
-        return [f"{agree[0].upper()}{agree[1:]} with {review.engine}.", *_loose(review)]
+        return [f"{agree} with {review.engine}.", *_loose(review)]
     kinds = {fault.kind for column in whole for fault in column.faults or ()}
     noisy = ", which the noise leaves" if "noise" in kinds else ""
     right = f"; put right, {agree}{noisy}" if kinds - {"noise"} else f"; {agree}{noisy}"
-    said = [f"{'; '.join(_phrases(review))}{right}."] if kinds else [f"{agree[0].upper()}{agree[1:]}."] * bool(whole)
+    said = [f"{'; '.join(_phrases(review))}{right}."] if kinds else [f"{agree}."] * bool(whole)
     if lost:
         worst = max(lost, key=lambda column: column.error)
         many = "No fault that is known explains" if len(lost) == 1 else "No faults that are known explain"
