@@ -12,6 +12,7 @@ import numpy as np
 
 from screwgauge.diagnosis.causes.attribution import Attribution, Cause
 from screwgauge.diagnosis.causes.backfill import Backfill, write_fix
+from screwgauge.diagnosis.causes.edits import WHOLE
 from screwgauge.diagnosis.causes.explanation import explained
 from screwgauge.diagnosis.compare import STATES, Order, Row, order_of, table, torques
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
@@ -26,6 +27,7 @@ from screwgauge.diagnosis.notes import compiled, notes, outside
 from screwgauge.diagnosis.pairing.branches import bare, missing
 from screwgauge.diagnosis.pairing.common import brought
 from screwgauge.diagnosis.pairing.mapping import Pairing, read_map
+from screwgauge.diagnosis.pairing.views import View, views
 from screwgauge.diagnosis.properties import applied
 from screwgauge.diagnosis.together import ELSEWHERE, Together, elsewhere, together
 from screwgauge.diagnosis.verdict import BINDING, RESTATED, SAME, partly, stopped, strange, verdict
@@ -156,13 +158,11 @@ def diagnose(
     if not pairing.alike:
         diagnosis = Diagnosis(one, two, seed, *strange((one, two), pairing), False, pairing, ())
     else:
-        diagnosis = _compared(one, two, pairing, seed, load, deadline)
-        if order := order_of((one, two), pairing, seed):
-            diagnosis = replace(_and(diagnosis, order.sentence), order=order)
-        if not pairing.one_machine:
-            diagnosis = replace(diagnosis, explanation=f"{partly((one, two), pairing)} {diagnosis.explanation}".strip())
-        if elsewhere(one) or elsewhere(two):
-            diagnosis = replace(diagnosis, notes=(*diagnosis.notes, ELSEWHERE))
+        diagnosis = _of_pair(one, two, pairing, seed, load, deadline)
+    for view in views(sides, pairing, given) if worth(diagnosis) and not deadline.left_out else ():
+        other = _of_pair(*view.models, view.pairing, seed, load, deadline, view)
+        if simpler(other, diagnosis):
+            diagnosis = other
     diagnosis = replace(diagnosis, date=datetime.now(UTC).isoformat(timespec="seconds"))
     if not deadline.left_out:
         return diagnosis
@@ -170,13 +170,33 @@ def diagnose(
     return replace(stopped_early, same=False, left_out=tuple(deadline.left_out))
 
 
+def _of_pair(
+    a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadline: Deadline, view: View | None = None
+) -> Diagnosis:
+    """Diagnosis of two models of one machine, with the order of their joints and what else is to be said of both."""
+    diagnosis = _compared(a, b, pairing, seed, load, deadline, view)
+    if order := order_of((a, b), pairing, seed):
+        diagnosis = replace(_and(diagnosis, order.sentence), order=order)
+    if not pairing.one_machine:
+        diagnosis = replace(diagnosis, explanation=f"{partly((a, b), pairing)} {diagnosis.explanation}".strip())
+    if elsewhere(a) or elsewhere(b):
+        diagnosis = replace(diagnosis, notes=(*diagnosis.notes, ELSEWHERE))
+    return diagnosis
+
+
 def _and(diagnosis: Diagnosis, sentence: str) -> Diagnosis:
     """A diagnosis with another sentence at the end of its explanation."""
     return replace(diagnosis, explanation=f"{diagnosis.explanation} {sentence}".strip())
 
 
-def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadline: Deadline) -> Diagnosis:
-    """Diagnosis of two models of one machine."""
+def _compared(
+    a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadline: Deadline, view: View | None
+) -> Diagnosis:
+    """Diagnosis of two models of one machine.
+
+    Args:
+        view: What the whole may be made by.
+    """
     lost = [*missing(a.reading, b.reading, pairing)]
     ours, theirs = bare(a.reading, b.reading, lost)
     # what B has beyond A shows in its torques and can be taken away; without what A has beyond B both are compared
@@ -196,7 +216,8 @@ def _compared(a: Model, b: Model, pairing: Pairing, seed: int, load: Read, deadl
     paths = [None if model.library == "screwgauge" else model.file for model in (a, b)]
     read = (a.reading, b.reading), (paths[0], paths[1])
     written = b.as_read if b.cut is not None else None
-    why = explained(tau, *read, facts, lambda file: b.read_again(file, load), deadline, written)
+    of_whole = view.group(facts) if view else None
+    why = explained(tau, *read, facts, lambda file: b.read_again(file, load), deadline, written, of_whole)
     cause = why.attribution
     seen = tuple(library_checks((a, b), seed, deadline))
     both, why_not = None, ""
@@ -256,6 +277,32 @@ def _of_one_alone(limits: Difference) -> bool:
     """Whether one of the two models has no limits there: model files are written without those of a description."""
     sides = (np.abs(np.asarray(side, float)) for side in (limits.a, limits.b) if side is not None)
     return any(bool(np.all(side >= WIDE)) for side in sides)
+
+
+#: What a cause of conventions alone counts beside one that changes the machine.
+CONVENTION = 0.2
+
+
+def worth(diagnosis: Diagnosis) -> bool:
+    """Whether another explanation may be simpler: not than one difference, unless a joint sits elsewhere."""
+    facts = diagnosis.differences
+    return not diagnosis.pairing.alike or len(facts) > 1 or any(each.what == "placement" for each in facts)
+
+
+def simpler(one: Diagnosis, other: Diagnosis) -> bool:
+    """Whether an explanation by the whole has fewer causes, or is the same cause told of the whole."""
+    if not other.pairing.alike:
+        return True
+    few, many = _count(one), _count(other)
+    told = len(one.causes) == 1 and one.causes[0].name == WHOLE
+    places = len(other.differences) > 1 and {each.what for each in other.differences} == {"placement"}
+    return few < many - 1e-9 or (told and places and few == many)
+
+
+def _count(diagnosis: Diagnosis) -> float:
+    """How many causes are to be read; of conventions, which change nothing, less."""
+    of = [[diagnosis.differences[i] for i in cause.differences] for cause in diagnosis.causes if cause.kind != "digits"]
+    return sum(CONVENTION if all(each.kind == "convention" for each in some) else 1.0 for some in of)
 
 
 SCHEMA = 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from screwgauge.diagnosis.causes.attribution import Largest, Torques, attribute
 from screwgauge.diagnosis.causes.backfill import backfill, write_fix
-from screwgauge.diagnosis.causes.grouping import Group
+from screwgauge.diagnosis.causes.edits import Group
 from screwgauge.diagnosis.differences.words import vector
 from screwgauge.diagnosis.files.layout import XmlText
 from screwgauge.diagnosis.files.patch import patched

@@ -185,12 +185,15 @@ in the scenes. What every engine reaches on the benchmark problems, and what oth
 COMPARED = """# What a diagnosis compares, and what it does not
 
 `screwgauge diagnose A B` tells differences by cause, the one with the largest share of the torque difference
-first; with `--all` it prints each difference, too, and `diagnosis.json` has all. It calls two models the same
-only if nothing is present that could make them differ and is not compared; else it says **not all compared**
-with the list (exit status 1). Beside all that is compared, the torques that the libraries themselves compute as
-they load the two files have to agree, passive forces included, contacts and limits off, along the motions that
-loops leave; a description, and a URDF whose `robot.yaml` changes types of joints, have the dynamics of what is
-read in place of a library's.
+first; with `--all` it prints each difference, too, and `diagnosis.json` has all. Where B as a whole stands
+elsewhere, is turned, mirrored or in other units, that is one cause and comes first, unless there is a single
+one without it; its differences stay listed, and shares of other causes are of what is left.
+
+It calls two models the same only if nothing is present that could make them differ and is not compared; else it
+says **not all compared** with the list (exit status 1). Beside all that is compared, the torques that the
+libraries themselves compute as they load the two files have to agree, passive forces included, contacts and
+limits off, along the motions that loops leave; a description, and a URDF whose `robot.yaml` changes types of
+joints, have the dynamics of what is read in place of a library's.
 [content.toml](../../models/content.toml) has every kind of content that acts on dynamics:"""
 
 FATES = """*Held*: an entry of every reading, compared number by number. *Compared*: item by item, where both models can

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.edits import Edit, Value
-from screwgauge.diagnosis.causes.grouping import SEVERAL, Group, titled, together
+from screwgauge.diagnosis.causes.edits import WHOLE, Edit, Group, Value
+from screwgauge.diagnosis.causes.grouping import SEVERAL, titled, together
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.difference import Difference
 from screwgauge.diagnosis.properties import CLOSING, PARTS, Change, applied
@@ -149,6 +149,7 @@ def attribute(
     groups: Groups,
     edits: Sequence[Edit] = (),
     deadline: Deadline | None = None,
+    first: Sequence[int] = (),
 ) -> Attribution:
     """Corrects each difference alone, each group of them, and all of them.
 
@@ -158,16 +159,21 @@ def attribute(
         b: The reading that changes are made in.
         differences: All of them, in the order in which their changes are to be made.
         groups: Makes rows of them. `edits`: what they are made by.
+        first: Numbers of what is of the whole, which is corrected before any other is.
     """
-    effects = _Effects(torques, b, differences, deadline or Deadline())
-    alone = {i: effects.of((i,)) for i, each in enumerate(differences) if each.change and each.kind != "digits"}
+    deadline = deadline or Deadline()
+    effects = _Effects(torques, b, differences, deadline)
+    rest = _Effects(torques, applied(b, changes_of(differences[i] for i in first)), differences, deadline)
+    rest = rest if first else effects
+    changed = [i for i, each in enumerate(differences) if each.change and each.kind != "digits"]
+    alone = {i: rest.of((i,)) for i in changed if i not in first}
 
     def weight(i: int) -> float:
         effect = alone.get(i)
-        share = abs(effects.share(effect)) if effect is not None else 0.0
+        share = abs(rest.share(effect)) if effect is not None else 0.0
         return share if share > 0.0 else 1e-12 * min(differences[i].size, 1.0)
 
-    rows = [(group, effects.of(group.differences)) for group in groups(weight)]
+    rows = [(each, (effects if each.family == WHOLE else rest).of(each.differences)) for each in groups(weight)]
     before, left = torques.scaled(effects.start), torques.left(applied(b, changes_of(differences)))
     agree = float(np.abs(before).max(initial=0.0)) <= UNSEEN
     seen = tuple(sorted(i for group, effect in rows if not agree and effects.seen(effect) for i in group.differences))
@@ -177,7 +183,7 @@ def attribute(
         largest(torques, before),
         largest(torques, left),
         gone,
-        tuple(_told(cause, edits) for cause in _rows(rows, effects, differences, agree=agree)),
+        tuple(_told(cause, edits) for cause in _rows(rows, (effects, rest), differences, agree=agree)),
         seen,
         tuple(zip(torques.names, *most, strict=True)),
     )
@@ -245,23 +251,30 @@ class _Effects:
 
 
 def _rows(
-    rows: Sequence[tuple[Group, Array | None]], effects: _Effects, differences: Sequence[Difference], *, agree: bool
+    rows: Sequence[tuple[Group, Array | None]],
+    of: tuple[_Effects, _Effects],
+    differences: Sequence[Difference],
+    *,
+    agree: bool,
 ) -> list[Cause]:
-    """Groups as causes, small ones and what no torque shows together with those of their kind."""
-    seen, others, digits, unseen = list[Cause](), list[Group](), list[Cause](), list[Group]()
-    groups = {group.differences: group for group, _ in rows}
+    """Groups as causes, the whole first, small ones and what no torque shows with those of their kind."""
+    lead, seen, others, digits, unseen = list[Cause](), list[Cause](), list[Group](), list[Cause](), list[Group]()
+    groups, (effects, after) = {group.differences: group for group, _ in rows}, of
     for group, effect in rows:
         share = math.nan if agree else effects.share(effect)
         hidden = effect is not None and not effects.seen(effect)
-        if group.family == "digits":
+        if group.family == WHOLE:
+            lead.append(_cause(group, share, "unseen" if hidden and len(rows) == 1 else "cause"))
+        elif group.family == "digits":
             digits.append(_cause(group, share, "digits"))
         elif hidden and not {differences[i].what for i in group.differences} & WEIGHTY:
             unseen.append(group)
         elif math.isnan(share) or hidden:
             others.append(group)
         else:
-            seen.append(_cause(group, share))
-    seen = _ranked(seen, groups, effects)
+            own = _cause(group, share)
+            seen.append(own if after is effects else replace(own, of_rest=after.share(effect)))
+    seen = _ranked(seen, groups, after)
     # names are conventions: what a machine lacks leads them
     others.sort(
         key=lambda group: (
@@ -270,9 +283,9 @@ def _rows(
         )
     )
     rest = [_cause(group) for group in _few(others)]
-    alone = not (seen or rest)
+    alone = not (lead or seen or rest)
     folded = _folded(unseen, differences, alone=alone)
-    return [*seen, *rest, *(folded if alone else ()), *digits, *(() if alone else folded)]
+    return [*lead, *seen, *rest, *(folded if alone else ()), *digits, *(() if alone else folded)]
 
 
 def _ranked(causes: Sequence[Cause], groups: Mapping[tuple[int, ...], Group], effects: _Effects) -> list[Cause]:
@@ -337,7 +350,7 @@ def _cause(group: Group, share: float = math.nan, kind: str = "cause") -> Cause:
 def _told(cause: Cause, edits: Sequence[Edit]) -> Cause:
     """A cause with the slips and values of the edits that remove its differences."""
     own = [edit for edit in edits if {*edit.differences} & {*cause.differences}]
-    if cause.kind == "digits" or not own:
+    if cause.kind == "digits" or cause.name == WHOLE or not own:
         return cause
     first = next((edit for edit in own if cause.differences[0] in edit.differences), own[0])
     common = [slip for slip in first.slips if all(slip in edit.slips for edit in own)]

@@ -19,6 +19,26 @@ from screwgauge.models.readings.assemble import matrix
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array, rotation
 
+#: Family of what one statement on the whole explains.
+WHOLE = "the whole"
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Differences that are stated in one row.
+
+    Attributes:
+        name: What of which parts; `sentence`: how they differ; `short`: the same of the first alone.
+        differences: Numbers of them, the one that is stated first.
+        family: Common name of small ones of the same kind.
+    """
+
+    name: str
+    sentence: str
+    differences: tuple[int, ...]
+    short: str
+    family: str
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Value:

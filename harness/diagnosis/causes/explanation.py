@@ -8,7 +8,7 @@ from pathlib import Path
 
 from screwgauge.diagnosis.causes.attribution import Attribution, Torques, attribute, changes_of
 from screwgauge.diagnosis.causes.backfill import Backfill, backfill
-from screwgauge.diagnosis.causes.edits import Files, edits
+from screwgauge.diagnosis.causes.edits import Files, Group, edits
 from screwgauge.diagnosis.causes.grouping import Grouping
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.difference import Difference
@@ -44,6 +44,7 @@ def explained(
     read: Callable[[Path], Reading],
     deadline: Deadline,
     written: Reading | None = None,
+    of_whole: Group | None = None,
 ) -> Explanation:
     """Attributes the torque difference of B to its static differences and proves it.
 
@@ -52,13 +53,16 @@ def explained(
         differences: Of B to A, in the order in which their changes are to be made.
         read: Reads a copy of B's file by B's library.
         written: Reading of B's file, where its loops are cut elsewhere to be compared.
+        of_whole: Differences that one statement on the whole explains.
     """
     a, b = readings
     files = Files(_opened(paths[0], a), _opened(paths[1], b))
     made = edits(differences, b, files)
-    attribution = attribute(
-        torques, b, differences, lambda weight: Grouping(differences, b, files, weight, made).groups(), made, deadline
-    )
+
+    def groups(weight: Callable[[int], float]) -> list[Group]:
+        return Grouping(differences, b, files, weight, made, of_whole).groups()
+
+    attribution = attribute(torques, b, differences, groups, made, deadline, of_whole.differences if of_whole else ())
     changes, seen = changes_of(differences), changes_of(differences[i] for i in attribution.seen)
     if not changes or deadline.over(PROOF):
         return Explanation(attribution)

@@ -10,7 +10,7 @@ from functools import reduce
 
 import numpy as np
 
-from screwgauge.diagnosis.causes.edits import Edit, Files
+from screwgauge.diagnosis.causes.edits import Edit, Files, Group
 from screwgauge.diagnosis.differences.difference import Difference, rounded
 from screwgauge.diagnosis.files.patch import Opened
 from screwgauge.diagnosis.properties import BODIES, INERTIAL, JOINTS, PLACES, PROPERTIES, applied, word, words
@@ -38,23 +38,6 @@ _OF_SEVERAL = (
 _NAMED = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Group:
-    """Differences that are stated in one row.
-
-    Attributes:
-        name: What of which parts; `sentence`: how they differ; `short`: the same of the first alone.
-        differences: Numbers of them, the one that is stated first.
-        family: Common name of small ones of the same kind.
-    """
-
-    name: str
-    sentence: str
-    differences: tuple[int, ...]
-    short: str
-    family: str
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Grouping:
     """What groups are made of.
@@ -64,6 +47,7 @@ class Grouping:
         b: The reading that their changes are of; `files`: of both models.
         weight: How much a difference counts: of several in a row, the one that counts most is stated.
         edits: That make them.
+        whole: Of those that one statement on the whole explains.
     """
 
     differences: Sequence[Difference]
@@ -71,14 +55,16 @@ class Grouping:
     files: Files
     weight: Callable[[int], float]
     edits: Sequence[Edit]
+    whole: Group | None = None
 
     def groups(self) -> list[Group]:
         """All differences, each in one group."""
         texts = [file.xml.text() for file in (self.files.a, self.files.b) if file]
-        digits = rounded(self.differences, texts)
+        told = self.whole.differences if self.whole else ()
+        digits = [i for i in rounded(self.differences, texts) if i not in told]
         same_sentence: dict[str, list[int]] = defaultdict(list)  # shares of one body have that of the whole
         for i, each in enumerate(self.differences):
-            if i not in digits:
+            if i not in digits and i not in told:
                 same_sentence[each.sentence].append(i)
         groups = [self._single(numbers) for numbers in same_sentence.values()]
         steps = (
@@ -87,7 +73,7 @@ class Grouping:
         )
         for merge in steps:
             groups = merge(groups)
-        return [*groups, *self._digits(digits)]
+        return [*([self.whole] if self.whole else []), *groups, *self._digits(digits)]
 
     def _single(self, numbers: Sequence[int]) -> Group:
         one = self.differences[numbers[0]]

@@ -1,0 +1,315 @@
+"""What one statement explains of two models at once: the whole stands elsewhere, is mirrored, is in other units.
+
+It is found from the features of all partners together, in the world: from the ground outwards, the freedom of the first
+joint would be taken for the answer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise, permutations, product
+
+import numpy as np
+
+from screwgauge.diagnosis.slips import INERTIA, LENGTH, MASS
+from screwgauge.diagnosis.transformations import axis, turned
+from screwgauge.models.kinematics import downwards, plant, rehomed, residual_at_home, size
+from screwgauge.models.matter import Matter
+from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
+from screwgauge.reference.rotations import Array, rotation_vector
+
+#: From how many parts on one factor is that of the whole, what share of them agree, and how closely.
+SEVERAL, MOST, SAME = 3, 0.6, 1e-4
+#: A feature counts half where it is so far off [lengths of the machine, rad, relative]; in place below `NONE`.
+NEAR, NONE = 0.02, 1e-6
+#: Share of features on their partners where nothing is asked of the whole; and what a whole has to gain.
+ENOUGH, GAIN = 0.9, 0.1
+#: Two axes whose product is larger span a frame [sine]; of so many pairs of them frames are tried.
+ACROSS, PAIRS = 0.3, 8
+#: By what frames of bodies are mirrored if the whole is.
+MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
+_AXES = "xyz"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Whole:
+    """How B as a whole is made from A.
+
+    Attributes:
+        placement: Of A's world in B's, in A's lengths; of determinant -1 where B is mirrored. Shape (4, 4).
+        length, mass, inertia: Of B, over those of A.
+    """
+
+    placement: Array = field(default_factory=lambda: np.eye(4))
+    length: float = 1.0
+    mass: float = 1.0
+    inertia: float = 1.0
+
+    @property
+    def stands(self) -> bool:
+        """Whether it is the same machine in the same units, elsewhere."""
+        return not self.mirrored and self.length == self.mass == self.inertia == 1.0
+
+    @property
+    def mirrored(self) -> bool:
+        return bool(np.linalg.det(self.placement) < 0.0)
+
+    @property
+    def step(self) -> tuple[str, Array]:
+        """Axis in which it is mirrored, if it is; and rotation vector [rad] and way [m] from A to B, shape (2, 3)."""
+        R, way = self.placement[:3, :3], self.placement[:3, 3]
+        if not self.mirrored:
+            return "", np.array([rotation_vector(R), way])
+        turns = [rotation_vector(np.asarray(R * np.where(np.arange(3) == i, -1.0, 1.0))) for i in range(3)]
+        i = min(range(3), key=lambda i: float(np.linalg.norm(turns[i])))
+        return _AXES[i], np.array([turns[i], way])
+
+    @property
+    def units(self) -> str:
+        """Which factors it has, in words; empty where it has none."""
+        tables = {"lengths": (self.length, LENGTH), "masses": (self.mass, MASS), "inertias": (self.inertia, INERTIA)}
+        return ", ".join(
+            f"{noun} {factor:.6g} times those of A{_meant(factor, units)}"
+            for noun, (factor, units) in tables.items()
+            if factor != 1.0
+        )
+
+    def undone(self, b: Reading, a: Reading) -> Reading:
+        """B in the units of A, where A stands, under the gravity that is nearest to A's."""
+        T = np.asarray(np.linalg.inv(self.placement))
+        g = downwards(b)
+        tried = [g, g / self.length, T[:3, :3] @ g, T[:3, :3] @ g / self.length]
+        gravity = min(tried, key=lambda each: round(float(np.linalg.norm(each - downwards(a))), 9))
+        out = _transformed(b, T, 1.0 / self.length, 1.0 / self.mass, 1.0 / self.inertia)
+        return replace(out, gravity=None if b.gravity is None else gravity)
+
+
+def _meant(factor: float, units: Mapping[float, str]) -> str:
+    """Which unit a factor is likely meant by."""
+    for value, name in units.items():
+        if math.isclose(factor, value, rel_tol=SAME):
+            return f" (as if written {name})"
+        if math.isclose(factor, 1.0 / value, rel_tol=SAME):
+            return f" (as if A were {name})"
+    return ""
+
+
+def _transformed(reading: Reading, T: Array, length: float, mass: float, inertia: float) -> Reading:
+    """A reading in other units, then moved, or mirrored; coordinates of hinges stay.
+
+    Args:
+        T: Of determinant 1 or -1. Shape (4, 4).
+    """
+    R, sense = T[:3, :3], float(np.sign(np.linalg.det(T)))
+    F = MIRROR if sense < 0.0 else np.eye(4)
+    M = F[:3, :3]
+
+    def frame(X: Array) -> Array:
+        return F @ matrix(length * X[:3, 3], X[:3, :3]) @ F
+
+    def there(X: Array) -> Array:
+        return T @ F @ frame(X)  # a frame stays right-handed
+
+    def joint(one: JointReading) -> JointReading:
+        k, way = (length, 1.0) if one.kind == "slide" else (1.0, sense)  # an axis of rotation is an axial vector
+        new = turned(one, way * (R @ axis(one)), R @ (length * one.centre) + T[:3, 3])
+        return replace(new, home=k * one.home, rest=k * one.rest, limits=(k * one.limits[0], k * one.limits[1]))
+
+    def body(one: BodyReading) -> BodyReading:
+        parts = {
+            n: Matter(mass * m.mass, M @ m.com * length, inertia * M @ m.inertia @ M) for n, m in one.parts.items()
+        }
+        fixed = {n: frame(X) for n, X in one.fixed.items()}
+        new = replace(one, mass=mass * one.mass, com=length * M @ one.com, inertia=inertia * M @ one.inertia @ M)
+        return replace(new, pose=there(one.pose), fixed=fixed, parts=parts)
+
+    def end(name: str, X: Array) -> Array:
+        return frame(X) if name in reading.bodies else there(X)
+
+    return replace(
+        reading,
+        bodies={n: body(each) for n, each in reading.bodies.items()},
+        joints={n: joint(each) for n, each in reading.joints.items()},
+        fixed={n: there(X) for n, X in reading.fixed.items()},
+        closures={
+            n: replace(c, first_frame=end(c.first, c.first_frame), second_frame=end(c.second, c.second_frame))
+            for n, c in reading.closures.items()
+        },
+    )
+
+
+Pairs = tuple[Mapping[str, str], Mapping[str, str]]
+
+
+def wholes(a: Reading, b: Reading, joints: Mapping[str, str], bodies: Mapping[str, str]) -> list[Whole]:
+    """What may explain the whole, the likeliest first.
+
+    Args:
+        joints, bodies: Of A with those of B, as far as they are sure.
+    """
+    pairs: Pairs = (joints, bodies)
+    if 2 * len(bodies) < min(len(a.bodies), len(b.bodies)):
+        pairs = _alike(a, b)
+    pairs = ({x: y for x, y in pairs[0].items() if a.joints[x].kind == b.joints[y].kind}, pairs[1])
+    posed = _posed(a, b, pairs[0])
+    still = [_Overlay(a, each, pairs) for each in posed]
+    count = still[0].count
+    base = max(float(each.score(np.eye(4)[None])[0]) for each in still)
+    if not count or base > ENOUGH * count:
+        return []
+    found = list[tuple[float, Whole]]()
+    for factors in dict.fromkeys([(1.0, 1.0, 1.0), *_factors(a, b, pairs)]):
+        most = base
+        for each in posed:
+            length, mass, inertia = (1.0 / factor for factor in factors)
+            overlay = _Overlay(a, _transformed(each, np.eye(4), length, mass, inertia), pairs)
+            tried = overlay.candidates()
+            moved = np.abs(tried - np.eye(4)).max(axis=(1, 2)) > 1e-9
+            scores = overlay.score(tried) - 1e-3 * moved - 0.1 * (np.linalg.det(tried) < 0.0)
+            i = int(scores.argmax())
+            if scores[i] > most + GAIN * count:
+                most = float(scores[i])
+                found.append((most, Whole(np.asarray(np.linalg.inv(_round(tried[i]))), *factors)))
+    return [whole for _, whole in sorted(found, key=lambda each: -each[0])]
+
+
+def _round(T: Array) -> Array:
+    """A placement whose entries are whole numbers where they nearly are. Shape (4, 4)."""
+    near = np.round(T)
+    return np.where(np.abs(T - near) < 1e-9, near, T)
+
+
+def _alike(a: Reading, b: Reading) -> Pairs:
+    """Joints and bodies of which the mass and the moments of inertia say which they are: no motion changes these."""
+    sides = []
+    for reading in (a, b):
+        at: dict[tuple[float, ...], list[str]] = {}
+        for name, body in reading.bodies.items():
+            moments = np.linalg.eigvalsh(body.inertia)
+            ratios = (*(moments[:2] / (moments[2] or 1.0)), body.mass / (reading.mass or 1.0))
+            at.setdefault(tuple(float(f"{ratio:.3g}") for ratio in ratios), []).append(name)
+        sides.append({key: names[0] for key, names in at.items() if len(names) == 1})
+    bodies = {name: sides[1][key] for key, name in sides[0].items() if key in sides[1]}
+    joints = dict[str, str]()
+    for name, other in bodies.items():
+        ours, theirs = a.bodies[name].joints, b.bodies[other].joints
+        joints |= dict(zip(ours, theirs, strict=True)) if len(ours) == len(theirs) else {}
+    return joints, bodies
+
+
+def _posed(a: Reading, b: Reading, joints: Mapping[str, str]) -> list[Reading]:
+    """B at the coordinates of A, if its loops are closed there, and as its file has it."""
+    q = {y: a.joints[x].home for x, y in joints.items() if abs(b.joints[y].home - a.joints[x].home) > 1e-12}
+    if not q:
+        return [b]
+    there = rehomed(b, q)[0]
+    closed = max(residual_at_home(plant(there)).values(), default=0.0) < NONE * size(b)
+    return [there, b] if closed else [b]
+
+
+def _factors(a: Reading, b: Reading, pairs: Pairs) -> Iterator[tuple[float, float, float]]:
+    """Ratios of lengths, masses and inertias that most parts have in common."""
+    bodies = [(a.bodies[x], b.bodies[y]) for x, y in pairs[1].items()]
+    mass = _common([(x.mass, y.mass) for x, y in bodies])
+    inertia = _common([(_norm(x.inertia), _norm(y.inertia)) for x, y in bodies])
+    joints = [(a.joints[x], b.joints[y]) for x, y in pairs[0].items()]
+    gaps = [(_gap(x, u), _gap(y, v)) for (x, y), (u, v) in pairwise(joints)]
+    centres = [(_norm(x.com), _norm(y.com)) for x, y in bodies]
+    yield _common(gaps), mass, inertia
+    yield _common([*gaps, *centres]), mass, inertia
+
+
+def _common(pairs: Sequence[tuple[float, float]]) -> float:
+    """The ratio that most pairs have, 1 if there is none."""
+    ratios = [y / x for x, y in pairs if x > 1e-9 and y > 1e-12]
+    middle = float(np.median(ratios)) if ratios else 1.0
+    near = [ratio for ratio in ratios if abs(ratio / middle - 1.0) < SAME]
+    if len(near) < max(SEVERAL, MOST * len(ratios)) or abs(middle - 1.0) < 0.005:
+        return 1.0
+    return float(f"{np.median(near):.12g}")
+
+
+def _gap(one: JointReading, other: JointReading) -> float:
+    """Distance of two axes, which no motion of either joint changes [m]."""
+    d, e = (axis(each) if each.kind == "hinge" else np.zeros(3) for each in (one, other))
+    step, normal = other.centre - one.centre, np.cross(d, e)
+    if np.linalg.norm(normal) > 1e-6:
+        return abs(float(step @ normal)) / float(np.linalg.norm(normal))
+    return float(np.linalg.norm(np.cross(step, d)))
+
+
+class _Overlay:
+    """Features of partners as arrays: axes, centres of mass, inertias in the world."""
+
+    def __init__(self, a: Reading, b: Reading, pairs: Pairs) -> None:
+        joints = [(a.joints[x], b.joints[y]) for x, y in pairs[0].items() if a.joints[x].kind in ("hinge", "slide")]
+        bodies = [(a.bodies[x], b.bodies[y]) for x, y in pairs[1].items() if a.bodies[x].mass and b.bodies[y].mass]
+        self.length, self.count = size(a), 2 * len(joints) + 2 * len(bodies)
+        self.hinges = np.array([one.kind == "hinge" for one, _ in joints], dtype=bool)
+        self.axes, self.points = (
+            [np.array([of(pair[i]) for pair in joints]).reshape(-1, 3) for i in (0, 1)]
+            for of in (axis, lambda joint: joint.centre)
+        )
+        self.centres = [np.array([_centre(pair[i]) for pair in bodies]).reshape(-1, 3) for i in (0, 1)]
+        self.inertias = [np.array([_tensor(pair[i]) for pair in bodies]).reshape(-1, 3, 3) for i in (0, 1)]
+        self.masses = np.array([math.log(other.mass / one.mass) for one, other in bodies])
+
+    def score(self, T: Array) -> Array:
+        """How many features of B lie on their partners, near ones in part. Shape (n, 4, 4) -> (n,)."""
+        R, p = T[:, :3, :3], T[:, None, :3, 3]
+        (d, e), (c, k), (m, n), (I, J) = self.axes, self.points, self.centres, self.inertias
+        tilt = np.linalg.norm(np.cross(np.einsum("gij,nj->gni", R, e), d), axis=-1)
+        step = np.einsum("gij,nj->gni", R, k) + p - c
+        off = np.linalg.norm(np.cross(step, d), axis=-1) * self.hinges / self.length
+        com = np.linalg.norm(np.einsum("gij,nj->gni", R, n) + p - m, axis=-1) / self.length
+        scale = np.maximum(np.linalg.norm(I, axis=(1, 2)), 1e-300)
+        inertia = np.linalg.norm(np.einsum("gij,njk,glk->gnil", R, J, R) - I, axis=(2, 3)) / scale
+        errors = np.concatenate([tilt, off, com, inertia + np.abs(self.masses)], axis=1)
+        return np.asarray((0.5 / (1.0 + (errors / NEAR) ** 2) + 0.5 * (errors < NONE)).sum(axis=1))
+
+    def candidates(self) -> Array:
+        """Placements, and mirrors, of B's world in A's. Shape (n, 4, 4)."""
+        points, others = self.centres if len(self.centres[0]) else self.points
+        out = []
+        for R in self._turns(points, others):
+            steps = points - others @ R.T
+            out += [matrix(way, R) for way in (np.zeros(3), np.median(steps, axis=0), *steps[:3])]
+        return np.array(out)
+
+    def _turns(self, points: Array, others: Array) -> Iterator[Array]:
+        """Signed permutations, frames of two axes, and what lays all points onto each other best. Shape (3, 3) each."""
+        yield np.eye(3)
+        for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+            yield np.eye(3)[list(order)] * np.array(signs)
+        d, e = self.axes
+        pairs = [(i, j) for i in range(len(d)) for j in range(i) if _sine(d[i], d[j]) > ACROSS < _sine(e[i], e[j])]
+        for i, j in pairs[:: max(1, len(pairs) // PAIRS)]:
+            for first, second, sense in product((1.0, -1.0), repeat=3):
+                turn = _frame(d[i], d[j]) @ np.diag([1.0, 1.0, sense]) @ _frame(first * e[i], second * e[j]).T
+                yield np.asarray(turn)
+        U, _, V = np.linalg.svd((points - points.mean(axis=0)).T @ (others - others.mean(axis=0)))
+        yield from (U @ np.diag([1.0, 1.0, sign * np.linalg.det(U @ V)]) @ V for sign in (1.0, -1.0))
+
+
+def _norm(value: Array) -> float:
+    return float(np.linalg.norm(value))
+
+
+def _centre(body: BodyReading) -> Array:
+    return np.asarray(body.pose[:3, :3] @ body.com + body.pose[:3, 3])
+
+
+def _tensor(body: BodyReading) -> Array:
+    return np.asarray(body.pose[:3, :3] @ body.inertia @ body.pose[:3, :3].T)
+
+
+def _sine(one: Array, other: Array) -> float:
+    return float(np.linalg.norm(np.cross(one, other)))
+
+
+def _frame(x: Array, y: Array) -> Array:
+    z = np.cross(x, y) / _sine(x, y)
+    return np.array([x, np.cross(z, x), z]).T
