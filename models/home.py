@@ -194,14 +194,14 @@ def _placed(mechanism: Mechanism, q: Array) -> Mechanism:
 def _to_rounding(mechanism: Mechanism, moved: Flags) -> Array:
     """Home of a mechanism that nearly closes, closed to rounding by the coordinates that have moved. Shape (n_q,)."""
     system, home = loop_equations(layout(mechanism)), mechanism.home
-    closed = system.correct(home / system.size, (home / system.size)[mechanism.independent_columns])
-    home = home if closed is None else np.where(moved, closed[0] * system.size, home)
-    return np.where(moved & (np.abs(home) < EPS * system.size), 0.0, home)
+    closed = system.correct(home / system.sizes, (home / system.sizes)[mechanism.independent_columns])
+    home = home if closed is None else np.where(moved, closed[0] * system.sizes, home)
+    return np.where(moved & (np.abs(home) < EPS * system.sizes), 0.0, home)
 
 
 def _remark(mechanism: Mechanism, home: Array, others: Sequence[Array]) -> str:
     """Sentence on how far home has moved, and on other poses that close all loops."""
-    size, names = loop_equations(layout(mechanism)).size, mechanism.coordinates
+    size, names = loop_equations(layout(mechanism)).sizes, mechanism.coordinates
     way = home - mechanism.home
     most = int(np.argmax(np.abs(way) / size))
     sentence = f"home was solved for: moved by up to {abs(way[most]):.2g} {mechanism.units[most]} ('{names[most]}')"

@@ -143,11 +143,10 @@ def motion_at(
         UnknownNameError: A spring is at a body or coordinate that does not exist.
     """
     system = home_equations(lay)
-    fixed = list(system.fixed)
-    if not (q[:, fixed] == lay.mechanism.home[fixed]).all():
+    if not (q[:, system.fixed] == lay.mechanism.home[system.fixed]).all():
         system = loop_equations(lay)  # what never moves on the branch of home is fixed only on that branch
     check_applied(lay.mechanism, applied or Applied())
-    at = ClosedMotion(system.loops, q, yd, ydd, applied, t)
+    at = ClosedMotion(system, q, yd, ydd, applied, t)
     given = (
         ("actuator forces", actuators, lay.mechanism.actuated_columns),
         ("joint forces", joints, list(range(q.shape[1]))),

@@ -128,9 +128,9 @@ def near_singularity(lay: Layout, q: Array) -> str:
     motion = np.zeros(q.shape[1])
     motion[system.unknown] = Vt[-1]
     coordinates = [lay.mechanism.coordinates[i] for i in _large(motion)]
-    bodies = _moved(lay, system, q, motion * system.size)
+    bodies = _moved(lay, system, q, motion * system.sizes)
     chosen = ", ".join(lay.mechanism.independent)
-    names = [*system.names, *(component_name(coupling) for coupling in lay.mechanism.couplings)]
+    names = [*system.row_names, *(component_name(coupling) for coupling in lay.mechanism.couplings)]
     lost = [names[i] for i in _large(U[: len(names), -1], 0.3)]
     joints = list(dict.fromkeys(name.rsplit(".", 1)[0] for name in lost))
     constraint = f"; the constraint of {_named(joints)} is lost" if lost else ""

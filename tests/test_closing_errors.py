@@ -49,7 +49,7 @@ def cut(request, tmp_path):
 def test_errors_vanish_where_loops_close_and_change_as_their_derivative_says(cut):
     equations, q = cut
     independent = equations.lay.mechanism.independent_columns
-    z, y = ((q / equations.size)[:, columns] for columns in (equations.unknown, independent))
+    z, y = equations.unknowns(q), (q / equations.sizes)[:, independent]
     errors, matrix = equations.evaluate(z, y)
     assert np.abs(errors).max() < CLOSED
     steps = STEP * np.eye(z.shape[1])

@@ -4,7 +4,7 @@ more than once."""
 import numpy as np
 import pytest
 
-from support.solve import Continuation, LoopProblem, knots, predicted
+from support.solve import Continuation, knots, predicted
 
 EVERY, STEP = 16, 0.1
 
@@ -52,7 +52,7 @@ def test_continuation_asks_for_most_poses_once(n):
         matrix[:, 0, 1] = -np.cos(z[:, 1])
         return residual, matrix
 
-    path = Continuation(LoopProblem(evaluate, np.zeros(2), np.zeros(1), np.ones(2, bool), np.ones(1, bool)))
+    path = Continuation(evaluate, (np.zeros(2), np.zeros(1)), (np.ones(2, bool), np.ones(1, bool)))
     y = 0.4 * np.sin(np.linspace(0.0, 2.0, n))[:, None]
     z = path.follow(y, np.arange(float(n)))[0]
     assert np.abs(z[:, 0] - np.sin(y[:, 0])).max() < 1e-15

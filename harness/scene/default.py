@@ -99,7 +99,7 @@ def exciting(scene: Scene, seed: int = 0, samples: int = SAMPLES, largest: float
     mechanism, lay = scene.mechanism, check_home(scene.mechanism)
     columns = mechanism.independent_columns
     at = motion_at(lay, mechanism.home[None], np.zeros((1, len(columns))))
-    size = loop_equations(lay).size
+    size = loop_equations(lay).sizes
     heights = size[columns] / (SINES * np.abs(at.joint_map[0] / size[:, None] * size[columns]).max(axis=0))
     heights = np.minimum(heights, _room(mechanism) / (SINES * AMPLITUDES[0]))
     sines, pace = _sines(np.random.default_rng(seed), heights), _pace(at, scene.applied, heights)

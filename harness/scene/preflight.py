@@ -14,7 +14,7 @@ from screwgauge.quantities import GIVEN, QUANTITIES
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.continuation import PathEnd
-from screwgauge.reference.closed.loops import loop_equations
+from screwgauge.reference.closed.loops import loop_equations, read
 from screwgauge.reference.errors import ClosureError, DescriptionError, JointLimitError, SingularPoseError
 from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.lint import TURNED, WRITTEN, hinges, implausible, in_degrees
@@ -62,7 +62,7 @@ def far_from_home(scene: Scene) -> tuple[str, ...]:
     """A sentence if the motion starts far from home, as it does where its values are meant to count from there."""
     mechanism, start = scene.mechanism, scene.motion.y[0]
     home = mechanism.home[mechanism.independent_columns]
-    size = loop_equations(layout(mechanism)).size[mechanism.independent_columns]
+    size = loop_equations(layout(mechanism)).sizes[mechanism.independent_columns]
     if (np.abs(start - home) <= FAR * size).all():
         return ()
     places = mechanism.described(start), mechanism.described(home)
@@ -86,7 +86,7 @@ def _walked(mechanism: Mechanism, whole: GivenMotion) -> Mobility:
                 "shorten the motion or widen the limits",
             )
         looked_at += [q[i - first] for i in rows if first <= i < first + PART]
-    return _mobility(lay, [*walk.read(np.array(looked_at))])
+    return _mobility(lay, [*read(lay, np.array(looked_at))])
 
 
 def check_actuation(
@@ -126,7 +126,7 @@ def delivered(scene: Scene, quantities: Collection[str]) -> tuple[tuple[str, ...
 def _check_jumps(mechanism: Mechanism, motion: GivenMotion) -> None:
     """Poses are found by following the motion: consecutive samples must not be too far apart."""
     way = np.diff(motion.y, axis=0, prepend=mechanism.home[mechanism.independent_columns][None])
-    size = loop_equations(layout(mechanism)).size[mechanism.independent_columns]
+    size = loop_equations(layout(mechanism)).sizes[mechanism.independent_columns]
     far = np.argwhere(np.abs(way) / np.maximum(size, 1.0) > FARTHEST)
     if far.size:
         i, unit = far[0, 0], mechanism.units[mechanism.independent_columns[far[0, 1]]]
@@ -194,11 +194,6 @@ class SampleWalk:
             check_regular(self.lay, q, motion.t, motion.y, matrix)
         self.before = float(motion.t[-1])
         return q
-
-    def read(self, near: Array) -> Array:
-        """Joint coordinates with those of the cut joints, of which others nearby are given. Shape (n, n_q)."""
-        unknown = self.system.unknown
-        return self.system.coordinates(near[:, unknown] / self.system.size[unknown], near)
 
     def _passed(self, end: PathEnd, motion: GivenMotion) -> SingularPoseError:
         """Warning: a motion passes a singular pose."""

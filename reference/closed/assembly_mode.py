@@ -36,19 +36,19 @@ class AssemblyMode:
         """`strict`: whether a way from sample to sample is that of the motion or straight, and poses are followed even
         where there is a closed form: by default other ways will do for samples that are no motion."""
         self.lay, self.system, self.columns = lay, home_equations(lay), lay.mechanism.independent_columns
-        self.unit, self.strict = self.system.size[self.columns], strict
+        self.unit, self.strict = self.system.sizes[self.columns], strict
         self.near = lay.mechanism.home[None]
         """Joint coordinates of the anchors that were visited last, in order. Shape (v, n_q)."""
 
     @cached_property
     def continuation(self) -> Continuation:
         """Continuation that holds where motions have led to."""
-        return self.system.continuation(strict=self.strict)
+        return self.system.walk(Continuation, strict=self.strict)
 
     @cached_property
     def region(self) -> Region:
         """Where samples in any order have been reached: no motion adds to it, as they are to depend on y alone."""
-        return self.system.region()
+        return self.system.walk(Region)
 
     def predict(self, y: Array, t: Array, rates: Rates | None = None, drive: Motion | None = None) -> Poses:
         """Predicts the samples of a motion that goes on from those before.
@@ -85,7 +85,7 @@ class AssemblyMode:
         q, system, rows = self._in_closed_form(y), self.system, np.arange(len(y))
         if q is None:
             return None
-        return Poses(rows.astype(float), y / self.unit, (q / system.size)[:, system.unknown], rows, rows, near=q)
+        return Poses(rows.astype(float), y / self.unit, system.unknowns(q), rows, rows, near=q)
 
     def _in_closed_form(self, y: Array) -> Array | None:
         if len(self.system.unknown) == len(self.columns) and not self.lay.cuts:
@@ -103,7 +103,7 @@ class AssemblyMode:
     def rows(self, poses: Poses, columns: Sequence[int]) -> Array:
         """Some predicted coordinates of the tree, a row each [rad or m]. Shape (len(columns), n)."""
         places = [self.system.unknown.index(c) for c in columns]
-        return np.ascontiguousarray(poses.z[:, places].T) * self.system.size[[*columns], None]
+        return np.ascontiguousarray(poses.z[:, places].T) * self.system.sizes[[*columns], None]
 
     def _turned(self, y: Array) -> Array:
         """Home, its angles turned as far as they turn with y. Shape (n, k) -> (n, n_q)."""
@@ -164,9 +164,9 @@ class Branch:
         self.lay = lay
         self.columns = lay.mechanism.independent_columns
         self.system = home_equations(lay)
-        if np.abs(q - lay.mechanism.home)[list(self.system.fixed)].max(initial=0.0) > OPEN:
+        if np.abs(q - lay.mechanism.home)[self.system.fixed].max(initial=0.0) > OPEN:
             self.system = loop_equations(lay)  # another branch than that of the home pose
-        self.size = self.system.size
+        self.size = self.system.sizes
         self.is_tree = not lay.cuts and len(self.columns) == len(q)
         self.q, self.y = q.copy(), q[self.columns]
         self.K = np.zeros((len(q), len(self.columns)))  # without dimension

@@ -6,17 +6,16 @@ of cut joints from closed poses. The equations themselves are in `equations.clos
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.closed import walk
 from screwgauge.reference.closed.continuation import Continuation
 from screwgauge.reference.closed.newton import OPEN, newton, velocity_map
-from screwgauge.reference.closed.region import Region
+from screwgauge.reference.closed.walk import Walk
 from screwgauge.reference.equations.closure import Closed, Loops
 from screwgauge.reference.equations.joint_types import read_coordinates
 from screwgauge.reference.equations.kinematics import coordinates, tree_pose
@@ -58,84 +57,69 @@ def follow_cut_joints(lay: Layout, q: Array, near: Array) -> Array:
     return q
 
 
-@dataclass(frozen=True, eq=False)
-class LoopEquations:
-    """The loop equations of a layout.
+W = TypeVar("W", bound=Walk)
 
-    Attributes:
-        fixed: Columns of tree coordinates that keep their home value.
-    """
 
-    lay: Layout
-    fixed: tuple[int, ...] = ()
-
-    @cached_property
-    def loops(self) -> Loops:
-        return Loops(self.lay, self.fixed)
-
-    @property
-    def length(self) -> float:
-        """Unit of distances [m]."""
-        return self.loops.length
-
-    @property
-    def size(self) -> Array:
-        """Unit of each joint coordinate: 1 for angles, the mechanism's length for distances. Shape (n_q,)."""
-        return self.loops.sizes
+class LoopEquations(Loops):
+    """The loop equations of a layout over arrays."""
 
     @cached_property
     def unknown(self) -> list[int]:
         """Columns of the tree coordinates that are not fixed."""
-        return self.loops.columns[: self.loops.moving]
+        return self.columns[: self.moving]
 
     @cached_property
-    def names(self) -> list[str]:
+    def row_names(self) -> list[str]:
         """Names of the rows of cut joints, those of their constraint wrenches."""
-        ends, cuts = self.loops.ends, self.loops.cuts
-        owners = [joint.name for joint, i, j in zip(cuts, ends, ends[1:], strict=False) for _ in range(i, j)]
-        return [f"{owner}.{label}" for owner, (label, _) in zip(owners, self.loops.names, strict=True)]
+        counts = zip(self.cuts, np.diff(self.ends).tolist(), strict=True)
+        owners = [joint.name for joint, count in counts for _ in range(count)]
+        return [f"{owner}.{label}" for owner, (label, _) in zip(owners, self.names, strict=True)]
 
     def closed(self, q: Array) -> Closed:
         """The equations at some joint coordinates. Shape (n, n_q)."""
-        return Closed(self.loops, coordinates(q, NUMPY), self.loops.folds(q), NUMPY)
+        return Closed(self, coordinates(q, NUMPY), self.folds(q), NUMPY)
 
     def matrix(self, q: Array) -> Array:
         """Derivative by the unknowns of the residuals, those of the couplings after them, and of the selected
         coordinates, without dimension. Shape (n, n_q) -> (n, m + k, n_unknown)."""
-        return np.asarray(self.closed(q).system.A[..., : self.loops.moving])
+        return np.asarray(self.closed(q).system.A[..., : self.moving])
 
     def constraints(self, q: Array) -> Array:
         """Rows of that matrix for the loops and couplings alone. Shape (n, n_q) -> (n, m, n_unknown)."""
-        return self.matrix(q)[:, : self.loops.given.start]
+        return self.matrix(q)[:, : self.given.start]
 
     def chart_conditions(self, q: Array) -> Array:
         """Condition number of the angles of each cut joint. Shape (n, n_q) -> (n, n_cut)."""
         return chart_conditions(self.closed(q))
 
     def evaluate(self, z: Array, y: Array) -> tuple[Array, ...]:
-        """Residuals, those of the couplings too, and their Jacobian, without dimension: an `Evaluation` for Newton.
+        """Residuals, those of the couplings too, and their Jacobian, without dimension: an `Evaluation` for `newton`.
 
         Where coordinates are fixed, the Jacobian with their columns, which come last, follows.
 
         Args:
-            z: Unknowns over their `size`. Shape (n, n_unknown).
+            z: Unknowns over their `sizes`. Shape (n, n_unknown).
             y: Independent coordinates over theirs. Shape (n, k).
         """
-        columns = self.lay.mechanism.independent_columns
-        given = y * self.size[columns]
+        columns = self.y_columns
+        given = y * self.sizes[columns]
         q = np.tile(self.lay.mechanism.home, (len(z), 1))
         q[:, columns] = given  # of a cut joint the angle nearest to what is wanted
-        q[:, self.unknown] = z * self.size[self.unknown]
+        q[:, self.unknown] = z * self.sizes[self.unknown]
         at = self.closed(q)
         full = np.asarray(at.system.A)
-        equations = at.residual(given) / self.loops.unit, full[..., : self.loops.moving]
+        equations = at.residual(given) / self.unit, full[..., : self.moving]
         return (*equations, full) if self.fixed else equations
+
+    def unknowns(self, q: Array) -> Array:
+        """Unknowns without dimension. Shape (..., n_q) -> (..., n_unknown)."""
+        return np.asarray(q[..., self.unknown] / self.sizes[self.unknown])
 
     def tree(self, z: Array, guess: Array) -> Array:
         """Joint coordinates, those of cut joints being guessed."""
-        q, fixed = guess.copy(), list(self.fixed)
-        q[:, fixed] = self.lay.mechanism.home[fixed]
-        q[:, self.unknown] = z * self.size[self.unknown]
+        q = guess.copy()
+        q[:, self.fixed] = self.lay.mechanism.home[self.fixed]
+        q[:, self.unknown] = z * self.sizes[self.unknown]
         return q
 
     def coordinates(self, z: Array, guess: Array) -> Array:
@@ -157,23 +141,13 @@ class LoopEquations:
             return None
         K = np.zeros((len(q), len(y)))  # cut coordinates are not predicted: near gimbal lock they run away
         K[self.unknown] = velocity_map(matrix, len(y))[0]
-        return self.coordinates(z, q[None] * self.size)[0] / self.size, K
+        return self.coordinates(z, q[None] * self.sizes)[0] / self.sizes, K
 
-    def continuation(self, *, strict: bool = False) -> Continuation:
-        """Closed poses of motions from home; see `Continuation`."""
-        return Continuation(self._closing(), strict=strict)
-
-    def region(self) -> Region:
-        """Closed poses in any order around home; see `Region`."""
-        return Region(self._closing())
-
-    def _closing(self) -> walk.Loops:
-        mechanism, angles = self.lay.mechanism, self.lay.turns
-        home, columns = mechanism.home / self.size, mechanism.independent_columns
-        z, turning = home[self.unknown], angles[columns]
-        return walk.Loops(
-            self.evaluate, z, home[columns], angles[self.unknown], turning, self.size[columns], bool(self.fixed)
-        )
+    def walk(self, kind: type[W], *, strict: bool = False) -> W:
+        """What leads from home to closed poses: a `Continuation` or a `Region`."""
+        home, turns, given = self.lay.mechanism.home, self.lay.turns, self.y_columns
+        start, angles = (self.unknowns(home), home[given]), (turns[self.unknown], turns[given])
+        return kind(self.evaluate, start, angles, self.sizes[given], resting=bool(self.fixed), strict=strict)
 
 
 def loop_equations(lay: Layout, fixed: tuple[int, ...] = ()) -> LoopEquations:
@@ -213,9 +187,8 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
     if trials is None:
         return ()
     z, y, matrix = trials
-    home = lay.mechanism.home[free.unknown] / free.size[free.unknown]
     slack = 16 * linear.EPS * linear.condition(matrix).max()
-    rests = np.abs(z - home).max(axis=0) <= slack
+    rests = np.abs(z - free.unknowns(lay.mechanism.home)).max(axis=0) <= slack
     rests &= np.abs(velocity_map(matrix, y.shape[1])).max(axis=(0, 2)) <= slack
     chosen = {*lay.mechanism.independent_columns, *lay.mechanism.coupling_rows.columns}
     fixed = tuple(c for c, still in zip(free.unknown, rests, strict=True) if still and c not in chosen)
@@ -229,23 +202,22 @@ def resting_columns(lay: Layout) -> tuple[int, ...]:
 
 def _may_rest(system: LoopEquations) -> bool:
     """Whether at home, to first order, anything stands still that is not chosen: of most mechanisms nothing does."""
-    columns = system.lay.mechanism.independent_columns
     A = system.matrix(system.lay.mechanism.home[None])
-    still = np.abs(velocity_map(A, len(columns))[0]).max(axis=1) <= STILL
-    return any(rests and c not in columns for c, rests in zip(system.unknown, still, strict=True))
+    still = np.abs(velocity_map(A, len(system.y_columns))[0]).max(axis=1) <= STILL
+    return any(rests and c not in system.y_columns for c, rests in zip(system.unknown, still, strict=True))
 
 
 def _trials(system: LoopEquations) -> tuple[Array, Array, Array] | None:
     """Closed poses in general position near home: unknowns, y and matrices, or None where there are too few."""
-    home = system.lay.mechanism.home / system.size
-    columns = system.lay.mechanism.independent_columns
-    k = np.arange(len(columns))
-    closed, path = [], system.continuation(strict=True)
+    columns = system.y_columns
+    unit, k = system.sizes[columns], np.arange(len(columns))
+    home = system.lay.mechanism.home[columns] / unit
+    closed, path = [], system.walk(Continuation, strict=True)
     for i in range(TRIALS):
-        y = home[columns] + AWAY * np.cos(1.0 + 2.3 * i + 1.7 * (1 + i) * k)
+        y = home + AWAY * np.cos(1.0 + 2.3 * i + 1.7 * (1 + i) * k)
         try:
             path.restart(begun=True)  # straight on or not at all: ways round singular poses take seconds
-            z, matrix, *_ = path.follow(y[None] * system.size[columns], np.zeros(1))
+            z, matrix, *_ = path.follow(y[None] * unit, np.zeros(1))
         except ClosureError:
             continue
         if linear.condition(matrix)[0] < CLEAR:

@@ -7,7 +7,6 @@ however small.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -46,27 +45,6 @@ class Blocked(Exception):
         self.singular = singular
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Loops:
-    """Loop equations without dimension, and a pose that closes them nearly, such as home.
-
-    Attributes:
-        evaluate: Residuals and their Jacobian, whose last k rows are those of y.
-        z, y: Unknowns and independent coordinates. Shapes (n_z,), (k,).
-        angles, turning: Which of them are angles.
-        size: What y is divided by, for messages. Shape (k,).
-        resting: Whether `evaluate` gives, after the Jacobian, that with the columns of coordinates at rest.
-    """
-
-    evaluate: Evaluation
-    z: Array
-    y: Array
-    angles: Flags
-    turning: Flags
-    size: Array | float = 1.0
-    resting: bool = False
-
-
 class Walk:
     """The anchors of one assembly mode, and where it has got to among them.
 
@@ -77,20 +55,34 @@ class Walk:
         loops: Coordinate that leads back home after a whole turn -> unknowns along that turn. Shape (v, n_z).
     """
 
-    def __init__(self, problem: Loops, *, strict: bool = False) -> None:
-        """Starts at the pose that is given.
+    def __init__(
+        self,
+        evaluate: Evaluation,
+        start: tuple[Array, Array],
+        angles: tuple[Flags, Flags],
+        size: Array | float = 1.0,
+        *,
+        resting: bool = False,
+        strict: bool = False,
+    ) -> None:
+        """Starts at a pose that closes the loops nearly, such as home.
 
         Args:
+            evaluate: Residuals and their Jacobian, whose last k rows are those of y, without dimension.
+            start: Unknowns without dimension, and independent coordinates [rad or m]. Shapes (n_z,), (k,).
+            angles: Which of them are angles.
+            size: Units of independent coordinates. Shape (k,).
+            resting: Whether `evaluate` gives, after the Jacobian, that with the columns of coordinates at rest.
             strict: Whether samples that are no motion are joined by straight ways only.
 
         Raises:
             ClosureError: The loops do not close there.
         """
-        self.evaluate, self.size, self.resting = problem.evaluate, problem.size, problem.resting
-        self.turns, self.strict, y = problem.turning, strict, problem.y
-        self.anchors, self.floor, self.left = Anchors(len(y), len(problem.z), problem.angles), np.inf, MOST
-        residual, J, *_ = self.evaluate(problem.z[None], y[None])
-        home = self._measured(problem.z, y, residual[0], J[0]) if np.isfinite(J).all() else None
+        self.evaluate, self.size, self.resting = evaluate, size, resting
+        self.turns, self.strict, z, y = angles[1], strict, start[0], start[1] / size
+        self.anchors, self.floor, self.left = Anchors(len(y), len(z), angles[0]), np.inf, MOST
+        residual, J, *_ = evaluate(z[None], y[None])
+        home = self._measured(z, y, residual[0], J[0]) if np.isfinite(J).all() else None
         if home is None:
             remedy = "correct the placements or the home coordinates"
             raise ClosureError("the loops do not close there", "home pose", remedy)

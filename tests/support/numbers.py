@@ -155,7 +155,7 @@ def swinging(mechanism: Mechanism, applied: Applied, n: int = 3) -> State:
 def _state(mechanism: Mechanism, applied: Applied, motion: GivenMotion, axial: bool = False) -> State:
     lay = layout(mechanism)
     q = ScrewModel(lay).solve(Problem(applied, motion, frozenset(["joint_position"]))).assembly
-    return State(lay, Loops(lay, home_equations(lay).fixed), applied, axial, q, motion.y, motion.yd, motion.ydd)
+    return State(lay, home_equations(lay), applied, axial, q, motion.y, motion.yd, motion.ydd)
 
 
 def trees(mechanism: Mechanism) -> list[tuple[str, ...]]:

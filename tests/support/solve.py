@@ -23,7 +23,6 @@ from screwgauge.reference.closed.assembly_mode import AssemblyMode, Branch, clos
 from screwgauge.reference.closed.continuation import Continuation
 from screwgauge.reference.closed.loops import LoopEquations, home_equations, loop_equations, read
 from screwgauge.reference.closed.newton import Curve, bent, knots, predicted, straight
-from screwgauge.reference.closed.walk import Loops as LoopProblem
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.equations.forward import NewtonEuler, force_matrix
 from screwgauge.reference.equations.kinematics import gaps, joint_bias, length, pose

@@ -62,7 +62,7 @@ class TracedForward:
 
     def _make(self) -> None:
         """Makes the program, pivots being chosen at the poses that are known to matter."""
-        clock, lay, loops = Stopwatch(), self.lay, self.system.loops
+        clock, lay, loops = Stopwatch(), self.lay, self.system
         program, self.dependent = forward_program(loops, self.applied, np.array(self.poses))
         compiled, note = runner(program, self.backend)
         self.note = f"{note}; " if note else ""

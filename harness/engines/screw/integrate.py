@@ -17,7 +17,7 @@ from screwgauge.engines.tree.cut_joints import SURE
 from screwgauge.problem import InitialValue, Progress, quiet
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.assembly_mode import Branch
-from screwgauge.reference.closed.loops import home_equations, read
+from screwgauge.reference.closed.loops import read
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
 from screwgauge.reference.graph import Layout
@@ -96,8 +96,7 @@ class _Run:
         """Closed poses and rates of states, shape (n, 2 k + 1), by the branch where `q` of the tree is not known."""
         k = states.shape[1] // 2
         if q is not None:
-            system = home_equations(self.lay)
-            closed = system.coordinates((q / system.size)[None, system.unknown], q[None])
+            closed = read(self.lay, q[None])
         else:
             if self.traced is not None:
                 self.traced.lend(self.branch)

@@ -19,7 +19,6 @@ from screwgauge.reference.closed.continuation import Poses
 from screwgauge.reference.closed.loops import read
 from screwgauge.reference.closed_motion import ClosedMotion
 from screwgauge.reference.equations import dynamics as equations
-from screwgauge.reference.equations.closure import Loops
 from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.forward import Forward
 from screwgauge.reference.equations.joint_types import reaction_names
@@ -44,7 +43,7 @@ def solve_motion(lay: Layout, problem: Problem, motion: GivenMotion, progress: P
         assembly.append(q)
         return work.part(some, q)
 
-    size = {"length": work.system.length, "mass": lay.mechanism.mass}
+    size = {"length": work.loops.length, "mass": lay.mechanism.mass}
     solution = assemble(labels, len(motion), part, work.names, work.clock, progress, **size)
     return replace(solution, assembly=np.concatenate(assembly))
 
@@ -64,8 +63,7 @@ class Work:
 
     def __init__(self, lay: Layout, problem: Problem, clock: Clock | None = None) -> None:
         self.problem, self.lay, self.clock, self.mode = problem, lay, clock or Clock(), AssemblyMode(lay)
-        self.system = self.mode.system
-        self.loops = Loops(lay, self.system.fixed)
+        self.loops = self.mode.system
         self.path, self.tree = open_tree(lay)
         self.depth = stages(problem.wanted)
 
@@ -97,7 +95,7 @@ class Work:
         values, trust, A = self._beyond(closed, motion)
 
         def again(doubtful: Rows, shake: Array) -> dict[str, Array]:
-            q, moving = closed[doubtful], self.loops.columns[: self.loops.moving]
+            q, moving = closed[doubtful], self.loops.unknown
             q[:, moving] += shake * self.loops.sizes[moving]
             return self._beyond(read(self.lay, q), motion.part(doubtful))[0]
 
@@ -111,7 +109,7 @@ class Work:
             at = ClosedMotion(loops, q, motion.yd, motion.ydd, problem.applied, motion.t)
             at.axial = problem.rule == "spherical_axial"
         out, conditions = dict[str, Array](), dict[str, Array]()
-        moving = loops.columns[: loops.moving]
+        moving = loops.unknown
         speed: Array | float = 0.0
         rush: Array | float = 0.0
         load: Array | float = 0.0

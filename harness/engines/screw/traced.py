@@ -64,7 +64,7 @@ class TracedWork:
             ScrewgaugeError: The motion cannot be followed.
         """
         self.lay, self.problem, self.work = lay, problem, Work(lay, problem)
-        self.clock, self.length, self.names = self.work.clock, self.work.system.length, self.work.names
+        self.clock, self.length, self.names = self.work.clock, self.work.loops.length, self.work.names
         self.wanted = [name for name in OF_MOTION if name in problem.wanted]
         self.outputs = [*self.wanted, *(["error"] if estimates else [])]
         self.by_array = Counter[str]()

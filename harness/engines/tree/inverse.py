@@ -20,7 +20,6 @@ from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
 from screwgauge.reference.closed.continuation import Continuation
-from screwgauge.reference.closed.walk import Loops
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.solution import SOFTNESS, Clock, Error, Solution
 
@@ -67,8 +66,7 @@ class _Work:
         self.depth = stages(problem.wanted)
         sizes = closed.sizes
         self.moves = closed.tree.poses(closed.home[None]).moves
-        home, y_home = closed.home / sizes.q, closed.y_home / sizes.y
-        self.path = Continuation(Loops(self._scaled, home, y_home, *closed.angles, size=sizes.y))
+        self.path = Continuation(self._scaled, (closed.home / sizes.q, closed.y_home), closed.angles, sizes.y)
         # angles of cut joints at the last sample
         self.cut = {joint.name: closed.loops.begin(joint, motion.y[0]) for joint in closed.loops.cut}
         self.residual = 0.0

@@ -104,7 +104,7 @@ def closed(lay: Layout, problem: Problem, motion: GivenMotion, *, mended: bool =
         raise ClosureError("no closed form", "this mechanism", "its chains are not all of the kinds U-P-U and U-P-S")
     if mended and np.abs(gaps(lay, q)).max() > 64 * np.finfo(q.dtype).eps:
         system, goals = _unitless(lay, motion.y)
-        z = newtons_method(system.evaluate, (q / system.size)[:, system.unknown], goals, most=5)[0]
+        z = newtons_method(system.evaluate, system.unknowns(q), goals, most=5)[0]
         q = system.coordinates(z, q)
     return _beyond(lay, problem, motion, q)
 
@@ -115,7 +115,7 @@ def newton(lay: Layout, problem: Problem, motion: GivenMotion, *, steps: int) ->
     Predicted is from a corrected sample at most `STEP` away, without a look at what the prediction is worth.
     """
     home, (system, goals) = lay.mechanism.home, _unitless(lay, motion.y)
-    z = np.tile((home / system.size)[system.unknown], (len(motion), 1))
+    z = np.tile(system.unknowns(home), (len(motion), 1))
     at, near, K = z[0], goals[0], np.zeros((z.shape[1], goals.shape[1]))
     for i, y in enumerate(goals):
         z[i] = at + K @ (y - near)
@@ -169,7 +169,7 @@ VARIANTS: dict[str, Callable[..., Arrays]] = {
 def _unitless(lay: Layout, y: Array) -> tuple[LoopEquations, Array]:
     """The loop equations, and the independent coordinates over their units. Shape (n, k)."""
     system = loop_equations(lay)
-    return system, y / system.size[lay.mechanism.independent_columns]
+    return system, y / system.sizes[system.y_columns]
 
 
 def _beyond(lay: Layout, problem: Problem, motion: GivenMotion, q: Array) -> Arrays:

@@ -100,10 +100,10 @@ def pulled_apart(scene: Scene, names: tuple[str, ...], gap: float) -> States:
     mechanism, motion = scene.mechanism, scene.motion
     lay = spanning_tree(mechanism)  # that of the models
     system, q = loop_equations(lay), positions(layout(mechanism), motion.y, motion.t)
-    m, tree, size = 3 * len(lay.cuts), system.unknown, system.size
+    m, tree, size = 3 * len(lay.cuts), system.unknown, system.sizes
     y, yd = (array / size[mechanism.independent_columns] for array in (motion.y, motion.yd))
     apart, parting = (gap / system.length * _direction((len(q), m), phase) for phase in (0.3, 1.1))
-    z, goal = (q / size)[:, tree], np.concatenate([apart, np.zeros_like(y)], axis=1)
+    z, goal = system.unknowns(q), np.concatenate([apart, np.zeros_like(y)], axis=1)
     for _ in range(3):  # Newton's method
         residual, A = system.evaluate(z, y)
         z = z + linear.solve(A, (goal - residual)[..., None])[..., 0]
