@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from screwgauge.engines.tree.cut_joints import SURE, read_chart
+from screwgauge.engines.tree.cut_joints import read_chart
+from screwgauge.reference.equations.joint_types import SURE
 from support.acting import GRAVITY, Applied, hold
 from support.engines import MOTION, Problem, ask, model_files, simulate
 from support.errors import ClosureError

@@ -300,6 +300,10 @@ def cut_coordinates(at: JointPose, fold: Any, sqrt: Callable[[Any], Any]) -> lis
     return [next(angles if turns else shifts) for turns in KINDS[at.joint.kind]]
 
 
+#: Angles read with a worse condition are no ground for the samples after them: poses closed to 1e-13 leave 1e-5 rad.
+SURE = 1e8
+
+
 def read_coordinates(at: JointPose, near: Array | None = None) -> Array:
     """The coordinates of a cut joint as floats; unlike `cut_coordinates` this goes through gimbal lock.
 

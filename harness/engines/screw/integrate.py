@@ -13,12 +13,12 @@ from scipy.integrate import DOP853, OdeSolver
 
 from screwgauge.engines.methods import MOST, SIZES, check_method, keep_passed
 from screwgauge.engines.screw.forward import TracedForward
-from screwgauge.engines.tree.cut_joints import SURE
 from screwgauge.problem import InitialValue, Progress, quiet
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.assembly_mode import Branch
 from screwgauge.reference.closed.loops import read
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
+from screwgauge.reference.equations.joint_types import SURE
 from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
 from screwgauge.reference.graph import Layout
 from screwgauge.reference.mobility import near_singularity

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from screwgauge.engines.tree.closed_tree import ClosedTree
-from screwgauge.engines.tree.cut_joints import SURE, read_chart
+from screwgauge.engines.tree.cut_joints import read_chart
 from screwgauge.engines.tree.protocol import BodyAt, BodyPoses, OpenTree
 from screwgauge.reference.applied import Applied, JointSpring, PointSpring
-from screwgauge.reference.equations.joint_types import dual_wrenches
+from screwgauge.reference.equations.joint_types import SURE, dual_wrenches
 from screwgauge.reference.equations.kinematics import coordinates, joint_screws, joint_values
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.errors import UnknownNameError

@@ -8,10 +8,10 @@ import numpy as np
 
 from screwgauge.engines.chunks import JointMotion
 from screwgauge.engines.tree.closed_tree import ClosedTree
-from screwgauge.engines.tree.cut_joints import SURE
 from screwgauge.engines.tree.protocol import Mover
 from screwgauge.reference import linear
 from screwgauge.reference.closed.newton import ROUNDING
+from screwgauge.reference.equations.joint_types import SURE
 from screwgauge.reference.errors import SingularPoseError
 from screwgauge.reference.rotations import Array, Flags, follow
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.reference.equations.joint_types import triad
+from screwgauge.reference.equations.joint_types import SURE, triad
 from screwgauge.reference.mechanism import Joint
 from screwgauge.reference.rotations import (
     MIDDLE,
@@ -22,9 +22,6 @@ from screwgauge.reference.rotations import (
     sequence_angles,
     within_half_turn,
 )
-
-#: Angles read with a worse condition are no ground for the samples after them: poses closed to 1e-13 leave 1e-5 rad.
-SURE = 1e8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
