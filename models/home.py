@@ -194,8 +194,8 @@ def _placed(mechanism: Mechanism, q: Array) -> Mechanism:
 def _to_rounding(mechanism: Mechanism, moved: Flags) -> Array:
     """Home of a mechanism that nearly closes, closed to rounding by the coordinates that have moved. Shape (n_q,)."""
     system, home = loop_equations(layout(mechanism)), mechanism.home
-    closed = system.correct(home / system.sizes, (home / system.sizes)[mechanism.independent_columns])
-    home = home if closed is None else np.where(moved, closed[0] * system.sizes, home)
+    closed = system.correct(home, home[mechanism.independent_columns])
+    home = home if closed is None else np.where(moved, closed[0], home)
     return np.where(moved & (np.abs(home) < EPS * system.sizes), 0.0, home)
 
 

@@ -166,24 +166,24 @@ class Branch:
         self.system = home_equations(lay)
         if np.abs(q - lay.mechanism.home)[self.system.fixed].max(initial=0.0) > OPEN:
             self.system = loop_equations(lay)  # another branch than that of the home pose
-        self.size = self.system.sizes
         self.is_tree = not lay.cuts and len(self.columns) == len(q)
         self.q, self.y = q.copy(), q[self.columns]
-        self.K = np.zeros((len(q), len(self.columns)))  # without dimension
+        self.K = np.zeros((len(q), len(self.columns)))
         if not self.is_tree and not self._try(q, self.y):
             where = f"start of {lay.mechanism.name}"
             raise ClosureError("the loops do not close there", where, "correct the coordinates")
 
     def _try(self, predicted: Array, goal: Array, bend: float = np.inf) -> bool:
         """Newton's method from a prediction; keeps the pose if it closes and is where it should be."""
-        corrected = self.system.correct(predicted / self.size, goal / self.size[self.columns])
-        if corrected is None:
+        corrected = self.system.correct(predicted, goal)
+        if corrected is None or self._far(corrected[0] - predicted) > bend:
             return False
-        q, K = corrected
-        if np.abs(q - predicted / self.size)[self.system.unknown].max() > bend:
-            return False
-        self.q, self.y, self.K = q * self.size, goal.copy(), K
+        (self.q, self.K), self.y = corrected, goal.copy()
         return True
+
+    def _far(self, way: Array) -> float:
+        """Largest change of an unknown, without dimension. Shape (n_q,)."""
+        return float(np.abs(self.system.unknowns(way)).max())
 
     def put(self, q: Array) -> None:
         """Puts the pose where joint coordinates `q`, shape (n_q,), close the loops already."""
@@ -199,16 +199,16 @@ class Branch:
         if self.is_tree:
             self.q[self.columns] = self.y = y.copy()
             return
-        largest, unit = STEP, self.size[self.columns]
+        largest, unit = STEP, self.system.sizes[self.columns]
         for _ in range(MOST + int(4.0 * float(np.abs((y - self.y) / unit).max()) / STEP)):
-            way = (y - self.y) / unit
-            length = float(np.abs(way).max())
+            way = y - self.y
+            length = float(np.abs(way / unit).max())
             if length == 0.0:
                 return
-            way = way * min(1.0, largest / length)
+            way *= min(1.0, largest / length)
             step = self.K @ way
-            goal = y if largest >= length else self.y + way * unit
-            if self._try(self.q + step * self.size, goal, BEND * float(np.abs(step[self.system.unknown]).max()) + 1e-9):
+            goal = y if largest >= length else self.y + way
+            if self._try(self.q + step, goal, BEND * self._far(step) + 1e-9):
                 continue
             largest = 0.5 * min(largest, length)
             if largest < SMALLEST:

@@ -132,16 +132,17 @@ class LoopEquations(Loops):
         return read(self.lay, self.tree(z, guess))
 
     def correct(self, q: Array, y: Array) -> tuple[Array, Array] | None:
-        """The closed pose next to a prediction, and dq/dy, both without dimension; None where the loops stay open.
+        """The closed pose next to a prediction, and dq/dy [rad and m]; None where the loops stay open.
 
         Those of cut joints are read near the prediction.
         """
-        z, matrix, error = newton(self.evaluate, q[None, self.unknown], y[None])[:3]
+        unit = self.sizes[self.y_columns]
+        z, matrix, error = newton(self.evaluate, self.unknowns(q[None]), (y / unit)[None])[:3]
         if not error[0] < OPEN:
             return None
         K = np.zeros((len(q), len(y)))  # cut coordinates are not predicted: near gimbal lock they run away
-        K[self.unknown] = velocity_map(matrix, len(y))[0]
-        return self.coordinates(z, q[None] * self.sizes)[0] / self.sizes, K
+        K[self.unknown] = self.sizes[self.unknown, None] * velocity_map(matrix, len(y))[0] / unit
+        return self.coordinates(z, q[None])[0], K
 
     def walk(self, kind: type[W], *, strict: bool = False) -> W:
         """What leads from home to closed poses: a `Continuation` or a `Region`."""

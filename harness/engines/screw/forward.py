@@ -58,7 +58,7 @@ class TracedForward:
         branch.move(task.start)
         self.poses = [branch.q.copy()]
         self._make()
-        self.recall(branch.q, branch.K * branch.size[:, None] / branch.size[self.columns])
+        self.recall(branch.q, branch.K)
 
     def _make(self) -> None:
         """Makes the program, pivots being chosen at the poses that are known to matter."""
