@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.reference.equations.closure import Closed, CutJoint
+from screwgauge.reference.equations.closure import Closed
+from screwgauge.reference.equations.cut_joint import CutJoint
 from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.kinematics import length, pose
 from screwgauge.reference.equations.screws import Array

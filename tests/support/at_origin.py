@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from screwgauge.reference.equations import closure, forward, joint_types, kinematics, recursion
-from screwgauge.reference.equations.closure import CutJoint, Motion
+from screwgauge.reference.equations.closure import Motion
+from screwgauge.reference.equations.cut_joint import CutJoint
 from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.kinematics import TreePose, twists, walk
 from screwgauge.reference.equations.recursion import Accelerations, FrameMotion, Turning
