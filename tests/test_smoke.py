@@ -17,6 +17,7 @@ from screwgauge.models.readings import mujoco
 from screwgauge.models.readings.assemble import Link
 from screwgauge.report.pages import check as page
 from screwgauge.scene.preflight import check_scene
+from screwgauge.study.gate import check as gate_check
 from screwgauge.study.gate import known_files, smoke
 from screwgauge.study.gate.items import items
 from screwgauge.study.gate.known_files import known_item, known_row
@@ -85,7 +86,7 @@ def test_redundant_actuators_are_compared_by_the_other_rule(monkeypatch):
 
 
 def test_two_model_files_are_checked_where_nothing_is_named(monkeypatch):
-    monkeypatch.setattr(page, "items", lambda what: items([*what] or ["slider-crank"]))
+    monkeypatch.setattr(gate_check, "items", lambda what: items([*what] or ["slider-crank"]))
     found = page.check_with(InTurn(), (), smoke=True)
     assert [row.scene for row in found.rows] == ["slider-crank", known_item().name]
     assert [row.scene for row in screwgauge.check("five-bar", smoke=True).rows] == ["five-bar"]
