@@ -9,6 +9,7 @@ import pytest
 import screwgauge
 from screwgauge.engines.screw import inverse as screw
 from screwgauge.engines.tree import closed_forces, inverse
+from screwgauge.judging.residual import JUDGE_COLUMNS, frame
 from support.at_origin import Accelerations
 from support.bench import Plan, bench
 from support.equations import Dynamics, Ops
@@ -76,7 +77,7 @@ FORCES = {"positions", "rates", "accelerations", "inertia"}
     ],
 )
 def test_screw_executes_only_what_is_needed(calls, monkeypatch, asked, stages):
-    monkeypatch.setattr("screwgauge.study.run.judge", lambda *_, **__: __import__("pandas").DataFrame({"ok": []}))
+    monkeypatch.setattr("screwgauge.study.run.judge", lambda *_, **__: frame((), JUDGE_COLUMNS))
     run("screw", *asked)
     assert executed(calls) == stages
     assert all(n == 1 for n in calls.values())

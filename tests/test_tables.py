@@ -287,3 +287,36 @@ def test_arrays_that_are_no_table_are_refused(t, columns, said):
 def test_a_table_that_is_not_asked_for_is_said(scene, right):
     results = screwgauge.run(scene(forces(right)), ["screw"])
     assert any("(tables.mine) is not compared, as no engine of that name" in text for text in results.warnings)
+
+
+def test_a_table_of_some_positions_decides_nothing_on_what_is_zero(write):
+    """Pin and guide share a point: the guide's moment is rounding, which is measured by answers that are whole."""
+    hinge = 'kind = "R", axes = [[0, 0, 1]]'
+    write(
+        "crank.toml",
+        f"""name = "crank"
+independent = {{ crank = "a" }}
+[bodies]
+crank = {{ mass = 0.8, com = [0.06, 0, 0], inertia = {{ xx = 1e-4, yy = 2.5e-3, zz = 2.5e-3 }} }}
+rod = {{ mass = 1.1, com = [0.2, 0, 0], inertia = {{ xx = 2e-4, yy = 1.6e-2, zz = 1.6e-2 }} }}
+slider = {{ mass = 2.0, inertia = {{ xx = 2e-3, yy = 2e-3, zz = 2e-3 }} }}
+[joints]
+a = {{ {hinge}, parent = "ground", child = "crank", actuated = true }}
+b = {{ {hinge}, parent = "crank", child = "rod", parent_frame.position = [0.12, 0, 0] }}
+c = {{ {hinge}, parent = "rod", child = "slider", parent_frame.position = [0.4, 0, 0] }}
+s = {{ kind = "P", axes = [[1, 0, 0]], parent = "ground", child = "slider", parent_frame.position = [0, 0.05, 0] }}
+""",
+    )
+    text = """mechanism = "crank.toml"
+gravity = [0, -9.81, 0]
+motion.crank.polynomial = [0, "2*pi"]
+time = { duration = 1, step = 0.01 }
+"""
+    found = screwgauge.run(load_scene(write("plain.toml", text)), ["screw"], ["joint_position"])
+    positions = found.solutions["screw"].values["joint_position"]
+    names = [f"joint_position/{name}" for name in positions.components]
+    table = pd.DataFrame(positions.array, columns=names).drop(columns="joint_position/c")
+    write("some.csv", table.assign(t=found.times).to_csv(index=False))
+    results = screwgauge.run(load_scene(write("scene.toml", f'{text}tables.mine = "some.csv"\n')))
+    assert results.ok
+    assert results.pairs["quantity"].eq("reaction").any()

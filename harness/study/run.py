@@ -227,12 +227,13 @@ class _RunSteps:
 
     def _compared(self) -> tuple[pd.DataFrame, pd.DataFrame]:
         scene = self.scene
+        engines = [each for name, each in self.answers.items() if name not in self.tables]  # tables may lack components
         allowance = Allowance(
             scene.tolerance,
             scene.tolerances if scene.simulated else (),
             {name: table.error for name, table in scene.tables.items()},
             self.integration,
-            cache(partial(summands, scene.mechanism, self.problem, [*self.answers.values()])),
+            cache(partial(summands, scene.mechanism, self.problem, engines)),
         )
         failed = {} if scene.simulated else self.failures
         held = failed, self.checked.mobility, allowance, self.refused

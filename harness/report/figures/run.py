@@ -19,7 +19,7 @@ from screwgauge.solution import Solution, Values, common_rows
 from screwgauge.study.comparison import Comparison
 from screwgauge.study.formatting import file_name, missing, number, unit_text, words
 
-MAX_CURVES = 12  # in a panel; more cannot be distinguished
+MAX_CURVES, MAX_PANELS = 12, 6  # more in a panel cannot be distinguished, more side by side not be read: they share one
 FLOOR = 1e-18  # where a difference of exactly zero is drawn if there is no other
 SIGNS = ("stroke", "circle", CROSS, PLUS, *SHAPES[1:])  # of engines; the first is drawn as lines
 HEIGHTS = {1: 180, 2: 110, 3: 130}  # of panels with curves, by panels in a line [pixels]
@@ -29,7 +29,6 @@ MARKS = {False: 7, True: 12}  # marks of an engine on a curve
 
 Pair = tuple[str, str]
 Apart = tuple[Array, Array, NDArray[np.object_]]  # times [s], differences of a pair, and the components they are of
-MAX_PANELS = 6  # more side by side cannot be read; they then share one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,6 +51,11 @@ class _Subject:
     def names(self) -> list[str]:
         """All components."""
         return [name for _, some in self.panels for name in some]
+
+    def given(self, *engines: str) -> list[str]:
+        """Components of which all of some engines give a number: a table may lack others."""
+        known = [{name for name, v in self.values[engine].items() if np.isfinite(v).any()} for engine in engines]
+        return [name for name in self.names if all(name in each for each in known)] or self.names
 
 
 def make_plots(comparison: Comparison) -> list[Picture]:
@@ -78,9 +82,8 @@ def pair_picture(name: str, title: str, worst: Residual, curve: Array) -> Pictur
     Args:
         curve: Times [s] and both values. Shape (n, 3).
     """
-    columns = dict(zip((worst.a, worst.b), curve.T[1:], strict=True))
-    values = {engine: {worst.component: column} for engine, column in columns.items()}
-    everywhere = dict.fromkeys(columns, np.ones(len(curve), dtype=bool))
+    values = {engine: {worst.component: v} for engine, v in zip((worst.a, worst.b), curve.T[1:], strict=True)}
+    everywhere = dict.fromkeys(values, np.ones(len(curve), dtype=bool))
     drawing = Drawing(title, worst.quantity, worst.unit, (("", (worst.component,)),))
     subject = _Subject(curve[:, 0], values, everywhere, drawing.panels)
     tolerance = abs(worst.values[0] - worst.values[1]) * worst.tolerance / worst.error
@@ -215,8 +218,7 @@ def _subject(drawing: Drawing, comparison: Comparison) -> _Subject:
     order = sorted(comparison.solutions.items(), key=lambda item: item[1].rows is not None)
     solutions = {engine: solution for engine, solution in order if drawing.quantity in solution.values}
     given = {engine: solution.values[drawing.quantity] for engine, solution in solutions.items()}
-    n = len(comparison.times)
-    nothing = dict.fromkeys(drawing.names, np.full(n, np.nan))
+    nothing = dict.fromkeys(drawing.names, np.full(n := len(comparison.times), np.nan))
     values = {engine: nothing | dict(zip(v.components, v.array.T, strict=True)) for engine, v in given.items()}
     solved = {engine: np.isin(np.arange(n), common_rows(n, solution)) for engine, solution in solutions.items()}
     return _Subject(comparison.times, values, solved, drawing.panels)
@@ -230,12 +232,12 @@ def _labels(names: Sequence[str], columns: Mapping[str, Array]) -> dict[str, str
 
 def _apart(subject: _Subject, pair: Pair) -> Apart:
     """Largest difference over the components, NaN as soon as one side is no number. Shapes (n,)."""
-    both = subject.solved[pair[0]] & subject.solved[pair[1]]
-    first, second = (np.array([subject.values[engine][name][both] for name in subject.names]) for engine in pair)
+    both, names = subject.solved[pair[0]] & subject.solved[pair[1]], subject.given(*pair)
+    first, second = (np.array([subject.values[engine][name][both] for name in names]) for engine in pair)
     apart = np.abs(first - second)
     apart[~np.isfinite(apart)] = np.inf  # larger than any number
     worst, largest = apart.argmax(axis=0), apart.max(axis=0)
-    return subject.t[both], np.where(largest < np.inf, largest, np.nan), np.array(subject.names, dtype=object)[worst]
+    return subject.t[both], np.where(largest < np.inf, largest, np.nan), np.array(names, dtype=object)[worst]
 
 
 def sparse(n: int, slot: int, n_slots: int, marks: int = 9) -> NDArray[np.intp]:
@@ -264,7 +266,7 @@ def _warnings(subject: _Subject, shown: Sequence[str], drawn: int) -> Iterable[s
     if drawn < len(names):
         yield f"Curves: the {drawn} of {len(names)} components that move most. Differences: all {len(names)}."
     for engine, solved in subject.solved.items():
-        known = np.all([np.isfinite(subject.values[engine][name]) for name in names], axis=0)
+        known = np.all([np.isfinite(subject.values[engine][name]) for name in subject.given(engine)], axis=0)
         bad = subject.t[solved & ~known]
         if len(bad):
             span = f"t = {number(bad[0])} s" + (f" to {number(bad[-1])} s" if len(bad) > 1 else "")
@@ -392,8 +394,7 @@ def _panels(names: list[str]) -> tuple[tuple[str, tuple[str, ...]], ...]:
 
 def short_labels(names: list[str]) -> list[str]:
     """Names without the leading dotted parts that all of them share: ``leg1.q1`` -> ``q1``."""
-    parts = [name.split(".") for name in names]
-    shared = 0
+    parts, shared = [name.split(".") for name in names], 0
     while all(len(p) > shared + 1 and p[shared] == parts[0][shared] for p in parts):
         shared += 1
     return [".".join(p[shared:]) for p in parts]
