@@ -163,8 +163,9 @@ def attribute(
     """
     deadline = deadline or Deadline()
     effects = _Effects(torques, b, differences, deadline)
-    rest = _Effects(torques, applied(b, changes_of(differences[i] for i in first)), differences, deadline)
-    rest = rest if first else effects
+    rest = effects
+    if first:
+        rest = _Effects(torques, applied(b, changes_of(differences[i] for i in first)), differences, deadline)
     changed = [i for i, each in enumerate(differences) if each.change and each.kind != "digits"]
     alone = {i: rest.of((i,)) for i in changed if i not in first}
 
