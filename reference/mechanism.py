@@ -302,6 +302,16 @@ class Mechanism:
         """Mass of each body [kg]. Shape (n_body,)."""
         return np.array([body.mass for body in self.bodies], dtype=self.home.dtype)
 
+    @cached_property
+    def mass_centres(self) -> Array:
+        """Centre of mass of each body in its frame [m]. Shape (n_body, 3)."""
+        return np.array([body.com for body in self.bodies])
+
+    @cached_property
+    def inertias(self) -> Array:
+        """Inertia tensor of each body about its centre of mass, in its axes [kg m^2]. Shape (n_body, 3, 3)."""
+        return np.array([body.inertia for body in self.bodies])
+
     @property
     def mass(self) -> float:
         """Total mass [kg]."""

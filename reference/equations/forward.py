@@ -42,7 +42,7 @@ class Forward(Dynamics):
         """M of the kinetic energy ``yd M yd / 2``: partial motions against each other. Shape (..., k, k)."""
         (v, w), mechanism = self.partial_motion, self.mechanism
         mv = mechanism.masses[:, None] * v
-        Jw = times(np.array([body.inertia for body in mechanism.bodies]), w)
+        Jw = times(mechanism.inertias, w)
         k = v.shape[-3]
         M = zeros(self.K[..., 0], k, k)
         for i in range(k):

@@ -167,8 +167,7 @@ class TreePose:
     @cached_property
     def com(self) -> Array:
         """Centres of mass of the moving bodies. Shape (..., b - 1, 3)."""
-        local = np.array([body.com for body in self.lay.mechanism.bodies])
-        return self.p[..., 1:, :] + times(self.R[..., 1:, :, :], local)
+        return self.p[..., 1:, :] + times(self.R[..., 1:, :, :], self.lay.mechanism.mass_centres)
 
     def to_world(self, v: Array, body: int | slice) -> Array:
         """Vectors in the axes of a body, or of several, in those of the world. Shape (..., 3)."""

@@ -167,7 +167,7 @@ class Accelerations:
     @cached_property
     def of_com(self) -> Array:
         """Accelerations of the centres of mass. Shape (..., b - 1, 3)."""
-        return self.bodies.at(np.array([body.com for body in self.pose.lay.mechanism.bodies]))
+        return self.bodies.at(self.pose.lay.mechanism.mass_centres)
 
     def angular(self, body: int) -> Array:
         """Angular acceleration of a body in the world. Shape (..., 3)."""
@@ -188,10 +188,7 @@ class Accelerations:
         """
         mechanism = self.pose.lay.mechanism
         f = mechanism.masses[:, None] * (self.of_com - self.pose.to_body(g, MOVING))
-        J, com = (
-            np.array([body.inertia for body in mechanism.bodies]),
-            np.array([body.com for body in mechanism.bodies]),
-        )
+        J, com = mechanism.inertias, mechanism.mass_centres
         P = 0.5 * np.trace(J, axis1=1, axis2=2)[:, None, None] * np.eye(3, dtype=J.dtype) - J
         EP = self.bodies.turning.E @ P
         euler = np.stack([EP[..., j, i] - EP[..., i, j] for i, j in ((1, 2), (2, 0), (0, 1))], axis=-1)
