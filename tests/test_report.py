@@ -19,6 +19,7 @@ from screwgauge import Results
 from screwgauge.environment import environment
 from screwgauge.report import folder as writing
 from screwgauge.report.figures import run as drawing
+from screwgauge.report.figures.drawings import named
 from screwgauge.scene.entries import Figure
 from support.acting import Applied, Load
 from support.engines import Failure, Solution, Timing, Values
@@ -526,7 +527,7 @@ def test_the_first_screen_has_the_actuator_forces_or_what_differs_and_the_machin
             for name, one in results.solutions.items()
         }
         found = replace(results, solutions=solutions)
-        plots = [picture(name, one.quantity) for name, one in drawing.named(found).items()]
+        plots = [picture(name, one.quantity) for name, one in named(found).items()]
         machine = picture("m", stage='{"doubts": [], "shapes": [], "words": []}')
         (front,) = [block for block in page.report(found, [machine, *plots]) if isinstance(block, Front)]
         shown = [block.name for block in front.blocks if isinstance(block, Picture)]

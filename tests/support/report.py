@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from screwgauge.report.figures import chart
 from screwgauge.report.figures.chart import CROSS, SHAPES, by_camp
+from screwgauge.report.figures.drawings import default_figures
 from screwgauge.report.figures.renderer import RENDERER, DrawingError, losses
-from screwgauge.report.figures.run import default_figures
 from screwgauge.report.folder import MANIFEST, write_files
 from screwgauge.report.left_out import phrase
 from screwgauge.report.pages import run as run_page

@@ -15,7 +15,8 @@ from screwgauge.judging.residual import ERROR_COLUMNS
 from screwgauge.judging.trust import Guarded
 from screwgauge.report import reviewed
 from screwgauge.report.blocks import Banner, Block, Folded, Marked, Picture
-from screwgauge.report.figures.run import make_plots, named, unmatched
+from screwgauge.report.figures.drawings import named, unmatched
+from screwgauge.report.figures.run import make_plots
 from screwgauge.report.folder import SAMPLES
 from screwgauge.report.layout import Report, Value
 from screwgauge.report.left_out import left_out_rows
@@ -70,14 +71,16 @@ def _worst_three(results: Comparison) -> list[Row]:
     errors = [{**row, "what": words(row["quantity"]), "who": row["pair"]} for row in compared(results)]
     judged = (row for row in rows(results.judge) if row["engine"] not in results.failures)
     errors += [{**row, "what": f"judge: {words(row['residual'])}", "who": row["engine"]} for row in judged]
-    # the open tree, of which no force acts in the machine, leads only where it is out of tolerance
-    tree = {id(row) for row in errors if row["ok"] and row["what"].removeprefix("judge: ").startswith("tree force")}
-    order = sorted(errors, key=lambda row: (id(row) in tree, -beyond(row["max_scaled"], row["tolerance"])))
     groups = dict[str, list[Row]]()
-    for row in order:
-        groups.setdefault("tree" if id(row) in tree else row["what"], []).append(row)
+    for row in sorted(errors, key=lambda row: (_is_open_tree(row), -beyond(row["max_scaled"], row["tolerance"]))):
+        groups.setdefault("tree" if _is_open_tree(row) else row["what"], []).append(row)
     three = _shown(_least(group) for group in list(groups.values())[:3])
     return [{**row, "off": f"{size(row['max_abs'])} {unit_text(row['unit'])}"} for row in three]
+
+
+def _is_open_tree(row: Row) -> bool:
+    """Whether it is of the open tree, of which no force acts in the machine, and within tolerance: it never leads."""
+    return bool(row["ok"]) and row["what"].removeprefix("judge: ").startswith("tree force")
 
 
 def _what(results: Comparison) -> dict[str, Any]:
@@ -103,15 +106,13 @@ def _overview(results: Comparison) -> list[Row]:
 
 def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
     """What differs is shown; what agrees is folded into a line with its digits."""
-    pairs, drawn, shown, folds = _pairs(results), named(results), list[Block](), list[Block]()
+    drawn, pairs, shown, folds = named(results), _pairs(results), list[Block](), list[Block]()
     for picture in pictures:
-        drawing = drawn.get(picture.name)
-        if drawing and not drawing.unique:
-            folds.append(Folded(picture.title, (picture,), "not compared"))
-            continue
-        errors = pairs.get((drawing.quantity, drawing.unit), []) if drawing else []
+        drawing, errors = drawn.get(picture.name), pairs.get(picture.name, [])
         note = f"agrees to {digits_text(max(row['max_scaled'] for row in errors))} digits" if errors else ""
-        if drawing and errors and drawing.others:
+        if drawing and not drawing.unique:
+            note = "not compared"
+        elif drawing and errors and drawing.others:
             note += f"; {drawing.others} components that are not unique are apart"
         if all(row["ok"] for row in errors):
             folds.append(Folded(picture.title, (picture,), note))
@@ -120,18 +121,19 @@ def _plots(results: Comparison, pictures: Sequence[Picture]) -> list[Block]:
     return [*shown, *folds]
 
 
-def _pairs(results: Comparison) -> dict[Any, list[Row]]:
-    return grouped(compared(results), "quantity", "unit")
+def _pairs(results: Comparison) -> dict[str, list[Row]]:
+    """Name of a picture -> rows of the pairs that it shows; none of what is not unique."""
+    rows = grouped(compared(results), "quantity", "unit")
+    return {name: rows.get((one.quantity, one.unit), []) for name, one in named(results).items() if one.unique}
 
 
 def _lead(results: Comparison, pictures: Sequence[Picture]) -> list[Picture]:
     """The first picture of what differs, else of the actuator forces, else of anything; then the mechanism."""
-    pairs, drawn = _pairs(results), named(results)
-    shown = [(picture, drawn[picture.name]) for picture in pictures if picture.name in drawn]
-    differ = [x for x, y in shown if y.unique and not all(row["ok"] for row in pairs.get((y.quantity, y.unit), []))]
-    forces = [picture for picture, _ in shown if picture.of == "actuator_force"]
-    first = [*differ, *forces, *(picture for picture, _ in shown)][:1]
-    return [*first, *(picture for picture in pictures if picture.stage)]
+    drawn, pairs = named(results), _pairs(results)
+    shown = [picture for picture in pictures if picture.name in drawn]
+    differ = [picture for picture in shown if not all(row["ok"] for row in pairs.get(picture.name, []))]
+    forces = [picture for picture in shown if picture.of == "actuator_force"]
+    return [*[*differ, *forces, *shown][:1], *(picture for picture in pictures if picture.stage)]
 
 
 def _parameters(results: Comparison) -> list[Row]:

@@ -1,0 +1,148 @@
+"""Which components a picture of a run shows: those that a scene names, or all; what is not unique stands apart."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+
+from screwgauge.scene.entries import Figure
+from screwgauge.solution import Solution, Values
+from screwgauge.study.comparison import Comparison
+from screwgauge.study.formatting import file_name, unit_text, words
+
+MAX_PANELS = 6  # more side by side cannot be read; they then share one
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """One picture: components of a figure that all have a unique value, or that all have none.
+
+    Attributes:
+        panels: Labels and names of components.
+        unique: Whether each component has a unique value; else it has no tolerance.
+        others: How many components of the figure are not here, as they are of the other sort.
+    """
+
+    title: str
+    quantity: str
+    unit: str
+    panels: tuple[tuple[str, tuple[str, ...]], ...]
+    unique: bool = True
+    others: int = 0
+
+    @property
+    def names(self) -> list[str]:
+        """All components."""
+        return [name for _, some in self.panels for name in some]
+
+    @property
+    def note(self) -> str:
+        """What a reader has to know about values that are not unique; empty where all are."""
+        n = len(self.names) + self.others
+        if not self.unique:
+            return (
+                f"Not unique: redundant constraints leave these components open ({len(self.names)} of {n}). Any value "
+                "balances, so engines may differ here; they are not compared."
+            )
+        if not self.others:
+            return ""
+        return f"Not here: {self.others} of {n} components that have no unique value. Digits are of those shown."
+
+
+def named(comparison: Comparison) -> dict[str, Drawing]:
+    """Name of a picture -> what it shows."""
+    drawn = drawings(tuple(comparison.scene.figures), comparison.solutions, comparison.not_unique)
+    return {f"{i:02d}-{file_name(each.title)}": each for i, each in enumerate(drawn, 1)}
+
+
+def drawings(
+    figures: tuple[Figure, ...], solutions: Mapping[str, Solution], not_unique: Mapping[str, Collection[str]]
+) -> list[Drawing]:
+    """What is drawn of the figures; what has no unique value is drawn apart.
+
+    Args:
+        not_unique: Quantity -> components without a unique value.
+    """
+    values, selected = _first_values(solutions), list[Drawing]()
+    for figure in drawable(figures, solutions):
+        open_ = not_unique.get(figure.quantity, ())
+        names = [(label, select(values[figure.quantity], figure.unit, some)) for label, some in figure.panels]
+        n = sum(len(some) for _, some in names)
+        for unique in (True, False):
+            picked = [(label, tuple(x for x in some if (x not in open_) is unique)) for label, some in names]
+            if panels := tuple(panel for panel in picked if panel[1]):
+                others = n - sum(len(some) for _, some in panels)
+                title = figure.title if unique else f"{figure.title}: not unique"
+                selected.append(Drawing(title, figure.quantity, figure.unit, panels, unique, others))
+    return selected
+
+
+def select(values: Values, unit: str, patterns: tuple[str, ...]) -> list[str]:
+    """Names of the components that have the unit and match one of the patterns."""
+    names = zip(values.components, values.units, strict=True)
+    return [name for name, has in names if has == unit and any(fnmatchcase(name, pattern) for pattern in patterns)]
+
+
+def drawable(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> tuple[Figure, ...]:
+    """The figures with the panels for which an engine has values; defaults if none is left."""
+    values, kept = _first_values(solutions), []
+    for figure in (figure for figure in figures if figure.quantity in values):
+        has = [panel for panel in figure.panels if select(values[figure.quantity], figure.unit, panel[1])]
+        kept += [replace(figure, panels=tuple(has))] if has else []
+    return tuple(kept) or default_figures(solutions)
+
+
+def unmatched(figures: tuple[Figure, ...], solutions: Mapping[str, Solution]) -> list[str]:
+    """Sentences on figures of quantities that nobody gives, and on patterns that no component matches."""
+    values = _first_values(solutions)
+    missing = [figure for figure in figures if figure.quantity not in values]
+    return [
+        *(f"figure '{each.title}' is left out: {each.quantity} is not asked for, or not given" for each in missing),
+        *_no_component([figure for figure in figures if figure.quantity in values], values),
+    ]
+
+
+def _no_component(figures: Iterable[Figure], values: Mapping[str, Values]) -> list[str]:
+    return [
+        f"figure '{figure.title}': no component of {figure.quantity} in {figure.unit} is called {pattern}"
+        for figure in figures
+        for pattern in dict.fromkeys(pattern for _, patterns in figure.panels for pattern in patterns)
+        if not select(values[figure.quantity], figure.unit, (pattern,))
+    ]
+
+
+def default_figures(solutions: Mapping[str, Solution]) -> tuple[Figure, ...]:
+    """One figure per quantity and unit; a panel per part of the mechanism where the names tell."""
+    figures = []
+    for quantity, values in _first_values(solutions).items():
+        units = dict.fromkeys(values.units)
+        for unit in units:
+            title = words(quantity).capitalize() + f" [{unit_text(unit)}]" * (len(units) > 1)
+            figures.append(Figure(title, quantity, unit, _panels(select(values, unit, ("*",)))))
+    return tuple(figures)
+
+
+def _first_values(solutions: Mapping[str, Solution]) -> dict[str, Values]:
+    """Quantity -> values of the first engine that has it."""
+    values: dict[str, Values] = {}
+    for solution in solutions.values():
+        values |= {quantity: v for quantity, v in solution.values.items() if quantity not in values}
+    return values
+
+
+def _panels(names: list[str]) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """Panels by the part before the first dot (``leg1``), or one panel."""
+    parts = list(dict.fromkeys(name.split(".")[0] for name in names))
+    if not 1 < len(parts) <= MAX_PANELS or len(parts) == len(names):
+        return (("", ("*",)),)
+    return tuple((part, (part, f"{part}.*")) for part in parts)
+
+
+def short_labels(names: list[str]) -> list[str]:
+    """Names without the leading dotted parts that all of them share: ``leg1.q1`` -> ``q1``."""
+    parts = [name.split(".") for name in names]
+    shared = 0
+    while all(len(p) > shared + 1 and p[shared] == parts[0][shared] for p in parts):
+        shared += 1
+    return [".".join(p[shared:]) for p in parts]
