@@ -145,6 +145,7 @@ def review(
     Raises:
         ScrewgaugeError: Bad input.
     """
+    from screwgauge.report.blocks import as_kind
     from screwgauge.report.reviewed import ReviewReport
     from screwgauge.scene.observables import read_recorded
     from screwgauge.scene.read import load_scene
@@ -153,8 +154,7 @@ def review(
 
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
     table = read_recorded(Path(numbers)) if isinstance(numbers, (str, Path)) else numbers
-    found = reviewed(table, scene, quantities)
-    return ReviewReport(found.name, found.engine, found.step, found.columns)
+    return as_kind(ReviewReport, reviewed(table, scene, quantities))
 
 
 def compile(

@@ -45,6 +45,7 @@ model file that differs without leave; 2 bad input or usage; 3 an engine failed 
 STRESS_STATUS = """exit status: 0 every row is there; 1 our own solver is silently wrong somewhere; 2 bad input;
 3 a rung broke"""
 
+NAMED = "built-in name, or path of a TOML, URDF or MJCF file"
 REVIEW_STATUS = "exit status: 0 all columns agree to the digits that they print; 1 they do not; 2 bad input"
 DIAGNOSE_STATUS = """exit status: 0 the same; 1 different, or not all compared; 2 bad input;
 3 a library failed, or --limit was met"""
@@ -167,13 +168,7 @@ def _parser() -> argparse.ArgumentParser:
         return added.add_argument
 
     def scene(add: Any) -> None:
-        add(
-            "scene",
-            nargs="?",
-            default=DEFAULT_SCENE,
-            metavar="SCENE",
-            help="built-in name, or path of a TOML, URDF or MJCF file",
-        )
+        add("scene", nargs="?", default=DEFAULT_SCENE, metavar="SCENE", help=NAMED)
 
     def executed(add: Any, what: str) -> None:
         add("-j", "--jobs", type=int, metavar="N", help=f"{what} at a time (1)")
@@ -183,7 +178,7 @@ def _parser() -> argparse.ArgumentParser:
     add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases", "discrepancies"])
 
     add = command(commands.models, "write URDF, MJCF and loops files of a mechanism, both cuts", out="MECHANISM/models")
-    add("mechanism", metavar="MECHANISM", help="built-in name, or path of a TOML, URDF or MJCF file")
+    add("mechanism", metavar="MECHANISM", help=NAMED)
     add("--include", default="", metavar="A,B", help="to add: contacts, limits, geoms, sensors, yaml (a robot.yaml)")
     add("--check", action="store_true", help="compare what yourdfpy, Pinocchio and MuJoCo read with the description")
 
@@ -224,12 +219,7 @@ def _parser() -> argparse.ArgumentParser:
 
     add = command(commands.review, "what is wrong with a table of numbers, column by column", epilog=REVIEW_STATUS)
     add("numbers", type=_path, metavar="NUMBERS", help="CSV or Parquet: t and components, named as in a run")
-    add(
-        "scene",
-        type=_named,
-        metavar="SCENE",
-        help="what they are of: built-in name, or path of a TOML, URDF or MJCF file",
-    )
+    add("scene", type=_named, metavar="SCENE", help=f"what they are of: {NAMED}")
     add("--quantities", metavar="A,B", help="what the table gives, where names of columns leave that open")
     add("--json", action="store_true", help="print the review as JSON")
 

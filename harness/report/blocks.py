@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import compress
 from operator import attrgetter
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
 from screwgauge.reference.errors import printable
 from screwgauge.study.formatting import FORMS, missing, number, words
 
+T = TypeVar("T")
 Status = Literal["agree", "differ", "failed", "note"]
 LONG = 12  # rows of a table that are shown; further ones may be folded
 _STARS = r"(?<![\w*]){0}([^\s*](?:[^*]*[^\s*])?){0}(?![\w*])"
@@ -135,6 +136,11 @@ class Glossary:
 
 
 Block = Heading | Paragraph | Banner | Items | Table | Picture | Folded | Front | Appendix | Glossary
+
+
+def as_kind(kind: type[T], record: Any) -> T:
+    """A record as another kind that has the same fields."""
+    return kind(**{item.name: getattr(record, item.name) for item in fields(record)})
 
 
 def walk(blocks: Iterable[Block]) -> Iterator[Block]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import fields
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import pandas as pd
 
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice
 from screwgauge.reference.files import check_free
-from screwgauge.report.blocks import Block
+from screwgauge.report.blocks import Block, as_kind
 from screwgauge.report.figures.saved import Figure
 from screwgauge.report.folder import write_files
 from screwgauge.report.html import fragment
@@ -79,8 +78,7 @@ class Results(Shown, Comparison):
 
     def plot(self) -> Pictures:
         """The pictures of the report; a notebook shows them."""
-        pictures = run_page.pictures(self)
-        return Pictures(Figure(*(getattr(one, item.name) for item in fields(one))) for one in pictures)
+        return Pictures(as_kind(Figure, picture) for picture in run_page.pictures(self))
 
     def frame(self, quantity: str) -> pd.DataFrame:
         """A quantity over time as all engines give it: index t [s], columns engine and component.

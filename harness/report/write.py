@@ -8,13 +8,13 @@ import subprocess
 import tempfile
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError, ReportError
-from screwgauge.report.blocks import Block, Picture, changed, walk
+from screwgauge.report.blocks import Block, Picture, as_kind, changed, walk
 from screwgauge.report.folder import PAGES, SAMPLES, check_writable, locked, write_files, written
 from screwgauge.report.html import fragment, page
 from screwgauge.report.text import markdown, screenful
@@ -119,7 +119,7 @@ class Shown:
     @classmethod
     def of(cls, result: Any) -> Self:
         """The same result with its page."""
-        return cls(**{item.name: getattr(result, item.name) for item in fields(result)})
+        return as_kind(cls, result)
 
     @abstractmethod
     def _report(self) -> Any:
