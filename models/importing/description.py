@@ -50,9 +50,8 @@ def import_description(path: Path) -> tuple[Imported, str]:
 def with_homes(path: Path, homes: dict[str, Array]) -> str | None:
     """The text of a description with other homes of joints, all else as it is; None where no such text is found."""
     text = read_file(path)
-    if is_path(
-        str((tables := tomllib.loads(text)).get("extends", ""))
-    ):  # which may mean another file in another folder
+    tables = tomllib.loads(text)
+    if is_path(str(tables.get("extends", ""))):  # which may mean another file in another folder
         return None
     wanted = deepcopy(tables)
     for name, home in homes.items():
