@@ -13,7 +13,7 @@ import numpy as np
 
 from screwgauge.models.generate import stem
 from screwgauge.models.layout import CUTS, Closure, Link, Tree, lay_out, length_scale
-from screwgauge.models.readings.assemble import matrix, screw
+from screwgauge.models.poses import matrix, screw
 from screwgauge.models.readings.loops import closure_readings
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import (
@@ -287,7 +287,7 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
         names, body = tuple(freedom.coordinate for freedom in link.freedoms), link.body
         copy_of = link.original if link.name != link.original else ""
         matter = body.mass, body.com, body.inertia
-        bodies[link.name] = BodyReading(link.near, names, *matter, poses[link.name], copy_of=copy_of)
+        bodies[link.name] = BodyReading(*matter, link.near, names, poses[link.name], copy_of=copy_of)
         joints |= _joints(link, poses)
     driven = zip(mechanism.actuator_names, mechanism.actuators, strict=True)
     return Reading(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading, slices
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross

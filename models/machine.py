@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from screwgauge.models.kinematics import home, length_of, plant, rehomed, residual_at_home
-from screwgauge.models.matter import NOTHING, Matter, combined, displaced, of_body, relative
+from screwgauge.models.matter import NOTHING, Matter, combined, displaced
+from screwgauge.models.poses import relative
 from screwgauge.models.readings.reading import FREEDOMS, ClosureReading, JointReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -245,14 +246,14 @@ def _element(name: str, joint: JointReading) -> Element:
 def _body(reading: Reading, owner: Mapping[str, str], name: str) -> Body:
     members = tuple(member for member, root in owner.items() if root == name)
     frames = {GROUND: np.eye(4), **reading.fixed} if name == GROUND else {}
-    pose, local = (np.eye(4), NOTHING) if name == GROUND else (reading.bodies[name].pose, of_body(reading.bodies[name]))
+    pose, local = (np.eye(4), NOTHING) if name == GROUND else (reading.bodies[name].pose, reading.bodies[name])
     for member in members:
         if member == GROUND:
             continue
         body = reading.bodies[member]
         frames |= {member: body.pose, **{link: body.pose @ T for link, T in body.fixed.items()}}
         if member != name:
-            local = combined(local, displaced(of_body(body), relative(pose, body.pose)))
+            local = combined(local, displaced(body, relative(pose, body.pose)))
     return Body(members, pose, local, displaced(local, pose), frames)
 
 

@@ -1,30 +1,44 @@
-"""Mass, centre of mass and inertia of something rigid: moved, put together, taken apart; poses in poses."""
+"""Mass, centre of mass and inertia of something rigid: moved, put together, taken apart."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import astuple, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
 
-from screwgauge.models.readings.assemble import matrix, steiner
-from screwgauge.models.readings.reading import BodyReading
-from screwgauge.models.readings.reading import Matter as Matter
 from screwgauge.reference.rotations import Array
 
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matter:
+    """Something rigid, in some frame.
+
+    Attributes:
+        mass: [kg].
+        com: Centre of mass [m]. Shape (3,).
+        inertia: About it [kg m^2]. Shape (3, 3).
+    """
+
+    mass: float
+    com: Array
+    inertia: Array
+
+    @property
+    def possible(self) -> bool:
+        """Whether there can be such a thing: mass is positive, no moment of inertia negative."""
+        return self.mass > 0.0 and float(np.linalg.eigvalsh(self.inertia).min()) >= -1e-9 * float(
+            np.abs(self.inertia).max()
+        )
+
+    @property
+    def solid(self) -> bool:
+        """Whether it has any mass or inertia."""
+        return bool(self.mass or self.inertia.any())
+
+
 NOTHING = Matter(0.0, np.zeros(3), np.zeros((3, 3)))
-
-
-def of_body(body: BodyReading) -> Matter:
-    """Mass properties of a body."""
-    return Matter(body.mass, body.com, body.inertia)
-
-
-def relative(near: Array, far: Array) -> Array:
-    """One pose in another. Shape (4, 4)."""
-    R = near[:3, :3].T
-    return matrix(R @ (far[:3, 3] - near[:3, 3]), R @ far[:3, :3])
 
 
 def displaced(matter: Matter, T: Array) -> Matter:
@@ -58,6 +72,27 @@ def combined(first: Matter, second: Matter, sign: float = 1.0) -> Matter:
     return Matter(mass, com, first.inertia + sign * second.inertia + parts)
 
 
+def remainder(whole: Matter, parts: Iterable[Matter]) -> Matter:
+    """Return what is left of a whole without some of its parts, all in one frame."""
+    return reduce(lambda left, part: combined(left, part, -1.0), parts, whole)
+
+
+def joined(parts: Iterable[Matter]) -> Matter:
+    """Return rigid parts as one, all in one frame."""
+    parts = [*parts]
+    mass = sum(part.mass for part in parts)
+    com = np.sum([part.mass * part.com for part in parts], axis=0) / (mass or 1.0)
+    inertia = np.zeros((3, 3))
+    for part in parts:
+        inertia += part.inertia + part.mass * steiner(part.com - com)
+    return Matter(float(mass), com, inertia)
+
+
+def steiner(r: Array) -> Array:
+    """Return the inertia of a unit mass at a point about the origin [m^2]. Shape (3,) -> (3, 3)."""
+    return np.asarray((r @ r) * np.eye(3) - np.outer(r, r))
+
+
 def changed(matter: Matter, before: Matter, after: Matter) -> Matter:
     """A part of a body, changed by what the whole changes from `before` to `after`; all in one frame."""
     # (part - before) + after, in the ten parameters, in which bodies add: (m, m c, inertia about the origin)
@@ -89,7 +124,7 @@ def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tupl
     found = {i: changed(part, before, after) for i, part in parts.items()}
     if _much(before, after):  # beside a part that is much too large the others would drown
         others = {i: [part for j, part in parts.items() if j != i] for i in parts}
-        found = {i: reduce(lambda left, part: combined(left, part, -1.0), others[i], after) for i in parts}
+        found = {i: remainder(after, others[i]) for i in parts}
     scale, size = max(after.mass, before.mass), max(_size(before), _size(after))
     steps = {i: np.array(list(steps_of(parts[i], matter, scale, size).values())) for i, matter in found.items()}
     least = max(1e-14, 1e-6 * min(float(step.max()) for step in steps.values()))
@@ -98,10 +133,8 @@ def plainest(parts: Mapping[int, Matter], before: Matter, after: Matter) -> tupl
         return not found[i].possible, int((steps[i] > least).sum()), float(steps[i].sum())
 
     chosen = min(found, key=cost)
-    old, same = parts[chosen], steps[chosen] <= 1e-14  # rounding of the sums is no change
-    return chosen, Matter(
-        *((a if kept else b) for a, b, kept in zip(astuple(old), astuple(found[chosen]), same, strict=True))
-    )
+    kept = zip(("mass", "com", "inertia"), steps[chosen] <= 1e-14, strict=True)  # rounding of the sums is no change
+    return chosen, Matter(*(getattr(parts[chosen] if same else found[chosen], name) for name, same in kept))
 
 
 def spread(parts: Mapping[int, Matter], before: Matter, after: Matter) -> dict[int, Matter]:

@@ -14,7 +14,7 @@ from screwgauge.diagnosis.differences import static
 from screwgauge.engines.registry import ENGINES
 from screwgauge.engines.tree import closed_forces
 from screwgauge.models.readings import mujoco
-from screwgauge.models.readings.assemble import Link
+from screwgauge.models.readings.reading import BodyReading
 from screwgauge.report.pages import check as page
 from screwgauge.scene.preflight import check_scene
 from screwgauge.study.gate import check as gate_check
@@ -99,13 +99,11 @@ def test_two_model_files_are_the_same_and_what_is_planted_in_one_is_seen():
     assert all(text.count(here) == 1 for _, here, _ in known_files.PLANTED.values())
 
 
-def turned(link: Link) -> Link:
+def turned(named: tuple[str, BodyReading]) -> tuple[str, BodyReading]:
     """A link whose tensor is turned the other way."""
+    name, link = named
     moments, axes = np.linalg.eigh(link.inertia)
-    return Link(*(getattr(link, name) if name != "inertia" else axes.T @ np.diag(moments) @ axes for name in _LINK))
-
-
-_LINK = ("name", "near", "joints", "mass", "com", "inertia", "pose", "gravcomp")
+    return name, replace(link, inertia=axes.T @ np.diag(moments) @ axes)
 
 
 @pytest.mark.parametrize(

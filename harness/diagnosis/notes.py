@@ -20,7 +20,7 @@ from screwgauge.diagnosis.pairing.common import STANDARD, Common
 from screwgauge.diagnosis.pairing.mapping import CLOSE
 from screwgauge.diagnosis.properties import OPTIONAL, PROPERTIES, ROOMS, Change, word
 from screwgauge.models.kinematics import draw, not_modelled, plant, size
-from screwgauge.models.matter import Matter, combined, displaced, of_body
+from screwgauge.models.matter import Matter, combined, displaced
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.rotations import Array
@@ -122,7 +122,7 @@ def _welded(common: Common) -> Iterator[str]:
     ends = [[{c.first, c.second} for c in r.closures.values() if c.kind == "weld"] for r in (common.a, common.b)]
     for pair in (pair for pair in ends[0] if pair in ends[1] and pair <= a.keys() & b.keys()):
         first, second = sorted(pair)
-        parts = [[displaced(of_body(each[n]), each[n].pose) for n in (first, second)] for each in (a, b)]
+        parts = [[displaced(each[n], each[n].pose) for n in (first, second)] for each in (a, b)]
         whole, alone = [combined(one, other) for one, other in parts], [one for one, _ in parts]
         if _alike(*whole) and not _alike(*alone):
             yield (

@@ -12,8 +12,7 @@ from itertools import permutations, product
 import numpy as np
 
 from screwgauge.models.formats import TENSOR
-from screwgauge.models.matter import NOTHING, Matter
-from screwgauge.models.readings.assemble import steiner
+from screwgauge.models.matter import NOTHING, Matter, steiner
 from screwgauge.reference.rotations import Array, rotation_vector
 
 #: A slip has to explain all of a difference but this share of it, or else it is none.

@@ -19,7 +19,7 @@ from screwgauge.diagnosis.pairing.common import Common, states_of_b, velocity_ma
 from screwgauge.diagnosis.transformations import ordered
 from screwgauge.models.formats import adjoint, quaternion
 from screwgauge.models.kinematics import ReadingTree, draw, home, near_home, plant, size
-from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import FREEDOMS
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array, quaternion_rotation

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from functools import reduce
 
 import numpy as np
 
 from screwgauge.models.kinematics import moved
-from screwgauge.models.matter import Matter, combined, displaced, of_body
+from screwgauge.models.matter import Matter, combined, displaced, remainder
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, JointReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross
@@ -161,13 +160,13 @@ def _shown(part: BodyReading) -> bool:
 
 def _own(part: BodyReading) -> Matter:
     """Mass properties of the link that a body is named after."""
-    return reduce(lambda left, other: combined(left, other, -1.0), part.parts.values(), of_body(part))
+    return remainder(part, part.parts.values())
 
 
 def joined(body: BodyReading, name: str, part: BodyReading) -> BodyReading:
     """A body with another one fixed to it as both are at home."""
     T = np.linalg.inv(body.pose) @ part.pose
-    both = combined(of_body(body), displaced(of_body(part), T))
+    both = combined(body, displaced(part, T))
     weight = body.mass * body.gravcomp + part.mass * part.gravcomp
     parts = {link: displaced(matter, T) for link, matter in part.parts.items()}
     links = {name: T, **{link: T @ frame for link, frame in part.fixed.items()}}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import permutations
 
@@ -11,32 +11,12 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from screwgauge.models.content import Content
-from screwgauge.models.readings.reading import BodyReading, CouplingReading, JointReading, Matter, Reading
+from screwgauge.models.matter import displaced, joined
+from screwgauge.models.poses import screw
+from screwgauge.models.readings.reading import BARE, BodyReading, CouplingReading, JointReading, Reading
 from screwgauge.reference.errors import ModelFileError, UnknownNameError
 from screwgauge.reference.mechanism import GROUND
-from screwgauge.reference.rotations import Array, rotation
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Link:
-    """A link (URDF) or body (MJCF), as a library keeps it.
-
-    Attributes:
-        near: The link that carries it; empty for one that hangs on the world.
-        joints: Names of the joints between the two, from `near` outwards; none of one that is fixed.
-        mass: [kg]; `com` [m], shape (3,); `inertia` about the centre of mass [kg m^2], shape (3, 3): in its own frame.
-        pose: World pose at home. Shape (4, 4).
-        gravcomp: Share of its weight that is compensated.
-    """
-
-    name: str
-    near: str
-    joints: tuple[str, ...]
-    mass: float
-    com: Array
-    inertia: Array
-    pose: Array
-    gravcomp: float = 0.0
+from screwgauge.reference.rotations import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,100 +34,53 @@ class Assembly:
     places: Mapping[str, tuple[str, Array]]
 
 
-def assemble(links: Iterable[Link], where: str) -> Assembly:
+def assemble(links: Mapping[str, BodyReading], where: str) -> Assembly:
     """Merges links that nothing moves against each other.
 
     A body is named after its first link from the ground outwards that has mass, or, without any, after the first;
     among equally far ones the alphabet decides, since each library has an order of its own.
 
     Args:
-        links: Each after the one that carries it.
+        links: By name, each after the one that carries it.
 
     Raises:
         ModelFileError: A body that moves has the name of the ground.
     """
-    groups: dict[str, list[tuple[int, Link]]] = {"": []}  # first link -> distance from it, link
+    groups: dict[str, list[tuple[int, str]]] = {"": []}  # first link -> distance from it, link
     at = {"": ("", 0)}
-    for link in links:
-        key, far = (link.name, 0) if link.joints else (at[link.near][0], at[link.near][1] + 1)
-        at[link.name] = key, far
-        groups.setdefault(key, []).append((far, link))
-    fixed = {link.name: link.pose for _, link in groups.pop("")}
+    for name, link in links.items():
+        key, far = (name, 0) if link.joints else (at[link.near][0], at[link.near][1] + 1)
+        at[name] = key, far
+        groups.setdefault(key, []).append((far, name))
+    fixed = {name: links[name].pose for _, name in groups.pop("")}
     places = {name: (GROUND, pose) for name, pose in fixed.items()}
     bodies: dict[str, BodyReading] = {}
-    for group in groups.values():
-        ordered = [link for _, link in sorted(group, key=lambda entry: (entry[0], entry[1].name))]
-        named = next((link for link in ordered if link.mass), ordered[0])
-        if named.name == GROUND:
+    for first, group in groups.items():
+        ordered = {name: links[name] for _, name in sorted(group)}
+        named = next((name for name, link in ordered.items() if link.mass), next(iter(ordered)))
+        if named == GROUND:
             raise ModelFileError(f"a body that moves is called '{GROUND}'", where, "give it another name")
-        first = group[0][1]
-        near = places[first.near][0] if first.near else GROUND
-        body = _merged(named, ordered, near, first.joints)
-        bodies[named.name] = body if named is first else replace(body, first=first.name)
-        places |= {name: (named.name, T) for name, T in bodies[named.name].fixed.items()}
-        places[named.name] = named.name, np.eye(4)
+        near = places[links[first].near][0] if links[first].near else GROUND
+        bodies[named] = replace(
+            _merged(named, ordered), near=near, joints=links[first].joints, first="" if named == first else first
+        )
+        places |= {name: (named, T) for name, T in bodies[named].fixed.items()}
+        places[named] = named, np.eye(4)
     return Assembly(bodies, fixed, places)
 
 
-def _merged(named: Link, links: Sequence[Link], near: str, joints: tuple[str, ...]) -> BodyReading:
+def _merged(named: str, links: Mapping[str, BodyReading]) -> BodyReading:
     """One body of links, in the frame of the one that it is named after."""
-    back = np.linalg.inv(named.pose)
-    frames = {link.name: back @ link.pose for link in links if link is not named}
-    solid = [link for link in links if link.mass or link.inertia.any()]
-    mass, com, inertia, gravcomp = named.mass, named.com, named.inertia, named.gravcomp
-    if any(link is not named for link in solid):
-        placed = ((link.mass, link.com, link.inertia, frames.get(link.name, np.eye(4))) for link in solid)
-        mass, com, inertia = joined(placed)
-        gravcomp = sum(link.mass * link.gravcomp for link in solid) / (mass or 1.0)
-    parts = {link.name: _part(link, frames[link.name]) for link in solid if link is not named}
-    return BodyReading(near, joints, float(mass), com, inertia, named.pose, float(gravcomp), frames, parts=parts)
-
-
-def _part(link: Link, T: Array) -> Matter:
-    """The matter of a link in another frame, in which its own is T. Shape (4, 4)."""
-    R = T[:3, :3]
-    return Matter(float(link.mass), R @ link.com + T[:3, 3], R @ link.inertia @ R.T)
-
-
-def joined(parts: Iterable[tuple[float, Array, Array, Array]]) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and inertia about it, shape (3, 3), of rigid parts as one (parallel axes).
-
-    Args:
-        parts: The same of each in its own frame, and that frame in the common one. Shape (4, 4).
-    """
-    parts = list(parts)
-    mass = sum(m for m, _, _, _ in parts)
-    coms = [T[:3, :3] @ c + T[:3, 3] for _, c, _, T in parts]
-    com = np.sum([m * c for (m, _, _, _), c in zip(parts, coms, strict=True)], axis=0) / (mass or 1.0)
-    inertia = np.zeros((3, 3))
-    for (m, _, I, T), c in zip(parts, coms, strict=True):
-        inertia += T[:3, :3] @ I @ T[:3, :3].T + m * steiner(c - com)
-    return mass, com, inertia
-
-
-def steiner(r: Array) -> Array:
-    """Inertia of a unit mass at a point about the origin [m^2]. Shape (3,) -> (3, 3)."""
-    return np.asarray((r @ r) * np.eye(3) - np.outer(r, r))
-
-
-def matrix(p: Array, R: Array) -> Array:
-    """A placement as a (4, 4) matrix."""
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = R, p
-    return T
-
-
-def exponential(kind: str, direction: Array, centre: Array, q: float) -> Array:
-    """Displacement by a hinge or slide in direction and through a centre, both of shape (3,). Shape (4, 4)."""
-    if kind == "slide":
-        return matrix(q * direction, np.eye(3))
-    R = rotation(direction, np.array(q))
-    return matrix(centre - R @ centre, R)
-
-
-def screw(turns: bool, axis: Array, point: Array) -> Array:
-    """Unit screw of a rotation or translation. Shape (6,)."""
-    return np.concatenate([axis, np.cross(point, axis)] if turns else [np.zeros(3), axis])
+    body = links[named]
+    back = np.linalg.inv(body.pose)
+    fixed = {name: back @ link.pose for name, link in links.items() if name != named}
+    parts = {name: displaced(links[name], T) for name, T in fixed.items() if links[name].solid}
+    if not parts:
+        return replace(body, fixed=fixed)
+    solid = {name: link for name, link in links.items() if link.solid}
+    whole = joined(parts.get(name, link) for name, link in solid.items())
+    gravcomp = sum(link.mass * link.gravcomp for link in solid.values()) / (whole.mass or 1.0)
+    return replace(body.with_matter(whole), gravcomp=gravcomp, fixed=fixed, parts=parts)
 
 
 SPHERICAL, FIXED = "SPHERICAL", "FIXED"
@@ -239,7 +172,7 @@ def _welded(reading: Reading, names: list[str], where: str) -> Reading:
     couplings = dict(_kept(reading, names, where))
     for name in names:
         reading = _replaced(reading, name, {})
-    assembly = assemble(_links(reading), where)
+    assembly = assemble(dict(_links(reading)), where)
     if not reading.joints:
         raise ModelFileError("fixes all joints", f"{where}, joint_type", "leave one at least")
     return replace(reading, bodies=assembly.bodies, fixed={**reading.fixed, **assembly.fixed}, couplings=couplings)
@@ -257,19 +190,14 @@ def _kept(reading: Reading, names: list[str], where: str) -> Iterator[tuple[str,
         yield key, coupling
 
 
-def _links(reading: Reading) -> Iterator[Link]:
+def _links(reading: Reading) -> Iterator[tuple[str, BodyReading]]:
     """The links of all bodies, the one with the mass of each among them, to be merged again."""
     for name, body in reading.bodies.items():
-        near = "" if body.near == GROUND else body.near
-        joints = body.joints
+        near, joints = "" if body.near == GROUND else body.near, body.joints
         if body.first:
-            yield _empty(body.first, near, joints, body.pose @ body.fixed[body.first])
+            yield body.first, replace(BARE, near=near, joints=joints, pose=body.pose @ body.fixed[body.first])
             near, joints = body.first, ()
-        yield Link(name, near, joints, body.mass, body.com, body.inertia, body.pose, body.gravcomp)
+        yield name, replace(body, near=near, joints=joints, fixed={}, first="", parts={})
         for link, T in body.fixed.items():
             if link != body.first:
-                yield _empty(link, name, (), body.pose @ T)
-
-
-def _empty(name: str, near: str, joints: tuple[str, ...], pose: Array) -> Link:
-    return Link(name, near, joints, 0.0, np.zeros(3), np.zeros((3, 3)), pose)
+                yield link, replace(BARE, near=name, pose=body.pose @ T)

@@ -15,7 +15,8 @@ import numpy as np
 
 from screwgauge.models.content import Content
 from screwgauge.models.layout import Closure
-from screwgauge.models.readings.assemble import matrix, retyped
+from screwgauge.models.poses import matrix
+from screwgauge.models.readings.assemble import retyped
 from screwgauge.models.readings.reading import ClosureReading, Reading, couplings_of
 from screwgauge.models.readings.source import form_of
 from screwgauge.models.urdf import read_loops

@@ -11,7 +11,8 @@ import numpy as np
 
 from screwgauge.models.content import Content
 from screwgauge.models.mjcf import POWERS, without_stand_ins
-from screwgauge.models.readings.assemble import Assembly, Link, assemble, matrix, screw
+from screwgauge.models.poses import matrix, screw
+from screwgauge.models.readings.assemble import Assembly, assemble
 from screwgauge.models.readings.compiled import (
     compiled,
     content,
@@ -21,7 +22,14 @@ from screwgauge.models.readings.compiled import (
     single_joint,
     tendon_equality,
 )
-from screwgauge.models.readings.reading import ClosureReading, CouplingReading, JointReading, Reading
+from screwgauge.models.readings.reading import (
+    BARE,
+    BodyReading,
+    ClosureReading,
+    CouplingReading,
+    JointReading,
+    Reading,
+)
 from screwgauge.models.readings.source import Source
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -50,7 +58,7 @@ def read_mujoco(source: Source, home: Mapping[str, float]) -> Reading:
             if is_single(model, i):
                 data.qpos[at] = home.get(model.joint(i).name, model.qpos0[at])
         mujoco.mj_kinematics(model, data)
-    assembly = assemble(_links(model, data, source.root_link), str(source.path))
+    assembly = assemble(dict(_links(model, data, source.root_link)), str(source.path))
     unread = [Content("warnings of the library", text, values=()) for text in warnings]
     unread += content(model, assembly)
     closures, couplings = _equalities(model, assembly, unread)
@@ -95,24 +103,25 @@ def is_single(model: Any, joint: int) -> bool:
     return _KINDS[model.jnt_type[joint]] in ("hinge", "slide")
 
 
-def _links(model: Any, data: Any, root: str) -> Iterator[Link]:
-    """Args: root: First link of a URDF, which MuJoCo merges into the world."""
-    if root:
-        yield Link(root, "", (), 0.0, np.zeros(3), np.zeros((3, 3)), np.eye(4))
+def _links(model: Any, data: Any, root: str) -> Iterator[tuple[str, BodyReading]]:
+    """Args: root: First link of a URDF, which MuJoCo merges into the world unless it has mass."""
+    names = [root, *(model.body(i).name for i in range(1, model.nbody))]
+    if root and root not in names[1:]:
+        yield root, BARE
     masses, moments = without_stand_ins(model.body_mass, model.body_inertia)
     for i in range(1, model.nbody):
-        R, above, first = turn(model.body_iquat[i]), model.body_parentid[i], model.body_jntadr[i]
+        R, near, first = turn(model.body_iquat[i]), names[model.body_parentid[i]], model.body_jntadr[i]
         mass = float(masses[i])
-        yield Link(
-            model.body(i).name,
-            model.body(above).name if above else root,
-            tuple(model.joint(first + k).name for k in range(model.body_jntnum[i])),
+        body = BodyReading(
             mass,
             model.body_ipos[i].copy() if mass else np.zeros(3),
             R @ np.diag(moments[i]) @ R.T,
+            near if near != names[i] else "",
+            tuple(model.joint(first + k).name for k in range(model.body_jntnum[i])),
             matrix(data.xpos[i], data.xmat[i].reshape(3, 3)),
             float(model.body_gravcomp[i]),
         )
+        yield names[i], body
 
 
 def turn(quaternion: Array) -> Array:

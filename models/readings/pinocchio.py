@@ -18,8 +18,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from screwgauge.models.content import Content
-from screwgauge.models.readings.assemble import Assembly, Link, assemble
-from screwgauge.models.readings.reading import ClosureReading, JointReading, Reading
+from screwgauge.models.readings.assemble import Assembly, assemble
+from screwgauge.models.readings.reading import BodyReading, ClosureReading, JointReading, Reading
 from screwgauge.models.readings.source import Source
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND
@@ -84,7 +84,7 @@ def read_pinocchio(source: Source, home: Mapping[str, float]) -> Reading:
             value = home[part.name]
             q[part.q : part.q + part.n_q] = value if part.n_q == 1 else (math.cos(value), math.sin(value))
     placed, J = _placed(model, q)
-    assembly = assemble(_links(model, placed, parts), str(source.path))
+    assembly = assemble(dict(_links(model, placed, parts)), str(source.path))
     phrases = [*_planar_axes(source), *_unturned(source)] if source.form == "urdf" else []
     unread = [Content("read otherwise by the library", text, values=()) for text in phrases]
     return Reading(
@@ -190,7 +190,7 @@ def _placed(model: Any, q: Array) -> tuple[list[Any], Array]:
     return placed, J
 
 
-def _links(model: Any, placed: list[Any], parts: list[Part]) -> Iterator[Link]:
+def _links(model: Any, placed: list[Any], parts: list[Part]) -> Iterator[tuple[str, BodyReading]]:
     """Every link. Links and joints may share a name, so frames are distinguished by their numbers."""
     import pinocchio
 
@@ -209,7 +209,7 @@ def _links(model: Any, placed: list[Any], parts: list[Part]) -> Iterator[Link]:
         com, inertia = (np.array(Y.lever), np.array(Y.inertia)) if Y else (np.zeros(3), np.zeros((3, 3)))
         mass = float(Y.mass) if Y else 0.0
         pose = placed[frame.parentJoint] * frame.placement
-        yield Link(frame.name, near, joints, mass, com, inertia, np.array(pose.homogeneous))
+        yield frame.name, BodyReading(mass, com, inertia, near, joints, np.array(pose.homogeneous))
 
 
 def _inertias(model: Any) -> dict[int, Any]:

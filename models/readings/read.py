@@ -16,10 +16,11 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from screwgauge.models.content import Content, Extra, Values, beyond_reading, kind_of
-from screwgauge.models.readings.assemble import Link, assemble, screw
+from screwgauge.models.poses import screw
+from screwgauge.models.readings.assemble import assemble
 from screwgauge.models.readings.mujoco import read_mujoco
 from screwgauge.models.readings.pinocchio import read_pinocchio
-from screwgauge.models.readings.reading import JointReading, Reading
+from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.models.readings.source import Source, prepare
 from screwgauge.reference.errors import ModelFileError, UnknownNameError, first_few, remedy_of_import
 from screwgauge.reference.lint import Hinge, Solid, all_too_wide, size_of, too_far
@@ -48,7 +49,7 @@ def read_yourdfpy(source: Source, home: Mapping[str, float]) -> Reading:
         raise ModelFileError(f"yourdfpy refuses it ({reason})", where, "mend the file") from None
     if planar := [joint.name for joint in robot.joint_map.values() if joint.type == "planar"]:
         raise ModelFileError(f"yourdfpy cannot place planar joint {planar[0]}", where, "take another library")
-    assembly = assemble(_links(robot), where)
+    assembly = assemble(dict(_links(robot)), where)
     return Reading(
         name=source.name,
         library="yourdfpy",
@@ -68,7 +69,7 @@ def _independent(root: ET.Element) -> bytes:
     return ET.tostring(root)
 
 
-def _links(robot: Any) -> Iterator[Link]:
+def _links(robot: Any) -> Iterator[tuple[str, BodyReading]]:
     above = {joint.child: joint for joint in robot.joint_map.values()}
     below: dict[str, list[str]] = {}
     for joint in robot.joint_map.values():
@@ -86,7 +87,7 @@ def _links(robot: Any) -> Iterator[Link]:
                 inertia = origin[:3, :3] @ inertial.inertia @ origin[:3, :3].T
         moving = (joint.name,) if joint and joint.type in _KINDS else ()
         pose = robot.get_transform(name, robot.base_link)
-        yield Link(name, joint.parent if joint else "", moving, mass, com, inertia, pose)
+        yield name, BodyReading(mass, com, inertia, joint.parent if joint else "", moving, pose)
 
 
 def _joint(robot: Any, joint: Any, home: float) -> JointReading:

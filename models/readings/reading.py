@@ -16,6 +16,7 @@ from itertools import accumulate
 import numpy as np
 
 from screwgauge.models.content import Content, phrases
+from screwgauge.models.matter import Matter
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -23,36 +24,15 @@ from screwgauge.witness.tree import FREEDOMS as FREEDOMS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Matter:
-    """Something rigid, in some frame.
+class BodyReading(Matter):
+    """A body that moves, with all that is fixed to it; its matter, of the whole, is in its own frame.
 
-    Attributes:
-        mass: [kg].
-        com: Centre of mass [m]. Shape (3,).
-        inertia: About it [kg m^2]. Shape (3, 3).
-    """
-
-    mass: float
-    com: Array
-    inertia: Array
-
-    @property
-    def possible(self) -> bool:
-        """Whether there can be such a thing: mass is positive, no moment of inertia negative."""
-        return self.mass > 0.0 and float(np.linalg.eigvalsh(self.inertia).min()) >= -1e-9 * float(
-            np.abs(self.inertia).max()
-        )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BodyReading:
-    """A body that moves, with all that is fixed to it.
+    A single link, before links are merged into bodies, is one without joints where it is fixed to `near`, which then is
+    a link, or empty for the world.
 
     Attributes:
         near: Body (or ground) on its ground side.
         joints: Names of the joints between the two, from `near` outwards; one at least.
-        mass: [kg], zero for a cross; `com` [m], shape (3,); `inertia` about the centre of mass [kg m^2], shape (3, 3):
-            of the whole, in the body's frame.
         pose: World pose at the home coordinates. Shape (4, 4).
         gravcomp: Share of its weight that something compensates.
         fixed: Name of each link that is one with it -> frame of that link in the body's frame, shape (4, 4).
@@ -63,15 +43,20 @@ class BodyReading:
 
     near: str
     joints: tuple[str, ...]
-    mass: float
-    com: Array
-    inertia: Array
     pose: Array
     gravcomp: float = 0.0
     fixed: Mapping[str, Array] = field(default_factory=dict)
     first: str = ""
     parts: Mapping[str, Matter] = field(default_factory=dict)
     copy_of: str = ""
+
+    def with_matter(self, matter: Matter) -> BodyReading:
+        """Return the body with other mass properties."""
+        return replace(self, mass=matter.mass, com=matter.com, inertia=matter.inertia)
+
+
+#: A link without mass, fixed to the world.
+BARE = BodyReading(0.0, np.zeros(3), np.zeros((3, 3)), "", (), np.eye(4))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -248,7 +233,7 @@ def collapsed(reading: Reading, keep: Collection[str] = ()) -> Reading:
     gone = {
         name: body
         for name, body in reading.bodies.items()
-        if not (body.mass or body.inertia.any()) and carried[name] == 1 and name not in stays
+        if not body.solid and carried[name] == 1 and name not in stays
     }
     bodies = {}
     for name, body in reading.bodies.items():

@@ -8,7 +8,7 @@ import numpy as np
 from campaigns.marks import Mark, is_urdf
 
 from screwgauge.diagnosis.files.layout import compilers
-from screwgauge.models.readings.assemble import steiner
+from screwgauge.models.matter import steiner
 from screwgauge.reference.rotations import Array, rotation, rotation_vector
 from support.robots import unit
 

@@ -11,7 +11,8 @@ from campaigns.marks import inertials, is_urdf
 
 from screwgauge.diagnosis.files.layout import XmlText, urdf_links
 from screwgauge.diagnosis.files.write_urdf import inertial_text
-from screwgauge.models.matter import NOTHING, combined, displaced, relative
+from screwgauge.models.matter import NOTHING, combined, displaced
+from screwgauge.models.poses import relative
 from screwgauge.reference.rotations import rotation
 from support.robots import unit
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from screwgauge.models.kinematics import draw, plant, rehomed, residual_at_home
-from screwgauge.models.readings.assemble import matrix, steiner
+from screwgauge.models.matter import steiner
+from screwgauge.models.poses import matrix
 from screwgauge.models.readings.compiled import warned
 from screwgauge.models.readings.loops import read_loops_yaml, with_loops
 from screwgauge.models.readings.mujoco import joint_equality

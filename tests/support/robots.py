@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from screwgauge.models.formats import number_text, quaternion, rpy, vector_text
-from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.poses import matrix
 from screwgauge.models.urdf import moments
 from screwgauge.reference.rotations import Array, rotation
 

@@ -14,8 +14,8 @@ from screwgauge.diagnosis.pairing.common import weighed
 from screwgauge.diagnosis.properties import INERTIAL, PROPERTIES, Change, applied, word
 from screwgauge.diagnosis.slips import Pair, placement_slips
 from screwgauge.models.kinematics import downwards
-from screwgauge.models.matter import Matter, combined, displaced, of_body, plainest, relative, steps_of
-from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.matter import Matter, combined, displaced, plainest, steps_of
+from screwgauge.models.poses import matrix, relative
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array, rotation
 
@@ -101,7 +101,7 @@ def edits(differences: Sequence[Difference], b: Reading, files: Files | None = N
 
 def _of_body(own: Mapping[int, Change], b: Reading, body: str, files: Files) -> Iterator[Edit]:
     """Edits of a body: one for each mass property, or one for all its links where it consists of several."""
-    old, new = of_body(b.bodies[body]), of_body(applied(b, own.values()).bodies[body])
+    old, new = b.bodies[body], applied(b, own.values()).bodies[body]
     parts = files.b.parts(body) if files.b else {}
     pairs = _links(files, body, parts, old, new) if files.b and parts else [(body, old, new, {"B": np.eye(3)})]
     if len(parts) > 1:

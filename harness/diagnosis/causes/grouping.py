@@ -15,7 +15,7 @@ from screwgauge.diagnosis.differences.difference import Difference, rounded
 from screwgauge.diagnosis.files.patch import Opened
 from screwgauge.diagnosis.properties import BODIES, INERTIAL, JOINTS, PLACES, PROPERTIES, applied, word, words
 from screwgauge.models.content import kinds
-from screwgauge.models.matter import Matter, combined, of_body, steps_of
+from screwgauge.models.matter import Matter, combined, steps_of
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import first_few
 
@@ -132,7 +132,7 @@ class Grouping:
         changes = {
             name: [self.differences[i].change for g in some for i in g.differences] for name, some in own.items()
         }
-        after = {name: of_body(applied(self.b, filter(None, some)).bodies[name]) for name, some in changes.items()}
+        after = {name: applied(self.b, filter(None, some)).bodies[name] for name, some in changes.items()}
         ratios = [self.b.bodies[name].mass / after[name].mass for name in own if after[name].mass]
         ratio = float(np.median(ratios)) if ratios else 0.0
         if not ratio:  # most of them have no mass in B, which is no scale
@@ -377,7 +377,7 @@ def _factor(each: Difference) -> tuple[str, float] | None:
 
 def _fits(b: Reading, file: Opened | None, name: str, after: Matter, ratio: float, both: bool) -> bool:
     """Whether a body of A is that of B, each of its links divided by the ratio."""
-    before = of_body(b.bodies[name])
+    before = b.bodies[name]
     parts = [*file.parts(name).values()] if file else [before]
     smaller = [replace(p, mass=p.mass / ratio, inertia=p.inertia / (ratio if both else 1.0)) for p in parts if p.mass]
     if not smaller:

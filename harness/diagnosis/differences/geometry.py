@@ -20,7 +20,7 @@ from screwgauge.diagnosis.pairing.mapping import apart
 from screwgauge.diagnosis.properties import Change, applied
 from screwgauge.diagnosis.transformations import axis, outwards
 from screwgauge.models.kinematics import moved, rehomed, size
-from screwgauge.models.readings.assemble import exponential
+from screwgauge.models.poses import exponential
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, rotation_vector
 

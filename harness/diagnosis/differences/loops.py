@@ -23,7 +23,7 @@ from screwgauge.models.importing.assemble import assemble
 from screwgauge.models.importing.homes import Loops as LoopEquations
 from screwgauge.models.importing.homes import some
 from screwgauge.models.kinematics import ReadingTree, draw, moved, near_home, plant, rehomed, residual_at_home, size
-from screwgauge.models.readings.assemble import exponential
+from screwgauge.models.poses import exponential
 from screwgauge.models.readings.reading import ClosureReading, Reading
 from screwgauge.reference.errors import ClosureError
 from screwgauge.reference.rotations import Array, rotation_vector

@@ -18,8 +18,9 @@ from screwgauge.diagnosis.pairing.mapping import CLOSE
 from screwgauge.diagnosis.properties import INERTIAL, PASSIVE, unit_of, word
 from screwgauge.diagnosis.transformations import axis
 from screwgauge.models.kinematics import downwards, size
-from screwgauge.models.matter import Matter, combined, displaced, of_body, relative, steps_of
+from screwgauge.models.matter import Matter, combined, displaced, steps_of
 from screwgauge.models.mjcf import FAR
+from screwgauge.models.poses import relative
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.rotations import Array, rotation_vector
@@ -216,7 +217,7 @@ def _beside_held(common: Common, name: str, entries: Iterator[Difference]) -> It
     """
     a, b, held = common.a.bodies[name], common.b.bodies[name], common.held[name]
     (com, inertia), _ = seen_from(a, b)
-    old, new = (combined(matter, held, -1.0) for matter in (of_body(b), Matter(a.mass, com, inertia)))
+    old, new = (combined(matter, held, -1.0) for matter in (b, Matter(a.mass, com, inertia)))
     told = {each.what: each for each in entries}
     if not {*INERTIAL} & {*told}:
         yield from told.values()
@@ -250,7 +251,7 @@ def _missing_part(common: Common, a: BodyReading, b: BodyReading) -> str:
     T = relative(b.pose, a.pose)
     sides = (
         ("A", Matter(a.mass, com, inertia), {n: displaced(part, T) for n, part in a.parts.items()}, common.b),
-        ("B", of_body(b), b.parts, common.a),
+        ("B", b, b.parts, common.a),
     )
     for (side, whole, parts, there), (other, rest, *_) in (sides, sides[::-1]):
         for part, matter in parts.items():
@@ -284,7 +285,7 @@ def _as_a_whole(common: Common, name: str, entries: Iterator[Difference]) -> Ite
     for side, body in wholes.items():
         if not pair["AB".index(side)].copy_of and not any(_reading(common, side).bodies[n].copy_of for n in shares):
             cut = {n: _reading(common, side).bodies[n] for n in shares if n != original}
-            extra = {n: displaced(of_body(share), relative(body.pose, share.pose)) for n, share in cut.items()}
+            extra = {n: displaced(share, relative(body.pose, share.pose)) for n, share in cut.items()}
             wholes[side] = replace(body, parts={**body.parts, **extra})
     of_whole = {each.what: each for each in _body(common, original, wholes["A"], wholes["B"])}
     for each in entries:
@@ -311,10 +312,10 @@ def _shares(common: Common, original: str) -> list[str]:
 def _whole(reading: Reading, original: str, shares: Sequence[str]) -> BodyReading:
     """A body with its shares, in its frame."""
     body = reading.bodies[original]
-    whole = of_body(body)
+    whole: Matter = body
     for name in shares[1:]:
         share = reading.bodies[name]
-        whole = combined(whole, displaced(of_body(share), relative(body.pose, share.pose)))
+        whole = combined(whole, displaced(share, relative(body.pose, share.pose)))
     return replace(body, mass=whole.mass, com=whole.com, inertia=whole.inertia)
 
 

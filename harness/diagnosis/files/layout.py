@@ -12,7 +12,7 @@ import numpy as np
 
 from screwgauge.models.formats import TENSOR, tensor
 from screwgauge.models.matter import NOTHING, Matter
-from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.poses import matrix
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import Array, quaternion_rotation, rotation
 

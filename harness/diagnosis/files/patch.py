@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from types import ModuleType
 
 import numpy as np
@@ -14,8 +13,8 @@ from screwgauge.diagnosis.files.layout import Element, Link, UnpatchableError, X
 from screwgauge.diagnosis.files.write_urdf import SAME
 from screwgauge.diagnosis.properties import INERTIAL, PROPERTIES, Change, applied
 from screwgauge.diagnosis.transformations import axis
-from screwgauge.models.matter import Matter, combined, displaced, of_body, plainest, relative, same, shared, spread
-from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.matter import Matter, displaced, plainest, remainder, same, shared, spread
+from screwgauge.models.poses import matrix, relative
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, JointReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross, rotation
@@ -57,7 +56,7 @@ class Opened:
         parts = {i: displaced(matter, T) for i, (matter, T) in links.items() if matter is not None}
         silent = [i for i in links if i not in parts]
         if silent:  # the geoms of one of them are what is left
-            parts[silent[0]] = reduce(lambda left, part: combined(left, part, -1.0), parts.values(), of_body(whole))
+            parts[silent[0]] = remainder(whole, parts.values())
         return parts
 
 
@@ -318,7 +317,7 @@ def _fill(file: Opened, frames: list[Array], name: str, body: BodyReading, plain
     """Writes the mass properties of a body, changed in the one of its links where the change is the plainest."""
     old = file.reading.bodies[name]
     T, parts = {i: relative(old.pose, file.links[i].frame) for i in file.of(name)}, file.parts(name)
-    new = _changed(parts, of_body(old), of_body(body))
+    new = _changed(parts, old, body)
     if len(parts) > 1 and not all(part.possible for i, part in new.items() if part is not parts[i]):
         raise UnpatchableError(f"several links make up '{name}', and no change of one or of all of them does")
     for i, part in new.items():

@@ -11,8 +11,9 @@ from screwgauge.diagnosis.files.layout import Element, Link, UnpatchableError, X
 from screwgauge.diagnosis.files.write_urdf import SAME
 from screwgauge.diagnosis.properties import attributes
 from screwgauge.models.formats import number_text, quaternion, vector_text
-from screwgauge.models.matter import Matter, relative
+from screwgauge.models.matter import Matter
 from screwgauge.models.mjcf import of_tensor
+from screwgauge.models.poses import relative
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.rotations import Array
 

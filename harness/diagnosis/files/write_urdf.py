@@ -10,7 +10,7 @@ from screwgauge.diagnosis.files.layout import Element, Link, UnpatchableError, X
 from screwgauge.diagnosis.properties import attributes
 from screwgauge.models.formats import number_text, rpy, vector_text
 from screwgauge.models.matter import Matter
-from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.models.urdf import moments
 from screwgauge.reference.rotations import Array

@@ -17,7 +17,7 @@ from screwgauge.diagnosis.properties import Change, applied
 from screwgauge.diagnosis.transformations import joined
 from screwgauge.models.kinematics import rehomed
 from screwgauge.models.machine import Element, Link, Machine, machine_of
-from screwgauge.models.readings.assemble import matrix, screw
+from screwgauge.models.poses import matrix, screw
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, JointReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, rotation, rotation_vector

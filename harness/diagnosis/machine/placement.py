@@ -14,7 +14,7 @@ import numpy as np
 
 from screwgauge.models.machine import Body, Element, Link, Machine
 from screwgauge.models.matter import displaced
-from screwgauge.models.readings.assemble import exponential, matrix
+from screwgauge.models.poses import exponential, matrix
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross, rotation
 

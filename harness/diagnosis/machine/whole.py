@@ -17,7 +17,7 @@ from screwgauge.diagnosis.slips import INERTIA, LENGTH, MASS
 from screwgauge.diagnosis.transformations import axis, turned
 from screwgauge.models.kinematics import downwards, plant, rehomed, residual_at_home, size
 from screwgauge.models.matter import Matter
-from screwgauge.models.readings.assemble import matrix
+from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
 from screwgauge.reference.rotations import Array, rotation_vector
 

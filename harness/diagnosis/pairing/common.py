@@ -13,7 +13,7 @@ from screwgauge.diagnosis.properties import PROPERTIES, ROOMS, Change, applied
 from screwgauge.diagnosis.transformations import held, ordered, outwards, placed
 from screwgauge.models.formats import adjoint
 from screwgauge.models.kinematics import ReadingTree, downwards, rehomed
-from screwgauge.models.matter import Matter, combined, of_body
+from screwgauge.models.matter import Matter, combined
 from screwgauge.models.readings.files import NUMBERED
 from screwgauge.models.readings.reading import ClosureReading, Reading, collapsed, renamed
 from screwgauge.reference.rotations import Array, quaternion_rotation
@@ -69,7 +69,7 @@ def brought(a: Reading, b: Reading, pairing: Pairing) -> Common:
     movable = collapsed(weighed(b), {*pairing.bodies.values()})
     b = held(movable, pairing.only_b)
     more = {n: body for n, body in b.bodies.items() if len(body.fixed) > len(movable.bodies[n].fixed)}
-    extra = {n: combined(of_body(body), of_body(movable.bodies[n]), -1.0) for n, body in more.items()}
+    extra = {n: combined(body, movable.bodies[n], -1.0) for n, body in more.items()}
     names = {
         "bodies": {other: name for name, other in pairing.bodies.items() if other in b.bodies},
         "joints": {other: name for name, other in pairing.joints.items()},

@@ -1,0 +1,33 @@
+"""Placements as (4, 4) matrices and joint axes as screws."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from screwgauge.reference.rotations import Array, rotation
+
+
+def matrix(p: Array, R: Array) -> Array:
+    """Return the placement with a position and a rotation. Shapes (3,), (3, 3) -> (4, 4)."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, p
+    return T
+
+
+def relative(near: Array, far: Array) -> Array:
+    """Return one pose in another. Shape (4, 4)."""
+    R = near[:3, :3].T
+    return matrix(R @ (far[:3, 3] - near[:3, 3]), R @ far[:3, :3])
+
+
+def exponential(kind: str, direction: Array, centre: Array, q: float) -> Array:
+    """Return the displacement by a hinge or slide along a direction through a centre. Shapes (3,), (3,) -> (4, 4)."""
+    if kind == "slide":
+        return matrix(q * direction, np.eye(3))
+    R = rotation(direction, np.array(q))
+    return matrix(centre - R @ centre, R)
+
+
+def screw(turns: bool, axis: Array, point: Array) -> Array:
+    """Return the unit screw of a rotation or translation. Shape (6,)."""
+    return np.concatenate([axis, np.cross(point, axis)] if turns else [np.zeros(3), axis])
