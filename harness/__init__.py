@@ -15,8 +15,9 @@ if TYPE_CHECKING:
     from screwgauge.families.draw import random
     from screwgauge.reference.errors import ScrewgaugeError
     from screwgauge.report.diagnosed import DiagnosisReport
+    from screwgauge.report.figures.saved import Figure
     from screwgauge.report.pages.check import CheckReport
-    from screwgauge.report.results import Results
+    from screwgauge.report.results import Figures, Results
     from screwgauge.report.reviewed import ReviewReport
     from screwgauge.scene.default import exciting
     from screwgauge.scene.observables import Recorded
@@ -31,6 +32,8 @@ __all__ = [
     "CheckReport",
     "Diagnosis",
     "DiagnosisReport",
+    "Figure",
+    "Figures",
     "Limits",
     "Recorded",
     "Results",
@@ -53,6 +56,8 @@ _HOMES = {
     "CheckReport": "screwgauge.report.pages.check",
     "Diagnosis": "screwgauge.diagnosis.diagnose",
     "DiagnosisReport": "screwgauge.report.diagnosed",
+    "Figure": "screwgauge.report.figures.saved",
+    "Figures": "screwgauge.report.results",
     "Limits": "screwgauge.study.isolation",
     "Recorded": "screwgauge.scene.observables",
     "Results": "screwgauge.report.results",

@@ -1,7 +1,7 @@
 """Reading and writing of files: every input is opened here, its size and content are limited here.
 
-A command overwrites neither its inputs nor a file that this program did not write as it is now. Text that is written
-for users to keep ends with a comment that bears the digest of all lines above it, so that an edited file is recognised.
+A command overwrites neither its inputs nor a file that this program did not write as it is now. What is written for
+users to keep bears the digest of all else in it, so that an edited file is recognised; that of a CSV is beside it.
 Nothing here knows a file format but JSON.
 """
 
@@ -13,6 +13,8 @@ import json
 import os
 import re
 import stat
+import struct
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -57,6 +59,9 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\
 _DIGITS = 300
 #: What an XML declaration says of the encoding.
 _DECLARED = re.compile(r"""<\?xml\s[^>]*?\bencoding\s*=\s*["']([^"']*)["']""")
+_PNG, _PNG_END = b"\x89PNG\r\n\x1a\n", 12  # its first bytes, and the length of its last chunk
+#: How whoever calls has files replaced: callers in Python, if no command line says its option.
+OVERWRITING = ContextVar("OVERWRITING", default="force=True")
 _SAID = "As screwgauge wrote it, lines above: sha256 "
 
 
@@ -270,23 +275,48 @@ def replace_file(path: Path, content: str | bytes) -> None:
 
 def stamped(text: str) -> str:
     """Text of XML, HTML, TOML or YAML, followed by the comment with its digest."""
-    text = text if text.endswith("\n") else f"{text}\n"
-    return f"{text}{_last(text)}"
+    return with_digest(text.encode(errors="surrogateescape")).decode(errors="surrogateescape")
 
 
-def _last(text: str) -> str:
-    line = f"{_SAID}{hashlib.sha256(text.encode(errors='surrogateescape')).hexdigest()}"
-    return f"<!-- {line} -->\n" if text.lstrip("\ufeff \n").startswith("<") else f"# {line}\n"
+def with_digest(content: bytes) -> bytes:
+    """A text, PDF or PNG with the digest of the rest at its end: in a comment, in the last chunk but one of a PNG."""
+    if content.startswith(_PNG):
+        return content[:-_PNG_END] + _mark(content) + content[-_PNG_END:]
+    content = content if content.endswith(b"\n") else content + b"\n"
+    return content + _mark(content)
+
+
+def _mark(content: bytes) -> bytes:
+    line = f"{_SAID}{hashlib.sha256(content).hexdigest()}".encode()
+    if content.startswith(_PNG):
+        chunk = b"tEXtComment\0" + line
+        return struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    if content.startswith(b"%PDF"):
+        return b"%" + line + b"\n"
+    marked_up = content.removeprefix(codecs.BOM_UTF8).lstrip(b" \n").startswith(b"<")
+    return b"<!-- " + line + b" -->\n" if marked_up else b"# " + line + b"\n"
+
+
+def with_digest_beside(file: Path, text: str) -> dict[str, str]:
+    """Name -> text of a file that has no room for its digest, as CSV has none, and of a hidden one that bears it."""
+    digest = hashlib.sha256(text.encode(errors="backslashreplace")).hexdigest()
+    return {file.name: text, _beside(file).name: f"{digest}  {file.name}\n"}
+
+
+def _beside(file: Path) -> Path:
+    return file.with_name(f".{file.name}.sha256")
 
 
 def is_as_written(path: Path) -> bool:
-    """Whether a file is a text as this program wrote it."""
+    """Whether a file is as this program wrote it: its digest is in it, or in the file beside it."""
     try:
-        text = read_file(path)
+        if os.path.lexists(_beside(path)):
+            return read_file(_beside(path)).partition(" ")[0] == digest(path)
+        content = read_bytes(path, "MB of CSV")
     except DescriptionError:
         return False
-    above, _, last = text.removesuffix("\n").rpartition("\n")
-    return text.endswith("\n") and f"{last}\n" == _last(f"{above}\n")
+    end = len(content) - (_PNG_END if content.startswith(_PNG) else 0)
+    return with_digest(content[: end - len(_mark(content))] + content[end:]) == content
 
 
 def check_free(path: Path, inputs: Iterable[str | Path] = (), *, force: bool = False) -> None:
@@ -308,10 +338,19 @@ def check_free(path: Path, inputs: Iterable[str | Path] = (), *, force: bool = F
     if not there or force:
         return
     if any(_same(path, Path(name)) for name in inputs):
-        raise OutputError("is what the command reads", str(path), "name another file, or overwrite it by --force")
+        raise OutputError("is what the command reads", str(path), _other_file())
     if not is_as_written(path):
         what = "is there, and nothing in it proves that screwgauge wrote it as it is"
-        raise OutputError(what, str(path), "name another file, or overwrite it by --force")
+        raise OutputError(what, str(path), _other_file())
+
+
+def overwriting() -> str:
+    """How whoever calls overwrites what is there: ``overwrite it by --force``."""
+    return f"overwrite it by {OVERWRITING.get()}"
+
+
+def _other_file() -> str:
+    return f"name another file, or {overwriting()}"
 
 
 def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) -> None:
@@ -331,8 +370,7 @@ def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) 
     there = any(isinstance(place, tuple) for place in writers)
     for file in inputs if there else ():
         if (node := _node(Path(file))) in writers:
-            remedy = "name another file, or overwrite it by --force"
-            raise OutputError(f"is what the command reads, and what {writers[node]} writes", str(file), remedy)
+            raise OutputError(f"is what the command reads, and what {writers[node]} writes", str(file), _other_file())
 
 
 def _node(path: Path) -> tuple[int, int] | None:

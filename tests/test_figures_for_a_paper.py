@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+import zlib
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -93,6 +94,35 @@ def test_what_cannot_be_drawn_is_refused(style, said, results, tmp_path):
     with pytest.raises(screwgauge.ScrewgaugeError, match=re.escape(said)):
         results.figure("actuator_force").save(tmp_path / "f.pdf", **style)
     assert [*tmp_path.iterdir()] == []
+
+
+@pytest.mark.parametrize("ending", ["pdf", "png", "svg"])
+def test_a_figure_that_nobody_changed_is_saved_again(ending, results, tmp_path):
+    figure = results.figure("mechanism")
+    first = figure.save(file := tmp_path / f"f.{ending}").read_bytes()
+    assert figure.save(file, width="10cm").read_bytes() != first
+    for other in (first.replace(first[40:44], b"abcd", 1), first + b"\n", first[:-1]):
+        file.write_bytes(other)
+        with pytest.raises(OutputError, match="force=True"):
+            figure.save(file)
+        assert file.read_bytes() == other
+    assert [*tmp_path.iterdir()] == [file]
+
+
+def test_a_png_stays_a_png(results, tmp_path):
+    """Its chunks follow each other to the last, each with its checksum."""
+    data = results.figure("mechanism").save(tmp_path / "f.png").read_bytes()
+    kinds, at = list[bytes](), 8
+    while at < len(data):
+        (length,) = struct.unpack(">I", data[at : at + 4])
+        chunk, (checksum,) = (
+            data[at + 4 : at + 8 + length],
+            struct.unpack(">I", data[at + 8 + length : at + 12 + length]),
+        )
+        assert zlib.crc32(chunk) == checksum
+        kinds.append(chunk[:4])
+        at += 12 + length
+    assert kinds[-2:] == [b"tEXt", b"IEND"]
 
 
 def test_a_file_of_one_s_own_stays(results, tmp_path):

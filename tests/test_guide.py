@@ -52,6 +52,14 @@ def test_readme_is_the_table_of_contents() -> None:
     assert {*TEXTS} - {"README.md"} <= linked
 
 
+def test_what_the_python_page_refers_to_stands_on_it() -> None:
+    page = TEXTS["harness/guide/python.md"]
+    classes = dict(re.findall(r"^### ([A-Z]\w*)\n(.*?)(?=^### |\Z)", page, re.DOTALL | re.MULTILINE))
+    referred = {*re.findall(r"`([A-Z][A-Za-z]*[a-z])\.([a-z]\w*)`", page)}
+    assert ("Figure", "save") in referred
+    assert [(one, name) for one, name in referred if f"- `.{name}" not in classes.get(one, "")] == []
+
+
 def test_numbers_of_the_text_are_those_of_their_reports() -> None:
     paper = json.loads((ROOT / "reports/3ups-upu-s/summary.json").read_text(encoding="utf-8"))
     (share,) = re.findall(r"Inertia is (\S+ %) of actuator_force", paper["coverage"]["sentence"])

@@ -50,6 +50,7 @@ WRITING = {
     ),
     "view --out": (["view", "a01-pendulum", "--out", "mine.toml"], "mine.toml"),
     "view --png": (["view", "a01-pendulum", "--png", "mine.png"], "mine.png"),
+    "view --pdf": (["view", "a01-pendulum", "--pdf", "mine.pdf"], "mine.pdf"),
     "view --svg": (["view", "a01-pendulum", "--svg", "mine.svg"], "mine.svg"),
     "check --junit": (["check", "slider-crank", "--smoke", "--junit", "mine.xml"], "mine.xml"),
     "check --update": (["check", "slider-crank", "--smoke", "--update", "--baseline", "mine.json"], "mine.json"),
@@ -72,6 +73,7 @@ def test_a_file_of_one_s_own_is_overwritten_by_force_only(name, bars, capsys):
     assert said.err.endswith("or overwrite it by --force.\n")
     assert main([*command, "--force"]) in (0, 1)
     assert Path(file).read_bytes() != MINE.encode()
+    assert main(command) in (0, 1)  # which is now as it was written here
 
 
 READING = {

@@ -69,7 +69,7 @@ def test_a_file_of_the_users_own_in_the_way_is_refused_before_any_work(name, out
     assert command("--samples") == 2
     said = capfd.readouterr().err
     assert said.startswith(f"screwgauge: {out}: {name} is ")
-    assert said.endswith(("--out.\n", "--force.\n"))
+    assert said.endswith(("another folder.\n", "--force.\n"))
     assert files(out) == {name}
 
 

@@ -79,6 +79,17 @@ def test_nothing_that_is_there_is_replaced_without_leave(results, tmp_path):
     assert (tmp_path / "pinocchio.csv").read_text(encoding="utf-8").startswith("t [s],")
 
 
+def test_values_that_nobody_changed_are_written_again(results, tmp_path):
+    (file,) = results.to_csv(tmp_path / "v.csv", quantities=["joint_velocity"])
+    results.to_csv(file)
+    text = file.read_text(encoding="utf-8")
+    assert "actuator_force/" in text
+    file.write_text(f"{text}9.0\n", encoding="utf-8")
+    with pytest.raises(OutputError, match=r"force=True"):
+        results.to_csv(file)
+    assert file.read_text(encoding="utf-8") == f"{text}9.0\n"
+
+
 @pytest.mark.parametrize("asked", [{"engine": "scew"}, {"quantities": ["reactions"]}])
 def test_names_that_are_not_there_are_said(asked, results, tmp_path):
     with pytest.raises(UnknownNameError, match="did you mean"):
@@ -92,5 +103,5 @@ def test_the_command_writes_them_beside_its_report(tmp_path, inside, command):
     said = command(*asked, "--csv", "values")
     assert said.out.endswith("values: values/screw.csv\n")
     assert Path("values/screw.csv").read_text(encoding="utf-8").startswith("t [s],actuator_force/crank [N m]\n0.0,")
-    for wrong in ("out/errors.csv", "values"):
-        assert main([*asked, "--csv", wrong]) == 2
+    assert main([*asked, "--csv", "values"]) == 0  # as nobody changed them
+    assert main([*asked, "--csv", "out/errors.csv"]) == 2

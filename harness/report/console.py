@@ -17,7 +17,7 @@ from types import FrameType, TracebackType
 from typing import TextIO
 
 from screwgauge.reference.errors import OutputError, ScrewgaugeError, log_text, printable
-from screwgauge.reference.files import why
+from screwgauge.reference.files import OVERWRITING, why
 
 #: What stands for a sign that a stream cannot encode: as long as the sign, so that columns stay where they are.
 SIGNS = {"✓": "+", "✗": "x", "·": ".", "²": "2", "³": "3", "µ": "u", "†": "*", "→": ">"}
@@ -43,9 +43,11 @@ def console() -> Iterator[None]:
     _stopped_by.clear()
     main = threading.current_thread() is threading.main_thread()
     before = {number: signal.signal(number, _stop) for number in STOPS} if main else {}
+    way = OVERWRITING.set("--force")
     try:
         yield
     finally:
+        OVERWRITING.reset(way)
         for number, handler in before.items():
             signal.signal(number, handler)
 

@@ -20,13 +20,13 @@ from uuid import uuid4
 
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import DescriptionError, OutputError
-from screwgauge.reference.files import digest, read_json, why
+from screwgauge.reference.files import digest, overwriting, read_json, why
 
 if TYPE_CHECKING:
     import pandas as pd
 
 SAMPLES = "samples.parquet"
-_ELSEWHERE = "move it, or choose another folder with --out"
+_ELSEWHERE = "move it, or choose another folder"
 PAGES = ("report.md", "report.html")
 
 
@@ -70,7 +70,7 @@ def _check_own(out: Path, names: Iterable[str], force: bool) -> None:
     for name in names:
         if not force and name not in ours and (out / name).exists():
             what = f"{name} is there, and is not as an earlier report wrote it ({MANIFEST} has the digests)"
-            raise OutputError(what, str(out), f"{_ELSEWHERE}, or overwrite it by --force")
+            raise OutputError(what, str(out), f"{_ELSEWHERE}, or {overwriting()}")
 
 
 def write_files(out: Path, files: Mapping[str, str | pd.DataFrame], others: Iterable[str] | None = None) -> Path:
@@ -132,7 +132,7 @@ def _move(stage: Path, out: Path) -> None:
 
 
 def _cannot(out: Path, error: OSError | ValueError) -> OutputError:
-    return OutputError(f"the folder cannot be written ({why(error)})", str(out), "choose another with --out")
+    return OutputError(f"the folder cannot be written ({why(error)})", str(out), "choose another")
 
 
 MANIFEST = "report-files.json"
@@ -220,12 +220,12 @@ def locked(out: Path) -> Iterator[None]:
         fcntl.flock(place, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(place)
-        what, remedy = "another command is writing into the folder", "wait for its end, or choose another with --out"
+        what, remedy = "another command is writing into the folder", "wait for its end, or choose another folder"
         raise OutputError(what, str(out), remedy) from None
     except (OSError, ValueError) as error:  # a path with a null byte
         if place < 0 or getattr(error, "errno", None) not in _UNABLE:
             what = f"the folder cannot be written ({why(error)})"
-            raise OutputError(what, str(out), "choose another with --out") from error
+            raise OutputError(what, str(out), "choose another") from error
     try:
         yield
     finally:

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice
-from screwgauge.reference.files import check_free
+from screwgauge.reference.files import check_free, with_digest_beside
 from screwgauge.report.blocks import Block, as_kind
 from screwgauge.report.figures.saved import Figure
 from screwgauge.report.folder import write_files
@@ -56,13 +56,13 @@ class Results(Shown, Comparison):
             path: A file ``NAME.csv``, or a folder, in which each engine gets a file of its name.
             engine: Whose values; by default those of the first for a file, of all for a folder.
             quantities: Names; positions, actuator forces, reactions and observables by default.
-            force: Files in the way are replaced.
+            force: Files in the way are replaced, whoever wrote them.
 
         Returns:
             The files.
 
         Raises:
-            OutputError: A file is there, or cannot be written.
+            OutputError: A file is there and was changed or not written here, or it cannot be written.
             UnknownNameError: There is no such engine or quantity.
         """
         known = {name for solution in self.solutions.values() for name in solution.values}
@@ -73,12 +73,12 @@ class Results(Shown, Comparison):
             check_free(file, force=force)
         for name, file in files.items():
             table = values_table(self.solutions[name], self.times, wanted)
-            write_files(file.parent, {file.name: table.to_csv(index=False, lineterminator="\n")})
+            write_files(file.parent, with_digest_beside(file, table.to_csv(index=False, lineterminator="\n")))
         return [*files.values()]
 
-    def plot(self) -> Pictures:
-        """The pictures of the report; a notebook shows them."""
-        return Pictures(as_kind(Figure, picture) for picture in run_page.pictures(self))
+    def plot(self) -> Figures:
+        """The figures of the report."""
+        return Figures(as_kind(Figure, picture) for picture in run_page.pictures(self))
 
     def frame(self, quantity: str) -> pd.DataFrame:
         """A quantity over time as all engines give it: index t [s], columns engine and component.
@@ -96,11 +96,11 @@ class Results(Shown, Comparison):
             columns=pd.MultiIndex.from_tuples(columns, names=["engine", "component"]),
         )
 
-    def figure(self, name: str) -> Pictures:
-        """Pictures of `plot` that show a quantity, such as ``actuator_force``, or have a name, such as ``mechanism``.
+    def figure(self, name: str) -> Figures:
+        """Figures of `plot` that show a quantity, such as ``actuator_force``, or have a name, such as ``mechanism``.
 
-        ``.save("f.pdf", width="8.5cm", font="Times", size=8)`` writes its curves alone for a paper, as PDF, SVG or PNG
-        (``dpi=600``), see `Figure.save`.
+        ``.save("f.pdf", width="8.5cm", font="Times", size=8)`` writes the curves alone for a paper, as PDF,
+        SVG or PNG (``dpi=600``), see `Figure.save`.
 
         Raises:
             UnknownNameError: None has; it lists the names there are.
@@ -109,7 +109,7 @@ class Results(Shown, Comparison):
         pictures = [picture for picture in every if name in (picture.of, picture.name, picture.name.partition("-")[2])]
         if not pictures:
             raise UnknownNameError("figure", name, [picture.name for picture in every])
-        return Pictures(pictures)
+        return Figures(pictures)
 
     def _report(self) -> Any:
         return run_page
@@ -126,8 +126,8 @@ def csv_files(path: Path, engines: Sequence[str]) -> dict[str, Path]:
     return {engines[0]: path} if path.suffix == ".csv" else {name: path / f"{name}.csv" for name in engines}
 
 
-class Pictures(list[Figure]):
-    """Pictures; a notebook shows them."""
+class Figures(list[Figure]):
+    """A list of `Figure`, which a notebook shows; a list of one is saved as that one is."""
 
     def __repr__(self) -> str:
         return "\n".join(picture.title for picture in self)
@@ -136,7 +136,7 @@ class Pictures(list[Figure]):
         return fragment(self)
 
     def save(self, path: str | Path, **style: Any) -> Path:
-        """Writes the picture if there is one alone: see `Figure.save`, which also says what a style is.
+        """Writes the figure if there is one alone; `style` is what `Figure.save` takes after the path.
 
         Raises:
             DescriptionError: There are several.

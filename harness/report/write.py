@@ -186,7 +186,7 @@ def browser() -> str:
     """
     path = next(filter(None, map(shutil.which, BROWSERS)), None)
     if path is None:
-        raise OutputError(f"{PDF} needs Chromium or Chrome, and none is found", "", "install one, or leave out --pdf")
+        raise OutputError(f"{PDF} needs Chromium or Chrome, and none is found", "", "install one, or leave out the PDF")
     return path
 
 

@@ -317,7 +317,7 @@ def write_imported(imported: Imported, file: Path, text: str = "", *, force: boo
             for path, target in zip(made, (file, scene), strict=True):
                 os.replace(path, target)
     except OSError as error:
-        raise OutputError(f"cannot be written ({error.strerror})", str(file), "name another file by --out") from None
+        raise OutputError(f"cannot be written ({error.strerror})", str(file), "name another file") from None
     return file, scene
 
 

@@ -169,8 +169,9 @@ def other_wording(shown: str, printed: str) -> list[str]:
 COMMANDS = """# Commands
 
 `screwgauge COMMAND --help` says the same. Every command knows `--debug`, which shows the traceback of an error.
-Those that write know `--force`, which overwrites inputs and files of somebody's own, and `--out`, whose folder
-is made if need be. [Exit status](quantities.md#exit-status)"""
+Those that write know `--out`, whose folder is made if need be, and `--force`, which overwrites inputs, files of
+somebody's own, and files that screwgauge wrote and somebody changed since: digests in them tell, that of `values.csv`
+in `.values.csv.sha256` beside it. [Exit status](quantities.md#exit-status)"""
 
 BUILTIN = """# Built-in mechanisms and scenes
 

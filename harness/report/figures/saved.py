@@ -9,7 +9,7 @@ from pathlib import Path
 from textwrap import wrap
 
 from screwgauge.reference.errors import DescriptionError, ReportError, shown
-from screwgauge.reference.files import check_free, replace_file, stamped
+from screwgauge.reference.files import check_free, replace_file, stamped, with_digest
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.chart import GAP, Spec, still_parts
 from screwgauge.report.figures.renderer import RENDERER
@@ -27,7 +27,7 @@ ALIKE = {
 
 
 class Figure(Picture):
-    """A picture that can be saved for a paper."""
+    """A picture that can be saved for a paper: what `Results.figure` and `Results.plot` give."""
 
     __slots__ = ()
 
@@ -52,7 +52,7 @@ class Figure(Picture):
             font: Times, Helvetica, or one that is installed. A mechanism is drawn with letters of its own.
             size: Of its letters [pt].
             dpi: Dots per inch of a PNG.
-            force: A file in the way is replaced.
+            force: A file in the way is replaced, whoever wrote it.
 
         Raises:
             ScrewgaugeError: It cannot be drawn like this, or the file cannot be written.
@@ -76,7 +76,7 @@ def picture_file(svg: str, ending: str, width: str, dpi: int) -> str | bytes:
     if ending == ".svg":
         return stamped(sized(svg, in_points(width), "pt"))
     call, more = ("svg_to_pdf", {}) if ending == ".pdf" else ("svg_to_png", {"ppi": dpi})
-    return bytes(RENDERER.ask(call, sized(svg, in_points(width)), **more))
+    return with_digest(bytes(RENDERER.ask(call, sized(svg, in_points(width)), **more)))
 
 
 def check_ending(path: Path, known: Iterable[str] = ENDINGS, where: str = "figure") -> None:

@@ -13,7 +13,7 @@ from screwgauge.environment import environment, json_text
 from screwgauge.judging.residual import Residual
 from screwgauge.quantities import SOLVED, digits
 from screwgauge.reference.errors import DescriptionError, OutputError, shown
-from screwgauge.reference.files import read_json, replace_file
+from screwgauge.reference.files import overwriting, read_json, replace_file
 from screwgauge.study.gate.items import GateRow
 from screwgauge.study.store import is_record
 
@@ -116,7 +116,7 @@ def check_baseline(file: Path, *, force: bool = False) -> None:
     except DescriptionError:
         sound = False
     if not sound:
-        raise OutputError("is there, and is no baseline", str(file), "name another file, or overwrite it by --force")
+        raise OutputError("is there, and is no baseline", str(file), f"name another file, or {overwriting()}")
 
 
 def read_baseline(file: Path, smoke: bool, scenes: Sequence[str]) -> dict[str, Any]:
