@@ -125,12 +125,25 @@ def all_too_wide(bodies: Iterable[Solid]) -> tuple[str, ...]:
     return sentences[first], f"{len(rest)} more bodies are lighter than air in the same way: {first_few(rest, SHOWN)}"
 
 
+def _turning(mechanism: Mechanism) -> set[str]:
+    """Bodies that turn: of those that joints only let slide on ground, inertia has no effect."""
+    turning = {body.name for body in mechanism.bodies}
+    for _ in mechanism.bodies:
+        slides = (
+            joint for joint in mechanism.joints if not joint.angles and not turning >= {joint.parent, joint.child}
+        )
+        turning -= {name for joint in slides for name in (joint.parent, joint.child)}
+    return turning
+
+
 def solids(mechanism: Mechanism) -> Iterator[Solid]:
-    """Bodies of a mechanism that have mass."""
-    ends, heavy = _ends(mechanism), [body for body in mechanism.bodies if body.mass]
+    """Bodies of a mechanism that have mass and turn."""
+    ends, heavy, turning = _ends(mechanism), [body for body in mechanism.bodies if body.mass], _turning(mechanism)
     places = [(name, end.frame.p) for name, its in ends.items() for end in its]
     extent = _spread(mechanism, [*places, *((body.name, body.com) for body in heavy)])
     for body in heavy:
+        if body.name not in turning:
+            continue
         points = [*(end.frame.p for end in ends[body.name]), body.com]
         yield Solid(body.name, body.mass, body.inertia, size_of(points, extent))
 
@@ -194,6 +207,7 @@ def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
     for body in mechanism.bodies:
         its = ends[body.name]
         sentences = [wide.get(body.name, ""), *_masses(body, its, unit, extent)]
+        sentences += [_alike(body)] if body.name in wide else []
         suspicions += [Suspicion(body.name, body.com, text) for text in sentences if text]
         for a, b in combinations([end for end in its if end.joint.angles < 3], 2):
             if text := _between(a, b, unit, few=len(its) == 2):
@@ -214,9 +228,14 @@ def _masses(body: Body, its: list[_End], unit: float, extent: float) -> Iterator
         yield f"the centre of mass of {name} is {away:.3g} m away from its joints; {whose} {size:.3g} m apart"
     if len(points) > 1 and max(spread, away) < ROUNDING * unit and not any(end.joint.slides for end in its):
         yield f"{name} has no length: joints and centre of mass are at one point"
+
+
+def _alike(body: Body) -> str:
+    """A warning about a body with the inertia of a ball; may be empty."""
     moments = np.linalg.eigvalsh(body.inertia)
-    if moments[0] > 0.0 and np.ptp(moments) < 1e-9 * moments[-1]:
-        yield f"{name} has {moments[0]:.3g} kg m^2 about every axis, as a ball or a placeholder has it"
+    if not (moments[0] > 0.0 and np.ptp(moments) < 1e-9 * moments[-1]):
+        return ""
+    return f"{body.name} has {moments[0]:.3g} kg m^2 about every axis, as a ball or a placeholder has it"
 
 
 def _distance(p: Array, a: Array, b: Array) -> float:

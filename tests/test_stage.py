@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.models.shapes import across, differing, facing, shapes, viewed_from
+from screwgauge.models.shapes import DOUBT, across, differing, facing, shapes, viewed_from
 from screwgauge.report.stage.drawing import drawing, labels
 from screwgauge.report.stage.motion import FRAMES
 from screwgauge.report.stage.picture import remarks, stage
@@ -203,7 +203,11 @@ def test_what_is_suspicious_is_marked_and_listed() -> None:
     (sentence,) = data_of(picture)["doubts"]
     assert any(isinstance(block, Items) and block.texts == (sentence,) for block in remarks(picture))
     assert any(s["g"] == "doubts" and s["n"] == sentence for s in data_of(picture)["shapes"])
-    assert "!" in words_of(picture.svg)
+    assert words_of(picture.svg).count("!") == 2  # of the mark, and of the legend that tells what it is
+    assert "suspicious" in words_of(picture.svg)
+    assert [what for colour, what in data_of(picture)["legend"] if colour == DOUBT] == ["cage: suspicious, see below"]
+    plain = stage(load_mechanism("slider-crank"))
+    assert "suspicious" not in f"{words_of(plain.svg)} {data_of(plain)['legend']}"
 
 
 def test_a_simulation_moves_as_it_was_integrated() -> None:

@@ -7,8 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from screwgauge.models.readings.read import implausible as implausible_reading
 from support.geometry import rotation
-from support.mechanism import Body, Frame, Mechanism, load_mechanism, mechanism_names, read_mechanism, suspicious
+from support.mechanism import (
+    Body,
+    Frame,
+    Mechanism,
+    implausible,
+    load_mechanism,
+    mechanism_names,
+    read_mechanism,
+    suspicious,
+)
+from support.models import write_models
+from support.readings import read
 
 #: Two hinges along z, a metre apart, with what follows put in place.
 ARM = """
@@ -72,6 +84,28 @@ def test_what_is_odd_is_said(sentences, changes, said) -> None:
 @pytest.mark.parametrize("changes", [{"axis": ["sin(0.1)", 0, "cos(0.1)"]}, {"axis": [1, 0, 0], "at": [0, 0.1, 0.3]}])
 def test_clear_angles_and_distances_are_meant(sentences, changes) -> None:
     assert sentences(**changes) == []
+
+
+CARRIAGE = """
+name = "carriage"
+independent = { x = "x", y = "y" }
+[bodies]
+bridge = { mass = 2, com = [0, 0, 0], inertia = { xx = 500, yy = 500, zz = 500 } }
+carriage = { mass = 1, com = [0, 0.1, 0], inertia = { xx = 300, yy = 300, zz = 300 } }
+[joints]
+x = { kind = "P", parent = "ground", child = "bridge", axes = [[1, 0, 0]], actuated = true }
+y = { kind = "KIND", parent = "bridge", child = "carriage", axes = [[0, 1, 0]], actuated = true }
+"""
+
+
+@pytest.mark.parametrize(("kind", "odd"), [("P", []), ("R", ["carriage", "carriage"])])
+def test_inertia_of_a_body_that_never_turns_is_not_suspicious(kind, odd, write, tmp_path) -> None:
+    mechanism = load_mechanism(write("carriage.toml", CARRIAGE.replace("KIND", kind)))
+    assert [one.body for one in suspicious(mechanism)] == odd
+    assert len(implausible(mechanism)) == bool(odd)
+    write_models(mechanism, tmp_path)
+    for name, library in (("carriage.urdf", "pinocchio"), ("carriage.xml", "mujoco")):
+        assert len(implausible_reading(read(tmp_path / name, library))) == bool(odd)
 
 
 def test_a_body_without_mass_is_said(paper: Mechanism) -> None:

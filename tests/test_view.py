@@ -19,7 +19,7 @@ from screwgauge.report import console
 from support import robots
 from support.browser import Opened, open_page
 from support.command import main
-from support.mechanism import load_mechanism
+from support.mechanism import load_mechanism, suspicious
 from support.models import write_models
 
 pytestmark = pytest.mark.slow
@@ -60,6 +60,17 @@ def test_a_picture_is_written_of_one_or_two_mechanisms(tmp_path: Path) -> None:
     for form, start in (("svg", b"<svg "), ("pdf", b"%PDF")):
         assert main(["view", "3ups-upu-s", f"--{form}", str(file := tmp_path / f"one.{form}")]) == 0
         assert file.read_bytes().startswith(start)
+
+
+@pytest.mark.slow
+def test_what_a_picture_marks_as_suspicious_is_said(tmp_path: Path, capsys) -> None:
+    said = {}
+    for name in ("screw-press", "slider-crank"):
+        assert main(["view", name, "--svg", str(tmp_path / f"{name}.svg")]) == 0
+        said[name] = capsys.readouterr().err
+    (odd,) = suspicious(load_mechanism("screw-press"))
+    assert odd.sentence in said["screw-press"]
+    assert said["slider-crank"] == ""
 
 
 @pytest.mark.slow

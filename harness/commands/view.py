@@ -24,6 +24,7 @@ WIDTH, DPI = "17cm", 200  # of a picture: as wide as a page's text
 def view(options: argparse.Namespace) -> int:
     """Shows a mechanism, or two side by side."""
     from screwgauge.models.shapes import differing
+    from screwgauge.reference.lint import suspicious
     from screwgauge.report.figures.saved import check_ending, picture_file
     from screwgauge.report.stage.drawing import drawing
     from screwgauge.scene.scene import Scene
@@ -44,6 +45,8 @@ def view(options: argparse.Namespace) -> int:
         against = differing(mechanism, other, unsigned) if other else ()
         content = picture_file(drawing(mechanism, against), picture.suffix, WIDTH, DPI)
         _put(picture, content.encode() if isinstance(content, str) else content)
+        for odd in suspicious(mechanism):
+            complain(f"screwgauge: suspicious: {odd.sentence}")
         return 0
     text = _page(what, other, unsigned)
     if options.out:

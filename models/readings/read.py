@@ -189,6 +189,11 @@ def implausible(reading: Reading) -> tuple[str, ...]:
 
 
 def _solids(reading: Reading) -> Iterator[Solid]:
+    """Bodies of a reading that have mass and turn."""
+    turning = set[str]()
+    for name, body in reading.bodies.items():
+        if body.near in turning or any(reading.joints[joint].kind != "slide" for joint in body.joints):
+            turning.add(name)
     centres = {name: body.pose[:3, :3] @ body.com + body.pose[:3, 3] for name, body in reading.bodies.items()}
     joints = {name: joint.centre for name, joint in reading.joints.items() if joint.kind != "free"}
     places: dict[str, list[Array]] = {name: [] for name in reading.bodies}
@@ -205,7 +210,7 @@ def _solids(reading: Reading) -> Iterator[Solid]:
     extent = widest([*joints.values(), *heavy.values()])
     for name, centre in heavy.items():
         body = reading.bodies[name]
-        if np.isfinite(body.inertia).all():
+        if name in turning and np.isfinite(body.inertia).all():
             yield Solid(name, body.mass, body.inertia, size_of([*places[name], centre], extent))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
 import numpy as np
@@ -94,7 +94,8 @@ def drawing(
     cloud = _cloud(mechanism, solids, marks)
     low, size = cloud.min(axis=0), np.maximum(np.ptp(cloud, axis=0), 1e-9)
     scale = min((WIDE - 2 * EDGE) / size[0], (TALL - 2 * EDGE) / size[1])
-    legend, head = _legend(mechanism, bool(others), bool(coils))
+    odd = any(one.group == "doubts" for one in solids)
+    legend, head = _legend(mechanism, {"the other": bool(others), "spring": bool(coils), "suspicious": odd})
     shift = np.array([(WIDE - scale * size[0]) / 2.0, head + EDGE]) - scale * low
     tall = head + scale * size[1] + 2 * EDGE + CORNER
     joints = [(joint, scale * place + shift, axis) for joint, place, axis in joints]
@@ -202,8 +203,20 @@ def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -
     return f'{arrow}<g transform="translate({_xy(place)}) rotate({turn:.0f})">{marks}</g>'
 
 
-def _legend(mechanism: Mechanism, compared: bool, sprung: bool) -> tuple[str, float]:
-    """Marks with what they mean, and how far down they reach."""
+#: What there may be besides joints -> its mark.
+FURTHER = {
+    "spring": '<path class="spring" d="M-12,0l3,0l2,-5l4,10l4,-10l4,10l2,-5h5"/>',
+    "the other": '<path class="other" d="M-12,0H12"/>',
+    "suspicious": f'<g transform="translate(-3 0)">{ODD}</g>',
+}
+
+
+def _legend(mechanism: Mechanism, more: Mapping[str, bool]) -> tuple[str, float]:
+    """Marks with what they mean, and how far down they reach.
+
+    Args:
+        more: Entry of `FURTHER` -> whether there is any.
+    """
     there = {joint.kind for joint in mechanism.joints}
     turning = any(joint.angles == 1 for joint in mechanism.joints)
     items = [(f'<g class="mark">{mark}</g>', name) for kind, (name, mark) in MARKS.items() if kind in there]
@@ -214,8 +227,7 @@ def _legend(mechanism: Mechanism, compared: bool, sprung: bool) -> tuple[str, fl
     items += [(CAGE, "cut: closes a loop")] * bool(cut_joints(mechanism))
     items += [(f'<g transform="translate(0 -8)">{FOOT}</g>', "ground")]
     items += [('<path class="axis" d="M-10,0H10l-5,-3M10,0l-5,3"/>', "axis (dot: towards you)")] * turning
-    items += [('<path class="spring" d="M-12,0l3,0l2,-5l4,10l4,-10l4,10l2,-5h5"/>', "spring")] * sprung
-    items += [('<path class="other" d="M-12,0H12"/>', "the other")] * compared
+    items += [(mark, name) for name, mark in FURTHER.items() if more[name]]
     out, x, y = [], 28.0, 40.0
     for shape, text in items:
         if x + 30 + LETTER * len(text) > WIDE:

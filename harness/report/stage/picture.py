@@ -139,7 +139,9 @@ def _legend(mechanism: Mechanism, solids: Sequence[Shape]) -> list[tuple[str, st
     entries = [(DRIVEN, driven)] * bool(mechanism.actuators) + [(CUT, "cage: cut joint, closes a loop")] * (
         "cage" in kinds
     )
-    return [*entries, *[(STANDING, "foot: fixed to ground")] * ("foot" in kinds)]
+    entries += [(STANDING, "foot: fixed to ground")] * ("foot" in kinds)
+    odd = any(one.group == "doubts" for one in solids)
+    return [*entries, *[(DOUBT, "cage: suspicious, see below")] * odd]
 
 
 def _loads(shown: Sequence[Arrow]) -> list[str]:
