@@ -23,7 +23,8 @@ class Quantity:
 
     Attributes:
         of: What has a component each: ``joint`` coordinates, axes of each ``body``, coordinates of the ``tree``,
-            ``independent`` coordinates, ``pair`` of these, ``actuator``, ``reaction`` components, ``observable``.
+            ``independent`` coordinates, ``pair`` of these, ``actuator``, ``reaction`` components, ``axis`` of a joint
+            coordinate, ``observable``.
         needs: What has to be known before: ``q``, ``v``, ``a`` (positions, rates, accelerations) or ``f`` (forces).
         tolerance: Scaled error up to which two engines agree.
         ruled: Whether a rule fixes what redundant actuation leaves open.
@@ -74,6 +75,15 @@ QUANTITIES = {
             SOLVED,
             ruled=True,
         ),
+        Quantity(
+            "axis_moment",
+            "moment about each joint's own axes (slides: force along): actuator, springs, dampers, motors",
+            "axis",
+            "f",
+            SOLVED,
+            ruled=True,
+            named=True,
+        ),
         Quantity("mass_matrix", "inertia that the independent coordinates have", "pair", "v", SOLVED, named=True),
         Quantity("observable", "what a forward scene follows", "observable", "q", SOLVED),
     )
@@ -86,6 +96,8 @@ BODY_MOTION = {QUANTITIES[name].body: name for name in OF_BODIES}
 OF_MOTION = tuple(name for name in QUANTITIES if name != "observable")
 GIVEN = tuple(name for name in OF_MOTION if not QUANTITIES[name].named)
 SIMULATED = (*OF_JOINTS, "observable")
+#: Quantities that rest on the rule of redundant actuators.
+RULED = frozenset(name for name, quantity in QUANTITIES.items() if quantity.ruled)
 #: Unit of a coordinate -> unit of a force along it.
 FORCE = {"rad": "N m", "m": "N"}
 #: How many of two coordinates are angles -> unit of the inertia between them.

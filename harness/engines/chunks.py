@@ -76,6 +76,7 @@ def component_names(
         "tree": (tuple(tree), tree),
         "independent": (tuple(independent), independent.values()),
         "actuator": (tuple(actuators), driven),
+        "axis": (tuple(unit), tuple(unit)),
     }
     forces = {of: (names, tuple(FORCE[unit[c]] for c in coordinates)) for of, (names, coordinates) in along.items()}
 

@@ -124,7 +124,10 @@ def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) 
 
 _TRUTH = "ball arithmetic with rigorous radii, on request (needs python-flint)"
 _OPEN = dict.fromkeys(("tree_force", "tree_force_soft"), "the open tree has nothing to certify that RNEA does not know")
-_INERTIA = {"mass_matrix": "its Newton-Euler equations are solved whole"}
+_LEFT = {
+    "mass_matrix": "its Newton-Euler equations are solved whole",
+    "axis_moment": "without springs and motors this is the actuator force, which it certifies",
+}
 ENGINES: dict[str, Engine] = {
     engine.name: engine
     for engine in (
@@ -139,7 +142,7 @@ ENGINES: dict[str, Engine] = {
             f"{_HERE}.truth:load",
             frozenset((GivenMotion,)),
             "python-flint",
-            lacks=_OPEN | _INERTIA,
+            lacks=_OPEN | _LEFT,
             sprung=False,
             most=201,
         ),

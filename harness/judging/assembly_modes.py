@@ -137,8 +137,8 @@ def _apart(mechanism: Mechanism, t: Array, pair: tuple[Array, Array]) -> str:
 NEAR = 0.1
 
 _POSITION = "joint_position"
-#: What turns its sign with the middle axis of a triple: rates, and forces along coordinates of a tree.
-_ALONG = tuple(name for name in QUANTITIES if QUANTITIES[name].of in ("joint", "tree") and name != _POSITION)
+#: What turns its sign with the middle axis of a triple: rates, and forces along coordinates.
+_ALONG = tuple(name for name in QUANTITIES if QUANTITIES[name].of in ("joint", "tree", "axis") and name != _POSITION)
 
 
 def in_one_chart(mechanism: Mechanism, solutions: Mapping[str, Solution]) -> dict[str, Solution]:

@@ -54,7 +54,7 @@ def compare(
     apart = other_assemblies(mechanism, problem, ordered)
     for quantity in QUANTITIES:
         having = [solution for solution in ordered if quantity in solution.values]
-        rules = _rules(quantity, problem.rule, mobility)
+        rules = _rules(quantity, problem.rule, mobility, mechanism)
         for a, b in combinations(having, 2):
             if not _comparable(quantity, a, b):
                 continue
@@ -104,12 +104,19 @@ def reference_scale(values: Values, unit: str, natural: float) -> float:
     return max(largest(values.array[:, [i for i, u in enumerate(values.units) if u == unit]]), FLOOR * natural)
 
 
-def _rules(quantity: str, rule: str, mobility: Mobility) -> dict[str, tuple[str, bool]]:
+def _rules(quantity: str, rule: str, mobility: Mobility, mechanism: Mechanism) -> dict[str, tuple[str, bool]]:
     """Component -> the rule that fixes it, and whether it is unique whatever the rule; "" stands for all others."""
     if not QUANTITIES[quantity].ruled:
         return {"": ("", True)}
+    driven = dict[str, str]()
+    if quantity == "axis_moment":  # as unique as the actuator at the coordinate
+        columns = zip(mechanism.actuator_names, mechanism.actuated_columns, strict=True)
+        driven = {name: mechanism.coordinates[column] for name, column in columns}
     named = zip(mobility.names, mobility.unique, mobility.determined, strict=True)
-    return {"": (rule, True), **{name: (rule if fixed else UNDETERMINED, unique) for name, unique, fixed in named}}
+    return {
+        "": (rule, True),
+        **{driven.get(name, name): (rule if fixed else UNDETERMINED, unique) for name, unique, fixed in named},
+    }
 
 
 def _held(row: SizedResidual, rules: Mapping[str, tuple[str, bool]]) -> SizedResidual:

@@ -20,7 +20,7 @@ from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, 
 
 MOST = 201  # samples of what takes a walk for every joint coordinate, or has to be solved for
 _MOTION = ("joint_velocity", "joint_acceleration")
-_FORCES = ("generalized_force", "actuator_force", "reaction")
+_FORCES = (*residuals.WORKING, "reaction")
 _PER = ("", "/s", "/s^2")
 #: Residual, quantity that it judges, and what the order of the derivative adds to the unit of a coordinate.
 _CLOSURE = (
@@ -123,7 +123,7 @@ def _forces(whole: Answer, some: Answer, admissible: AdmissibleMotion) -> Residu
         yield from residuals.power_balance(every, *needed)
     if full.has("actuator_force"):
         yield from residuals.force_rule(full, admissible, required[1])
-    if some.has("actuator_force") or some.has("generalized_force"):
+    if any(some.has(name) for name in residuals.WORKING):
         yield from residuals.virtual_work(some, admissible, *required)
 
 

@@ -28,10 +28,14 @@ from screwgauge.witness.wrenches import (
     UnitWrench,
     balancing,
     exerted_wrenches,
+    joint_forces,
     spring_energy,
     unit_wrenches,
     wrench_columns,
 )
+
+#: Forces that work on every motion that the loops allow.
+WORKING = ("generalized_force", "actuator_force", "axis_moment")
 
 
 def body_motion(answer: Answer, what: str) -> Array:
@@ -145,7 +149,8 @@ def _loose(answer: Answer, rates: Array) -> Array:
 def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, sizes: Array) -> Residuals:
     """Work of the required wrenches on every admissible motion less that of the generalised and actuator forces.
 
-    Where an answer has no forces the first must vanish, whatever the reactions. It is measured by its largest term.
+    Moments about the joints' own axes count without the springs and motors there, which the wrenches contain. Where an
+    answer has no forces the first must vanish, whatever the reactions. It is measured by its largest term.
     """
     mechanism = answer.mechanism
     joints, bodies = admissible.partial, admissible.bodies
@@ -158,13 +163,16 @@ def virtual_work(answer: Answer, admissible: AdmissibleMotion, required: Array, 
         driven = joints[:, mechanism.actuated_columns]
         given[" by actuators"] = np.einsum("nkj,nk->nj", driven, answer["actuator_force"])
         loose = _loose(answer, driven)
+    if answer.has("axis_moment"):
+        driving = answer["axis_moment"] - joint_forces(mechanism, answer.states, answer.t, answer.applied)
+        given[" about axes"] = np.einsum("nqj,nq->nj", joints, driving)
     units = [mechanism.units[column] for column in mechanism.independent_columns]
     for unit in dict.fromkeys(units):
         columns = [k for k, has in enumerate(units) if has == unit]
         names = [f"{list(mechanism.independent)[k]}{how}" for how in given or [""] for k in columns]
         missing = [needed[:, columns] - forces[:, columns] for forces in given.values()] or [needed[:, columns]]
         size = max(float(terms[columns].max()), largest(loose[..., columns]))
-        left, about = np.concatenate(missing, axis=1), ("generalized_force", "actuator_force", *OF_BODIES)
+        left, about = np.concatenate(missing, axis=1), (*WORKING, *OF_BODIES)
         yield answer.residual("virtual_work", FORCE[unit], names, left, size, about)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.models.home import check_closed
 from screwgauge.problem import GivenMotion
-from screwgauge.quantities import GIVEN, QUANTITIES
+from screwgauge.quantities import GIVEN, RULED
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.continuation import PathEnd
@@ -97,7 +97,7 @@ def check_actuation(
     Raises:
         DescriptionError: No forces, or no rule's forces, would satisfy the equations of motion.
     """
-    ruled = [name for name in GIVEN if QUANTITIES[name].ruled]
+    ruled = [name for name in quantities if name in RULED]
     rest = tuple(name for name in quantities if name not in ruled)
     mechanism = scene.mechanism
     driven = len(mechanism.actuators) - freedoms.actuation_redundancy

@@ -139,8 +139,9 @@ def _quantity(header: Header, names: Names, wanted: Collection[str], where: str)
         raise UnknownNameError("column", header.text, known, where)
     compared = having if len(having) == 1 else [name for name in having if name in wanted]
     if len(compared) != 1:
-        several = f"{', '.join(having[:-1])} and {having[-1]}"
-        remedy = f"write {having[-1]}/{header.component}, or whichever it is"
+        *others, last = compared or having
+        several = f"{', '.join(others)} and {last}"
+        remedy = f"write {last}/{header.component}, or whichever it is"
         raise DescriptionError(f"column '{header.text}' is of {several}", where, remedy)
     return compared[0]
 

@@ -236,6 +236,14 @@ def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: A
             yield spring.coordinate, -force
 
 
+def joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Applied) -> Array:
+    """What springs, dampers and motors exert along joint coordinates [N or N m]. Shape (n, n_q)."""
+    total = np.zeros_like(states.q)
+    for coordinate, force in _joint_forces(mechanism, states, t, applied):
+        total[:, mechanism.coordinates.index(coordinate)] += force
+    return total
+
+
 def _pull(
     spring: PointSpring, tree: MechanismTree, motion: TreeMotion, t: Array
 ) -> Iterator[tuple[int, Array, Array, Array]]:

@@ -148,6 +148,14 @@ class Dynamics(Motion):
         return along
 
     @cached_property
+    def axis_moment(self) -> Array:
+        """Forces along all coordinates that their joints transmit: actuators, springs, dampers, motors. (..., n_q).
+
+        Couplings, whose forces are components of `reaction`, are not among them.
+        """
+        return self.along_joints(self.actuator_force) + self.exerted.along
+
+    @cached_property
     def line(self) -> tuple[Array, Array] | None:
         """Eq. (56), if it is the rule: force of a joint across its line per actuator force, and what these undo."""
         return self._across_line(*self.mechanism.axial) if self.axial and self.mechanism.axial else None
@@ -198,7 +206,7 @@ class Dynamics(Motion):
     def imbalance(self) -> Array:
         """Residual of the balance along the coordinates of the tree. Shape (..., n)."""
         _, transmitted, x = self.constraint_forces(self.actuator_force)
-        residual = self.exerted.along + self.along_joints(self.actuator_force) - transmitted
+        residual = self.axis_moment - transmitted
         for row, (i, of, slope) in enumerate(self.loops.couplings.derivatives(self.q, 1), self.loops.ends[-1]):
             residual[..., i] = residual[..., i] + x[..., row]
             if of is not None:
@@ -265,6 +273,7 @@ QUANTITIES: Mapping[str, Any] = {
     "generalized_force": lambda at: at.generalized_force,
     "actuator_force": lambda at: at.actuator_force,
     "reaction": lambda at: at.reaction,
+    "axis_moment": lambda at: at.axis_moment,
 }
 
 

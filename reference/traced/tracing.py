@@ -36,6 +36,8 @@ MOST_ARCS = 6
 GROWTH = 9.0
 #: Quantities that know the charts of joints that close loops.
 CHARTED = {"joint_position", "joint_velocity", "joint_acceleration", "tree_force", "tree_force_soft"}
+#: Quantities that contain actuator forces.
+DRIVEN = {"actuator_force", "axis_moment", "reaction"}
 Further = Callable[[Mapping[str, Sequence[Any]]], Mapping[str, list[Any]]]
 """Quantities and checks of a trace -> other outputs."""
 
@@ -213,7 +215,7 @@ def _checks(
 ) -> dict[str, list[Any]]:
     """Per-sample diagnostics, see `CHECKS`."""
     loops, by = at.loops, extent(at.loops.lay)
-    driven, reacted = {"actuator_force", "reaction"} & outputs.keys(), "reaction" in outputs
+    driven, reacted = DRIVEN & outputs.keys(), "reaction" in outputs
     charted = CHARTED & outputs.keys()
     moved = np.array([at.q[c] - x for c, x in guess.items()], dtype=object)
     moving = loops.columns[: loops.moving]

@@ -12,7 +12,7 @@ from screwgauge.engines.chunks import Names, assemble, component_names, stages
 from screwgauge.engines.error_estimate import Part, Trust, examined
 from screwgauge.models.layout import open_tree
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
-from screwgauge.quantities import OF_MOTION, QUANTITIES
+from screwgauge.quantities import OF_MOTION, QUANTITIES, RULED
 from screwgauge.reference import linear
 from screwgauge.reference.closed.assembly_mode import AssemblyMode
 from screwgauge.reference.closed.continuation import Poses
@@ -150,7 +150,7 @@ class Work:
     def _force_conditions(self, at: Dynamics, conditions: dict[str, Array]) -> None:
         """Condition numbers of the systems that forces are solved from."""
         wanted, mechanism, sizes = self.problem.wanted, self.lay.mechanism, self.loops.sizes
-        if not wanted & {"actuator_force", "reaction"}:
+        if not wanted & RULED:
             return
         driven = at.B * sizes[mechanism.independent_columns] / sizes[mechanism.actuated_columns, None]
         # rounding of rates is that of the fastest coordinates, however slow the actuators are
@@ -158,6 +158,7 @@ class Work:
         conditions["actuator_force"] = linear.condition(driven) / slow
         if at.line is not None:
             conditions["actuator_force"] = np.maximum(at.drive.condition, at.system.whole_condition)
+        conditions["axis_moment"] = conditions["actuator_force"]
         if "reaction" in wanted:
             conditions["reaction"] = np.maximum(at.system.whole_condition, conditions["actuator_force"])
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from screwgauge.engines.error_estimate import CLEAR, CLEAR_FORCES, Part, Trust, absolute, by_powers, summand
 from screwgauge.problem import Problem, Rows
-from screwgauge.quantities import arm
+from screwgauge.quantities import RULED, arm
 from screwgauge.reference import linear
 from screwgauge.reference.equations.rounding import extent
 from screwgauge.reference.graph import Layout
@@ -71,8 +71,8 @@ class Bounds:
         forces = dict[str, Scalar]()
         if "reaction" in self.wanted:
             forces["reaction"] = SAFETY * out["whole_gain"] * out["whole_gain"]
-        if forces or "actuator_force" in self.wanted:
-            forces["actuator_force"] = SAFETY * apply("max", out["drive"], 1.0)
+        if self.wanted & RULED:
+            forces |= dict.fromkeys(("actuator_force", "axis_moment"), SAFETY * apply("max", out["drive"], 1.0))
         numbers = charts, forces, speed, rush, load, out["closing"], self.stretch
         return Trust(CONDITION * gain, gain, *numbers)
 
@@ -278,7 +278,7 @@ def check_traceable(lay: Layout, problem: Problem) -> None:
         NotTraceableError: With the reason.
     """
     mechanism = lay.mechanism
-    if {"actuator_force", "reaction"} & problem.wanted and len(mechanism.actuators) < len(mechanism.independent):
+    if RULED & problem.wanted and len(mechanism.actuators) < len(mechanism.independent):
         reason = "there are fewer actuators than freedoms"
         raise NotTraceableError(reason, mechanism.name, "the array solver answers it")
     if "mass_matrix" in problem.wanted:

@@ -95,12 +95,15 @@ def _dot(a: Array, b: Array) -> Array:
 
 def applied_wrenches(
     closed: ClosedTree, applied: Applied, at: BodyPoses, motion: tuple[Array, Array, Array, Array]
-) -> Array:
-    """Force and moment about its origin on each body. Shape (n, n_body + 1, 6).
+) -> tuple[Array, Array]:
+    """Force and moment about its origin on each body, and the part that acts along joint coordinates by itself.
 
     Args:
         motion: Times, shape (n,), velocities of the bodies, shape (n, n_body + 1, 6), coordinates of all joints and
             their rates in the order of the description, shape (n, n_q) each.
+
+    Returns:
+        Shape (n, n_body + 1, 6), and along the coordinates shape (n, n_q), which the wrenches contain.
     """
     t, V, q, v = motion
     column = {name: i for i, name in enumerate(closed.names)}
@@ -121,7 +124,7 @@ def applied_wrenches(
         columns = [column[name] for name in joint.coordinates]
         if tau[:, columns].any():
             _drive(closed, joint, at, q[:, columns], tau[:, columns], out)
-    return out
+    return out, tau
 
 
 def _drive(closed: ClosedTree, joint: Joint, at: BodyPoses, q: Array, tau: Array, out: Array) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from screwgauge.engines.tree.closed_tree import ClosedTree, Loops
 from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import Problem
+from screwgauge.quantities import RULED
 from screwgauge.reference import linear
 from screwgauge.reference.equations.joint_types import JointPose, reaction_names
 from screwgauge.reference.equations.screws import times
@@ -44,7 +45,7 @@ def closed_forces(
     at: BodyPoses,
     system: tuple[Array, Array],
     motion: tuple[Array, Array, Array, Array],
-    acting: Array,
+    exerted: tuple[Array, Array],
 ) -> ClosedForces:
     """Generalised and actuator forces by projection, reactions from the multipliers of the closing rows.
 
@@ -52,23 +53,24 @@ def closed_forces(
         system: Inverse of the closing system without dimension, shape (n, n_v, m + k), and velocities of the tree per
             velocity of y, shape (n, n_v, k).
         motion: Coordinates, velocities, accelerations and forces of the open tree. Shape (n, n_v) each.
-        acting: Wrench on each body of loads, springs and motors, about its origin. Shape (n, n_body + 1, 6).
+        exerted: Loads, springs and motors, see `applied_wrenches`.
     """
-    (inverse, K), tau, wanted, sizes = system, motion[3], problem.wanted, closed.sizes
+    (inverse, K), tau, wanted, sizes, (acting, along) = system, motion[3], problem.wanted, closed.sizes, exerted
     need = tau - at.forces_along(acting)
     Q = (K.swapaxes(1, 2) @ need[..., None])[..., 0]
     largest = (np.maximum(np.abs(need), np.abs(tau)) * sizes.q).max(axis=1) / sizes.length
     values = {"generalized_force": Q}
-    if not wanted & {"actuator_force", "reaction"}:
+    if not wanted & RULED:
         return ClosedForces(values, {}, largest)
     driven = closed.driven
     f, condition = min_norm(K[:, driven], Q)
-    conditions = {"actuator_force": condition}
+    conditions = dict.fromkeys(("actuator_force", "axis_moment"), condition)
     if problem.rule == "spherical_axial":
         alone = closed.tree.transmitted(at, *motion[:3], acting)
         f, condition = axial_forces(closed, at, closed.jacobian(motion[0], at), need, alone)
-        conditions = dict.fromkeys(("actuator_force", "reaction"), condition)
-    values["actuator_force"] = f
+        conditions = dict.fromkeys(RULED, condition)
+    values["actuator_force"], values["axis_moment"] = f, along.copy()
+    values["axis_moment"][:, [closed.names.index(closed.tree.coordinates[k]) for k in driven]] += f
     if "reaction" not in wanted:
         return ClosedForces(values, conditions, largest)
     rest = need.copy()

@@ -182,7 +182,7 @@ def _actuator_forces(
     at = closed.tree.poses(q)
     still, joints = np.zeros((*at.p.shape[:2], 6)), np.zeros((len(q), len(closed.names)))
     applied = Applied(loads=problem.applied.loads)
-    loads = applied_wrenches(closed, applied, at, (np.zeros(len(q)), still, joints, joints))
+    loads, _ = applied_wrenches(closed, applied, at, (np.zeros(len(q)), still, joints, joints))
     need = tau - at.forces_along(loads)
     if dynamics.naive:  # forces along the actuated joints, taken for the actuator forces
         return need[:, closed.driven], empty(len(q))
