@@ -11,10 +11,10 @@ from typing import TypeVar
 
 import numpy as np
 
+from screwgauge.models.files.loops import LoopsFile, closure_readings, loops_of, read_loops
 from screwgauge.models.generate import stem
 from screwgauge.models.layout import CUTS, Closure, Link, Tree, lay_out, length_scale
 from screwgauge.models.poses import matrix, screw
-from screwgauge.models.readings.loops import closure_readings
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import (
     BodyReading,
@@ -25,7 +25,6 @@ from screwgauge.models.readings.reading import (
     collapsed,
     couplings_of,
 )
-from screwgauge.models.urdf import LoopsFile, loops_of, read_loops
 from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism

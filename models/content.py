@@ -16,9 +16,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from screwgauge.models.formats import vector_text
+from screwgauge.models.formats import WIDE, vector_text
 from screwgauge.models.mjcf import FAR
-from screwgauge.models.urdf import WIDE
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.files import is_file, read_xml
 from screwgauge.reference.mechanism import Mechanism

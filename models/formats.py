@@ -14,6 +14,9 @@ from numpy.typing import ArrayLike
 from screwgauge.reference.mechanism import Frame, Mechanism
 from screwgauge.reference.rotations import Array, skew
 
+#: Limits of a joint that has none. URDF wants some; "continuous" would do without, but Pinocchio then uses
+#: two coordinates (cosine and sine) for the angle.
+WIDE = 1e3
 #: Entries of an inertia tensor, in the order in which MJCF has them; that of URDF is another.
 TENSOR = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
 

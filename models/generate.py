@@ -8,9 +8,11 @@ from collections.abc import Iterable, Mapping, Sequence, Set
 from functools import lru_cache
 from pathlib import Path
 
+from screwgauge.models.files.loops import write_loops
+from screwgauge.models.files.robot_yaml import write_loops_yaml
+from screwgauge.models.files.urdf import PART, write_urdf
 from screwgauge.models.layout import CUTS
 from screwgauge.models.mjcf import PARTS, write_mjcf
-from screwgauge.models.urdf import PART, write_loops, write_loops_yaml, write_urdf
 from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.errors import OutputError, UnknownNameError
 from screwgauge.reference.files import check_free, stamped

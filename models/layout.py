@@ -101,6 +101,21 @@ class Closure:
         return Closure(self.joint, self.type, self.child, self.parent, *points, *frames)
 
 
+def closure_frames(closure: Closure) -> list[tuple[tuple[str, str, Frame], tuple[str, str, Frame]]]:
+    """Pairs of frames that coincide: name, link that it is fixed to, placement there. Two of an R joint's axis."""
+    sides = (closure.parent, "parent"), (closure.child, "child")
+    if closure.type == "weld":
+        frames = [[closure.parent_frame], [closure.child_frame]]
+    else:
+        frames = [[Frame(p) for p in points] for points in (closure.parent_points, closure.child_points)]
+    numbers = [""] if len(frames[0]) == 1 else ["1", "2"]
+    named = [
+        [(f"{closure.joint}@{side}{number}", link, frame) for number, frame in zip(numbers, placed, strict=True)]
+        for (link, side), placed in zip(sides, frames, strict=True)
+    ]
+    return list(zip(*named, strict=True))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Tree:
     """A cut mechanism. `links` are in depth-first order, each after its `near`; ground is not among them."""

@@ -31,9 +31,9 @@ from screwgauge.diagnosis.pairing.views import View, views
 from screwgauge.diagnosis.properties import applied
 from screwgauge.diagnosis.together import ELSEWHERE, Together, elsewhere, together
 from screwgauge.diagnosis.verdict import BINDING, RESTATED, SAME, partly, stopped, strange, verdict
+from screwgauge.models.formats import WIDE
 from screwgauge.models.kinematics import draw
 from screwgauge.models.readings.read import implausible
-from screwgauge.models.urdf import WIDE
 from screwgauge.reference.errors import DescriptionError, OutputError, check_seed, shown
 
 

@@ -15,13 +15,13 @@ from screwgauge.diagnosis.pairing.common import STANDARD
 from screwgauge.diagnosis.pairing.mapping import Found, Pairing, coincident, congruent, paired
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.check import expected_reading, limited
+from screwgauge.models.files.loops import OWN, read_loops
 from screwgauge.models.importing import is_model
 from screwgauge.models.machine import at_closed_pose
-from screwgauge.models.readings.loops import OWN, loops_for, with_loops
+from screwgauge.models.readings.loops import loops_for, with_loops
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import form_of, weighed_copy
-from screwgauge.models.urdf import read_loops
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError, shown
 from screwgauge.reference.files import digest, is_file, read_file
 from screwgauge.reference.mechanism import Mechanism

@@ -200,12 +200,6 @@ def unit_of(what: str, joint: JointReading | None = None) -> str:
     return "" if unit == "1" else unit
 
 
-def attributes(form: Literal["urdf", "mjcf"]) -> dict[str, tuple[str, str]]:
-    """What readings call numbers of joints -> element and attribute of a format that hold them."""
-    said = {each.entry or name: getattr(each, form) for name, each in PROPERTIES.items() if each.owner == "joint"}
-    return {name: (text.partition("@")[0], text.partition("@")[2]) for name, text in said.items() if "@" in text}
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Change:
     """A property and the value that it should have.

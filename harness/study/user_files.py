@@ -25,10 +25,10 @@ from screwgauge.models.check import (
     expected_reading,
 )
 from screwgauge.models.content import FORMATS, extras, unread_rows
+from screwgauge.models.files.loops import loops_of
 from screwgauge.models.importing.left_out import check_whole, left_out_of
 from screwgauge.models.readings.read import read_source
 from screwgauge.models.readings.source import prepare
-from screwgauge.models.urdf import loops_of
 from screwgauge.problem import ModelFiles, Problem, Rows
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.errors import (

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.models.files.loops import OWN, read_loops
 from screwgauge.models.formats import TENSOR, document, key, lines
 from screwgauge.models.importing.assemble import assemble, choose
 from screwgauge.models.importing.joints import Group, graph_of, groups, joint, left_out, listed, pin_name, springs_of
@@ -21,12 +22,11 @@ from screwgauge.models.machine import Body as RigidBody
 from screwgauge.models.machine import Machine
 from screwgauge.models.readings.anchors import points_off_bodies
 from screwgauge.models.readings.compiled import warned
-from screwgauge.models.readings.loops import OWN, loops_for, with_loops
+from screwgauge.models.readings.loops import loops_for, with_loops
 from screwgauge.models.readings.mujoco import is_single, loaded
 from screwgauge.models.readings.read import dropped, libraries_of, read_source
 from screwgauge.models.readings.reading import CouplingReading, Reading, renamed
 from screwgauge.models.readings.source import Source, prepare
-from screwgauge.models.urdf import read_loops
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.models.files.parts import name_all, parts
+from screwgauge.models.files.xml import parse
 from screwgauge.models.readings.compiled import heard
-from screwgauge.models.readings.files import name_all, parse, parts
 from screwgauge.models.readings.meshes import classes_of, shapes
 from screwgauge.models.readings.mujoco import loaded
 from screwgauge.models.readings.source import Source

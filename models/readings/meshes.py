@@ -10,9 +10,9 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from screwgauge.models.content import Content, kind_of
+from screwgauge.models.files.parts import inside, joints_in
 from screwgauge.models.formats import vector_text
 from screwgauge.models.readings.compiled import compiled, warned
-from screwgauge.models.readings.files import inside, joints_in
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import check_count, read_bytes
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import chain
@@ -14,21 +14,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from screwgauge.models.content import Content
-from screwgauge.models.readings.files import (
-    MAKERS,
-    Part,
-    carried_link,
-    check_names,
-    check_numbers,
-    check_tree,
-    joints_in,
-    name_all,
-    number,
-    parse,
-    parts,
-    root_link,
-    world,
-)
+from screwgauge.models.files.parts import MAKERS, Part, joints_in, name_all, parts, world
+from screwgauge.models.files.urdf import carried_link, check_tree, root_link
+from screwgauge.models.files.xml import check_numbers, number, parse
 from screwgauge.models.readings.meshes import weigh, without_meshes
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.errors import ModelFileError, first_few
@@ -156,6 +144,28 @@ def form_of(path: Path) -> str:
         ScrewgaugeError: It cannot be read, or is no XML.
     """
     return FORMATS.get(parse(path).tag, "")
+
+
+def check_names(root: ET.Element, form: str, where: str) -> None:
+    """Refuses names that two links or two joints share, of which most libraries keep one in silence.
+
+    Raises:
+        ModelFileError: There are such names, or there is no link or body at all, or one without a name.
+    """
+    kinds: dict[str, tuple[str, ...]] = {"body": ("body",), "joint": ("joint", "freejoint")}
+    if form == "urdf":
+        kinds = {"link": ("link",), "joint": ("joint",)}
+    places = list(root) if form == "urdf" else list(world(root))
+    for what, tags in kinds.items():
+        names = Counter(element.get("name") for element in places if element.tag in tags)
+        if what != "joint" and not names and not any(place.tag in (*MAKERS, "attach") for place in places):
+            raise ModelFileError(f"has no {what}", where, "give the file that describes the robot")
+        for name, count in names.items():
+            if not name:
+                raise ModelFileError(f"a {what} has no name", where, "give it one")
+            if count > 1:
+                shared = f"'{name}' is the name of {count} {tags[0]} elements"
+                raise ModelFileError(shared, where, "give each a name of its own")
 
 
 def _urdf(root: ET.Element, path: Path) -> Source:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from campaigns.marks import Mark, is_urdf
 
-from screwgauge.diagnosis.files.layout import compilers
+from screwgauge.models.files.mjcf import compilers
 from screwgauge.models.matter import steiner
 from screwgauge.reference.rotations import Array, rotation, rotation_vector
 from support.robots import unit

@@ -9,8 +9,8 @@ import numpy as np
 from campaigns.changes import CannotError, Random
 from campaigns.marks import inertials, is_urdf
 
-from screwgauge.diagnosis.files.layout import XmlText, urdf_links
-from screwgauge.diagnosis.files.write_urdf import inertial_text
+from screwgauge.models.files import urdf
+from screwgauge.models.files.xml import XmlText
 from screwgauge.models.matter import NOTHING, combined, displaced
 from screwgauge.models.poses import relative
 from screwgauge.reference.rotations import rotation
@@ -77,7 +77,7 @@ def inertials_turned(text: str, rng: Random) -> str:
 def fixed_links_merged(text: str, rng: Random) -> str:
     """Mass of links that are fixed goes to what they are fixed to."""
     xml = _urdf(text)
-    links = urdf_links(xml)
+    links = urdf.links(xml)
     into = list(range(len(links)))
     for i, link in enumerate(links):
         if link.near > 0 and not link.joints:
@@ -94,7 +94,7 @@ def fixed_links_merged(text: str, rng: Random) -> str:
         for old in [child for child in links[i].element.children if child.tag == "inertial"]:
             xml.replace(old)
         if i not in moved:
-            xml.put(links[i].element, inertial_text(wholes[i]))
+            xml.put(links[i].element, urdf.inertial_text(wholes[i]))
     return xml.text()
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from screwgauge.diagnosis.files.layout import Element, XmlText, compilers, mjcf_pose, numbers, origin
-from screwgauge.diagnosis.files.write_mjcf import orient, put_tensor
+from screwgauge.models.files.mjcf import compilers, orient, pose, put_tensor
+from screwgauge.models.files.urdf import moments, origin
+from screwgauge.models.files.xml import Element, XmlText, numbers
 from screwgauge.models.formats import TENSOR, rpy, tensor, vector_text
-from screwgauge.models.urdf import moments
 from screwgauge.reference.rotations import Array
 
 #: Numbers -> child and attribute that hold them in a URDF, the same of an MJCF, what holds without them in each.
@@ -85,7 +85,7 @@ class Mark:
         return holder.get(attribute) if holder else ""
 
     def _pose(self) -> Array:
-        return origin(self.element) if is_urdf(self.xml) else mjcf_pose(self.element, compilers(self.xml))
+        return origin(self.element) if is_urdf(self.xml) else pose(self.element, compilers(self.xml))
 
     def _tensor(self) -> Array:
         if is_urdf(self.xml):

@@ -25,7 +25,7 @@ from campaigns.marks import (
     whole,
 )
 
-from screwgauge.diagnosis.files.layout import XmlText
+from screwgauge.models.files.xml import XmlText
 from screwgauge.reference.rotations import Array
 
 #: Item of a change of all parts.

@@ -23,8 +23,8 @@ from screwgauge.diagnosis.causes.attribution import Cause
 from screwgauge.diagnosis.causes.edits import Value
 from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
 from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.files.urdf import write_urdf
 from screwgauge.models.mjcf import write_mjcf
-from screwgauge.models.urdf import write_urdf
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import rotation_vector
 from screwgauge.study.runner import InTurn, Task, grow_table

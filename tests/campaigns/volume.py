@@ -16,8 +16,8 @@ from screwgauge.api import compile
 from screwgauge.engines.mujoco.tree import MujocoTree
 from screwgauge.engines.pinocchio.tree import PinocchioTree
 from screwgauge.models.catalog import load_mechanism
+from screwgauge.models.files.loops import loops_of
 from screwgauge.models.generate import write_models
-from screwgauge.models.urdf import loops_of
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from screwgauge.models.files.robot_yaml import read_loops_yaml
 from screwgauge.models.kinematics import draw, plant, rehomed, residual_at_home
 from screwgauge.models.matter import steiner
 from screwgauge.models.poses import matrix
 from screwgauge.models.readings.compiled import warned
-from screwgauge.models.readings.loops import read_loops_yaml, with_loops
+from screwgauge.models.readings.loops import with_loops
 from screwgauge.models.readings.mujoco import joint_equality
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read, read_source
 from screwgauge.models.readings.reading import (

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from screwgauge.models.files.urdf import moments
 from screwgauge.models.formats import number_text, quaternion, rpy, vector_text
 from screwgauge.models.poses import matrix
-from screwgauge.models.urdf import moments
 from screwgauge.reference.rotations import Array, rotation
 
 if TYPE_CHECKING:

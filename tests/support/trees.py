@@ -15,7 +15,7 @@ from screwgauge.engines.tree.closed_states import project
 from screwgauge.engines.tree.closed_tree import Loops, close_tree, make_loops
 from screwgauge.engines.tree.model import TreeModel
 from screwgauge.engines.tree.protocol import OpenTree
-from screwgauge.models.urdf import read_loops
+from screwgauge.models.files.loops import read_loops
 from screwgauge.problem import ModelFiles
 from screwgauge.reference.rotations import Array
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from screwgauge.diagnosis.causes.attribution import ROUNDING, Largest, Torques, largest
 from screwgauge.diagnosis.differences.difference import speller
-from screwgauge.diagnosis.files.patch import patched
 from screwgauge.diagnosis.notes import unheard
+from screwgauge.diagnosis.patch import patched
 from screwgauge.diagnosis.properties import INERTIAL, OPTIONAL, PASSIVE, PROPERTIES, ROOMS, Change, applied
 from screwgauge.models.content import FORMATS
 from screwgauge.models.readings.reading import Reading

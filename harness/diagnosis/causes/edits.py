@@ -9,8 +9,8 @@ from functools import reduce
 import numpy as np
 
 from screwgauge.diagnosis.differences.difference import Difference
-from screwgauge.diagnosis.files.patch import Opened, frames_of
 from screwgauge.diagnosis.pairing.common import weighed
+from screwgauge.diagnosis.patch import Opened, frames_of
 from screwgauge.diagnosis.properties import INERTIAL, PROPERTIES, Change, applied, word
 from screwgauge.diagnosis.slips import Pair, placement_slips
 from screwgauge.models.kinematics import downwards

@@ -12,9 +12,9 @@ from screwgauge.diagnosis.causes.edits import Files, Group, edits
 from screwgauge.diagnosis.causes.grouping import Grouping
 from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.difference import Difference
-from screwgauge.diagnosis.files.layout import UnpatchableError
-from screwgauge.diagnosis.files.patch import Opened, opened
+from screwgauge.diagnosis.patch import Opened, opened
 from screwgauge.diagnosis.properties import Change
+from screwgauge.models.files.xml import UnpatchableError
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.files import read_file

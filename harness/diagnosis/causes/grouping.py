@@ -12,7 +12,7 @@ import numpy as np
 
 from screwgauge.diagnosis.causes.edits import Edit, Files, Group
 from screwgauge.diagnosis.differences.difference import Difference, rounded
-from screwgauge.diagnosis.files.patch import Opened
+from screwgauge.diagnosis.patch import Opened
 from screwgauge.diagnosis.properties import BODIES, INERTIAL, JOINTS, PLACES, PROPERTIES, applied, word, words
 from screwgauge.models.content import kinds
 from screwgauge.models.matter import Matter, combined, steps_of

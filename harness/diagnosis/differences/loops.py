@@ -13,12 +13,12 @@ from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.differences.difference import Difference, another, differ, difference, only
 from screwgauge.diagnosis.differences.geometry import matter_apart, step_of
 from screwgauge.diagnosis.differences.words import axes_of, compared, turn_and_way, vector
-from screwgauge.diagnosis.files.write_mjcf import SOFTNESS
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.pairing.common import ROUNDING, Common, states_of_b, velocity_map
 from screwgauge.diagnosis.pairing.mapping import CLOSE, Pairing, apart
 from screwgauge.diagnosis.properties import PASSIVE, Change, unit_of
 from screwgauge.diagnosis.transformations import axis, outwards
+from screwgauge.models.files.mjcf import SOFTNESS
 from screwgauge.models.importing.assemble import assemble
 from screwgauge.models.importing.homes import Loops as LoopEquations
 from screwgauge.models.importing.homes import some

@@ -11,10 +11,10 @@ from screwgauge.diagnosis.machine.alignment import assignment
 from screwgauge.diagnosis.pairing.mapping import CLOSE, Pairing, fitting
 from screwgauge.diagnosis.properties import PROPERTIES, ROOMS, Change, applied
 from screwgauge.diagnosis.transformations import held, ordered, outwards, placed
+from screwgauge.models.files.parts import NUMBERED
 from screwgauge.models.formats import adjoint
 from screwgauge.models.kinematics import ReadingTree, downwards, rehomed
 from screwgauge.models.matter import Matter, combined
-from screwgauge.models.readings.files import NUMBERED
 from screwgauge.models.readings.reading import ClosureReading, Reading, collapsed, renamed
 from screwgauge.reference.rotations import Array, quaternion_rotation
 from screwgauge.witness.tree import TreeStates

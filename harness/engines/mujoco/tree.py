@@ -14,11 +14,11 @@ import numpy as np
 
 from screwgauge.engines.mujoco.equality_constraints import DISABLED, VELOCITY_STAGE, curvature
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
+from screwgauge.models.files.loops import LoopsFile
+from screwgauge.models.files.parts import check_made
 from screwgauge.models.layout import Closure
 from screwgauge.models.mjcf import LEAST, POWERS, without_stand_ins
-from screwgauge.models.readings.files import check_made
 from screwgauge.models.readings.mujoco import joint_equality, turn
-from screwgauge.models.urdf import LoopsFile
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Frame

@@ -13,8 +13,8 @@ import numpy as np
 import pinocchio as pin
 
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
+from screwgauge.models.files.loops import LoopsFile
 from screwgauge.models.readings.pinocchio import overheard
-from screwgauge.models.urdf import LoopsFile
 from screwgauge.reference.couplings import bind
 from screwgauge.reference.errors import LoaderError, ModelFileError, SingularPoseError
 from screwgauge.reference.files import read_model

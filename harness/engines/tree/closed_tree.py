@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from screwgauge.engines.tree.cut_joints import Chart, read_chart
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
+from screwgauge.models.files.loops import LoopsFile
 from screwgauge.models.layout import Closure
-from screwgauge.models.urdf import LoopsFile
 from screwgauge.reference.applied import Load
 from screwgauge.reference.couplings import CouplingRows, bind
 from screwgauge.reference.equations.joint_types import JointPose, placed

@@ -13,7 +13,7 @@ from screwgauge.engines.tree.closed_forces import min_norm
 from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.inverse import solve_motion
 from screwgauge.engines.tree.protocol import TreeDynamics
-from screwgauge.models.urdf import LoopsFile, read_loops
+from screwgauge.models.files.loops import LoopsFile, read_loops
 from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, Progress, States, quiet
 from screwgauge.quantities import FORCE
 from screwgauge.reference import linear

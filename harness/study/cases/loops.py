@@ -16,8 +16,8 @@ import numpy as np
 from screwgauge.judging.answer import answer_at
 from screwgauge.judging.residuals import energies
 from screwgauge.models.catalog import four_bars, load_mechanism
+from screwgauge.models.files.loops import loops_of
 from screwgauge.models.generate import write_models
-from screwgauge.models.urdf import loops_of
 from screwgauge.problem import InitialValue, Integration, Problem
 from screwgauge.quantities import natural_scales
 from screwgauge.reference.applied import hold

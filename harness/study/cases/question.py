@@ -20,8 +20,8 @@ import numpy as np
 from screwgauge.judging.judge import judge
 from screwgauge.judging.residual import Residual
 from screwgauge.judging.trust import refusals
+from screwgauge.models.files.loops import loops_of
 from screwgauge.models.generate import write_models
-from screwgauge.models.urdf import loops_of
 from screwgauge.problem import GivenMotion, InitialValue, Integration, ModelFiles, Problem, Progress, quiet
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed.assembly_mode import positions

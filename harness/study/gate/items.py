@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from screwgauge.judging.residual import JUDGE, Residual
+from screwgauge.models.files.loops import OWN as LOOPS
 from screwgauge.models.importing import SUFFIXES, is_model
-from screwgauge.models.readings.loops import OWN as LOOPS
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, shown
 from screwgauge.reference.files import is_file, is_path, why

@@ -1,31 +1,29 @@
-"""URDF of a mechanism's tree, and its loops file, for the closures that URDF cannot express: written and read.
-
-A link's frame is the description's body frame; intermediate links of composite joints have no inertial. URDF of other
-origin is read in `readings`.
-"""
+"""Loops files: how the loops of a URDF, which cannot say them, close; written, read, and added to a reading."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence, Set, Sized
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sized
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from screwgauge.models.formats import document, inverse, key, lines, number_text, rpy, vector_text
-from screwgauge.models.layout import CUTS, Closure, Freedom, Link, lay_out
+from screwgauge.models.formats import document, key, lines
+from screwgauge.models.layout import CUTS, Closure, lay_out
+from screwgauge.models.poses import matrix
+from screwgauge.models.readings.reading import ClosureReading, Reading, couplings_of
 from screwgauge.reference.couplings import Coupling, check_couplings
 from screwgauge.reference.description import read_axial, read_couplings, read_joint
-from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, shown
+from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError, shown
 from screwgauge.reference.expressions import rotation_matrix, vector
 from screwgauge.reference.files import LIMITS, check_count
-from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
+from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_keys, check_name, read_toml, required
 
+#: How the name of a loops file of our own ends.
+OWN = ".loops.toml"
 _TOP = ("mechanism", "cut", "bodies", "tree", "independent", "spherical_axial", "joints", "couplings", "closures")
 _SIDES = ("parent", "child")
 #: Type of a closure -> what it names on each side, and how many.
@@ -194,126 +192,49 @@ def _check_names(file: LoopsFile, where: str) -> None:
     check_couplings(file.couplings, file.tree)
 
 
-#: Part of model files that brings it, see `screwgauge.models.generate`.
-PART = "yaml"
+def closure_readings(closures: Iterable[Closure]) -> dict[str, ClosureReading]:
+    """Closures of our own files by the names that their constraints have in an MJCF; two points are two of them."""
+    found = {}
+    for closure in closures:
+        parent, child = closure.parent, closure.child
+        if closure.type != "points":
+            T1, T2 = (matrix(frame.p, frame.R) for frame in (closure.parent_frame, closure.child_frame))
+            kind = "weld" if closure.type == "weld" else "point"
+            found[closure.joint] = ClosureReading(kind, parent, T1, child, T2)
+            continue
+        for i, points in enumerate(zip(closure.parent_points, closure.child_points, strict=True)):
+            T1, T2 = (matrix(p, np.eye(3)) for p in points)
+            found[f"{closure.joint}.{i + 1}"] = ClosureReading("point", parent, T1, child, T2)
+    return found
 
 
-def closure_frames(closure: Closure) -> list[tuple[tuple[str, str, Frame], tuple[str, str, Frame]]]:
-    """Pairs of frames that coincide: name, link that it is fixed to, placement there. Two of an R joint's axis."""
-    sides = (closure.parent, "parent"), (closure.child, "child")
-    if closure.type == "weld":
-        frames = [[closure.parent_frame], [closure.child_frame]]
-    else:
-        frames = [[Frame(p) for p in points] for points in (closure.parent_points, closure.child_points)]
-    numbers = [""] if len(frames[0]) == 1 else ["1", "2"]
-    named = [
-        [(f"{closure.joint}@{side}{number}", link, frame) for number, frame in zip(numbers, placed, strict=True)]
-        for (link, side), placed in zip(sides, frames, strict=True)
-    ]
-    return list(zip(*named, strict=True))
+def with_loops_file(reading: Reading, path: Path) -> Reading:
+    """Return a reading with the closures, couplings and motors of a loops file."""
+    file, closures = read_loops(path), {}
+    for name, one in closure_readings(file.closures).items():
+        first, T1 = place_in(reading, one.first, path)
+        second, T2 = place_in(reading, one.second, path)
+        closures[name] = ClosureReading(one.kind, first, T1 @ one.first_frame, second, T2 @ one.second_frame)
+    driven = {joint.name: joint.coordinates[0] for joint in file.joints if joint.actuated}
+    couplings = {**reading.couplings, **couplings_of(file.couplings)}
+    return replace(reading, closures=closures, couplings=couplings, actuators=motors(reading, driven, path))
 
 
-def write_loops_yaml(mechanism: Mechanism, cut: str) -> str:
-    """The loops and motors of a cut mechanism; its URDF has the frames as links, see `closure_frames`."""
-    pairs, types = list[list[str]](), list[str]()
-    for closure in lay_out(mechanism, cut).closures:
-        for first, second in closure_frames(closure):
-            pairs.append([first[0], second[0]])
-            types.append("6d" if closure.type == "weld" else "3d")
-    motors = [joint.coordinates[0] for joint in mechanism.actuators]
-    lines = ["# Written by screwgauge models.", f"closed_loop: {_flow(pairs)}", f"type: {_flow(types)}"]
-    return "\n".join([*lines, f"name_mot: {_flow(motors)}"]) + "\n"
+def place_in(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
+    """Return the body of a link, or of the link that a joint carries, and the frame of that link in it."""
+    place = reading.place(name)
+    if place is None:
+        links = [*reading.bodies, *reading.fixed, *(link for body in reading.bodies.values() for link in body.fixed)]
+        joints = [body.joints[-1] for body in reading.bodies.values()]
+        known = dict.fromkeys([*links, *joints, *reading.frames])
+        raise UnknownNameError("link or joint", name, known, str(path))
+    return place
 
 
-def _flow(value: Sequence[object]) -> str:
-    """A list in YAML, of which JSON is a part."""
-    return json.dumps(value, ensure_ascii=False)
-
-
-#: Limits of a joint that has none. URDF wants some; "continuous" would do without, but Pinocchio then uses
-#: two coordinates (cosine and sine) for the angle.
-WIDE = 1e3
-STRONG = 1e9
-
-
-def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset()) -> str:
-    """The tree of a cut mechanism as URDF; its closures go to the loops file.
-
-    Args:
-        cut: ``minimal`` or ``full``.
-        include: ``limits`` writes the description's finite limits instead of wide ones; ``yaml`` adds the frames that
-            a ``robot.yaml`` names.
-    """
-    tree = lay_out(mechanism, cut)
-    robot = ET.Element("robot", name=mechanism.name)
-    robot.append(ET.Comment(f" {cut} cut; loops are closed by the loops file; written by screwgauge models "))
-    ET.SubElement(robot, "link", name=GROUND)
-    for link in tree.links:
-        _add(robot, link, "limits" in include)
-    if PART in include:
-        for name, link_name, frame in (side for one in tree.closures for pair in closure_frames(one) for side in pair):
-            ET.SubElement(robot, "link", name=name)
-            joint = ET.SubElement(robot, "joint", name=f"{name}.fixed", type="fixed")
-            _placement(joint, frame)
-            _ends(joint, link_name, name)
-    ET.indent(robot)
-    return '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
-
-
-def _add(robot: ET.Element, link: Link, limited: bool) -> None:
-    """The elementary joints that lead to a link, the massless links between them, and the link."""
-    name = link.joint.name
-    names = [f"{name}.cross{i + 1}" for i in range(len(link.freedoms) - 1)]
-    mounted = not link.far_frame.is_identity
-    names.append(frame_link(link) if mounted else link.name)
-    near, frame = link.near, link.near_frame
-    for freedom, far in zip(link.freedoms, names, strict=True):
-        _elementary(robot, freedom, near, far, frame, limited)
-        if far != link.name:
-            ET.SubElement(robot, "link", name=far)
-        near, frame = far, Frame()
-    if mounted:
-        mount = ET.SubElement(robot, "joint", name=f"{name}.mount", type="fixed")
-        _placement(mount, inverse(link.far_frame))
-        _ends(mount, near, link.name)
-    element = ET.SubElement(robot, "link", name=link.name)
-    if link.body.mass:
-        _inertial(element, link.body)
-
-
-def frame_link(link: Link) -> str:
-    """Name of the massless link that stands in the joint's frame on the far body."""
-    return f"{link.original}@{link.joint.name}.frame"
-
-
-def _elementary(robot: ET.Element, freedom: Freedom, near: str, far: str, frame: Frame, limited: bool) -> None:
-    kind = "revolute" if freedom.turns else "prismatic"
-    joint = ET.SubElement(robot, "joint", name=freedom.coordinate, type=kind)
-    _placement(joint, frame)
-    _ends(joint, near, far)
-    ET.SubElement(joint, "axis", xyz=vector_text(freedom.axis))
-    low, high = np.clip(freedom.limits, -WIDE, WIDE) if limited else (-WIDE, WIDE)
-    bounds = {"lower": low, "upper": high, "effort": STRONG, "velocity": STRONG}
-    ET.SubElement(joint, "limit", {key: number_text(value) for key, value in bounds.items()})
-
-
-def _ends(joint: ET.Element, near: str, far: str) -> None:
-    ET.SubElement(joint, "parent", link=near)
-    ET.SubElement(joint, "child", link=far)
-
-
-def _placement(joint: ET.Element, frame: Frame) -> None:
-    if not frame.is_identity:
-        ET.SubElement(joint, "origin", xyz=vector_text(frame.p), rpy=vector_text(rpy(frame.R)))
-
-
-def _inertial(link: ET.Element, body: Body) -> None:
-    inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=vector_text(body.com), rpy="0 0 0")
-    ET.SubElement(inertial, "mass", value=number_text(body.mass))
-    ET.SubElement(inertial, "inertia", moments(body.inertia))
-
-
-def moments(I: Array) -> dict[str, str]:
-    """The attributes of an ``<inertia>``, ixx, ixy, ixz, iyy, iyz, izz, for a tensor [kg m^2]. Shape (3, 3)."""
-    return {f"i{'xyz'[i]}{'xyz'[j]}": number_text(I[i, j]) for i in range(3) for j in range(i, 3)}
+def motors(reading: Reading, driven: Mapping[str, str], path: Path) -> dict[str, tuple[str, float]]:
+    """Actuator -> joint and gear ratio."""
+    for name in driven.values():
+        single = [joint for joint, each in reading.joints.items() if each.kind in ("hinge", "slide")]
+        if name not in single:
+            raise UnknownNameError("hinge or slide", name, single, str(path))
+    return {actuator: (joint, 1.0) for actuator, joint in driven.items()}

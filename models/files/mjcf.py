@@ -1,42 +1,137 @@
-"""Changes in the text of an MJCF."""
+"""What the text of an MJCF says body by body, in its own numbers, and changes in it."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from screwgauge.diagnosis.files.layout import Element, Link, UnpatchableError, XmlText, compilers, mjcf_links, mjcf_pose
-from screwgauge.diagnosis.files.write_urdf import SAME
-from screwgauge.diagnosis.properties import attributes
-from screwgauge.models.formats import number_text, quaternion, vector_text
-from screwgauge.models.matter import Matter
+from screwgauge.models.files.urdf import SAME
+from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText, numbers
+from screwgauge.models.formats import number_text, quaternion, tensor, vector_text
+from screwgauge.models.matter import NOTHING, Matter
 from screwgauge.models.mjcf import of_tensor
-from screwgauge.models.poses import relative
+from screwgauge.models.poses import matrix, relative
 from screwgauge.models.readings.reading import CouplingReading
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, quaternion_rotation, rotation
 
 #: What a joint's reading has -> attribute.
-JOINT = {name: attribute for name, (_, attribute) in attributes("mjcf").items()}
+JOINT = {
+    "home": "ref",
+    "limits": "range",
+    "armature": "armature",
+    "damping": "damping",
+    "friction": "frictionloss",
+    "stiffness": "stiffness",
+    "rest": "springref",
+}
 #: Attribute -> its part of a constraint's softness.
 SOFTNESS = {"solref": slice(0, 2), "solimp": slice(2, 7), "torquescale": slice(7, 8)}
 #: Settings of the compiler that change mass properties after they were read.
 _MENDING = ("balanceinertia", "boundmass", "boundinertia", "settotalmass")
 _ANGLES = ("rest", "home", "limits")
+_AXES = np.eye(3)
 #: Ways to write an orientation; one at a time may be there.
 ORIENTATIONS = ("quat", "axisangle", "euler", "xyaxes", "zaxis")
 _BODIES, _SITES = ("body1", "body2"), ("site1", "site2")
 #: What refers to bodies, joints or what is in them, and would name nothing when they are gone.
 _REFERRING = ("actuator", "sensor", "equality", "tendon", "contact", "keyframe")
 
-links = mjcf_links
+
+def links(xml: XmlText) -> list[TextLink]:
+    """The bodies of an MJCF, each after the one before it; the first is the world."""
+    compiler = compilers(xml)
+    worlds = [element for element in xml.root.children if element.tag == "worldbody"]
+    numbers_ = {element: i for i, element in enumerate(_bodies(worlds), 1)}
+    found = [TextLink("world", worlds[0])] if worlds else []
+    waiting = [(child, 0, np.eye(4)) for world in worlds for child in world.children]
+    while waiting:
+        element, near, T = waiting.pop(0)
+        if element.tag == "frame":
+            waiting += [(child, near, T @ pose(element, compiler)) for child in element.children]
+        elif element.tag == "body":
+            name = element.get("name") or f"body_{numbers_[element]}"
+            frame = found[near].frame @ T @ pose(element, compiler)
+            joints, matter = _joints(name, element), _matter(element, compiler)
+            found.append(TextLink(name, element, near, joints, element, frame, *matter, T))
+            waiting += [(child, len(found) - 1, np.eye(4)) for child in element.children]
+    return found
 
 
-def place(xml: XmlText, link: Link, T: Array) -> None:
+def _bodies(worlds: Iterable[Element]) -> Iterator[Element]:
+    for world in worlds:
+        yield from world.iter("body")
+
+
+def _joints(body: str, element: Element) -> dict[str, Element]:
+    """Joints of a body by name; those without one are named as `files.parts` names them."""
+    moving = [child for child in element.children if child.tag in ("joint", "freejoint")]
+    return {joint.get("name") or f"{body}_joint" + (f"_{k + 1}" if k else ""): joint for k, joint in enumerate(moving)}
+
+
+def compilers(xml: XmlText) -> dict[str, str]:
+    """What all ``<compiler>`` elements of an MJCF say."""
+    return {
+        key: value
+        for element in xml.root.children
+        if element.tag == "compiler"
+        for key, value in element.attributes.items()
+    }
+
+
+def pose(element: Element, compiler: Mapping[str, str]) -> Array:
+    """Placement by the attributes of an element of an MJCF. Shape (4, 4)."""
+    return matrix(numbers(element.get("pos")), _rotation(element.attributes, compiler))
+
+
+def _rotation(given: Mapping[str, str], compiler: Mapping[str, str]) -> Array:
+    unit = 1.0 if compiler.get("angle") == "radian" else np.pi / 180.0
+    if "quat" in given:
+        q = numbers(given["quat"])
+        return quaternion_rotation(q / np.linalg.norm(q))
+    if "axisangle" in given:
+        values = numbers(given["axisangle"])
+        return rotation(values[:3] / np.linalg.norm(values[:3]), values[3] * unit)
+    if "euler" in given:
+        R = np.eye(3)
+        for letter, angle in zip(compiler.get("eulerseq", "xyz"), numbers(given["euler"]) * unit, strict=True):
+            turn = rotation(_AXES["xyz".index(letter.lower())], angle)
+            R = R @ turn if letter.islower() else turn @ R  # capitals: about axes that stay
+        return R
+    if "xyaxes" in given:
+        x, y = numbers(given["xyaxes"]).reshape(2, 3)
+        x = x / np.linalg.norm(x)
+        y = y - (x @ y) * x
+        y = y / np.linalg.norm(y)
+        return np.column_stack([x, y, np.cross(x, y)])
+    if "zaxis" in given:
+        z = numbers(given["zaxis"])
+        z = z / np.linalg.norm(z)
+        axis = np.cross(_AXES[2], z)
+        s = float(np.linalg.norm(axis))
+        return rotation(axis / s if s > 0.0 else _AXES[0], np.arctan2(s, z[2]))
+    return np.eye(3)
+
+
+def _matter(body: Element, compiler: Mapping[str, str]) -> tuple[Matter | None, Array]:
+    """Mass properties of a body, none where geoms determine them, and the orientation in which they are written."""
+    inertial, geoms, setting = body.find("inertial"), body.find("geom"), compiler.get("inertiafromgeom", "auto")
+    if inertial is None or (setting == "true" and geoms is not None):
+        return (NOTHING if geoms is None or setting == "false" else None), np.eye(3)
+    T = pose(inertial, compiler)
+    R = T[:3, :3]
+    if full := inertial.get("fullinertia"):
+        J = tensor(numbers(full))
+    else:
+        J = np.diag(numbers(inertial.get("diaginertia")))
+    return Matter(float(inertial.get("mass", "0")), T[:3, 3], R @ J @ R.T), R
+
+
+def place(xml: XmlText, link: TextLink, T: Array) -> None:
     """Gives a body another placement on the one before it."""
     new = relative(link.base, T)
-    old = mjcf_pose(link.element, compilers(xml))
+    old = pose(link.element, compilers(xml))
     if np.abs(new[:3, 3] - old[:3, 3]).max() > SAME:
         xml.set(link.element, pos=vector_text(new[:3, 3]))
     if np.abs(new[:3, :3] - old[:3, :3]).max() > SAME:
@@ -54,7 +149,7 @@ def direct(xml: XmlText, joint: Element, axis: Array, point: Array) -> None:
     xml.set(joint, axis=vector_text(axis), pos=vector_text(point))
 
 
-def fill(xml: XmlText, link: Link, matter: Matter, *, plain: bool) -> None:
+def fill(xml: XmlText, link: TextLink, matter: Matter, *, plain: bool) -> None:
     """Gives a body other mass properties; only what differs is written.
 
     Args:
@@ -71,7 +166,7 @@ def fill(xml: XmlText, link: Link, matter: Matter, *, plain: bool) -> None:
         xml.set(inertial, pos=pos)
     if not plain and old is not None and np.allclose(J, old.inertia, rtol=0.0, atol=1e-15 * np.abs(J).max()):
         return
-    R = mjcf_pose(inertial, compilers(xml))[:3, :3]
+    R = pose(inertial, compilers(xml))[:3, :3]
     principal = R.T @ J @ R
     moments = np.diag(principal)
     aside = float(np.abs(principal - np.diag(moments)).max())
@@ -201,7 +296,7 @@ def _put_site(
 
 
 def _entries(xml: XmlText, section: str) -> dict[str, Element]:
-    """Actuators or constraints; one without a name is named by its place (`readings.files`), if the file is whole."""
+    """Actuators or constraints; one without a name is named by its place (`files.parts`), if the file is whole."""
     rooms = [element for element in xml.root.children if element.tag == section]
     whole = not any(xml.root.iter("include"))
     entries = enumerate(entry for room in rooms for entry in room.children)
@@ -214,7 +309,7 @@ def _entry(xml: XmlText, section: str, name: str) -> Element:
     raise UnpatchableError(f"no {section} of the name '{name}' stands in the file itself")
 
 
-def hang(xml: XmlText, link: Link, near: Link) -> None:
+def hang(xml: XmlText, link: TextLink, near: TextLink) -> None:
     """Keeps the class of defaults of a body whose carrier goes: it hangs where it stands in the text."""
     element, above = link.element, link.element.parent
     while above is not None and above is not near.element and not element.get("childclass"):
@@ -224,7 +319,7 @@ def hang(xml: XmlText, link: Link, near: Link) -> None:
         above = above.parent
 
 
-def drop(xml: XmlText, gone: Collection[Link]) -> None:
+def drop(xml: XmlText, gone: Collection[TextLink]) -> None:
     """Takes bodies out with all that is in them."""
     names = set()
     for link in gone:
@@ -233,7 +328,7 @@ def drop(xml: XmlText, gone: Collection[Link]) -> None:
     _forget(xml, names)
 
 
-def splice(xml: XmlText, gone: Collection[Link]) -> None:
+def splice(xml: XmlText, gone: Collection[TextLink]) -> None:
     """Takes bodies out, but not the bodies in them."""
     names = set()
     for link in gone:

@@ -1,20 +1,109 @@
-"""What a model file says link by link, in its own numbers and not those of any library; its text with changes."""
+"""XML that nobody here wrote: parsed, its numbers checked; the places of its elements, and its text with changes."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree as ET
 from xml.parsers import expat
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from screwgauge.models.formats import TENSOR, tensor
 from screwgauge.models.matter import NOTHING, Matter
-from screwgauge.models.poses import matrix
-from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.rotations import Array, quaternion_rotation, rotation
+from screwgauge.reference.errors import DescriptionError, ModelFileError
+from screwgauge.reference.files import check_count, read_xml
+from screwgauge.reference.rotations import Array
+
+_FROM_USD = "make a URDF of it, as Isaac Sim does (isaacsim.asset.exporter.urdf), or give what it was made from"
+
+
+def parse(path: Path) -> ET.Element:
+    """The elements of an XML file, prefixes of names left as they are: robots' files often do not declare them.
+
+    Raises:
+        ScrewgaugeError: It cannot be read, is no XML, declares entities, or nests too deeply.
+    """
+    if path.suffix.lower().startswith(".usd"):  # which may be binary
+        raise ModelFileError("is USD, which is not read", str(path), _FROM_USD)
+    builder, parser, depth = ET.TreeBuilder(), expat.ParserCreate("utf-8"), 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        check_count(depth, "nested elements", str(path), "take fewer links")
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def entity(name: str, *_: object) -> None:
+        raise ModelFileError(f"declares the entity '{name}'", str(path), "write out what it stands for")
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = builder.data
+    parser.EntityDeclHandler = entity
+    try:
+        parser.Parse(read_xml(path).encode(), True)
+        return builder.close()
+    except expat.ExpatError as error:
+        raise ModelFileError(f"is no model: not well-formed XML ({error})", str(path), "mend the file") from None
+
+
+#: Attributes that hold no numbers, though what they hold may look like one.
+_TEXT = ("name", "link", "class", "childclass", "filename", "file", "model")
+#: Attributes that may be infinite: limits.
+_UNLIMITED = re.compile("lower|upper|effort|velocity|.*range")
+_NAN, _INFINITE = re.compile(r"[+-]?nan(\(.*\))?"), re.compile("[+-]?inf(inity)?")
+
+
+def check_numbers(root: ET.Element, where: str) -> None:
+    """Refuses what is not a number, and what is infinite but for limits.
+
+    Raises:
+        ModelFileError: There is such an attribute.
+    """
+    for element in root.iter():
+        for attribute, value in element.items():
+            words = value.lower().split() if attribute not in _TEXT else []
+            bad = any(map(_NAN.fullmatch, words))
+            if bad or (any(map(_INFINITE.fullmatch, words)) and not _UNLIMITED.fullmatch(attribute)):
+                what = f"{_said(element, attribute)} is not a finite number ({value})"
+                raise ModelFileError(what, where, "write one")
+
+
+def number(element: ET.Element, attribute: str, default: float, where: str) -> float:
+    """A number, or what counts where there is none.
+
+    Raises:
+        ModelFileError: It is something else.
+    """
+    value = element.get(attribute)
+    try:
+        return default if value is None else float(value)
+    except ValueError:
+        raise ModelFileError(f"{_said(element, attribute)} is no number ({value})", where, "write one") from None
+
+
+def _said(element: ET.Element, attribute: str) -> str:
+    return f"{attribute} of {element.tag} {element.get('name', '')}".rstrip()
+
+
+def numbers(text: str, default: str = "0 0 0") -> Array:
+    """Numbers of an attribute.
+
+    Raises:
+        DescriptionError: There are others than numbers.
+    """
+    try:
+        return np.array([float(word) for word in (text or default).split()])
+    except ValueError:
+        raise DescriptionError(f"'{text}' are no numbers", "the model file", "write numbers") from None
+
 
 _ATTRIBUTE = re.compile(r"\s+([^\s=]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 
@@ -190,15 +279,12 @@ class XmlText:
         return "\n" + (line if not line.strip() else "") + "  " * deeper
 
 
-_AXES = np.eye(3)
-
-
 class UnpatchableError(Exception):
     """A change that cannot be written into a file; the message says why."""
 
 
 @dataclass(slots=True, eq=False)
-class Link:
+class TextLink:
     """A link of a URDF or a body of an MJCF.
 
     Attributes:
@@ -221,150 +307,3 @@ class Link:
     matter: Matter | None = NOTHING
     turn: Array = field(default_factory=lambda: np.eye(3))
     base: Array = field(default_factory=lambda: np.eye(4))
-
-
-def numbers(text: str, default: str = "0 0 0") -> Array:
-    """Numbers of an attribute.
-
-    Raises:
-        DescriptionError: There are others than numbers.
-    """
-    try:
-        return np.array([float(word) for word in (text or default).split()])
-    except ValueError:
-        raise DescriptionError(f"'{text}' are no numbers", "the model file", "write numbers") from None
-
-
-def urdf_links(xml: XmlText) -> list[Link]:
-    """The links of a URDF, each after the one before it; the first is its root.
-
-    Raises:
-        DescriptionError: A joint names a link that is not there.
-    """
-    elements = {element.get("name"): element for element in xml.root.children if element.tag == "link"}
-    towards: dict[str, list[Element]] = {}
-    children = set()
-    for joint in (element for element in xml.root.children if element.tag == "joint"):
-        ends = [end.get("link") if (end := joint.find(tag)) else "" for tag in ("parent", "child")]
-        if not {*ends} <= {*elements}:
-            raise DescriptionError(f"joint '{joint.get('name')}' joins no links", "the URDF", "name two of its links")
-        towards.setdefault(ends[0], []).append(joint)
-        children.add(ends[1])
-    links = [Link(name, elements[name]) for name in elements if name not in children][:1]
-    for i, near in enumerate(links):  # grows
-        near.matter, near.turn = _urdf_matter(near.element)
-        for joint in towards.get(near.name, []):
-            name = child.get("link") if (child := joint.find("child")) else ""
-            moves = {} if joint.get("type") == "fixed" else {joint.get("name"): joint}
-            links.append(Link(name, elements[name], i, moves, joint, near.frame @ origin(joint)))
-    return links
-
-
-def origin(element: Element) -> Array:
-    """Placement by the ``<origin>`` in an element of a URDF. Shape (4, 4)."""
-    place = element.find("origin")
-    if place is None:
-        return np.eye(4)
-    roll, pitch, yaw = numbers(place.get("rpy"))
-    R = rotation(_AXES[2], yaw) @ rotation(_AXES[1], pitch) @ rotation(_AXES[0], roll)
-    return matrix(numbers(place.get("xyz")), R)
-
-
-def _urdf_matter(link: Element) -> tuple[Matter, Array]:
-    """Mass properties of a link, and the orientation in which they are written."""
-    inertial = link.find("inertial")
-    if inertial is None:
-        return NOTHING, np.eye(3)
-    T, mass, entries = origin(inertial), inertial.find("mass"), inertial.find("inertia")
-    R = T[:3, :3]
-    J = tensor(float(entries.get(f"i{name}", "0")) if entries else 0.0 for name in TENSOR)
-    return Matter(float(mass.get("value", "0")) if mass else 0.0, T[:3, 3], R @ J @ R.T), R
-
-
-def mjcf_links(xml: XmlText) -> list[Link]:
-    """The bodies of an MJCF, each after the one before it; the first is the world."""
-    compiler = compilers(xml)
-    worlds = [element for element in xml.root.children if element.tag == "worldbody"]
-    numbers_ = {element: i for i, element in enumerate(_bodies(worlds), 1)}
-    links = [Link("world", worlds[0])] if worlds else []
-    waiting = [(child, 0, np.eye(4)) for world in worlds for child in world.children]
-    while waiting:
-        element, near, T = waiting.pop(0)
-        if element.tag == "frame":
-            waiting += [(child, near, T @ mjcf_pose(element, compiler)) for child in element.children]
-        elif element.tag == "body":
-            name = element.get("name") or f"body_{numbers_[element]}"
-            frame = links[near].frame @ T @ mjcf_pose(element, compiler)
-            joints, matter = _mjcf_joints(name, element), _mjcf_matter(element, compiler)
-            links.append(Link(name, element, near, joints, element, frame, *matter, T))
-            waiting += [(child, len(links) - 1, np.eye(4)) for child in element.children]
-    return links
-
-
-def _bodies(worlds: Iterable[Element]) -> Iterator[Element]:
-    for world in worlds:
-        yield from world.iter("body")
-
-
-def _mjcf_joints(body: str, element: Element) -> dict[str, Element]:
-    """Joints of a body by name; those without one are named as `readings.source` names them."""
-    moving = [child for child in element.children if child.tag in ("joint", "freejoint")]
-    return {joint.get("name") or f"{body}_joint" + (f"_{k + 1}" if k else ""): joint for k, joint in enumerate(moving)}
-
-
-def compilers(xml: XmlText) -> dict[str, str]:
-    """What all ``<compiler>`` elements of an MJCF say."""
-    return {
-        key: value
-        for element in xml.root.children
-        if element.tag == "compiler"
-        for key, value in element.attributes.items()
-    }
-
-
-def mjcf_pose(element: Element, compiler: Mapping[str, str]) -> Array:
-    """Placement by the attributes of an element of an MJCF. Shape (4, 4)."""
-    return matrix(numbers(element.get("pos")), _mjcf_rotation(element.attributes, compiler))
-
-
-def _mjcf_rotation(given: Mapping[str, str], compiler: Mapping[str, str]) -> Array:
-    unit = 1.0 if compiler.get("angle") == "radian" else np.pi / 180.0
-    if "quat" in given:
-        q = numbers(given["quat"])
-        return quaternion_rotation(q / np.linalg.norm(q))
-    if "axisangle" in given:
-        values = numbers(given["axisangle"])
-        return rotation(values[:3] / np.linalg.norm(values[:3]), values[3] * unit)
-    if "euler" in given:
-        R = np.eye(3)
-        for letter, angle in zip(compiler.get("eulerseq", "xyz"), numbers(given["euler"]) * unit, strict=True):
-            turn = rotation(_AXES["xyz".index(letter.lower())], angle)
-            R = R @ turn if letter.islower() else turn @ R  # capitals: about axes that stay
-        return R
-    if "xyaxes" in given:
-        x, y = numbers(given["xyaxes"]).reshape(2, 3)
-        x = x / np.linalg.norm(x)
-        y = y - (x @ y) * x
-        y = y / np.linalg.norm(y)
-        return np.column_stack([x, y, np.cross(x, y)])
-    if "zaxis" in given:
-        z = numbers(given["zaxis"])
-        z = z / np.linalg.norm(z)
-        axis = np.cross(_AXES[2], z)
-        s = float(np.linalg.norm(axis))
-        return rotation(axis / s if s > 0.0 else _AXES[0], np.arctan2(s, z[2]))
-    return np.eye(3)
-
-
-def _mjcf_matter(body: Element, compiler: Mapping[str, str]) -> tuple[Matter | None, Array]:
-    """Mass properties of a body, none where geoms determine them, and the orientation in which they are written."""
-    inertial, geoms, setting = body.find("inertial"), body.find("geom"), compiler.get("inertiafromgeom", "auto")
-    if inertial is None or (setting == "true" and geoms is not None):
-        return (NOTHING if geoms is None or setting == "false" else None), np.eye(3)
-    T = mjcf_pose(inertial, compiler)
-    R = T[:3, :3]
-    if full := inertial.get("fullinertia"):
-        J = tensor(numbers(full))
-    else:
-        J = np.diag(numbers(inertial.get("diaginertia")))
-    return Matter(float(inertial.get("mass", "0")), T[:3, 3], R @ J @ R.T), R

@@ -8,11 +8,11 @@ from types import ModuleType
 
 import numpy as np
 
-from screwgauge.diagnosis.files import write_mjcf, write_urdf
-from screwgauge.diagnosis.files.layout import Element, Link, UnpatchableError, XmlText
-from screwgauge.diagnosis.files.write_urdf import SAME
 from screwgauge.diagnosis.properties import INERTIAL, PROPERTIES, Change, applied
 from screwgauge.diagnosis.transformations import axis
+from screwgauge.models.files import mjcf, urdf
+from screwgauge.models.files.urdf import SAME
+from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText
 from screwgauge.models.matter import Matter, displaced, plainest, remainder, same, shared, spread
 from screwgauge.models.poses import matrix, relative
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, JointReading, Reading
@@ -20,7 +20,7 @@ from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross, rotation
 
 #: Tag of the outermost element -> who writes such a file.
-WRITERS: Mapping[str, ModuleType] = {"robot": write_urdf, "mujoco": write_mjcf}
+WRITERS: Mapping[str, ModuleType] = {"robot": urdf, "mujoco": mjcf}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,13 +37,13 @@ class Opened:
 
     xml: XmlText
     writer: ModuleType
-    links: list[Link]
+    links: list[TextLink]
     owner: list[str]
     reading: Reading
 
     @property
     def urdf(self) -> bool:
-        return self.writer is write_urdf
+        return self.writer is urdf
 
     def of(self, body: str) -> list[int]:
         """The links that make up a body; the one that its joints lead to is the first."""
@@ -102,7 +102,7 @@ def move(file: Opened, target: Reading, gone: Collection[int] = ()) -> list[Arra
     """Writes placements and axes of another reading of the same machine.
 
     Args:
-        gone: Links that are to be taken out: what hangs on them is hung, where it is, on an ancestor.
+        gone: TextLinks that are to be taken out: what hangs on them is hung, where it is, on an ancestor.
 
     Returns:
         Frame of each link in the world. Shape (4, 4) each.
@@ -128,7 +128,7 @@ def move(file: Opened, target: Reading, gone: Collection[int] = ()) -> list[Arra
     return frames
 
 
-def _rehung(file: Opened, link: Link, gone: Collection[int]) -> Link:
+def _rehung(file: Opened, link: TextLink, gone: Collection[int]) -> TextLink:
     """A link on the one before it that stays; itself where that is the one before it."""
     while link.near in gone:
         before = file.links[link.near]
@@ -137,10 +137,10 @@ def _rehung(file: Opened, link: Link, gone: Collection[int]) -> Link:
 
 
 def _same(old: Array, new: Array) -> bool:
-    return float(np.abs(new - old).max()) <= write_urdf.SAME * max(1.0, float(np.abs(old).max()))
+    return float(np.abs(new - old).max()) <= SAME * max(1.0, float(np.abs(old).max()))
 
 
-def _displacement(reading: Reading, target: Reading, link: Link, owner: str, near: list[Array]) -> Array:
+def _displacement(reading: Reading, target: Reading, link: TextLink, owner: str, near: list[Array]) -> Array:
     """Displacement of a link in the world."""
     if owner:
         old, new = reading.bodies[owner].pose, target.bodies[owner].pose
@@ -166,10 +166,10 @@ def _off_axis(F: Array, joint: JointReading) -> Array:
         return np.zeros(3)
     along, r = axis(joint), joint.centre - F[:3, 3]
     step = r - (along @ r) * along
-    return np.asarray(F[:3, :3].T @ step) if np.abs(step).max() > write_urdf.SAME else np.zeros(3)
+    return np.asarray(F[:3, :3].T @ step) if np.abs(step).max() > SAME else np.zeros(3)
 
 
-def _turned_back(file: Opened, target: Reading, link: Link, F: Array) -> Array:
+def _turned_back(file: Opened, target: Reading, link: TextLink, F: Array) -> Array:
     """Displacement from home, which the file counts as zero, to the zero of the target. Shape (4, 4)."""
     for name in link.joints:
         joint, angle = target.joints[name], file.reading.joints[name].home - target.joints[name].home
@@ -262,7 +262,7 @@ def _check(file: Opened, change: Change) -> None:
 
 
 def _write(file: Opened, target: Reading, plain: bool, gone: Collection[int]) -> None:
-    """Args: gone: Links that are to be taken out."""
+    """Args: gone: TextLinks that are to be taken out."""
     frames, reading = move(file, target, gone), file.reading
     elements = {name: element for link in file.links for name, element in link.joints.items()}
     for name, body in target.bodies.items():
@@ -344,7 +344,7 @@ def _moved(file: Opened, joint: str) -> list[int]:
     return [i for i, link in enumerate(file.links) if file.owner[i] == name or joints & {*link.joints}]
 
 
-def _carried(file: Opened, joint: str) -> list[Link]:
+def _carried(file: Opened, joint: str) -> list[TextLink]:
     """Links that descend from a joint."""
     gone = set[int]()
     for i, link in enumerate(file.links):

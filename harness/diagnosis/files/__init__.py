@@ -1,1 +1,0 @@
-"""Model files as text: what they say link by link, and changes in nothing else."""

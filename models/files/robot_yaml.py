@@ -1,0 +1,254 @@
+"""The ``robot.yaml`` of parallel robots, which says how the loops of a URDF close; and YAML that nobody here wrote."""
+
+from __future__ import annotations
+
+import json
+import re
+import reprlib
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import accumulate
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from screwgauge.models.content import Content
+from screwgauge.models.files.loops import motors, place_in
+from screwgauge.models.layout import closure_frames, lay_out
+from screwgauge.models.readings.assemble import retyped
+from screwgauge.models.readings.reading import ClosureReading, Reading
+from screwgauge.reference.errors import ModelFileError, UnknownNameError, shown
+from screwgauge.reference.files import check_count, read_file
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.rotations import Array
+
+if TYPE_CHECKING:
+    import yaml
+
+#: Type of a closure in a ``robot.yaml`` -> kind.
+_KINDS = {"3d": "point", "6d": "weld"}
+_KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
+
+
+@dataclass(frozen=True, slots=True)
+class LoopsYaml:
+    """A ``robot.yaml``.
+
+    Attributes:
+        pairs: Names of two links, or of joints for the links that they carry, that coincide.
+        kinds: Of the closures, as `ClosureReading` has them.
+        motors: Joints that are driven; or a part of their names, where the file has one text for all.
+        types: Joint -> its type in place of that of the URDF, in capitals.
+        unread: Further entries of the file.
+    """
+
+    pairs: tuple[tuple[str, str], ...]
+    kinds: tuple[str, ...]
+    motors: tuple[str, ...] | str
+    types: Mapping[str, str]
+    unread: tuple[str, ...]
+
+
+def read_loops_yaml(path: Path) -> LoopsYaml:
+    """Reads a ``robot.yaml``.
+
+    Raises:
+        ScrewgaugeError: It cannot be read, or an entry is missing or wrong.
+    """
+    where, data = str(path), read_yaml(path, _KEYS[:3])
+    loops = data.get("closed_loop") or []
+    if not isinstance(loops, list):
+        raise ModelFileError(
+            f"{reprlib.repr(loops)[:60]} is no list of pairs", f"{where}, closed_loop", "write pairs of names"
+        )
+    pairs = tuple(_texts(pair, f"{where}, closed_loop") for pair in loops)
+    types = _texts(data.get("type"), f"{where}, type")
+    if len(types) != len(pairs) or any(len(pair) != 2 for pair in pairs):
+        what = f"{len(pairs)} closed loops, {len(types)} types"
+        raise ModelFileError(what, where, "write a pair of names and a type, 3d or 6d, for each loop")
+    for kind in types:
+        if kind.lower() not in _KINDS:
+            raise UnknownNameError("type of a closed loop", kind, _KINDS, f"{where}, type")
+    joints = _texts(data.get("joint_name"), f"{where}, joint_name")
+    turned = _texts(data.get("joint_type"), f"{where}, joint_type")
+    if len(joints) != len(turned):
+        what = f"{len(joints)} joint names, {len(turned)} joint types"
+        raise ModelFileError(what, where, "write a type for each joint")
+    if twice := [name for name, count in Counter(joints).items() if count > 1]:
+        raise ModelFileError(f"names joint '{twice[0]}' twice", f"{where}, joint_name", "name it once")
+    motors = data.get("name_mot")
+    return LoopsYaml(
+        tuple((first, second) for first, second in pairs),
+        tuple(_KINDS[kind.lower()] for kind in types),
+        motors if isinstance(motors, str) else _texts(motors, f"{where}, name_mot"),
+        {name: kind.upper() for name, kind in zip(joints, turned, strict=True)},
+        tuple(f"entry {key} of {path.name}" for key in data if key not in _KEYS),
+    )
+
+
+def _texts(value: Any, where: str) -> tuple[str, ...]:
+    """A list of texts; none where there is no entry."""
+    if value is None:
+        return ()
+    if not isinstance(value, list) or not all(isinstance(entry, str) for entry in value):
+        raise ModelFileError(f"{reprlib.repr(value)[:60]} is no list of names", where, "write names in brackets")
+    return tuple(value)
+
+
+def with_robot_yaml(reading: Reading, path: Path) -> Reading:
+    """Return a reading with the closures, motors and spherical joints of a ``robot.yaml``."""
+    file = read_loops_yaml(path)
+    reading = retyped(reading, file.types, str(path))
+    closures = {}
+    for i, (kind, pair) in enumerate(zip(file.kinds, file.pairs, strict=True)):
+        (first, T1), (second, T2) = (_frame(reading, name, path) for name in pair)
+        closures[f"loop{i + 1}"] = ClosureReading(kind, first, T1, second, T2)
+    names = [n for n in reading.joints if file.motors in n] if isinstance(file.motors, str) else file.motors
+    actuators = motors(reading, {name: name for name in names}, path)
+    left = (Content("entries of loops files", text) for text in file.unread)
+    return replace(reading, closures=closures, actuators=actuators, content=(*reading.content, *left))
+
+
+def _frame(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
+    """The place of a link, or of the link that a joint carries."""
+    link = reading.carried(name)
+    if link not in ("", name) and reading.has_link(name):
+        what = f"'{name}' is a link, and a joint of that name carries link '{link}'"
+        raise ModelFileError(what, f"{path}, closed_loop", "give one of them another name in the URDF")
+    return place_in(reading, name, path)
+
+
+#: Scalars without quotes that are no text, as JSON has them; ``~`` and nothing are null, too.
+_WORDS = {"": None, "~": None, "null": None, "true": True, "false": False}
+_NUMBER = re.compile(r"[-+]?(\d{1,18}|\d{1,18}\.\d{0,18}([eE][-+]?\d{1,3})?)")
+
+
+def read_yaml(path: Path, keys: Iterable[str]) -> dict[str, Any]:
+    """The entries of a YAML file.
+
+    Args:
+        keys: What to write if there are none.
+
+    Raises:
+        ScrewgaugeError: It cannot be read, is no mapping of names, or holds what is not read: see above.
+    """
+    import yaml
+
+    where, text = str(path), read_file(path)
+    check_count(len(text), "characters of YAML", where)  # PyYAML takes seconds for them
+    check_count(_nesting(text), "nested brackets", where)  # and minutes for thousands of those
+    try:
+        data = _Composer(yaml.parse(text, Loader=yaml.SafeLoader), where).document()
+    except (yaml.YAMLError, ValueError) as error:
+        raise ModelFileError(f"is no YAML ({error})", where, "mend the file") from None
+    if not isinstance(data, dict):
+        raise ModelFileError("has no entries", where, f"write {', '.join(keys)}")
+    return data
+
+
+def _nesting(text: str) -> int:
+    """How deep brackets nest in it."""
+    steps = [1 if c in "[{" else -1 for c in text if c in "[]{}"]
+    return max(accumulate(steps), default=0)
+
+
+class _Composer:
+    """Makes values of the events of a parser.
+
+    An alias stands for the value that it names, which is not copied: many of them cost no more than one.
+    """
+
+    def __init__(self, events: Iterator[yaml.Event], where: str) -> None:
+        self.events, self.where = events, where
+        self.anchors: dict[str, Any] = {}
+        self.nodes = 0
+
+    def document(self) -> Any:
+        """The value of the only document; None of an empty file."""
+        value, kinds = None, list[str]()
+        for event in self.events:
+            kinds.append(type(event).__name__)
+            if kinds[-1] == "DocumentStartEvent":
+                if kinds.count("DocumentStartEvent") > 1:
+                    raise self.refusal(event, "a second document", "write one file for each")
+                value = self.value(next(self.events), 0)
+        return value
+
+    def value(self, event: yaml.Event, depth: int) -> Any:
+        """The value that begins with an event."""
+        self.nodes += 1
+        check_count(self.nodes, "nodes of YAML", self.where)
+        check_count(depth, "nested entries", self.where, "write them flat")
+        kind, anchor = type(event).__name__, getattr(event, "anchor", None)
+        if kind == "AliasEvent":
+            if anchor not in self.anchors:
+                raise self.refusal(event, f"the alias *{anchor} of nothing before it", "write the value")
+            return self.anchors[anchor]
+        if event.tag is not None and event.tag != "!":
+            raise self.refusal(event, f"the tag {event.tag}", "write the value without it")
+        value: Any
+        if kind == "ScalarEvent":
+            value = self.scalar(event)
+        else:
+            value = self.sequence(event, depth) if kind == "SequenceStartEvent" else self.mapping(event, depth)
+        if anchor is not None:  # known when it is complete: nothing contains itself
+            self.anchors[anchor] = value
+        return value
+
+    def scalar(self, event: yaml.ScalarEvent) -> Any:
+        """A text; unquoted, also a number or a word that JSON has."""
+        text: str = event.value
+        if event.style is not None or event.tag == "!":
+            return text
+        if text.lower() in _WORDS:
+            return _WORDS[text.lower()]
+        if _NUMBER.fullmatch(text):
+            return float(text) if re.search("[.eE]", text) else int(text)
+        return text
+
+    def sequence(self, event: yaml.SequenceStartEvent, depth: int) -> list[Any]:
+        """A list."""
+        return [self.value(item, depth + 1) for item in self.inside("SequenceEndEvent")]
+
+    def mapping(self, event: yaml.MappingStartEvent, depth: int) -> dict[str, Any]:
+        """Names with their values, each name once."""
+        entries: dict[str, Any] = {}
+        for key in self.inside("MappingEndEvent"):
+            name = self.value(key, depth + 1)
+            if name == "<<":
+                raise self.refusal(key, "the merge <<", "write the entries themselves")
+            if not isinstance(name, str):
+                raise self.refusal(key, f"{shown(name)} in place of a name", "write a text before the colon")
+            if name in entries:
+                raise self.refusal(key, f"{shown(name)} twice", "remove one")
+            entries[name] = self.value(next(self.events), depth + 1)
+        return entries
+
+    def inside(self, end: str) -> Iterator[yaml.Event]:
+        """Events up to the end of a list or mapping, as far as nobody else takes them."""
+        for event in self.events:
+            if type(event).__name__ == end:
+                return
+            yield event
+
+    def refusal(self, event: yaml.Event, what: str, remedy: str) -> ModelFileError:
+        """What to say of something that is not read."""
+        line = event.start_mark.line + 1
+        return ModelFileError(f"holds {what}, which is not read", f"{self.where}, line {line}", remedy)
+
+
+def write_loops_yaml(mechanism: Mechanism, cut: str) -> str:
+    """The loops and motors of a cut mechanism; its URDF has the frames as links, see `closure_frames`."""
+    pairs, types = list[list[str]](), list[str]()
+    for closure in lay_out(mechanism, cut).closures:
+        for first, second in closure_frames(closure):
+            pairs.append([first[0], second[0]])
+            types.append("6d" if closure.type == "weld" else "3d")
+    motors = [joint.coordinates[0] for joint in mechanism.actuators]
+    lines = ["# Written by screwgauge models.", f"closed_loop: {_flow(pairs)}", f"type: {_flow(types)}"]
+    return "\n".join([*lines, f"name_mot: {_flow(motors)}"]) + "\n"
+
+
+def _flow(value: Sequence[object]) -> str:
+    """A list in YAML, of which JSON is a part."""
+    return json.dumps(value, ensure_ascii=False)

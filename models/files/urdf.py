@@ -1,0 +1,296 @@
+"""URDF: written of a mechanism's tree; the text of any, what it says link by link, and changes in it.
+
+In those that are written a link's frame is the description's body frame, and intermediate links of composite joints
+have no inertial. Loops are closed by a file beside it: see `files.loops`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Set
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText, numbers
+from screwgauge.models.formats import TENSOR, WIDE, inverse, number_text, rpy, tensor, vector_text
+from screwgauge.models.layout import Freedom, Link, closure_frames, lay_out
+from screwgauge.models.matter import NOTHING, Matter
+from screwgauge.models.poses import matrix
+from screwgauge.models.readings.reading import CouplingReading
+from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
+from screwgauge.reference.mechanism import GROUND, Body, Frame, Mechanism
+from screwgauge.reference.rotations import Array, rotation
+
+#: Part of model files that brings it, see `screwgauge.models.generate`.
+PART = "yaml"
+STRONG = 1e9
+
+
+def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset()) -> str:
+    """The tree of a cut mechanism as URDF; its closures go to the loops file.
+
+    Args:
+        cut: ``minimal`` or ``full``.
+        include: ``limits`` writes the description's finite limits instead of wide ones; ``yaml`` adds the frames that
+            a ``robot.yaml`` names.
+    """
+    tree = lay_out(mechanism, cut)
+    robot = ET.Element("robot", name=mechanism.name)
+    robot.append(ET.Comment(f" {cut} cut; loops are closed by the loops file; written by screwgauge models "))
+    ET.SubElement(robot, "link", name=GROUND)
+    for link in tree.links:
+        _add(robot, link, "limits" in include)
+    if PART in include:
+        for name, link_name, frame in (side for one in tree.closures for pair in closure_frames(one) for side in pair):
+            ET.SubElement(robot, "link", name=name)
+            joint = ET.SubElement(robot, "joint", name=f"{name}.fixed", type="fixed")
+            _placement(joint, frame)
+            _ends(joint, link_name, name)
+    ET.indent(robot)
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
+
+
+def _add(robot: ET.Element, link: Link, limited: bool) -> None:
+    """The elementary joints that lead to a link, the massless links between them, and the link."""
+    name = link.joint.name
+    names = [f"{name}.cross{i + 1}" for i in range(len(link.freedoms) - 1)]
+    mounted = not link.far_frame.is_identity
+    names.append(frame_link(link) if mounted else link.name)
+    near, frame = link.near, link.near_frame
+    for freedom, far in zip(link.freedoms, names, strict=True):
+        _elementary(robot, freedom, near, far, frame, limited)
+        if far != link.name:
+            ET.SubElement(robot, "link", name=far)
+        near, frame = far, Frame()
+    if mounted:
+        mount = ET.SubElement(robot, "joint", name=f"{name}.mount", type="fixed")
+        _placement(mount, inverse(link.far_frame))
+        _ends(mount, near, link.name)
+    element = ET.SubElement(robot, "link", name=link.name)
+    if link.body.mass:
+        _inertial(element, link.body)
+
+
+def frame_link(link: Link) -> str:
+    """Name of the massless link that stands in the joint's frame on the far body."""
+    return f"{link.original}@{link.joint.name}.frame"
+
+
+def _elementary(robot: ET.Element, freedom: Freedom, near: str, far: str, frame: Frame, limited: bool) -> None:
+    kind = "revolute" if freedom.turns else "prismatic"
+    joint = ET.SubElement(robot, "joint", name=freedom.coordinate, type=kind)
+    _placement(joint, frame)
+    _ends(joint, near, far)
+    ET.SubElement(joint, "axis", xyz=vector_text(freedom.axis))
+    low, high = np.clip(freedom.limits, -WIDE, WIDE) if limited else (-WIDE, WIDE)
+    bounds = {"lower": low, "upper": high, "effort": STRONG, "velocity": STRONG}
+    ET.SubElement(joint, "limit", {key: number_text(value) for key, value in bounds.items()})
+
+
+def _ends(joint: ET.Element, near: str, far: str) -> None:
+    ET.SubElement(joint, "parent", link=near)
+    ET.SubElement(joint, "child", link=far)
+
+
+def _placement(joint: ET.Element, frame: Frame) -> None:
+    if not frame.is_identity:
+        ET.SubElement(joint, "origin", xyz=vector_text(frame.p), rpy=vector_text(rpy(frame.R)))
+
+
+def _inertial(link: ET.Element, body: Body) -> None:
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "origin", xyz=vector_text(body.com), rpy="0 0 0")
+    ET.SubElement(inertial, "mass", value=number_text(body.mass))
+    ET.SubElement(inertial, "inertia", moments(body.inertia))
+
+
+def moments(I: Array) -> dict[str, str]:
+    """The attributes of an ``<inertia>``, ixx, ixy, ixz, iyy, iyz, izz, for a tensor [kg m^2]. Shape (3, 3)."""
+    return {f"i{'xyz'[i]}{'xyz'[j]}": number_text(I[i, j]) for i in range(3) for j in range(i, 3)}
+
+
+#: Below it a placement or direction is the same [m or 1]: products of frames leave as much.
+SAME = 1e-14
+#: What a joint's reading has -> element and attribute; limits have two attributes.
+JOINT = {"limits": ("limit", ""), "damping": ("dynamics", "damping"), "friction": ("dynamics", "friction")}
+
+
+def check_tree(root: ET.Element, where: str) -> None:
+    """Refuses a URDF whose joints do not make a tree of all its links.
+
+    Raises:
+        ModelFileError: A joint has no parent or child, a link hangs on two joints, or several or none on no joint.
+        UnknownNameError: A joint joins a link, or mimics a joint, that is not there.
+    """
+    links = [link.get("name", "") for link in root.iterfind("link")]
+    joints = [joint.get("name", "") for joint in root.iterfind("joint")]
+    known, hung = {*links}, set[str]()
+    for joint in root.iterfind("joint"):
+        for side in ("parent", "child"):
+            end = joint.find(side)
+            if end is None or not end.get("link"):
+                raise ModelFileError(f"joint {joint.get('name')} has no {side}", where, "name that link")
+            if end.get("link") not in known:
+                raise UnknownNameError("link", end.get("link"), links, f"{where}, joint {joint.get('name')}")
+        child = carried_link(joint)
+        if child in hung:
+            remedy = "cut the loop open and say it in a loops file beside the URDF"
+            raise ModelFileError(f"link {child} hangs on two joints", where, remedy)
+        hung.add(child)
+        leads = joint.find("mimic")
+        if leads is not None and leads.get("joint") not in joints:
+            raise UnknownNameError("joint", leads.get("joint"), joints, f"{where}, mimic of {joint.get('name')}")
+    free = [name for name in links if name not in hung]
+    if len(free) != 1:
+        what = f"{len(free)} links hang on no joint ({', '.join(free[:3])})" if free else "every link hangs on a joint"
+        raise ModelFileError(what, where, "let exactly one be the root")
+
+
+def carried_link(joint: ET.Element) -> str:
+    """Name of the link that a joint of a URDF carries."""
+    child = joint.find("child")
+    return "" if child is None else child.get("link", "")
+
+
+def root_link(root: ET.Element) -> str:
+    """Name of the link of a URDF that hangs on no joint."""
+    children = {carried_link(joint) for joint in root.iterfind("joint")}
+    return next((link.get("name", "") for link in root.iterfind("link") if link.get("name") not in children), "")
+
+
+def links(xml: XmlText) -> list[TextLink]:
+    """The links of a URDF, each after the one before it; the first is its root.
+
+    Raises:
+        DescriptionError: A joint names a link that is not there.
+    """
+    elements = {element.get("name"): element for element in xml.root.children if element.tag == "link"}
+    towards: dict[str, list[Element]] = {}
+    children = set()
+    for joint in (element for element in xml.root.children if element.tag == "joint"):
+        ends = [end.get("link") if (end := joint.find(tag)) else "" for tag in ("parent", "child")]
+        if not {*ends} <= {*elements}:
+            raise DescriptionError(f"joint '{joint.get('name')}' joins no links", "the URDF", "name two of its links")
+        towards.setdefault(ends[0], []).append(joint)
+        children.add(ends[1])
+    found = [TextLink(name, elements[name]) for name in elements if name not in children][:1]
+    for i, near in enumerate(found):  # grows
+        near.matter, near.turn = _matter(near.element)
+        for joint in towards.get(near.name, []):
+            name = child.get("link") if (child := joint.find("child")) else ""
+            moves = {} if joint.get("type") == "fixed" else {joint.get("name"): joint}
+            found.append(TextLink(name, elements[name], i, moves, joint, near.frame @ origin(joint)))
+    return found
+
+
+def origin(element: Element) -> Array:
+    """Placement by the ``<origin>`` in an element of a URDF. Shape (4, 4)."""
+    place = element.find("origin")
+    if place is None:
+        return np.eye(4)
+    roll, pitch, yaw = numbers(place.get("rpy"))
+    x, y, z = np.eye(3)
+    R = rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
+    return matrix(numbers(place.get("xyz")), R)
+
+
+def _matter(link: Element) -> tuple[Matter, Array]:
+    """Mass properties of a link, and the orientation in which they are written."""
+    inertial = link.find("inertial")
+    if inertial is None:
+        return NOTHING, np.eye(3)
+    T, mass, entries = origin(inertial), inertial.find("mass"), inertial.find("inertia")
+    R = T[:3, :3]
+    J = tensor(float(entries.get(f"i{name}", "0")) if entries else 0.0 for name in TENSOR)
+    return Matter(float(mass.get("value", "0")) if mass else 0.0, T[:3, 3], R @ J @ R.T), R
+
+
+def place(xml: XmlText, link: TextLink, T: Array) -> None:
+    """Gives a link another placement on the one before it."""
+    if link.mount is not None:
+        _set_origin(xml, link.mount, T)
+
+
+def _set_origin(xml: XmlText, element: Element, T: Array) -> None:
+    old = origin(element)
+    new = {}
+    if np.abs(T[:3, 3] - old[:3, 3]).max() > SAME:
+        new["xyz"] = vector_text(T[:3, 3])
+    if np.abs(T[:3, :3] - old[:3, :3]).max() > SAME:
+        new["rpy"] = vector_text(rpy(T[:3, :3]))
+    xml.set_in(element, "origin", **new)
+
+
+def direct(xml: XmlText, joint: Element, axis: Array, point: Array) -> None:
+    """Gives a joint another axis, in the frame of its link, through whose origin it goes."""
+    xml.set_in(joint, "axis", xyz=vector_text(axis))
+
+
+def fill(xml: XmlText, link: TextLink, matter: Matter, *, plain: bool) -> None:
+    """Gives a link other mass properties; only what differs is written.
+
+    Args:
+        plain: All of them, the tensor in the axes of the link.
+    """
+    inertial, old = link.element.find("inertial"), link.matter
+    T = np.eye(4) if inertial is None or plain else origin(inertial)
+    R = T[:3, :3]
+    J = R.T @ matter.inertia @ R
+    if inertial is None:
+        xml.put(link.element, inertial_text(matter))
+        return
+    if plain or old is None or matter.mass != old.mass:
+        xml.set_in(inertial, "mass", value=number_text(matter.mass))
+    if plain:
+        xml.set_in(inertial, "origin", xyz=vector_text(matter.com), rpy="0 0 0")
+    else:
+        _set_origin(xml, inertial, matrix(matter.com, R))
+    if plain or old is None or not np.allclose(matter.inertia, old.inertia, rtol=0.0, atol=1e-15 * np.abs(J).max()):
+        xml.set_in(inertial, "inertia", **moments(J))
+
+
+def inertial_text(matter: Matter) -> str:
+    """The element that says mass properties, the tensor in the axes of the link."""
+    tensor = " ".join(f'{name}="{value}"' for name, value in moments(matter.inertia).items())
+    where = f'<origin xyz="{vector_text(matter.com)}" rpy="0 0 0"/>'
+    return f'<inertial>{where}<mass value="{number_text(matter.mass)}"/><inertia {tensor}/></inertial>'
+
+
+def tell(xml: XmlText, joint: Element, what: str, value: Array) -> None:
+    """Gives a joint another property."""
+    if what == "limits":
+        bounds = {side: number_text(bound) for side, bound in zip(("lower", "upper"), value, strict=True)}
+        xml.set_in(joint, "limit", **{side: bound for side, bound in bounds.items() if np.isfinite(float(bound))})
+    else:
+        tag, name = JOINT[what]
+        xml.set_in(joint, tag, **{name: number_text(float(value))})
+
+
+def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
+    """Gives a joint that mimics another one a new rule."""
+    if joint.find("mimic") is None or len(coupling.polynomial) > 2:
+        raise UnpatchableError(f"joint '{coupling.joint}' mimics no other, or not linearly")
+    offset, multiplier = (number_text(number) for number in (*coupling.polynomial, 0.0, 0.0)[:2])
+    xml.set_in(joint, "mimic", offset=offset, multiplier=multiplier)
+
+
+def check_matter(xml: XmlText) -> None:
+    """A URDF always says mass properties itself."""
+
+
+def hang(xml: XmlText, link: TextLink, near: TextLink) -> None:
+    """Hangs a link on another one."""
+    if link.mount is not None:
+        xml.set_in(link.mount, "parent", link=near.name)
+
+
+def drop(xml: XmlText, gone: Collection[TextLink]) -> None:
+    """Takes links out, with their joints."""
+    for link in gone:
+        xml.replace(link.element)
+        if link.mount is not None:
+            xml.replace(link.mount)
+
+
+#: What hung on links that go hangs on others by now.
+splice = drop
