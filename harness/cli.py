@@ -178,7 +178,7 @@ def _parser() -> argparse.ArgumentParser:
     add("what", nargs="?", choices=["mechanisms", "scenes", "engines", "quantities", "cases", "discrepancies"])
 
     add = command(commands.models, "write URDF, MJCF and loops files of a mechanism, both cuts", out="MECHANISM/models")
-    add("mechanism", metavar="MECHANISM", help=NAMED)
+    add("mechanism", metavar="MECHANISM", help=f"{NAMED}; of a scene its mechanism, under its gravity")
     add("--include", default="", metavar="A,B", help="to add: contacts, limits, geoms, sensors, yaml (a robot.yaml)")
     add("--check", action="store_true", help="compare what yourdfpy, Pinocchio and MuJoCo read with the description")
 

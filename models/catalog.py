@@ -9,7 +9,7 @@ from typing import Any
 from screwgauge.models.importing import is_model
 from screwgauge.reference.description import read_mechanism, read_tables
 from screwgauge.reference.errors import UnknownNameError
-from screwgauge.reference.files import is_file, is_path, named_file
+from screwgauge.reference.files import A_PATH, is_file, is_path, named_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.tables import read_toml
 
@@ -39,9 +39,7 @@ def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "") -> 
         return imported_file(path)[0]
     if is_path(str(name)) or (where and is_file(path)):
         return path
-    raise UnknownNameError(
-        "mechanism", str(name), [*mechanism_names(), "or the path of a TOML file, URDF or MJCF"], where
-    )
+    raise UnknownNameError("mechanism", str(name), mechanism_names(), where, A_PATH)
 
 
 def load_mechanism(name: str | Path, *, closed: bool = True) -> Mechanism:

@@ -48,6 +48,8 @@ def first_few(things: Iterable[str], most: int, between: str = ", ") -> str:
     return between.join(named[:most]) + (f"{between.rstrip(', ')} and {rest} more" if rest > 0 else "")
 
 
+#: Most names of which a message lists all; of more it lists the nearest.
+LISTED, NEAREST = 24, 6
 #: Most characters of a value that a message quotes.
 QUOTED = 60
 
@@ -96,11 +98,14 @@ class DescriptionError(ScrewgaugeError):
 class UnknownNameError(ScrewgaugeError):
     """A scene, mechanism, engine, quantity or key that does not exist."""
 
-    def __init__(self, kind: str, name: object, known: Iterable[str], where: str = "") -> None:
-        names = list(known)
-        near = get_close_matches(name[:100], names, n=1) if isinstance(name, str) else []
+    def __init__(self, kind: str, name: object, known: Iterable[str], where: str = "", besides: str = "") -> None:
+        names, besides = list(known), besides and f", or {besides}"
+        text = name[:100] if isinstance(name, str) else ""
+        near = get_close_matches(text, names, n=1)
         hint = f"did you mean '{near[0]}'? Known: " if near else "choose one of: " if names else "there are none"
-        super().__init__(f"unknown {kind} {shown(name)}", where, hint + ", ".join(names))
+        few = names if len(names) <= LISTED else [*get_close_matches(text, dict.fromkeys(names), NEAREST, 0.0), *names]
+        listed = first_few(dict.fromkeys(few), NEAREST if len(names) > LISTED else LISTED)
+        super().__init__(f"unknown {kind} {shown(name)}", where, hint + listed + besides)
 
 
 #: Libraries of the system that packages need and do not bring: beginning of the file -> package of Debian and Ubuntu.

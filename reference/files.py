@@ -75,6 +75,10 @@ def check_count(count: float, what: str, where: str, remedy: str = "take fewer")
         raise DescriptionError(f"{count:.6g} {what}, more than {LIMITS[what]:.6g}", where, remedy)
 
 
+#: What names a machine besides names that are built in.
+A_PATH = "the path of a TOML file, URDF or MJCF"
+
+
 def is_file(path: Path) -> bool:
     """Whether there is such a file; what can be no path at all, being too long, is none."""
     return os.path.isfile(path)

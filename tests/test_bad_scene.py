@@ -10,13 +10,14 @@ import pytest
 import screwgauge
 from screwgauge import ScrewgaugeError, load_scene
 from support.command import main
+from support.scene import scene_names
 
 
 @pytest.mark.parametrize("name", ["3ups", "scene.json", "x" * 5000, "", ".", "\udcff"])
 def test_unknown_scene_is_refused(name, refused):
     said = refused("run", name)
     assert "unknown scene '" in said
-    assert "3ups-upu-s-fast" in said
+    assert any(name in said for name in scene_names())
     assert "the path of a TOML file" in said
 
 
@@ -312,7 +313,7 @@ def test_output_below_a_file_is_refused_and_the_file_kept(below, tmp_path, paper
     out = tmp_path / "file" / below
     said = refused("run", paper_scene(), "--engines", "screw", out=out)
     assert f"{out}: the folder cannot be written" in said
-    assert "--out" in said
+    assert "choose another" in said
     said = refused("models", "3ups-upu-s", out=out)
     assert f"{out}: " in said
     assert "cannot be written" in said

@@ -19,6 +19,7 @@ from screwgauge.report.console import QUIET, Progress
 from screwgauge.study.bench import forward_run
 from screwgauge.study.bench import run as bench_run
 from support.command import main
+from support.scene import FOLDER
 
 
 class Terminal(StringIO):
@@ -80,6 +81,20 @@ def test_models_are_written_beside_what_else_is_left_of_a_mechanism(tmp_path, in
     assert main(["models", "a01-pendulum"]) == 0
     assert (tmp_path / "screwgauge-out" / "a01-pendulum" / "models" / "a01-pendulum.urdf").is_file()
     assert "a01-pendulum.urdf" in capsys.readouterr().out
+
+
+def test_models_of_a_scene_are_those_of_its_mechanism_under_its_gravity(tmp_path, inside):
+    Path("turn.toml").write_text(
+        (FOLDER / "slider-crank.toml")
+        .read_text(encoding="utf-8")
+        .replace("mechanism =", "gravity = [0, -1.5, 0]\nmechanism =", 1),
+        encoding="utf-8",
+    )
+    for name, file in (("3ups-upu-s-fast", "3ups-upu-s-asymmetric.xml"), ("turn.toml", "slider-crank.xml")):
+        assert main(["models", name, "--out", "m"]) == 0
+        assert (tmp_path / "m" / file).is_file()
+    assert 'gravity="0 -1.5 0"' in Path("m/slider-crank.xml").read_text(encoding="utf-8")
+    assert main(["models", "turn.toml", "--check", "--out", "checked"]) == 0
 
 
 @pytest.mark.slow

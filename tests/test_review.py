@@ -61,6 +61,29 @@ def test_a_right_table_is_said_to_be_right(scene, quantity):
     assert repr(review).startswith("✓ AGREE: ")
 
 
+@pytest.mark.parametrize(
+    ("quantity", "unit", "factor"),
+    [
+        ("joint_position", "deg", 180.0 / np.pi),
+        ("joint_acceleration", "deg/s^2", 180.0 / np.pi),
+        ("actuator_force", "N mm", 1e3),
+        ("mass_matrix", "kg cm²", 1e4),
+    ],
+)
+def test_a_table_in_a_unit_that_its_header_says_is_right(quantity, unit, factor):
+    some = scene_of("five-bar", 21)
+    table = factor * right(some, quantity)
+    columns = printed(table, quantity).columns
+    plain = screwgauge.review(Recorded(some.t, columns), some, [quantity])
+    assert not plain
+    said = Recorded(some.t, {f"{name} [{unit}]": values for name, values in columns.items()})
+    review = screwgauge.review(said, some, [quantity])
+    assert review
+    assert found_in(review) == {}
+    assert next(iter(said.columns)) in review.verdict
+    assert next(iter(said.columns)) not in plain.verdict
+
+
 def other_masses(scene):
     """The machine with its masses elsewhere."""
     bodies = [
@@ -217,7 +240,7 @@ def test_an_engine_that_the_judge_faults_is_no_measure(spoilt_file, stand_in):
     [
         ("t,left\n0,1\n", "five-bar", "column 'left' is of"),
         ("t,actuator_force/lef\n0,1\n", "five-bar", "unknown column"),
-        ("t,actuator_force/left [N mm]\n0,1\n", "five-bar", "is in N m here"),
+        ("t,actuator_force/left [N/mm]\n0,1\n", "five-bar", "is in N m here"),
         ("t,actuator_force/left\n0,1\n9,1\n", "five-bar", "is not within the scene"),
         ("t,a\n0,1\n", "a02-fourbar-2", "integrated"),
         ("t,a\n0,1\n", "no-such-scene", "no-such-scene"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -203,3 +204,14 @@ def test_names_of_files_reach_the_terminal_as_printable_text(inside, monkeypatch
     assert len(written) == 2
     for text in (said, *written, Path("junit.xml").read_text(encoding="utf-8"), repr(screwgauge.check(name))):
         assert all(sign.isprintable() or sign in "\n\N{NO-BREAK SPACE}" for sign in text)  # of numbers and units
+
+
+def test_of_many_names_the_nearest_are_listed_and_the_others_counted():
+    names = [f"body{n}.x" for n in range(200)]
+    said = str(UnknownNameError("column", "body17", names))
+    listed = re.findall(r"body\d+\.x", said)
+    assert "body17.x" in listed
+    assert len(listed) < 10
+    assert f"{200 - len({*listed})} more" in said
+    few = names[:12]
+    assert re.findall(r"body\d+\.x", str(UnknownNameError("column", "nothing", few))) == few

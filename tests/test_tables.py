@@ -214,7 +214,8 @@ BAD = {
         "t,actuator_force/right,actuator_force/right [N m]\n0,1,1\n",
         "right of actuator_force is there twice",
     ),
-    "another unit": ("t,actuator_force/right [kN m]\n0,1\n", "column 'actuator_force/right [kN m]' is in N m"),
+    "another unit": ("t,actuator_force/right [lbf m]\n0,1\n", "column 'actuator_force/right [lbf m]' is in N m"),
+    "a unit of something else": ("t,actuator_force/right [mm]\n0,1\n", "column 'actuator_force/right [mm]' is in N m"),
     "times in ms": ("t [ms],actuator_force/right\n0,1\n", "column 't [ms]' is in s"),
     "times beyond the scene": ("t,actuator_force/right\n0,1\n500,1\n", "t = 500 s is not within the scene, 0 to 1 s"),
 }

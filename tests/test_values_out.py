@@ -29,13 +29,14 @@ def test_a_file_has_times_positions_and_forces_with_units_to_the_last_bit(result
     assert read.columns[0] == "t [s]"
     assert (read["t [s]"] == results.times).all()
     expected = {
-        f"{quantity}/{name} [{unit}]": column
+        f"{quantity}/{name} [{unit}]{' not unique' * (name in results.not_unique.get(quantity, ()))}": column
         for quantity in (set(ASKED) & set(EXPORTED))
         for values in [results.quantity(quantity, "screw")]
         for name, unit, column in zip(values.components, values.units, values.array.T, strict=True)
     }
     assert {*read.columns} == {"t [s]", *expected}
     assert all((read[name] == column).all() for name, column in expected.items())
+    assert any(name.endswith("] not unique") for name in read)
 
 
 def test_each_engine_has_a_file_in_a_folder(results, tmp_path):

@@ -40,14 +40,17 @@ def models(options: argparse.Namespace) -> int:
     from screwgauge.reference.lint import implausible
     from screwgauge.scene.default import gravity_of
     from screwgauge.scene.preflight import check_home
+    from screwgauge.scene.read import is_scene, load_scene
 
     imported(options.mechanism)
-    check_home(mechanism := load_mechanism(options.mechanism))
+    scene, file = load_scene(options.mechanism) if is_scene(options.mechanism) else None, Path(options.mechanism)
+    check_home(mechanism := scene.mechanism if scene else load_mechanism(file))
     out = options.out or OUT / mechanism.name / "models"
-    given: dict[str, Any] = {} if (g := gravity_of(options.mechanism)) is None else {"gravity": g}
+    g = scene.applied.g if scene else gravity_of(options.mechanism)
+    given: dict[str, Any] = {} if g is None else {"gravity": g}
     included = frozenset(_names(options.include) or ())
-    file = Path(options.mechanism)
-    inputs = filter(None, [file, loops_beside(file) if file.suffix == ".urdf" else None])
+    loops = loops_beside(file) if file.suffix == ".urdf" else None
+    inputs = filter(None, [file, loops, scene.mechanism_file if scene else None])
     paths = keep_models(mechanism, out, inputs=inputs, force=options.force, include=included, **given)
     for line in (*map(str, paths), *left_out(mechanism), *mechanism.remarks, *implausible(mechanism)):
         say(line)

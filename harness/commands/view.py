@@ -59,15 +59,15 @@ def _load(name: str) -> Scene | Mechanism:
     """A scene, or what a description or model file gets as one; a mechanism at rest where none can be made."""
     from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
     from screwgauge.models.importing import is_model
-    from screwgauge.reference.files import is_path
+    from screwgauge.reference.files import A_PATH, is_path
     from screwgauge.scene.read import load_scene, scene_names
 
     imported(name)
     if name in scene_names():
         return load_scene(name)
     if name not in mechanism_names() and not is_path(name) and not is_model(name):
-        known = dict.fromkeys([*scene_names(), *mechanism_names(), "or the path of a TOML file, URDF or MJCF"])
-        raise UnknownNameError("scene, mechanism or model", name, known)
+        known = dict.fromkeys([*scene_names(), *mechanism_names()])
+        raise UnknownNameError("scene, mechanism or model", name, known, besides=A_PATH)
     try:
         scene = load_scene(mechanism_path(name))
         for remark in scene.mechanism.remarks:

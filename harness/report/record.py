@@ -15,6 +15,7 @@ from screwgauge.reference.applied import JointSpring, Load, Motor, Spring
 from screwgauge.reference.rotations import Array
 from screwgauge.report import reviewed
 from screwgauge.report.verdict import first_difference
+from screwgauge.scene.observables import NOT_UNIQUE
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, TRUTH, Solution, Timing
 from screwgauge.study.comparison import Comparison
@@ -43,11 +44,20 @@ def samples_table(results: Comparison) -> pd.DataFrame:
     return pd.DataFrame({"t": results.times, **values})
 
 
-def values_table(solution: Solution, t: Array, quantities: Collection[str] | None = None) -> pd.DataFrame:
-    """The samples that an engine solved, as a user's table has them: units in the header, `EXPORTED` by default."""
-    wanted = quantities or {*solution.values} & {*EXPORTED} or solution.values
+def values_table(
+    solution: Solution,
+    t: Array,
+    quantities: Collection[str] | None = None,
+    not_unique: Mapping[str, Collection[str]] | None = None,
+) -> pd.DataFrame:
+    """The samples that an engine solved, as a user's table has them: units in the header, `EXPORTED` by default.
+
+    Args:
+        not_unique: Quantity -> components that have no unique value; their headers say so.
+    """
+    wanted, open_ = quantities or {*solution.values} & {*EXPORTED} or solution.values, not_unique or {}
     columns = {
-        f"{quantity}/{name} [{unit}]": column
+        f"{quantity}/{name} [{unit}]{NOT_UNIQUE * (name in open_.get(quantity, ()))}": column
         for quantity, given in solution.values.items()
         if quantity in wanted
         for name, unit, column in zip(given.components, given.units, given.array.T, strict=True)

@@ -55,7 +55,8 @@ class Results(Shown, Comparison):
         Args:
             path: A file ``NAME.csv``, or a folder, in which each engine gets a file of its name.
             engine: Whose values; by default those of the first for a file, of all for a folder.
-            quantities: Names; positions, actuator forces, reactions and observables by default.
+            quantities: Names; positions, actuator forces, reactions and observables by default. Headers end with
+                ``not unique`` where redundant constraints leave a component open: the numbers are one choice of many.
             force: Files in the way are replaced, whoever wrote them.
 
         Returns:
@@ -72,7 +73,7 @@ class Results(Shown, Comparison):
         for file in files.values():
             check_free(file, force=force)
         for name, file in files.items():
-            table = values_table(self.solutions[name], self.times, wanted)
+            table = values_table(self.solutions[name], self.times, wanted, self.not_unique)
             write_files(file.parent, with_digest_beside(file, table.to_csv(index=False, lineterminator="\n")))
         return [*files.values()]
 

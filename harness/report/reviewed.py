@@ -22,6 +22,7 @@ WORDS = {
     "side": "{be} of the other side of {fault.of}: what the successor exerts on the predecessor",
     "permutation": "{have} the numbers of {fault.of}",
     "shift": "{be} {late} by {time} s{samples}",
+    "held": "{be} interpolated from sample to sample, the first or last number being held",
     "offset": "{be} off by a constant {amount}",
     "filter": "{be} filtered: {fault.of}, {parameter}",
     "missing": "{be} without the {thing}",
@@ -60,8 +61,9 @@ def columns(review: TableReview) -> Table:
 def banner(review: TableReview) -> Banner:
     """The verdict."""
     word = "AGREE" if review.ok else "FAULTS" if review.explained else "NOT EXPLAINED"
+    more = [f"Converted to SI units: {first_few(review.converted, NAMED)}."] if review.converted else []
     return Banner(
-        " ".join(sentences(review)), f"{'✓' if review.ok else '✗'} {word}", "agree" if review.ok else "differ"
+        " ".join([*sentences(review), *more]), f"{'✓' if review.ok else '✗'} {word}", "agree" if review.ok else "differ"
     )
 
 

@@ -160,6 +160,24 @@ def _values(observables: Sequence[Observable], array: Array) -> Values:
 
 
 _NAME = re.compile(r"[\w.-]+")
+#: What a header ends with whose component redundant constraints leave open.
+NOT_UNIQUE = " not unique"
+#: Names of units that are converted -> unit and factor.
+CONVERTED = {
+    **dict.fromkeys(("deg", "degree", "degrees", "°"), ("rad", np.pi / 180.0)),
+    "mm": ("m", 1e-3),
+    "cm": ("m", 1e-2),
+    "kN": ("N", 1e3),
+}
+_UNIT = re.compile(r"([^\W\d_]+|°)(?:\^(\d))?")
+
+
+def _converted(unit: str) -> tuple[str, float]:
+    """The SI unit of a unit such as ``N mm`` and what numbers in that are multiplied by: ``N m``, 1e-3."""
+    text, factor = unit.replace("·", " ").replace("²", "^2"), 1.0
+    for name, power in _UNIT.findall(text):
+        factor *= CONVERTED.get(name, ("", 1.0))[1] ** int(power or 1)
+    return _UNIT.sub(lambda one: one[0].replace(one[1], CONVERTED.get(one[1], (one[1],))[0]), text), factor
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,18 +191,23 @@ class Header:
 
     def of(self, quantity: str, unit: str) -> bool:
         """Whether nothing that it says contradicts a quantity and a unit."""
-        stated = self.unit.replace("·", " ").replace("²", "^2")
-        return self.quantity in ("", quantity) and stated in ("", unit)
+        return self.quantity in ("", quantity) and _converted(self.unit)[0] in ("", unit)
+
+    @property
+    def factor(self) -> float:
+        """What numbers are multiplied by to be in SI units."""
+        return _converted(self.unit)[1]
 
     def check_unit(self, unit: str, where: str) -> None:
-        """Refuses a stated unit that is not that of the component: nothing is converted."""
+        """Refuses a stated unit that is neither that of the component nor converted to it."""
         if not self.of(self.quantity, unit):
-            raise DescriptionError(f"column '{self.text}' is in {unit} here", where, "convert it")
+            remedy = f"give it in {unit}; `review` tells the unit of numbers under a header without one"
+            raise DescriptionError(f"column '{self.text}' is in {unit} here", where, remedy)
 
 
 def read_header(text: str) -> Header:
     """Takes the name of a column apart."""
-    name, _, unit = text.partition("[")
+    name, _, unit = text.removesuffix(NOT_UNIQUE).partition("[")
     quantity, _, component = name.strip().rpartition("/")
     return Header(text, quantity, component, unit.rstrip("] "))
 

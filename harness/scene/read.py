@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.models.catalog import load_mechanism, mechanism_path
+from screwgauge.models.catalog import load_mechanism, mechanism_names, mechanism_path
 from screwgauge.models.importing import is_model
 from screwgauge.problem import InitialValue, Integration
 from screwgauge.quantities import GIVEN, OF_MOTION, QUANTITIES, SIMULATED, check_quantities
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number
-from screwgauge.reference.files import is_path, named_file
+from screwgauge.reference.files import A_PATH, is_file, is_path, named_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import (
@@ -59,7 +59,15 @@ def load_scene(name: str | Path) -> Scene:
         return _built_in(FOLDER / f"{name}.toml")
     if is_path(str(name)) or is_model(name):
         return _read(scene_file(named_file(Path(), str(name))))
-    raise UnknownNameError("scene", str(name), [*scene_names(), "or the path of a TOML file, URDF or MJCF"])
+    raise UnknownNameError("scene", str(name), scene_names(), besides=A_PATH)
+
+
+def is_scene(name: str) -> bool:
+    """Whether a name is that of a scene alone: built in, or of a TOML file that names a mechanism."""
+    path = named_file(Path(), name)
+    if is_path(name) and path.suffix == ".toml" and is_file(path):
+        return "mechanism" in read_toml(path)
+    return name in scene_names() and name not in mechanism_names()
 
 
 def _read(path: Path) -> Scene:

@@ -59,12 +59,14 @@ class TableReview:
         engine: With which it is compared.
         step: Between samples [s], 0 if that varies.
         columns: In the order of the quantities; components without a unique value are left out.
+        converted: Headers of the columns whose numbers were converted to SI units.
     """
 
     name: str
     engine: str
     step: float
     columns: tuple[ReviewedColumn, ...]
+    converted: tuple[str, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -114,7 +116,9 @@ def reviews(
             if engine := next((one for one in engines if quantity in one.values), None):
                 pair = errors[(errors["quantity"] == quantity) & errors["a"].isin(both := {name, engine.engine})]
                 columns += _reviewed(scene, quantity, engine, (solutions[name], table), pair[pair["b"].isin(both)])
-        found[name] = TableReview(name, engines[0].engine, even_step(scene.tables[name].t), tuple(columns))
+        recorded = scene.tables[name]
+        converted = tuple(text for text in recorded.columns if read_header(text).factor != 1.0)
+        found[name] = TableReview(name, engines[0].engine, even_step(recorded.t), tuple(columns), converted)
     return found
 
 
@@ -163,8 +167,8 @@ def _columns(
             tolerance = max(stated, scale * float(known[name]["tolerance"]))
             own = right.array[:, right.components.index(name)]
             # as it was printed: before turns were added
-            text = next(h.text for h in headers if h.component == name and h.of(quantity, unit))
-            place = last_place(recorded.columns[text])[at]
+            header = next(h for h in headers if h.component == name and h.of(quantity, unit))
+            place = header.factor * last_place(recorded.columns[header.text])[at]
             columns[name] = Column(name, unit, values, own, scale, tolerance, place)
     return columns
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -41,8 +41,8 @@ class Fault:
     """One transformation.
 
     Attributes:
-        kind: ``sign``, ``factor``, ``offset``, ``permutation``, ``shift``, ``filter``, ``missing``, ``reversed``,
-            ``side`` (that of a pair) or ``noise``.
+        kind: ``sign``, ``factor``, ``offset``, ``permutation``, ``shift``, ``held`` (of an interpolation, its ends),
+            ``filter``, ``missing``, ``reversed``, ``side`` (that of a pair) or ``noise``.
         of: Unit of a factor, component whose numbers these are, filter, or what is missing or reversed.
         size: Factor, offset [unit], delay [s], cut-off [Hz] or samples of a filter, rms of noise [unit].
     """
@@ -110,8 +110,20 @@ class Expected:
         yield Family(lambda p: (), np.zeros(1), lambda p, base: (every, self.arrays[:, base[0], base[1]]))
         if self.moved:
             yield self.moved
+            yield replace(self.moved, fault=_held, apply=self._interpolated, error=0.0)
         if len(self.t) >= NOISY and (step := even_step(self.t)):
             yield from _filters(self.arrays, 0.5 / step)
+
+    def _interpolated(self, p: float, bases: Bases) -> tuple[Rows, Array]:
+        """Numbers of a table that was late and interpolated as `np.interp` does, which holds what is at the ends."""
+        numbers, at = self.arrays[:, bases[0], bases[1]], np.clip(self.t - p, self.t[0], self.t[-1])
+        after = np.clip(np.searchsorted(self.t, at), 1, len(self.t) - 1)
+        share = (at - self.t[after - 1]) / (self.t[after] - self.t[after - 1])
+        return np.arange(len(at)), numbers[after - 1] + share[:, None] * (numbers[after] - numbers[after - 1])
+
+
+def _held(p: float) -> tuple[Fault, ...]:
+    return Fault("shift", size=p), Fault("held")
 
 
 def even_step(t: Array) -> float:

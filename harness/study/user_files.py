@@ -98,6 +98,9 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
     unused = [f"gives {quantity}, which is not compared" for quantity in columns if quantity not in wanted]
     if skipped := len(table.t) - len(np.unique(at)):
         unused.append(f"{skipped} of its {len(table.t)} times are not compared: the scene has others")
+    unused += [
+        f"{header.text} is converted to SI units" for header in map(read_header, table.columns) if header.factor != 1.0
+    ]
     return Solution(
         engine=name,
         version=table.file.name if table.file else table.where,
@@ -120,7 +123,7 @@ def _columns(table: Recorded, names: Names, wanted: Collection[str]) -> Columns:
         header.check_unit(units[components.index(header.component)], table.where)
         if header.component in columns.setdefault(quantity, {}):
             raise DescriptionError(f"{header.component} of {quantity} is there twice", table.where, "remove one")
-        columns[quantity][header.component] = values
+        columns[quantity][header.component] = values if header.factor == 1.0 else header.factor * values
     for quantity in table.error:
         check_choice("quantity", [quantity], columns, f"{table.where}, error")
     return columns

@@ -72,6 +72,12 @@ def late(scene: Scene, right: Callable[[Scene], pd.DataFrame], samples: float) -
     return right(scene.at(scene.t - samples * step)).set_index(scene.t)
 
 
+def _held(table: pd.DataFrame, samples: float) -> pd.DataFrame:
+    """The numbers of some samples before by linear interpolation, those at the ends being held."""
+    t = table.index.to_numpy()
+    return table.apply(lambda column: np.interp(t - samples * (t[1] - t[0]), t, column))
+
+
 def noise(n: int, seed: int) -> np.ndarray:
     return NOISE * np.random.default_rng(seed).normal(size=n)
 
@@ -118,6 +124,12 @@ SPOILT = {
         "actuator_force",
         lambda scene, right: late(scene, right, 0.37),
         {("shift", ""): (0.37 * 2.0 / 200, ())},
+    ),
+    "shift between samples": Spoilt(
+        "slider-crank",
+        "actuator_force",
+        lambda scene, right: -_held(right(scene), 3.37),
+        {("shift", ""): (3.37 * 2.0 / 200, ()), ("held", ""): (1.0, ()), ("sign", ""): (-1.0, ())},
     ),
     "offset": Spoilt(
         "arm7",

@@ -12,7 +12,7 @@ from screwgauge.models.files.loops import OWN as LOOPS
 from screwgauge.models.importing import SUFFIXES, is_model
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, shown
-from screwgauge.reference.files import is_file, is_path, why
+from screwgauge.reference.files import A_PATH, is_file, is_path, why
 from screwgauge.reference.tables import check_keys, positive, read_toml
 from screwgauge.scene.default import SUFFIX
 from screwgauge.scene.read import scene_names
@@ -62,7 +62,7 @@ def items(what: Iterable[str | Path]) -> list[Item]:
     for name in given:
         if name not in scene_names() and not is_file(Path(name)) and not _is_folder(name):
             if not is_path(name) and not is_model(name):
-                raise UnknownNameError("scene", name, [*scene_names(), "or the path of a TOML file, URDF or MJCF"])
+                raise UnknownNameError("scene", name, scene_names(), besides=A_PATH)
             raise DescriptionError("does not exist, or is no regular file", name, "check the path")
     _check_names(every)
     return every
