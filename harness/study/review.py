@@ -208,11 +208,11 @@ def _expected(scene: Scene, quantity: str, right: Values, t: Array) -> Expected:
     changes |= {(Fault("reversed", name),): 2.0 * less[name] for name in less if not name.startswith("spring")}
     for two in combinations(less, 2) if len(less) <= PAIRED else ():
         changes[tuple(Fault("missing", name) for name in two)] = less[two[0]] + less[two[1]]
-    every = np.stack([*changes.values()], axis=1)
-    arrays = right.array[:, None] + every[np.searchsorted(times, t)]
-    some = np.searchsorted(times, dense)
-    moved = shifts(t, dense, base[some][:, None] + every[some])
-    return Expected(right.components, tuple(changes), t, arrays, moved)
+    faults = [faults for faults in changes for _ in right.components]
+    every, m = np.concatenate([*changes.values()], axis=1), len(changes)
+    arrays = np.tile(right.array, m) + every[np.searchsorted(times, t)]
+    moved = shifts(t, dense, (np.tile(base, m) + every)[np.searchsorted(times, dense)])
+    return Expected(right.components * m, faults, t, arrays, moved)
 
 
 def _parts(applied: Applied) -> dict[str, Applied]:

@@ -17,7 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from screwgauge.problem import Rows, spread
 from screwgauge.reference.rotations import Array
-from screwgauge.study.transformations import NOISY, UNITS, Bases, Expected, Family, Fault, Key
+from screwgauge.study.transformations import NOISY, UNITS, Expected, Family, Fault, Key
 
 MOST = 3  # faults of one column
 EVIDENCE = 0.5  # decimal places that agree beyond what was fitted, and beyond one more for each fault
@@ -105,8 +105,7 @@ def explanations(columns: Sequence[Column], expected: Expected) -> list[Explanat
 
 def _found(columns: Sequence[Column], expected: Expected) -> list[list[Explanation]]:
     """All explanations of each column by its fewest faults."""
-    grid = np.mgrid[: len(expected.faults), : len(expected.components)]
-    bases, X = (grid[0].ravel(), grid[1].ravel()), np.stack([column.values for column in columns], axis=1)
+    X, bases = np.stack([column.values for column in columns], axis=1), np.arange(len(expected.components))
     every = np.arange(len(X))
     plain = [_explained(column, every, column.expected, (), MODES[0]) for column in columns]
     found = [[one] if one and not one.faults else [] for one in plain]
@@ -116,44 +115,42 @@ def _found(columns: Sequence[Column], expected: Expected) -> list[list[Explanati
         fewest = [min((len(e.faults) for e in some if e.convinces()), default=MOST + 1) for some in found]
         if not any(family.cost < least for least in fewest):
             continue
-        left = np.array([_squares(X, *family.apply(parameter, bases)) for parameter in family.grid])
-        filtered = any(fault.kind == "filter" for fault in family.fault(family.grid[0]))
+        left = np.array([_squares(X, *family.apply(size, bases)) for size in family.grid])
         for k, (column, some) in enumerate(zip(columns, found, strict=True)):
             if family.cost < fewest[k]:
-                limit = gain[:, k] if filtered else limits[:, k]
-                some += _of_family(column, expected, family, bases, (left[:, :, k], limit))
+                limit = gain[:, k] if family.kind == "filter" else limits[:, k]
+                some += _of_family(column, expected, family, (left[:, :, k], limit))
         gain = gain if family.cost else PROMISE * left[0]
     return found
 
 
 def _of_family(
-    column: Column, expected: Expected, family: Family, bases: Bases, squares: tuple[Array, Array]
+    column: Column, expected: Expected, family: Family, squares: tuple[Array, Array]
 ) -> Iterator[Explanation]:
     """Explanations with a transformation of this family, until one convinces and the next has more faults."""
     named = [
-        (*expected.faults[i], *([Fault("permutation", name)] * (name != column.component)))
-        for i, name in ((i, expected.components[k]) for i, k in zip(*bases, strict=True))
+        (*faults, *([Fault("permutation", name)] * (name != column.component)))
+        for faults, name in zip(expected.faults, expected.components, strict=True)
     ]
     enough = MOST + 1
     costs = np.array([len(each) for each in named]) + family.cost
-    for parameter, base, mode in _candidates(family.grid, *squares, costs):
+    for place, base, mode in _candidates(*squares, costs):
         if costs[base] + sum(mode) > enough:
             break
-        one = (bases[0][[base]], bases[1][[base]])
-        parameter = _fitted(column.values, family, parameter, one, mode) if family.smooth else parameter
-        rows, numbers = family.apply(parameter, one)
-        faults = (*named[base], *family.fault(parameter))
+        size = _fitted(column.values, family, place, base, mode) if family.smooth else float(family.grid[place])
+        rows, numbers = family.apply(size, np.array([base]))
+        faults = (*named[base], *family.faults(size))
         explained = _explained(column, rows, numbers[:, 0], faults, mode, family.error)
         if explained and len(explained.faults) <= MOST:
             yield explained
             enough = min(enough, len(explained.faults)) if explained.convinces() else enough
 
 
-def _candidates(grid: Array, left: Array, limit: Array, costs: Array) -> list[tuple[float, int, Mode]]:
-    """Parameter, base and mode with the least squares left of each number of faults, the fewest faults first.
+def _candidates(left: Array, limit: Array, costs: Array) -> list[tuple[int, int, Mode]]:
+    """Place in the grid, base and mode with the least squares left of each number of faults, the fewest faults first.
 
     Args:
-        left: Mean squares by parameter, mode and base. Shape (m, 4, k).
+        left: Mean squares by place, mode and base. Shape (m, 4, k).
         limit: Of what is tried. Shape (4, k) or (4, 1).
         costs: Faults of each base. Shape (k,).
     """
@@ -162,7 +159,7 @@ def _candidates(grid: Array, left: Array, limit: Array, costs: Array) -> list[tu
     for (m, mode), cost in product(enumerate(MODES), np.unique(costs)):
         some = np.flatnonzero((costs == cost) & (best[m] <= limit[m]))
         for base in some[np.argsort(best[m, some])[:TRIED]] if cost + sum(mode) <= MOST + 1 else ():
-            found.append((int(cost) + sum(mode), (float(grid[at[m, base]]), int(base), mode)))
+            found.append((int(cost) + sum(mode), (int(at[m, base]), int(base), mode)))
     return [one for _, one in sorted(found, key=lambda pair: pair[0])]
 
 
@@ -187,14 +184,14 @@ def _line(x: Array, b: Array, mode: Mode, factor: float | None = None) -> tuple[
     return factor, float(x0 - factor * b0)
 
 
-def _fitted(x: Array, family: Family, start: float, base: Bases, mode: Mode) -> float:
-    """The parameter next to one of the grid at which least squares are left."""
+def _fitted(x: Array, family: Family, place: int, base: int, mode: Mode) -> float:
+    """The size next to one of the grid at which least squares are left."""
     from scipy.optimize import least_squares
 
-    step = float(np.max(np.diff(family.grid)))
+    start, step = float(family.grid[place]), float(np.gradient(family.grid)[place])
 
     def left(v: Array) -> Array:
-        rows, numbers = family.apply(start + step * v[0], base)
+        rows, numbers = family.apply(start + step * v[0], np.array([base]))
         factor, offset = _line(x[rows], numbers[:, 0], mode)
         out = np.zeros(len(x))
         out[rows] = (x[rows] - factor * numbers[:, 0] - offset) / (np.abs(x).max() or 1.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -28,9 +28,6 @@ WIDEST = 100  # samples of a mean
 LEAST, DEGREE = 16, 5  # samples between which is interpolated, and how
 NOISY = 30  # samples from which filters and noise are told
 ORDERS = {"exponential": 0, **{f"Butterworth, order {order}": order for order in (1, 2, 4)}}
-
-Bases = tuple[Rows, Rows]
-"""Expected numbers, by index of the alternative and of the component."""
 
 Key = tuple[str, str, str]
 """Kind, of what, and size of a fault, rounded."""
@@ -64,26 +61,33 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Family:
-    """A transformation of all expected numbers with one parameter.
+    """A fault of one kind and any size, as a transformation of expected numbers.
 
     Attributes:
-        fault: Takes the parameter.
-        grid: Parameters that the coarse search tries. Shape (m,).
-        apply: Parameter and bases -> rows, and numbers there, shape (n_row, n_base).
+        kind, of: Of the fault; empty where nothing is done.
+        grid: Sizes that the coarse search tries. Shape (m,).
+        apply: Size, and numbers by their columns -> rows, and what becomes of the numbers there, shape (n_row, n_base).
         error: Scaled error that it brings.
-        smooth: Whether the parameter is a real number.
+        smooth: Whether the size is a real number.
+        more: Faults that come with it.
     """
 
-    fault: Callable[[float], tuple[Fault, ...]]
+    kind: str
+    of: str
     grid: Array
-    apply: Callable[[float, Bases], tuple[Rows, Array]]
+    apply: Callable[[float, Rows], tuple[Rows, Array]]
     error: float = 0.0
     smooth: bool = False
+    more: tuple[Fault, ...] = ()
+
+    def faults(self, size: float) -> tuple[Fault, ...]:
+        """The fault, if it is one, and what comes with it."""
+        return (Fault(self.kind, self.of, size), *self.more) if self.kind else ()
 
     @property
     def cost(self) -> int:
         """How many faults it is."""
-        return len(self.fault(self.grid[0]))
+        return len(self.faults(1.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,15 +95,14 @@ class Expected:
     """What the columns of a quantity should be, and would be under faults of the whole table.
 
     Attributes:
-        components: Names. Shape (k,).
-        faults: Of each alternative; the first has none.
+        components, faults: Of each of the numbers: its component, and what is wrong with it. Length k.
         t: Times [s]. Shape (n,).
-        arrays: Shape (n, n_alternative, k).
+        arrays: The numbers. Shape (n, k).
         moved: The same at other times, see `shifts`.
     """
 
-    components: tuple[str, ...]
-    faults: tuple[tuple[Fault, ...], ...]
+    components: Sequence[str]
+    faults: Sequence[tuple[Fault, ...]]
     t: Array
     arrays: Array
     moved: Family | None
@@ -107,23 +110,19 @@ class Expected:
     def families(self) -> Iterator[Family]:
         """What can be done to all numbers, beginning with nothing."""
         every = np.arange(len(self.t))
-        yield Family(lambda p: (), np.zeros(1), lambda p, base: (every, self.arrays[:, base[0], base[1]]))
+        yield Family("", "", np.zeros(1), lambda size, bases: (every, self.arrays[:, bases]))
         if self.moved:
             yield self.moved
-            yield replace(self.moved, fault=_held, apply=self._interpolated, error=0.0)
+            yield replace(self.moved, more=(Fault("held"),), apply=self._interpolated, error=0.0)
         if len(self.t) >= NOISY and (step := even_step(self.t)):
             yield from _filters(self.arrays, 0.5 / step)
 
-    def _interpolated(self, p: float, bases: Bases) -> tuple[Rows, Array]:
+    def _interpolated(self, delay: float, bases: Rows) -> tuple[Rows, Array]:
         """Numbers of a table that was late and interpolated as `np.interp` does, which holds what is at the ends."""
-        numbers, at = self.arrays[:, bases[0], bases[1]], np.clip(self.t - p, self.t[0], self.t[-1])
+        numbers, at = self.arrays[:, bases], np.clip(self.t - delay, self.t[0], self.t[-1])
         after = np.clip(np.searchsorted(self.t, at), 1, len(self.t) - 1)
         share = (at - self.t[after - 1]) / (self.t[after] - self.t[after - 1])
         return np.arange(len(at)), numbers[after - 1] + share[:, None] * (numbers[after] - numbers[after - 1])
-
-
-def _held(p: float) -> tuple[Fault, ...]:
-    return Fault("shift", size=p), Fault("held")
 
 
 def even_step(t: Array) -> float:
@@ -138,7 +137,7 @@ def shifts(t: Array, dense: Array, numbers: Array) -> Family | None:
     Args:
         t: Times of the table [s]. Shape (n,).
         dense: Times at which numbers are known [s]. Shape (m,).
-        numbers: Shape (m, n_alternative, k).
+        numbers: Shape (m, k).
     """
     from scipy.interpolate import BSpline, make_interp_spline
 
@@ -148,12 +147,12 @@ def shifts(t: Array, dense: Array, numbers: Array) -> Family | None:
     inside = dense[1::2] < dense[::2][-1]
     left = np.abs(half(dense[1::2][inside]) - numbers[1::2][inside]).max() / (np.abs(numbers).max() or 1.0)
 
-    def shifted(p: float, base: Bases) -> tuple[Rows, Array]:
-        rows = np.flatnonzero((t - p >= dense[0]) & (t - p <= dense[-1]))
-        return rows, np.asarray(BSpline(spline.t, spline.c[:, base[0], base[1]], DEGREE)(t[rows] - p))
+    def shifted(delay: float, bases: Rows) -> tuple[Rows, Array]:
+        rows = np.flatnonzero((t - delay >= dense[0]) & (t - delay <= dense[-1]))
+        return rows, np.asarray(BSpline(spline.t, spline.c[:, bases], DEGREE)(t[rows] - delay))
 
     grid = np.linspace(-REACH, REACH, STEPS) * (dense[-1] - dense[0])  # without zero
-    return Family(lambda p: (Fault("shift", size=p),), grid, shifted, float(left) / 2.0**DEGREE, smooth=True)
+    return Family("shift", "", grid, shifted, float(left) / 2.0**DEGREE, smooth=True)
 
 
 def _filters(arrays: Array, half: float) -> Iterator[Family]:
@@ -163,18 +162,16 @@ def _filters(arrays: Array, half: float) -> Iterator[Family]:
     every = np.arange(len(arrays))
     for after, name in enumerate(("mean of samples before", "mean of samples around")):
 
-        def mean(p: float, base: Bases, after: int = after) -> tuple[Rows, Array]:
-            m, sums = int(p), np.cumsum(np.pad(arrays[:, base[0], base[1]], ((1, 0), (0, 0))), axis=0)
+        def mean(count: float, bases: Rows, after: int = after) -> tuple[Rows, Array]:
+            m, sums = int(count), np.cumsum(np.pad(arrays[:, bases], ((1, 0), (0, 0))), axis=0)
             return every[m - 1 :] - after * (m // 2), (sums[m:] - sums[:-m]) / m
 
-        def counted(p: float, name: str = name) -> tuple[Fault, ...]:
-            return (Fault("filter", name, p),)
-
-        yield Family(counted, np.arange(2.0 + after, np.clip(len(every) // 10, 4, WIDEST), 1 + after), mean)
+        counts = np.arange(2.0 + after, np.clip(len(every) // 10, 4, WIDEST), 1 + after)
+        yield Family("filter", name, counts, mean)
     for (name, order), way in product(ORDERS.items(), ("there and back", "from its first value", "from zero")):
 
-        def passed(p: float, base: Bases, order: int = order, way: str = way) -> tuple[Rows, Array]:
-            numbers, w = arrays[:, base[0], base[1]], min(np.exp(p), HIGHEST)
+        def passed(cutoff: float, bases: Rows, order: int = order, way: str = way) -> tuple[Rows, Array]:
+            numbers, w = arrays[:, bases], min(cutoff / half, HIGHEST)
             last = np.exp(-np.pi * w)
             b, a = butter(order, w) if order else (np.array([1.0 - last]), np.array([1.0, -last]))
             if way == "there and back":
@@ -182,7 +179,5 @@ def _filters(arrays: Array, half: float) -> Iterator[Family]:
             start = lfilter_zi(b, a)[:, None] * numbers[:1] * (way != "from zero")
             return every, lfilter(b, a, numbers, axis=0, zi=start)[0]
 
-        def cut(p: float, name: str = f"{name}, {way}") -> tuple[Fault, ...]:
-            return (Fault("filter", name, float(np.exp(p)) * half),)
-
-        yield Family(cut, np.linspace(np.log(LOWEST), np.log(HIGHEST), CUTS), passed, smooth=True)
+        cutoffs = half * np.geomspace(LOWEST, HIGHEST, CUTS)
+        yield Family("filter", f"{name}, {way}", cutoffs, passed, smooth=True)
