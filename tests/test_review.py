@@ -155,6 +155,14 @@ def test_a_load_on_the_other_body_is_reversed():
     assert {*faults} == {("reversed", "load on platform")}
 
 
+@pytest.mark.parametrize(("centred", "of"), [(False, "mean of samples before"), (True, "mean of samples around")])
+def test_a_moving_mean_is_told_with_its_samples(centred, of):
+    scene = scene_of("delta")
+    table = right(scene, "actuator_force").rolling(7, min_periods=1, center=centred).mean().iloc[6:-6]
+    review = screwgauge.review(printed(table, "actuator_force"), scene, ["actuator_force"])
+    assert found_in(review) == {("mean", of): dict.fromkeys(table, 7.0)}
+
+
 def test_a_plain_factor_is_stated_where_no_unit_has_it():
     scene = scene_of("delta")
     table = printed(multiplied(arm2=1.25)(scene, lambda some: right(some, "actuator_force")), "actuator_force")

@@ -19,14 +19,17 @@ COLUMNS = "column = name | unit | finding | digits = error:as_digits | put right
 #: Kind of a fault -> what columns do that have it.
 WORDS = {
     "sign": "{be} negated",
+    "unit": "{be} in {unit}",
+    "factor": "{be} {times} times the right numbers, which is no unit",
     "side": "{be} of the other side of {fault.of}: what the successor exerts on the predecessor",
     "permutation": "{have} the numbers of {fault.of}",
     "shift": "{be} {late} by {time} s{samples}",
     "held": "{be} interpolated from sample to sample, the first or last number being held",
     "offset": "{be} off by a constant {amount}",
-    "filter": "{be} filtered: {fault.of}, {parameter}",
-    "missing": "{be} without the {thing}",
-    "reversed": "{have} the {thing} reversed",
+    "mean": "{be} filtered: {fault.of}, {fault.size:g} of them",
+    "filter": "{be} filtered: {fault.of}, cut off at {cutoff} Hz",
+    "missing": "{be} without the {fault.of}",
+    "reversed": "{have} the {fault.of} reversed",
     "noise": "{have} noise of {amount} (rms)",
 }
 
@@ -103,20 +106,20 @@ def _all(review: TableReview, some: list[ReviewedColumn]) -> str:
 
 def _phrases(review: TableReview) -> Iterator[str]:
     """Who has which fault."""
-    groups = [group for key, group in review.faults.items() if key[0] != "permutation"]
     yield from _exchanged(review)
-    for group in groups:
-        yield f"{_names(review, [column for column, _ in group])} {phrase(review, group)}"
+    for (kind, *_), group in review.faults.items():
+        if kind != "permutation":
+            yield f"{_names(review, [column for column, _ in group])} {phrase(review, group)}"
 
 
 def _exchanged(review: TableReview) -> Iterator[str]:
     """Columns that have each other's numbers, then those that have others'."""
-    found = {
-        column: fault.of for group in review.faults.values() for column, fault in group if fault.kind == "permutation"
-    }
-    by = {(column.quantity, column.component): of for column, of in found.items()}
-    for column, of in found.items():
-        if by.get((column.quantity, of)) != column.component:
+    taken = [
+        (column, of) for (kind, of, _), group in review.faults.items() for column, _ in group if kind == "permutation"
+    ]
+    pairs = {(column.quantity, column.component, of) for column, of in taken}
+    for column, of in taken:
+        if (column.quantity, of, column.component) not in pairs:
             yield f"{_name(review, column)} has the numbers of {of}"
         elif column.component < of:
             yield f"{_name(review, column)} and {of} are swapped"
@@ -126,12 +129,8 @@ def phrase(review: TableReview, group: list[tuple[ReviewedColumn, Fault]]) -> st
     """What columns with one fault do."""
     column, fault = group[0]
     sizes = sorted(abs(each.size) for _, each in group)
-    if fault.kind == "factor":
-        words = "{be} in {unit}" if fault.of else "{be} {times} times the right numbers, which is no unit"
-    else:
-        words = WORDS[fault.kind]
     step = review.step
-    return words.format(
+    return WORDS[fault.kind].format(
         fault=fault,
         be="is" if len(group) == 1 else "are",
         have="has" if len(group) == 1 else "have",
@@ -141,10 +140,7 @@ def phrase(review: TableReview, group: list[tuple[ReviewedColumn, Fault]]) -> st
         late="late" if fault.size > 0.0 else "early",
         time=number(sizes[0], FIGURES),
         samples=f" ({number(sizes[0] / step, 3)} samples)" if step else "",
-        parameter=f"{fault.size:g} of them"
-        if fault.of.startswith("mean")
-        else f"cut off at {number(fault.size, 3)} Hz",
-        thing=fault.of,
+        cutoff=number(fault.size, 3),
     )
 
 

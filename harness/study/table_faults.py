@@ -17,7 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from screwgauge.problem import Rows, spread
 from screwgauge.reference.rotations import Array
-from screwgauge.study.transformations import NOISY, UNITS, Expected, Family, Fault, Key
+from screwgauge.study.transformations import FILTERS, NOISY, UNITS, Expected, Family, Fault, Key
 
 MOST = 3  # faults of one column
 EVIDENCE = 0.5  # decimal places that agree beyond what was fitted, and beyond one more for each fault
@@ -118,7 +118,7 @@ def _found(columns: Sequence[Column], expected: Expected) -> list[list[Explanati
         left = np.array([_squares(X, *family.apply(size, bases)) for size in family.grid])
         for k, (column, some) in enumerate(zip(columns, found, strict=True)):
             if family.cost < fewest[k]:
-                limit = gain[:, k] if family.kind == "filter" else limits[:, k]
+                limit = gain[:, k] if family.kind in FILTERS else limits[:, k]
                 some += _of_family(column, expected, family, (left[:, :, k], limit))
         gain = gain if family.cost else PROMISE * left[0]
     return found
@@ -217,13 +217,13 @@ def _explained(
         admitted = place + abs(factor) * (column.tolerance + error * column.scale)
         more = [Fault("offset", size=offset)] * mode[1]
         if mode[0] and factor in known:
-            named = [Fault("factor", names[abs(factor)], abs(factor))] * (abs(factor) != 1.0)
+            named = [Fault("unit", names[abs(factor)], abs(factor))] * (abs(factor) != 1.0)
             more += [*[Fault("sign", size=-1.0)] * (factor < 0.0), *named]
         elif mode[0]:
             more.append(Fault("factor", size=factor))
         if (left <= admitted).all():
             level = fine = max(_rms(left), float(admitted.min()))
-        elif level := 0.0 if any(fault.kind == "filter" for fault in faults) else _noise(x - fit, fit):
+        elif level := 0.0 if any(fault.kind in FILTERS for fault in faults) else _noise(x - fit, fit):
             more.append(Fault("noise", size=level))
             fine = level * float(np.sqrt(WINDOW / len(x)))  # its means are that near to zero
         else:

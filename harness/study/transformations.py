@@ -27,6 +27,8 @@ LOWEST, HIGHEST, CUTS = 0.002, 0.8, 32  # cut-off of a filter, a share of half t
 WIDEST = 100  # samples of a mean
 LEAST, DEGREE = 16, 5  # samples between which is interpolated, and how
 NOISY = 30  # samples from which filters and noise are told
+FILTERS = ("filter", "mean")
+FITTED = ("factor", "offset", "shift", *FILTERS)  # kinds of faults of any size
 ORDERS = {"exponential": 0, **{f"Butterworth, order {order}": order for order in (1, 2, 4)}}
 
 Key = tuple[str, str, str]
@@ -38,10 +40,11 @@ class Fault:
     """One transformation.
 
     Attributes:
-        kind: ``sign``, ``factor``, ``offset``, ``permutation``, ``shift``, ``held`` (of an interpolation, its ends),
-            ``filter``, ``missing``, ``reversed``, ``side`` (that of a pair) or ``noise``.
-        of: Unit of a factor, component whose numbers these are, filter, or what is missing or reversed.
-        size: Factor, offset [unit], delay [s], cut-off [Hz] or samples of a filter, rms of noise [unit].
+        kind: ``sign``, ``unit``, ``factor`` (no unit), ``offset``, ``permutation``, ``shift``, ``held`` (of an
+            interpolation, its ends), ``filter``, ``mean``, ``missing``, ``reversed``, ``side`` (that of a pair) or
+            ``noise``.
+        of: Unit, component whose numbers these are, filter, which mean, or what is missing or reversed.
+        size: Factor, offset [unit], delay [s], cut-off [Hz], samples of a mean, rms of noise [unit].
     """
 
     kind: str
@@ -55,8 +58,8 @@ class Fault:
 
     @property
     def fitted(self) -> bool:
-        """Whether its size is fitted, and not that of a unit."""
-        return self.kind in ("offset", "shift", "filter") or (self.kind == "factor" and not self.of)
+        """Whether its size is fitted."""
+        return self.kind in FITTED
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,7 +170,7 @@ def _filters(arrays: Array, half: float) -> Iterator[Family]:
             return every[m - 1 :] - after * (m // 2), (sums[m:] - sums[:-m]) / m
 
         counts = np.arange(2.0 + after, np.clip(len(every) // 10, 4, WIDEST), 1 + after)
-        yield Family("filter", name, counts, mean)
+        yield Family("mean", name, counts, mean)
     for (name, order), way in product(ORDERS.items(), ("there and back", "from its first value", "from zero")):
 
         def passed(cutoff: float, bases: Rows, order: int = order, way: str = way) -> tuple[Rows, Array]:

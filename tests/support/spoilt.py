@@ -109,9 +109,9 @@ SPOILT = {
         "five-bar",
         "joint_position",
         lambda scene, right: np.rad2deg(right(scene)),
-        {("factor", "degrees"): (180.0 / np.pi, ())},
+        {("unit", "degrees"): (180.0 / np.pi, ())},
     ),
-    "N mm": Spoilt("delta", "actuator_force", lambda scene, right: 1e3 * right(scene), {("factor", "N mm"): (1e3, ())}),
+    "N mm": Spoilt("delta", "actuator_force", lambda scene, right: 1e3 * right(scene), {("unit", "N mm"): (1e3, ())}),
     "sign": Spoilt("3ups-upu-s", "actuator_force", times(leg2=-1.0), {("sign", ""): (-1.0, ("leg2",))}),
     "permutation": Spoilt(
         "stewart",
@@ -184,7 +184,7 @@ SPOILT = {
         "delta",
         "actuator_force",
         lambda scene, right: 1e3 * right(scene.under(gravity=[0, 0, 0])),
-        {("missing", "gravity"): (1.0, ()), ("factor", "N mm"): (1e3, ())},
+        {("missing", "gravity"): (1.0, ()), ("unit", "N mm"): (1e3, ())},
     ),
     "two of seven, sign, offset and noise": Spoilt(
         "arm7",
