@@ -212,7 +212,10 @@ def _remark(mechanism: Mechanism, home: Array, others: Sequence[Array]) -> str:
         sentence = f"{sentence}, {' and '.join(labels)} too, as no regular pose within limits closes at {as_written}"
     if others:
         apart = [(other, int(np.argmax(np.abs(other - home) / size))) for other in others]
-        poses = [*dict.fromkeys(f"'{names[c]}' = {other[c]:.3g}" for other, c in apart)]
-        found = f"the nearest of {len(others) + 1} closing poses found (elsewhere {first_few(poses, NAMED)})"
-        sentence = f"{sentence}, {found}"
+        poses = [*dict.fromkeys(f"'{names[c]}' = {other[c]:.3g} {mechanism.units[c]}" for other, c in apart)]
+        other, c = apart[0]
+        joint = next(joint for joint in mechanism.joints if names[c] in joint.coordinates)
+        written = ", ".join(f"{x:.3g}" for x in other[mechanism.columns(joint.coordinates)])
+        found = f"the nearest of {len(others) + 1} closing poses found (elsewhere {first_few(poses, NAMED)}"
+        sentence = f"{sentence}, {found}; to go there, write home = [{written}] in joint '{joint.name}')"
     return sentence

@@ -114,7 +114,16 @@ def test_the_nearest_pose_is_taken_and_the_other_one_named(side, four_bar):
     assert mechanism.home[2] == pytest.approx(rocker, abs=CLOSED)
     (said,) = mechanism.remarks
     assert "the nearest of 2 closing poses" in said
-    assert f"'c' = {-rocker:.3g}" in said
+    assert f"'c' = {-rocker:.3g} rad" in said
+    (remedy,) = re.findall(r"write (home = \[.*?\]) in joint 'c'", said)
+    assert load_mechanism(four_bar(c=remedy)).home[2] == pytest.approx(-rocker, abs=CLOSED)
+
+
+def test_a_run_says_once_that_home_was_solved_for(four_bar, inside, command):
+    said = command(
+        "run", four_bar(c=f"home = [{0.9 * apex(1.0)[1]}]"), "--engines", "screw", "--quantities", "joint_position"
+    )
+    assert " ".join((said.out + said.err).split()).count("home was solved for") == 1
 
 
 def test_a_pose_within_limits_comes_before_a_nearer_one(four_bar):
@@ -235,7 +244,7 @@ def test_import_writes_home_into_the_text_of_the_user(four_bar, command, inside)
     text, written = path.read_text(), (inside / "closed.toml").read_text()
     assert same_content(load_mechanism(inside / "closed.toml"), load_mechanism(path))
     assert not load_mechanism(inside / "closed.toml").remarks
-    bare = re.sub(r"(?m)^# (Home|As screw).*\n|^#.*closing poses.*\n", "", written)
+    bare = re.sub(r"(?m)^# (Home|As screw|to go there).*\n|^#.*closing poses.*\n", "", written)
     for place in (r"home = \[[^\[\]]*\],? ?", r"(?m)^\n"):
         text, bare = re.sub(place, "", text), re.sub(place, "", bare)
     assert bare == text

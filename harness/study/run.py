@@ -103,7 +103,7 @@ def run(
     check_leave(scene)
     unread, doubted = _unread(scene, names), doubts(scene)
     warnings = (*doubted, *scene.mechanism.remarks, *checked.warnings, *_changed(scene), *unread.values())
-    for sentence in warnings:
+    for sentence in checked.warnings:  # all others can wait for the report
         warn(sentence)
     tables = {name: recorded(scene, name, checked.components, checked.wanted) for name in names if name in scene.tables}
     solving = [name for name in names if name not in tables]

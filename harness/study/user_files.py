@@ -94,7 +94,7 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
     assembly = _assembly(scene, rows)
     if "joint_position" in values:
         values["joint_position"] = _unwound(values["joint_position"], scene.mechanism.coordinates, assembly)
-    short, long = _left_out(name, values, names, wanted, [f"{len(rows)} of the {n} samples"] * (len(rows) < n))
+    short, long = _left_out(name, values, names, wanted, [f"only {len(rows)} of the {n} samples"] * (len(rows) < n))
     unused = [f"gives {quantity}, which is not compared" for quantity in columns if quantity not in wanted]
     if skipped := len(table.t) - len(np.unique(at)):
         unused.append(f"{skipped} of its {len(table.t)} times are not compared: the scene has others")
@@ -158,7 +158,7 @@ def _left_out(
     long = [f"gives {each}" for each in short]
     for quantity, has in values.items():
         if rest := [component for component in names[quantity][0] if component not in has.components]:
-            short.append(f"{len(has.components)} of the {len(names[quantity][0])} components of {quantity}")
+            short.append(f"only {len(has.components)} of the {len(names[quantity][0])} components of {quantity}")
             long.append(f"of {quantity} it gives no {', '.join(rest)}")
     return (f"{name} gives {'; '.join(short)}",) if short else (), long
 

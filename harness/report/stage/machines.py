@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from screwgauge.models.kinematics import rehomed
+from screwgauge.models.machine import at_closed_pose
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.shapes import DOUBT, PLAIN, across, facing
 from screwgauge.reference.mechanism import GROUND
@@ -49,8 +51,15 @@ class DrawnMachine:
         """Position of each joint."""
         return {name: self.point(joint.centre) for name, joint in self.reading.joints.items()}
 
+    def closures(self) -> Iterator[tuple[str, Array]]:
+        """Bodies that closures join, each with the point where it is held."""
+        for closure in self.reading.closures.values():
+            for name, frame in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):
+                pose = self.reading.bodies[name].pose if name in self.reading.bodies else np.eye(4)
+                yield name, self.point((pose @ frame)[:3, 3])
+
     def links(self) -> Iterator[tuple[str, Array, Array]]:
-        """Lines of bodies: from the joint that moves each to those on it, or to its centre of mass."""
+        """Lines of bodies: from the joint that moves each to those on it and where loops close, or to its mass."""
         at, behind = self.joints(), dict[str, list[str]]()
         for name, body in self.reading.bodies.items():
             behind.setdefault(body.near, []).append(name)
@@ -60,6 +69,7 @@ class DrawnMachine:
             for one, two in pairwise(own):
                 yield name, at[one], at[two]
             others = [at[self.reading.bodies[each].joints[0]] for each in behind.get(name, ())]
+            others += [point for body, point in self.closures() if body == name]
             for end in others or ([self.masses()[name][0]] if name in self.masses() else []):
                 yield name, start, end
 
@@ -78,11 +88,14 @@ def machines(diagnosis: Diagnosis) -> Picture:
     ours, theirs = (
         tuple(dict.fromkeys(filter(None, (getattr(each, side) for each in order)))) for side in ("item_a", "item_b")
     )
+    a, b, pairs = diagnosis.a, diagnosis.b, diagnosis.pairing.joints
+    of_a = a.home or {one: b.home[two] for one, two in pairs.items() if two in b.home}
+    of_b = b.home or {two: a.home[one] for one, two in pairs.items() if one in a.home}
     sides = (
-        DrawnMachine("A", diagnosis.a.reading, np.eye(4), ours),
-        DrawnMachine("B", diagnosis.b.reading, diagnosis.pairing.placement, theirs),
+        DrawnMachine("A", _closed(a.reading, of_a), np.eye(4), ours),
+        DrawnMachine("B", _closed(b.reading, of_b), diagnosis.pairing.placement, theirs),
     )
-    points = [np.array([*side.joints().values(), *(p for p, _ in side.masses().values())]) for side in sides]
+    points = [np.array([*side.joints().values(), *_further(side)]) for side in sides]
     view = across(_seen(np.concatenate(points), sides)) * [[1.0], [-1.0]]
     cloud = np.concatenate(points) @ view.T
     low, size = cloud.min(axis=0), np.maximum(np.ptp(cloud, axis=0), 1e-9)
@@ -100,6 +113,17 @@ def machines(diagnosis: Diagnosis) -> Picture:
         f'<rect width="100%" height="100%" fill="#fff"/>{"".join(out)}</svg>\n'
     )
     return Picture("machines", "Both machines at home, what differs in colour", svg)
+
+
+def _closed(reading: Reading, near: Mapping[str, float]) -> Reading:
+    """A reading at a home that closes its loops, next to these coordinates [rad or m]; as it is where none does."""
+    return at_closed_pose(rehomed(reading, near)[0]) if reading.closures else reading
+
+
+def _further(side: DrawnMachine) -> Iterator[Array]:
+    """Points besides joints that have to be within a picture: where loops close, and centres of mass."""
+    yield from (point for _, point in side.closures())
+    yield from (point for point, _ in side.masses().values())
 
 
 def _legend(x: float, y: float) -> str:
