@@ -17,6 +17,7 @@ from screwgauge.models.layout import CUTS, Closure, Link, Tree, lay_out, length_
 from screwgauge.models.poses import matrix, screw
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import (
+    ActuatorReading,
     BodyReading,
     ClosureReading,
     CouplingReading,
@@ -296,7 +297,7 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
         joints=joints,
         closures=closure_readings(tree.closures),
         couplings=couplings_of(mechanism.couplings),
-        actuators={name: (joint.coordinates[0], 1.0) for name, joint in driven},
+        actuators={name: ActuatorReading(joint.coordinates[0]) for name, joint in driven},
         gravity=np.asarray(gravity, dtype=float),
     )
 

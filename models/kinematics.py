@@ -60,12 +60,11 @@ def plant(reading: Reading) -> ReadingTree:
         near = at.get(body.near, FixedFrame()).link
         for joint in body.joints:
             i, one = number[joint], reading.joints[joint]
-            axis = one.screw[:3] if one.screw[:3].any() else one.screw[3:]
             poses[i] = _carried(one, body.pose)
             if FREEDOMS[one.kind] > 1:
                 frames[i - 1] = poses[i]
             start = _fixed(near, poses[near], poses[i])
-            links[i] = TreeLink(one.kind, start, axis, places[joint].start, freedoms[joint].start, one.home)
+            links[i] = TreeLink(one.kind, start, one.direction, places[joint].start, freedoms[joint].start, one.home)
             near = i
         at[name] = _fixed(near, poses[near], body.pose)
 

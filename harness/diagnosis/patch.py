@@ -9,7 +9,6 @@ from types import ModuleType
 import numpy as np
 
 from screwgauge.diagnosis.properties import INERTIAL, PROPERTIES, Change, applied
-from screwgauge.diagnosis.transformations import axis
 from screwgauge.models.files import mjcf, urdf
 from screwgauge.models.files.urdf import SAME
 from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText
@@ -153,7 +152,7 @@ def _displacement(reading: Reading, target: Reading, link: TextLink, owner: str,
 
 def _shortest(old: JointReading, new: JointReading) -> Array:
     """Displacement that takes the axis of a joint to another one and does not turn about it."""
-    a, b = axis(old), axis(new)
+    a, b = old.direction, new.direction
     turn = cross(a, b)
     s = float(np.linalg.norm(turn))
     R = rotation(turn / s, np.array(np.arctan2(s, a @ b))) if s > 0.0 else np.eye(3)
@@ -164,7 +163,7 @@ def _off_axis(F: Array, joint: JointReading) -> Array:
     """Vector from the origin of a frame to the nearest point of a hinge's axis, in the frame. Shape (3,)."""
     if joint.kind != "hinge":
         return np.zeros(3)
-    along, r = axis(joint), joint.centre - F[:3, 3]
+    along, r = joint.direction, joint.centre - F[:3, 3]
     step = r - (along @ r) * along
     return np.asarray(F[:3, :3].T @ step) if np.abs(step).max() > SAME else np.zeros(3)
 
@@ -181,7 +180,7 @@ def _turned_back(file: Opened, target: Reading, link: TextLink, F: Array) -> Arr
 
 def _local(F: Array, joint: JointReading) -> tuple[Array, Array]:
     """Axis of a joint and a point on it, in a frame. Shape (3,) each."""
-    return F[:3, :3].T @ axis(joint), F[:3, :3].T @ (joint.centre - F[:3, 3])
+    return F[:3, :3].T @ joint.direction, F[:3, :3].T @ (joint.centre - F[:3, 3])
 
 
 #: Changes that take parts out.
@@ -288,9 +287,9 @@ def _move(file: Opened, target: Reading, elements: Mapping[str, Element]) -> Non
     for name, coupling in target.couplings.items():
         if not np.array_equal(coupling.polynomial, reading.couplings[name].polynomial):
             file.writer.couple(file.xml, elements[coupling.joint], coupling)
-    for name, (_, gear) in target.actuators.items():
-        if gear != reading.actuators[name][1]:
-            file.writer.drive(file.xml, name, gear)
+    for name, actuator in target.actuators.items():
+        if actuator.gear != reading.actuators[name].gear:
+            file.writer.drive(file.xml, name, actuator.gear)
 
 
 def _close(file: Opened, frames: Sequence[Array], target: Reading) -> None:

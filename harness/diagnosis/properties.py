@@ -86,7 +86,7 @@ def _turned(reading: Reading, name: str, direction: Array | None, centre: Array 
 
 
 def _geared(reading: Reading, name: str, gear: float) -> Reading:
-    return replace(reading, actuators={**reading.actuators, name: (reading.actuators[name][0], gear)})
+    return replace(reading, actuators={**reading.actuators, name: reading.actuators[name]._replace(gear=gear)})
 
 
 def _matter(shape: tuple[int, ...], unit: str, **more: Any) -> Property:

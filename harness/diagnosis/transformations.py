@@ -31,7 +31,7 @@ def outwards(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
 
 def axis(joint: JointReading) -> Array:
     """Direction of a hinge or slide. Shape (3,)."""
-    return joint.screw[3:] if joint.kind == "slide" else joint.screw[:3]
+    return joint.direction
 
 
 def turned(joint: JointReading, direction: Array, centre: Array) -> JointReading:
@@ -89,7 +89,7 @@ def _lacking(reading: Reading, bodies: Collection[str], joints: Collection[str])
         joints={name: joint for name, joint in reading.joints.items() if name not in joints},
         closures={n: c for n, c in reading.closures.items() if stays(c.first) and stays(c.second)},
         couplings={n: c for n, c in reading.couplings.items() if not {c.joint, c.of} & {*joints}},
-        actuators={n: driven for n, driven in reading.actuators.items() if driven[0] not in joints},
+        actuators={n: driven for n, driven in reading.actuators.items() if driven.joint not in joints},
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from screwgauge.models.formats import document, key, lines
 from screwgauge.models.layout import CUTS, Closure, lay_out
 from screwgauge.models.poses import matrix
-from screwgauge.models.readings.reading import ClosureReading, Reading, couplings_of
+from screwgauge.models.readings.reading import ActuatorReading, ClosureReading, Reading, couplings_of
 from screwgauge.reference.couplings import Coupling, check_couplings
 from screwgauge.reference.description import read_axial, read_couplings, read_joint
 from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError, shown
@@ -231,10 +231,10 @@ def place_in(reading: Reading, name: str, path: Path) -> tuple[str, Array]:
     return place
 
 
-def motors(reading: Reading, driven: Mapping[str, str], path: Path) -> dict[str, tuple[str, float]]:
-    """Actuator -> joint and gear ratio."""
+def motors(reading: Reading, driven: Mapping[str, str], path: Path) -> dict[str, ActuatorReading]:
+    """Return an actuator for each hinge or slide that is driven. `driven`: actuator -> joint."""
     for name in driven.values():
         single = [joint for joint, each in reading.joints.items() if each.kind in ("hinge", "slide")]
         if name not in single:
             raise UnknownNameError("hinge or slide", name, single, str(path))
-    return {actuator: (joint, 1.0) for actuator, joint in driven.items()}
+    return {actuator: ActuatorReading(joint) for actuator, joint in driven.items()}

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from screwgauge.models.machine import Element, Link, Machine, contracted, kind_of, uncontracted
-from screwgauge.models.readings.reading import FREEDOMS, Reading
+from screwgauge.models.poses import screw
+from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.mechanism import GROUND, KINDS, Frame, Joint, Mechanism
@@ -21,34 +22,31 @@ COMPOSITE = {"S": "a ball joint", "U": "a universal joint", "C": "a cylindrical 
 #: Entries of unit vectors and rotations that rounding leaves of zero.
 NOTHING = 4e-16
 #: A limit where a joint has one on the other side only [rad, m].
-FAR, FREE = 1e10, (-np.inf, np.inf)
+FAR = 1e10
 #: Sine of a spherical joint's second angle at home above which its axes say little; at one they lie in a plane.
 STEEP = 0.8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Axis:
-    """A hinge or slide at home, in the world: unit direction and a point of it. Shapes (3,)."""
-
-    name: str
-    turns: bool
-    direction: Array
-    point: Array
-    home: float
-    limits: tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Neighbouring freedoms of a link that make one joint; `point` is where all its axes meet.
+    """Neighbouring freedoms of a link, hinges or slides, that make one joint.
 
-    Its name is empty where that of its freedoms is to be taken.
+    Attributes:
+        kind: One of `KINDS`.
+        freedoms: By name, from the near body outwards.
+        point: Where all axes meet. Shape (3,).
+        name: Empty where that of its freedoms is to be taken.
     """
 
     kind: str
-    axes: tuple[Axis, ...]
+    freedoms: Mapping[str, JointReading]
     point: Array
     name: str = ""
+
+    @property
+    def axes(self) -> tuple[JointReading, ...]:
+        """All freedoms."""
+        return tuple(self.freedoms.values())
 
 
 def pruned(machine: Machine, followed: Collection[str]) -> Machine:
@@ -115,9 +113,9 @@ def _alone(element: Element, link: Link, machine: Machine) -> Group:
         kind = "S" if element.kind == "ball" else "F"
         made = ball(name, kind, machine.bodies[link.near].pose, machine.bodies[link.far].pose, element.centre)
     elif element.joint:
-        made = Group("R" if element.kind == "hinge" else "P", (_axis(element, machine.reading),), element.centre)
+        made = Group("R" if element.kind == "hinge" else "P", _freedoms([element], machine.reading), element.centre)
     else:
-        made = Group("R", (Axis(name, True, element.direction, element.centre, 0.0, FREE),), element.centre)
+        made = Group("R", {name: JointReading("hinge", element.screw, element.centre)}, element.centre)
     return made if element.joint else replace(made, name=name)
 
 
@@ -126,52 +124,54 @@ def pin_name(closures: Sequence[str]) -> str:
     return closures[0] if len(closures) == 1 else closures[0].removesuffix(".1")
 
 
-def _axis(element: Element, reading: Reading) -> Axis:
-    """A hinge or slide of the reading."""
-    joint = reading.joints[element.joint]
-    return Axis(element.joint, element.kind == "hinge", element.direction, element.centre, joint.home, joint.limits)
+def _freedoms(part: Iterable[Element], reading: Reading) -> dict[str, JointReading]:
+    """Hinges and slides of the reading, seen from the near side."""
+    return {each.joint: replace(reading.joints[each.joint], screw=each.screw) for each in part}
 
 
 def _composite(kind: str, part: tuple[Element, ...], machine: Machine) -> Group | str:
     """Neighbouring freedoms as one joint of a description, or why it cannot hold them."""
-    axes, length = tuple(_axis(each, machine.reading) for each in part), machine.length
+    freedoms, length = _freedoms(part, machine.reading), machine.length
+    axes = [*freedoms.values()]
     if kind == "F":
-        return _free(axes, part, machine)
+        return _free(freedoms, part, machine)
     if kind == "C":
-        hinge, slide = axes if axes[0].turns else axes[::-1]
+        turning = dict(sorted(freedoms.items(), key=lambda named: named[1].kind))  # the hinge first
+        hinge, slide = turning.values()
         aligned = np.abs(hinge.direction - slide.direction).max() < RIGHT
-        return Group("C", (hinge, slide), hinge.point) if aligned else "their directions differ"
+        return Group("C", turning, hinge.centre) if aligned else "their directions differ"
     point = np.asarray(kind_of(part, length)[1])
-    if not _orthogonal(at_zero(axes)[0] if kind == "S" else np.array([axis.direction for axis in axes])):
+    if not _orthogonal(at_zero(axes, np.eye(3))[0] if kind == "S" else np.array([axis.direction for axis in axes])):
         return "their axes are not at right angles"
-    off = max(float(np.linalg.norm(np.cross(axis.direction, point - axis.point))) for axis in axes)
+    off = max(float(np.linalg.norm(np.cross(axis.direction, point - axis.centre))) for axis in axes)
     if not off < MEET * length:
         return f"their axes pass the common point at {off:.2g} m"
     steep = kind == "S" and not abs(np.sin(axes[1].home)) < STEEP
-    return _from_home(axes, point) if steep else Group(kind, axes, point)
+    return _from_home(freedoms, point) if steep else Group(kind, freedoms, point)
 
 
-def _free(axes: tuple[Axis, ...], part: tuple[Element, ...], machine: Machine) -> Group | str:
+def _free(freedoms: Mapping[str, JointReading], part: tuple[Element, ...], machine: Machine) -> Group | str:
     """Three slides at right angles and a ball behind them."""
+    axes = [*freedoms.values()]
     E = np.array([axis.direction for axis in axes[:3]])
-    serial = [axis.turns for axis in axes] == list(KINDS["F"]) and kind_of(part[3:], machine.length)[0] == "S"
+    serial = [axis.kind == "hinge" for axis in axes] == list(KINDS["F"]) and kind_of(part[3:], machine.length)[0] == "S"
     if not serial or not _orthogonal(E) or np.linalg.det(E) < 0.0:
         return "they are not three slides at right angles and a ball"
     turns = _composite("S", part[3:], machine)
-    return turns if isinstance(turns, str) else Group("F", axes, turns.point)
+    return turns if isinstance(turns, str) else Group("F", freedoms, turns.point)
 
 
-def _from_home(axes: tuple[Axis, ...], point: Array) -> Group:
+def _from_home(names: Iterable[str], point: Array) -> Group:
     """A spherical joint whose angles count from home: its own axes are next to a plane there (gimbal lock)."""
-    names = [f"{axis.name}.from-home" for axis in axes]
-    return Group("S", tuple(Axis(n, True, e, point, 0.0, FREE) for n, e in zip(names, np.eye(3), strict=True)), point)
+    axes = zip(names, np.eye(3), strict=True)
+    return Group("S", {f"{n}.from-home": JointReading("hinge", screw(True, e, point), point) for n, e in axes}, point)
 
 
 def _orthogonal(E: Array) -> bool:
     return bool(np.abs(E @ E.T - np.eye(len(E))).max() < RIGHT)
 
 
-def at_zero(axes: Sequence[Axis]) -> tuple[Array, Array]:
+def at_zero(axes: Sequence[JointReading], R: Array) -> tuple[Array, Array]:
     """Axes before the freedoms after them turned, in axes of the joint's child at home, and the whole rotation.
 
     Of the serial product of rotations, the last axis is as the child sees it, and each one before it as seen
@@ -179,8 +179,8 @@ def at_zero(axes: Sequence[Axis]) -> tuple[Array, Array]:
     """
     E, P = np.empty((len(axes), 3)), np.eye(3)
     for i in reversed(range(len(axes))):
-        E[i] = P @ axes[i].direction
-        if axes[i].turns:
+        E[i] = P @ (R.T @ axes[i].direction)
+        if axes[i].kind == "hinge":
             P = rotation(_unit(E[i]), np.array(axes[i].home)) @ P
     return E, P
 
@@ -210,9 +210,9 @@ def joint(group: Group, name: str, near: tuple[str, Array], far: tuple[str, Arra
     """
     (parent, before), (child, behind) = near, far
     R = behind[:3, :3]
-    E, P = at_zero([replace(axis, direction=R.T @ axis.direction) for axis in group.axes])
+    E, P = at_zero(group.axes, R)
     near_R, far_R = R @ P.T, R
-    slid = sum((axis.home * axis.direction for axis in group.axes if not axis.turns), np.zeros(3))
+    slid = sum((axis.home * axis.direction for axis in group.axes if axis.kind == "slide"), np.zeros(3))
     if group.kind == "F":  # slides along the axes of the frame in the parent
         D = np.array([axis.direction for axis in group.axes[:3]]).T
         E, far_R, near_R = E[3:] @ near_R.T @ D, R @ near_R.T @ D, D
@@ -224,7 +224,7 @@ def joint(group: Group, name: str, near: tuple[str, Array], far: tuple[str, Arra
         parent=parent,
         child=child,
         axes=np.array([_unit(e) for e in E]),
-        coordinates=tuple(axis.name for axis in group.axes),
+        coordinates=tuple(group.freedoms),
         home=np.array([axis.home for axis in group.axes]),
         limits=np.array([bounds(axis.limits) for axis in group.axes]),
         parent_frame=frame(before, near_R, group.point - slid, length),
@@ -248,9 +248,14 @@ def ball(name: str, kind: str, near: Array, far: Array, point: Array) -> Group:
     """
     R = (near if kind == "F" else far)[:3, :3]
     home = near[:3, :3].T @ (point - near[:3, 3])
-    slides = [Axis(f"{name}.{x}", False, R[:, i], point, float(home[i]), FREE) for i, x in enumerate("xyz")]
-    turns = [Axis(f"{name}.q{i + 1}", True, R[:, i], point, 0.0, FREE) for i in range(3)]
-    return Group(kind, tuple(slides + turns if kind == "F" else turns), point)
+    turns = {f"{name}.q{i + 1}": JointReading("hinge", screw(True, e, point), point) for i, e in enumerate(R.T)}
+    if kind == "S":
+        return Group(kind, turns, point)
+    slides = {
+        f"{name}.{x}": JointReading("slide", screw(False, e, point), point, float(value))
+        for x, e, value in zip("xyz", R.T, home, strict=True)
+    }
+    return Group(kind, slides | turns, point)
 
 
 #: How many names a phrase lists.

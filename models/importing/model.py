@@ -248,7 +248,7 @@ def _joints(
             if i < len(steps) - 1:  # has the axes of the body at the end, and its origin in the joint
                 pose = far[1].copy()
                 pose[:3, 3] = group.point
-                far = _unused(f"{group.axes[0].name}.carrier", names), pose
+                far = _unused(f"{next(iter(group.freedoms))}.carrier", names), pose
                 carriers.append(Body(far[0], 0.0, np.zeros(3), np.zeros((3, 3))))
             name = group.name or _joint_name(group, used)
             known = given.get(group.name)  # of closures
@@ -259,11 +259,11 @@ def _joints(
 
 def _joint_name(group: Group, used: set[str]) -> str:
     """Name of a joint: that of its one freedom, or what the names of several have in common."""
-    if len(group.axes) == 1:
-        return group.axes[0].name
-    parts = {axis.name.rpartition(".")[0] for axis in group.axes}
+    if len(group.freedoms) == 1:
+        return next(iter(group.freedoms))
+    parts = {name.rpartition(".")[0] for name in group.freedoms}
     whole = parts.pop() if len(parts) == 1 else ""
-    return _unused(whole or "+".join(axis.name for axis in group.axes), used)
+    return _unused(whole or "+".join(group.freedoms), used)
 
 
 def _accepted(names: Iterable[str], kind: str, taken: Iterable[str] = TAKEN) -> dict[str, str]:

@@ -24,6 +24,7 @@ from screwgauge.models.readings.compiled import (
 )
 from screwgauge.models.readings.reading import (
     BARE,
+    ActuatorReading,
     BodyReading,
     ClosureReading,
     CouplingReading,
@@ -212,10 +213,10 @@ def joint_equality(model: Any, i: int) -> CouplingReading:
     return coupling_of(model, one, other, model.eq_data[i, : POWERS if other >= 0 else 1])
 
 
-def _actuators(model: Any) -> dict[str, tuple[str, float]]:
+def _actuators(model: Any) -> dict[str, ActuatorReading]:
     """Actuators of hinges and slides; others, and laws of force, are content of their own."""
     return {
-        model.actuator(i).name: (model.joint(joint).name, float(model.actuator_gear[i, 0]))
+        model.actuator(i).name: ActuatorReading(model.joint(joint).name, float(model.actuator_gear[i, 0]))
         for i in range(model.nu)
         if (joint := single_joint(model, i)) is not None
     }

@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 
@@ -84,6 +85,11 @@ class JointReading:
     stiffness: float = 0.0
     rest: float = 0.0
 
+    @property
+    def direction(self) -> Array:
+        """Unit vector along a hinge or slide. Shape (3,)."""
+        return self.screw[3:] if self.kind == "slide" else self.screw[:3]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClosureReading:
@@ -120,6 +126,13 @@ class CouplingReading:
     softness: tuple[float, ...] = ()
 
 
+class ActuatorReading(NamedTuple):
+    """What drives a hinge or slide: its name, and how much of it one of the actuator is."""
+
+    joint: str
+    gear: float = 1.0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
     """What was read.
@@ -131,7 +144,7 @@ class Reading:
         joints: By name.
         fixed: Links that are one with the ground -> frame in the world, shape (4, 4).
         closures, couplings: By name.
-        actuators: Name -> joint and gear ratio.
+        actuators: By name.
         gravity: World axes [m/s^2], shape (3,); None where the file cannot say it.
         medium: Density [kg/m^3] and viscosity [Pa s] of what is around.
         content: What the file says beyond that, and what the library does not make anything of.
@@ -146,7 +159,7 @@ class Reading:
     fixed: Mapping[str, Array] = field(default_factory=dict)
     closures: Mapping[str, ClosureReading] = field(default_factory=dict)
     couplings: Mapping[str, CouplingReading] = field(default_factory=dict)
-    actuators: Mapping[str, tuple[str, float]] = field(default_factory=dict)
+    actuators: Mapping[str, ActuatorReading] = field(default_factory=dict)
     gravity: Array | None = None
     medium: tuple[float, float] = (0.0, 0.0)
     content: tuple[Content, ...] = ()
@@ -276,6 +289,6 @@ def renamed(reading: Reading, names: Mapping[str, Mapping[str, str]]) -> Reading
             couplings[name]: replace(c, joint=joints[c.joint], of=joints.get(c.of, ""))
             for name, c in reading.couplings.items()
         },
-        actuators={actuators[n]: (joints.get(joint, joint), gear) for n, (joint, gear) in reading.actuators.items()},
+        actuators={actuators[n]: a._replace(joint=joints.get(a.joint, a.joint)) for n, a in reading.actuators.items()},
         content=tuple(each.renamed(names) for each in reading.content),
     )
