@@ -235,9 +235,11 @@ def test_no_edit_is_silent(engine, kind, old, new, becomes, own, scene):
 def test_a_loops_file_that_makes_an_engine_differ_is_named_in_the_verdict(own, scene):
     edit = _POINTS, "child_points = [[0.601, 0, 0.3], [0.601, 0, -0.3]]"
     mine = replace(scene, models={"pinocchio": own("pinocchio", "loops.toml", *edit).model})
-    found = verdict(screwgauge.run(mine, ["screw", "pinocchio"], ["joint_position"]))
+    results = screwgauge.run(mine, ["screw", "pinocchio"], ["joint_position"])
+    found = verdict(results)
     assert found.word == "✗ DIFFER"
     assert "The models differ, too: own.loops.toml, other than described: closure points and frames of d." in found.text
+    assert "The models differ, too: " in conclusion(results)[0].text  # before any plot of a page
 
 
 def test_what_urdf_readers_let_pass_as_xml_is_said(own, scene):

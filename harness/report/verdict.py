@@ -129,7 +129,8 @@ def _difference(results: Comparison) -> list[str]:
     at = f" at t = {number(row['worst_t'])} s"
     differ = f"{row['a']} and {row['b']} differ: {where}, by {_amount(row)}{at}{_because(row)}."
     known, unknown = (_reviewed(results, explained=explained) for explained in (True, False))
-    return [*known, differ, *unknown, *_model_differences(results, row["a"], row["b"]), *more, *results.known]
+    cause = " ".join([differ, *_model_differences(results, row["a"], row["b"])])  # a headline has both
+    return [*known, cause, *unknown, *more, *results.known]
 
 
 def _reviewed(results: Comparison, *, explained: bool) -> Iterator[str]:
@@ -168,7 +169,9 @@ def _fault(results: Comparison) -> list[str]:
     row = rows(results.faults)[0]
     at = f" at {row['worst_component']}, t = {number(row['worst_t'])} s" if row.get("worst_component") else ""
     sentence = f"The judge faults {row['engine']}: {words(row['residual'])} residual {_amount(row)}{at}{_because(row)}."
-    return [sentence] if len(results.differences) else [sentence, *_model_differences(results, row["engine"])]
+    return (
+        [sentence] if len(results.differences) else [" ".join([sentence, *_model_differences(results, row["engine"])])]
+    )
 
 
 #: What is said of each outcome.
