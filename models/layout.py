@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,6 +93,20 @@ class Closure:
     parent_frame: Frame
     child_frame: Frame
 
+    @property
+    def pairs(self) -> list[tuple[str, Frame, Frame]]:
+        """Frames of parent and child that a weld makes one, else of which the origins coincide; two are numbered."""
+        if self.type != "points":
+            return [("", self.parent_frame, self.child_frame)]
+        points = zip(self.parent_points, self.child_points, strict=True)
+        return [(str(i), Frame(near), Frame(far)) for i, (near, far) in enumerate(points, 1)]
+
+    def frames(self) -> Iterator[tuple[tuple[str, str, Frame], tuple[str, str, Frame]]]:
+        """Yield pairs of frames that coincide: name, link that it is fixed to, placement there."""
+        for number, *placed in self.pairs:
+            near, far = (frame if self.type == "weld" else Frame(frame.p) for frame in placed)
+            yield (f"{self.joint}@parent{number}", self.parent, near), (f"{self.joint}@child{number}", self.child, far)
+
     def facing(self, joint: Joint) -> Closure:
         """The closure with its parent on the joint's parent side; of a weld, on that of the original."""
         copy = f"@{self.joint}"
@@ -99,21 +114,6 @@ class Closure:
             return self
         points, frames = (self.child_points, self.parent_points), (self.child_frame, self.parent_frame)
         return Closure(self.joint, self.type, self.child, self.parent, *points, *frames)
-
-
-def closure_frames(closure: Closure) -> list[tuple[tuple[str, str, Frame], tuple[str, str, Frame]]]:
-    """Pairs of frames that coincide: name, link that it is fixed to, placement there. Two of an R joint's axis."""
-    sides = (closure.parent, "parent"), (closure.child, "child")
-    if closure.type == "weld":
-        frames = [[closure.parent_frame], [closure.child_frame]]
-    else:
-        frames = [[Frame(p) for p in points] for points in (closure.parent_points, closure.child_points)]
-    numbers = [""] if len(frames[0]) == 1 else ["1", "2"]
-    named = [
-        [(f"{closure.joint}@{side}{number}", link, frame) for number, frame in zip(numbers, placed, strict=True)]
-        for (link, side), placed in zip(sides, frames, strict=True)
-    ]
-    return list(zip(*named, strict=True))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

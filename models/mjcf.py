@@ -231,11 +231,10 @@ def _closures(root: ET.Element, bodies: dict[str, ET.Element], closures: Sequenc
         names = pairs[0] if weld else (f"{closure.joint}@parent", f"{closure.joint}@child")
         for body, name, frame in zip(sides, names, (closure.parent_frame, closure.child_frame), strict=True):
             _site(body, name, frame)
-        for i, pair in enumerate(pairs):
-            name = closure.joint if len(pairs) == 1 else f"{closure.joint}.{i + 1}"
-            if closure.type == "points":
-                for body, site, points in zip(sides, pair, (closure.parent_points, closure.child_points), strict=True):
-                    _site(body, site, Frame(p=points[i]))
+        for pair, (number, *frames) in zip(pairs, closure.pairs, strict=True):
+            for body, site, frame in zip(sides, pair, frames, strict=True) if number else ():
+                _site(body, site, frame)
+            name = f"{closure.joint}.{number}".removesuffix(".")
             row = ET.SubElement(equality, "weld" if weld else "connect", name=name, site1=pair[0], site2=pair[1])
             if weld:
                 row.set("torquescale", "1")

@@ -196,15 +196,11 @@ def closure_readings(closures: Iterable[Closure]) -> dict[str, ClosureReading]:
     """Closures of our own files by the names that their constraints have in an MJCF; two points are two of them."""
     found = {}
     for closure in closures:
-        parent, child = closure.parent, closure.child
-        if closure.type != "points":
-            T1, T2 = (matrix(frame.p, frame.R) for frame in (closure.parent_frame, closure.child_frame))
-            kind = "weld" if closure.type == "weld" else "point"
-            found[closure.joint] = ClosureReading(kind, parent, T1, child, T2)
-            continue
-        for i, points in enumerate(zip(closure.parent_points, closure.child_points, strict=True)):
-            T1, T2 = (matrix(p, np.eye(3)) for p in points)
-            found[f"{closure.joint}.{i + 1}"] = ClosureReading("point", parent, T1, child, T2)
+        kind = "weld" if closure.type == "weld" else "point"
+        for number, *frames in closure.pairs:
+            T1, T2 = (matrix(frame.p, frame.R) for frame in frames)
+            name = f"{closure.joint}.{number}".removesuffix(".")
+            found[name] = ClosureReading(kind, closure.parent, T1, closure.child, T2)
     return found
 
 

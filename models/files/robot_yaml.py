@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from screwgauge.models.content import Content
 from screwgauge.models.files.loops import motors, place_in
-from screwgauge.models.layout import closure_frames, lay_out
+from screwgauge.models.layout import lay_out
 from screwgauge.models.readings.assemble import retyped
 from screwgauge.models.readings.reading import ClosureReading, Reading
 from screwgauge.reference.errors import ModelFileError, UnknownNameError, shown
@@ -238,10 +238,10 @@ class _Composer:
 
 
 def write_loops_yaml(mechanism: Mechanism, cut: str) -> str:
-    """The loops and motors of a cut mechanism; its URDF has the frames as links, see `closure_frames`."""
+    """The loops and motors of a cut mechanism; its URDF has the frames as links, see `Closure.frames`."""
     pairs, types = list[list[str]](), list[str]()
     for closure in lay_out(mechanism, cut).closures:
-        for first, second in closure_frames(closure):
+        for first, second in closure.frames():
             pairs.append([first[0], second[0]])
             types.append("6d" if closure.type == "weld" else "3d")
     motors = [joint.coordinates[0] for joint in mechanism.actuators]

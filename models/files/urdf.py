@@ -13,12 +13,12 @@ import numpy as np
 
 from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText, numbers
 from screwgauge.models.formats import TENSOR, WIDE, inverse, number_text, rpy, tensor, vector_text
-from screwgauge.models.layout import Freedom, Link, closure_frames, lay_out
+from screwgauge.models.layout import Freedom, Link, lay_out
 from screwgauge.models.matter import NOTHING, Matter
 from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
-from screwgauge.reference.mechanism import GROUND, Body, Frame, Mechanism
+from screwgauge.reference.mechanism import GROUND, Frame, Mechanism
 from screwgauge.reference.rotations import Array, rotation
 
 #: Part of model files that brings it, see `screwgauge.models.generate`.
@@ -41,7 +41,7 @@ def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset(
     for link in tree.links:
         _add(robot, link, "limits" in include)
     if PART in include:
-        for name, link_name, frame in (side for one in tree.closures for pair in closure_frames(one) for side in pair):
+        for name, link_name, frame in (side for one in tree.closures for pair in one.frames() for side in pair):
             ET.SubElement(robot, "link", name=name)
             joint = ET.SubElement(robot, "joint", name=f"{name}.fixed", type="fixed")
             _placement(joint, frame)
@@ -66,9 +66,9 @@ def _add(robot: ET.Element, link: Link, limited: bool) -> None:
         mount = ET.SubElement(robot, "joint", name=f"{name}.mount", type="fixed")
         _placement(mount, inverse(link.far_frame))
         _ends(mount, near, link.name)
-    element = ET.SubElement(robot, "link", name=link.name)
-    if link.body.mass:
-        _inertial(element, link.body)
+    element, body = ET.SubElement(robot, "link", name=link.name), link.body
+    if body.mass:
+        element.append(ET.fromstring(inertial_text(Matter(body.mass, body.com, body.inertia))))
 
 
 def frame_link(link: Link) -> str:
@@ -95,13 +95,6 @@ def _ends(joint: ET.Element, near: str, far: str) -> None:
 def _placement(joint: ET.Element, frame: Frame) -> None:
     if not frame.is_identity:
         ET.SubElement(joint, "origin", xyz=vector_text(frame.p), rpy=vector_text(rpy(frame.R)))
-
-
-def _inertial(link: ET.Element, body: Body) -> None:
-    inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=vector_text(body.com), rpy="0 0 0")
-    ET.SubElement(inertial, "mass", value=number_text(body.mass))
-    ET.SubElement(inertial, "inertia", moments(body.inertia))
 
 
 def moments(I: Array) -> dict[str, str]:

@@ -101,26 +101,36 @@ def _everything(reading: Reading, model: Any | None, where: str) -> tuple[LeftOu
 
 
 def _of_joint(name: str, joint: JointReading, model: Any | None, where: str) -> Iterator[LeftOut]:
-    of, stiffness, damping = f"joint {name}", [joint.stiffness], [joint.damping]
+    of, stiffness, damping = f"joint {name}", _powers([joint.stiffness]), _powers([joint.damping])
     if model is not None:
         i = model.joint(name).id
-        stiffness += [] if is_disabled(model, "SPRING") else _further(model, "jnt_stiffnesspoly", i)
-        damping += [] if is_disabled(model, "DAMPER") else _further(model, "dof_dampingpoly", model.jnt_dofadr[i])
-    laws: dict[str, Any] = {"armature": joint.armature, "damping": _powers(damping), "friction": joint.friction}
+        stiffness, damping = _spring(model, "jnt", i), _damper(model, "dof", model.jnt_dofadr[i])
+    laws: dict[str, Any] = {"armature": joint.armature, "damping": damping, "friction": joint.friction}
     if FREEDOMS[joint.kind] == 1:
-        if any(laws.values()) or any(stiffness):
-            yield Resistance(of, {name: 1.0}, **laws, stiffness=_powers(stiffness), rest=(joint.rest, joint.rest))
+        if any(laws.values()) or stiffness:
+            yield Resistance(of, {name: 1.0}, **laws, stiffness=stiffness, rest=(joint.rest, joint.rest))
         return
-    if any(stiffness):
+    if stiffness:
         what = f"joint {name} is a {joint.kind} joint with a spring, which cannot be measured"
         raise ModelFileError(what, where, "make it three hinges, or take its stiffness out")
     if any(laws.values()):
         yield TurnResistance(of, name, **laws)
 
 
-def _further(model: Any, array: str, i: int) -> list[float]:
-    """Further coefficients of a law, which MuJoCo has since 4.0."""
-    return [float(x) for x in np.ravel(getattr(model, array)[i])] if hasattr(model, array) else []
+def _spring(model: Any, owner: str, i: int) -> Powers:
+    """Return the law of a spring of a joint or tendon; none where springs are switched off."""
+    return () if is_disabled(model, "SPRING") else _law(model, f"{owner}_stiffness", i)
+
+
+def _damper(model: Any, owner: str, i: int) -> Powers:
+    """Return the law of a damper of a freedom, tendon or actuator; none where dampers are switched off."""
+    return () if is_disabled(model, "DAMPER") else _law(model, f"{owner}_damping", i)
+
+
+def _law(model: Any, array: str, i: int) -> Powers:
+    """Return the coefficients of a law, of which MuJoCo has several since 4.0."""
+    arrays = [getattr(model, name) for name in (array, f"{array}poly") if hasattr(model, name)]
+    return _powers(float(x) for values in arrays for x in np.ravel(values[i]))
 
 
 def _powers(values: Iterable[float]) -> Powers:
@@ -130,17 +140,14 @@ def _powers(values: Iterable[float]) -> Powers:
 
 def _of_tendons(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
     """Tendons that pull."""
-    springs, dampers = (not is_disabled(model, flag) for flag in ("SPRING", "DAMPER"))
     for i in range(model.ntendon):
-        stiffness = (float(model.tendon_stiffness[i]), *_further(model, "tendon_stiffnesspoly", i))
-        damping = (float(model.tendon_damping[i]), *_further(model, "tendon_dampingpoly", i))
         low, high = np.broadcast_to(model.tendon_lengthspring[i], 2).tolist()
         rubs = not is_disabled(model, "FRICTIONLOSS")
         laws: dict[str, Any] = {
             "armature": float(model.tendon_armature[i]) if hasattr(model, "tendon_armature") else 0.0,
-            "damping": _powers(damping) if dampers else (),
+            "damping": _damper(model, "tendon", i),
             "friction": float(model.tendon_frictionloss[i]) if rubs else 0.0,
-            "stiffness": _powers(stiffness) if springs else (),
+            "stiffness": _spring(model, "tendon", i),
         }
         of, fixed = f"tendon {model.tendon(i).name}", shares(model, i)
         if any(laws.values()):
@@ -168,10 +175,8 @@ def _coordinates(model: Any, shares_of: Mapping[int, float], factor: float = 1.0
 
 def _of_actuators(model: Any, where: str) -> Iterator[LeftOut]:
     """Rotors and dampers of actuators, which gears multiply by the square of their ratio."""
-    dampers = not is_disabled(model, "DAMPER")
     for i in range(model.nu if hasattr(model, "actuator_armature") else 0):
-        damping = _powers((*np.ravel(model.actuator_damping[i]), *_further(model, "actuator_dampingpoly", i)))
-        armature, damping = float(model.actuator_armature[i]), damping if dampers else ()
+        armature, damping = float(model.actuator_armature[i]), _damper(model, "actuator", i)
         if not (armature or damping):
             continue
         name, joints = model.actuator(i).name, coupled_joints(model, i)
