@@ -11,7 +11,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText, numbers
+from screwgauge.models.content import Content
+from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText, number, numbers
 from screwgauge.models.formats import TENSOR, WIDE, inverse, number_text, rpy, tensor, vector_text
 from screwgauge.models.layout import Freedom, Link, lay_out
 from screwgauge.models.matter import NOTHING, Matter
@@ -104,6 +105,10 @@ def moments(I: Array) -> dict[str, str]:
 
 #: Below it a placement or direction is the same [m or 1]: products of frames leave as much.
 SAME = 1e-14
+#: Name of the joint of a base that floats, as Pinocchio calls its own.
+FLOATING = "root_joint"
+#: Coefficients of `<mimic>`, lowest first, and what they are where the file does not say.
+_MIMIC = (("offset", 0.0), ("multiplier", 1.0))
 #: What a joint's reading has -> element and attribute; limits have two attributes.
 JOINT = {"limits": ("limit", ""), "damping": ("dynamics", "damping"), "friction": ("dynamics", "friction")}
 
@@ -149,6 +154,53 @@ def root_link(root: ET.Element) -> str:
     """Name of the link of a URDF that hangs on no joint."""
     children = {carried_link(joint) for joint in root.iterfind("joint")}
     return next((link.get("name", "") for link in root.iterfind("link") if link.get("name") not in children), "")
+
+
+def mimics(root: ET.Element, where: str) -> dict[str, CouplingReading]:
+    """Return joints that follow another one, by name; what follows a fixed one, which stays at 0, is held."""
+    couplings = {}
+    moving = {joint.get("name", ""): joint for joint in root.iterfind("joint") if joint.get("type") != "fixed"}
+    for name, joint in moving.items():
+        if (mimic := joint.find("mimic")) is not None:
+            ratio = np.array([number(mimic, key, default, where) for key, default in _MIMIC])
+            leads = mimic.get("joint", "")
+            held = leads not in moving
+            couplings[name] = CouplingReading(name, "" if held else leads, ratio[:1] if held else ratio)
+    return couplings
+
+
+def fixed_joints(root: ET.Element) -> dict[str, str]:
+    """Return the link that each fixed joint carries."""
+    return {joint.get("name", ""): carried_link(joint) for joint in root.iterfind("joint[@type='fixed']")}
+
+
+def add_floating_base(root: ET.Element) -> None:
+    """Hangs the first link on a joint that leaves it free."""
+    base, links = root_link(root), {link.get("name") for link in root.iterfind("link")}
+    world = next(name for name in ("world", "world_", "world__") if name not in links)
+    ET.SubElement(root, "link", name=world)
+    _ends(ET.SubElement(root, "joint", name=FLOATING, type="floating"), world, base)
+
+
+def without_shapes(root: ET.Element) -> list[Content]:
+    """Takes shapes of meshes, and all that is only seen, out of a URDF; returns what has to do with mechanics."""
+    touching, content = list[str](), list[Content]()
+    for link in root.iterfind("link"):
+        for shape in [*link.iterfind("visual"), *link.iterfind("collision")]:
+            geometry = shape.find("geometry")
+            for call in (element for element in shape.iter() if element.tag.startswith("xacro:")):
+                content.append(Content("put in place", call.tag, f" of link {link.get('name', '')}"))
+            if shape.tag == "visual" or geometry is None or geometry.find("mesh") is not None:
+                link.remove(shape)
+                if shape.tag == "collision":
+                    touching.append(link.get("name", ""))
+    for material in root.findall("material"):
+        root.remove(material)
+    weightless = {link.get("name", "") for link in root.iterfind("link") if link.find("inertial") is None}
+    phrase = "mesh of link {}, from which MuJoCo would take its mass"
+    names = dict.fromkeys(touching)
+    content += [Content("mass from meshes", phrase.format(name)) for name in names if name in weightless]
+    return content + [Content("contacts of geoms", "collision", f" of link {name}") for name in names]
 
 
 def links(xml: XmlText) -> list[TextLink]:

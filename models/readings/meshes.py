@@ -1,4 +1,4 @@
-"""Takes meshes, textures and other files out of a model, and says where mass would have come from them."""
+"""Takes meshes, textures and other files out of an MJCF, and says where mass would have come from them."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ _SECTIONS = ("asset", "visual", "sensor", "statistic", "custom", "size")
 _READERS = ("skin",)
 
 
-def without_meshes(root: ET.Element, form: str, where: str, *, moving: Collection[str] = ()) -> list[Content]:
-    """Takes them out of a model.
+def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()) -> list[Content]:
+    """Takes them out of an MJCF.
 
     Args:
         moving: What another model attaches of it, and may move: ``body``, ``worldbody``.
@@ -35,30 +35,6 @@ def without_meshes(root: ET.Element, form: str, where: str, *, moving: Collectio
     Raises:
         ModelFileError: Mass of a moving body would come from what is taken out.
     """
-    return _urdf(root) if form == "urdf" else _mjcf(root, where, moving)
-
-
-def _urdf(root: ET.Element) -> list[Content]:
-    touching, content = list[str](), list[Content]()
-    for link in root.iterfind("link"):
-        for shape in [*link.iterfind("visual"), *link.iterfind("collision")]:
-            geometry = shape.find("geometry")
-            for call in (element for element in shape.iter() if element.tag.startswith("xacro:")):
-                content.append(Content("put in place", call.tag, f" of link {link.get('name', '')}"))
-            if shape.tag == "visual" or geometry is None or geometry.find("mesh") is not None:
-                link.remove(shape)
-                if shape.tag == "collision":
-                    touching.append(link.get("name", ""))
-    for material in root.findall("material"):
-        root.remove(material)
-    weightless = {link.get("name", "") for link in root.iterfind("link") if link.find("inertial") is None}
-    phrase = "mesh of link {}, from which MuJoCo would take its mass"
-    names = dict.fromkeys(touching)
-    content += [Content("mass from meshes", phrase.format(name)) for name in names if name in weightless]
-    return content + [Content("contacts of geoms", "collision", f" of link {name}") for name in names]
-
-
-def _mjcf(root: ET.Element, where: str, moving: Collection[str]) -> list[Content]:
     content = list[Content]()
     for name in _SECTIONS:
         for section in root.findall(name):

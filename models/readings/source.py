@@ -11,12 +11,18 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-import numpy as np
-
 from screwgauge.models.content import Content
 from screwgauge.models.files.parts import MAKERS, Part, joints_in, name_all, parts, world
-from screwgauge.models.files.urdf import carried_link, check_tree, root_link
-from screwgauge.models.files.xml import check_numbers, number, parse
+from screwgauge.models.files.urdf import (
+    add_floating_base,
+    carried_link,
+    check_tree,
+    fixed_joints,
+    mimics,
+    root_link,
+    without_shapes,
+)
+from screwgauge.models.files.xml import check_numbers, parse
 from screwgauge.models.readings.meshes import weigh, without_meshes
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.errors import ModelFileError, first_few
@@ -26,12 +32,8 @@ from screwgauge.reference.files import check_count
 FORMATS = {"robot": "urdf", "mujoco": "mjcf"}
 #: Elements of a file that has yet to be expanded; calls of macros that are defined nowhere stay when it has been.
 _OF_XACRO = {f"xacro:{name}" for name in ("include", "macro", "property", "arg", "if", "unless", "insert_block")}
-#: Name of the joint of a base that floats, as Pinocchio calls its own.
-FLOATING = "root_joint"
 #: Bodies that a sentence names.
 _NAMED = 6
-#: Coefficients of `<mimic>`, lowest first, and what they are where the file does not say.
-_MIMIC = (("offset", 0.0), ("multiplier", 1.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,22 +78,12 @@ class Source:
     @property
     def mimics(self) -> dict[str, CouplingReading]:
         """Joints of a URDF that follow another one, by name; what follows a fixed one, which stays at 0, is held."""
-        couplings, moving = {}, self.names("joint") if self.form == "urdf" else []
-        for joint in self.root.iterfind("joint") if self.form == "urdf" else ():
-            mimic, name = joint.find("mimic"), joint.get("name", "")
-            if mimic is not None and name in moving:
-                ratio = np.array([number(mimic, key, default, str(self.path)) for key, default in _MIMIC])
-                leads = mimic.get("joint", "")
-                couplings[name] = (
-                    CouplingReading(name, leads, ratio) if leads in moving else CouplingReading(name, "", ratio[:1])
-                )
-        return couplings
+        return mimics(self.root, str(self.path)) if self.form == "urdf" else {}
 
     @property
     def fixed_joints(self) -> dict[str, str]:
         """Fixed joint of a URDF -> link that it carries; none of an MJCF."""
-        joints = self.root.iterfind("joint[@type='fixed']") if self.form == "urdf" else ()
-        return {joint.get("name", ""): carried_link(joint) for joint in joints}
+        return fixed_joints(self.root) if self.form == "urdf" else {}
 
     def names(self, what: str) -> list[str]:
         """Names of its links, bodies or moving joints; of an MJCF without those of which copies are made."""
@@ -132,8 +124,10 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
         raise ModelFileError(what, str(path), "give a URDF (<robot>) or an MJCF (<mujoco>)")
     form = FORMATS[root.tag]
     source = _mjcf(root, path, meshes) if form == "mjcf" else _urdf(root, path)
+    if floating and form != "urdf":
+        raise ModelFileError("is an MJCF, which says itself what floats", str(path), "do not ask for a floating base")
     if floating:
-        _float(root, form, path)
+        add_floating_base(root)
     return source
 
 
@@ -171,7 +165,7 @@ def check_names(root: ET.Element, form: str, where: str) -> None:
 def _urdf(root: ET.Element, path: Path) -> Source:
     check_count(len(root.findall("link")), "links", str(path))
     check_numbers(root, str(path))
-    content = without_meshes(root, "urdf", str(path))
+    content = without_shapes(root)
     if "name" not in root.attrib:
         root.set("name", path.stem)  # which some readers refuse to do without
         content.append(Content("put in place", "no name of the robot: it has that of the file"))
@@ -198,7 +192,7 @@ def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:
             names = first_few(weighed, _NAMED)
             resolved.append(f"Mass and inertia of {names} are those that MuJoCo computes from the meshes.")
         moving = () if own else ("body", "worldbody") if whole else ("body",)
-        content += without_meshes(part.root, "mjcf", where, moving=moving)
+        content += without_meshes(part.root, where, moving=moving)
         check_names(part.root, "mjcf", where)
         _attach(part, keys)
         if not own:
@@ -245,18 +239,6 @@ def _attach(part: Part, keys: Mapping[Path, str]) -> None:
         asset = ET.SubElement(part.root, "asset")
         for name, file in part.models.items():
             ET.SubElement(asset, "model", {"file": keys[file], **({"name": name} if name else {})})
-
-
-def _float(root: ET.Element, form: str, path: Path) -> None:
-    """Hangs the first link of a URDF on a joint that leaves it free."""
-    if form != "urdf":
-        raise ModelFileError("is an MJCF, which says itself what floats", str(path), "do not ask for a floating base")
-    base, links = root_link(root), {link.get("name") for link in root.iterfind("link")}
-    world = next(name for name in ("world", "world_", "world__") if name not in links)
-    ET.SubElement(root, "link", name=world)
-    joint = ET.SubElement(root, "joint", name=FLOATING, type="floating")
-    ET.SubElement(joint, "parent", link=world)
-    ET.SubElement(joint, "child", link=base)
 
 
 Branch = tuple[str, tuple[str, ...], Any]
