@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import permutations
 
@@ -111,13 +111,13 @@ def retyped(reading: Reading, types: Mapping[str, str], where: str) -> Reading:
             raise UnknownNameError("joint", name, reading.joints, f"{where}, joint_name")
         if kind not in KNOWN:
             raise UnknownNameError(f"type of joint '{name}',", kind, KNOWN, f"{where}, joint_type")
+    _check_free(reading, types, where)
     frames = {name: link for name in types if (link := reading.carried(name))}
     lost = (phrase for name, kind in types.items() for phrase in _lost(reading.joints[name], name, kind))
     content = (Content("read otherwise by the library", phrase, values=()) for phrase in lost)
     reading = replace(reading, frames={**reading.frames, **frames}, content=(*reading.content, *content))
     for name, kind in types.items():
         if kind != FIXED:
-            _check_free(reading, name, kind, where)
             reading = _replaced(reading, name, _turning(reading, name, kind, where))
     return _welded(reading, [name for name, kind in types.items() if kind == FIXED], where)
 
@@ -131,10 +131,13 @@ def _lost(joint: JointReading, name: str, kind: str) -> Iterator[str]:
             yield f"{what} of joint {name}, which is made {kind}"
 
 
-def _check_free(reading: Reading, name: str, kind: str, where: str) -> None:
-    if any(name in (coupling.joint, coupling.of) for coupling in reading.couplings.values()):
-        what = f"joint '{name}' is coupled to another one, and cannot be made {kind}"
-        raise ModelFileError(what, f"{where}, joint_type", "take out its <mimic> or its joint_type")
+def _check_free(reading: Reading, types: Mapping[str, str], where: str) -> None:
+    """Refuses a type for a joint that is coupled; one that is fixed may lead others, which then are held."""
+    for coupling in reading.couplings.values():
+        for name in (coupling.joint, coupling.of):
+            if name in types and (name == coupling.joint or types[name] != FIXED):
+                what = f"joint '{name}' is coupled to another one, and cannot be made {types[name]}"
+                raise ModelFileError(what, f"{where}, joint_type", "take out its <mimic> or its joint_type")
 
 
 def _turning(reading: Reading, name: str, kind: str, where: str) -> dict[str, JointReading]:
@@ -169,7 +172,7 @@ def _welded(reading: Reading, names: list[str], where: str) -> Reading:
     """The reading without some joints, whose bodies are one."""
     if not names:
         return reading
-    couplings = dict(_kept(reading, names, where))
+    couplings = {key: _held(reading, coupling, names) for key, coupling in reading.couplings.items()}
     for name in names:
         reading = _replaced(reading, name, {})
     assembly = assemble(dict(_links(reading)), where)
@@ -178,16 +181,12 @@ def _welded(reading: Reading, names: list[str], where: str) -> Reading:
     return replace(reading, bodies=assembly.bodies, fixed={**reading.fixed, **assembly.fixed}, couplings=couplings)
 
 
-def _kept(reading: Reading, names: list[str], where: str) -> Iterator[tuple[str, CouplingReading]]:
-    """Couplings; what follows a fixed joint is held."""
-    for key, coupling in reading.couplings.items():
-        if coupling.joint in names:
-            what = f"joint '{coupling.joint}' is coupled to another one, and cannot be made {FIXED}"
-            raise ModelFileError(what, f"{where}, joint_type", "take out its <mimic> or its joint_type")
-        if coupling.of in names:
-            held = polynomial.polyval(reading.joints[coupling.of].home, coupling.polynomial)
-            coupling = replace(coupling, of="", polynomial=np.array([held]))
-        yield key, coupling
+def _held(reading: Reading, coupling: CouplingReading, fixed: Collection[str]) -> CouplingReading:
+    """A coupling when some joints are fixed at home: what follows one of them is held."""
+    if coupling.of not in fixed:
+        return coupling
+    held = polynomial.polyval(reading.joints[coupling.of].home, coupling.polynomial)
+    return replace(coupling, of="", polynomial=np.array([held]))
 
 
 def _links(reading: Reading) -> Iterator[tuple[str, BodyReading]]:
