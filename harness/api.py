@@ -96,12 +96,14 @@ def diagnose(
     loops: Loops = None,
     limit: float = LIMIT,
     load: Read | None = None,
+    only: str = "",
 ) -> DiagnosisReport:
     """Compares two models of a machine, says why they differ, and proves it.
 
-    Joints are paired by name, else by the tree and its geometry. What the files say is compared number by number,
-    motion and dynamics at random states of the machine. The differences are then put into B one after the other until
-    its torques are those of A: what explains how much of the torque difference, and that nothing else is left.
+    Both are compared as machines: links, joints and loops, however a file cuts them. Joints are paired by name, else by
+    geometry. Where all of B stands elsewhere, is turned, mirrored or in other units, that is one cause. Each cause has
+    its share of the torque difference at random states: the torques of A with the values of B. As a proof, B's file is
+    corrected and read again.
 
     Args:
         a, b: URDF, MJCF or description (a built-in name or a path), or ``FILE@LIBRARY`` as ``pinocchio``, ``mujoco`` or
@@ -112,6 +114,7 @@ def diagnose(
             one file for both, or one for each side, None for what lies beside it.
         limit: Time after which nothing further is begun, what is not done being named in `left_out`; 3600 [s].
         load: Reads a file; by default in this process, where a library that crashes takes it along.
+        only: ``rigid`` compares geometry, masses and inertias alone; by default all is compared.
 
     Returns:
         The diagnosis, true if the two are the same. `verdict` is a sentence or two, `differences` and `causes` have a
@@ -125,7 +128,7 @@ def diagnose(
     from screwgauge.report.diagnosed import DiagnosisReport
 
     load = load or in_process
-    return DiagnosisReport.of(compared(a, b, map=map, seed=seed, loops=loops, limit=limit, load=load))
+    return DiagnosisReport.of(compared(a, b, map=map, seed=seed, loops=loops, limit=limit, load=load, only=only))
 
 
 def review(

@@ -265,6 +265,7 @@ def _parser() -> argparse.ArgumentParser:
         help="what closes loops of URDFs, one file or one for each: robot.yaml or .loops.toml (those beside them)",
     )
     add("--meshes", action="store_true", help=meshes)
+    add("--only", default="", metavar="rigid", help="compare geometry, masses and inertias alone")
     add("--seed", type=_whole(0), default=0, metavar="N", help="of the random states (0)")
     add("--limit", type=float, metavar="SECONDS", help="begin nothing after that, report what is there (3600)")
     add("--all", action="store_true", help="print each difference, too, not by cause alone")

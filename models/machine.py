@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -129,7 +130,7 @@ class Body:
         return self.matter.mass > NO_MASS or float(np.abs(self.matter.inertia).max()) > NO_INERTIA
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Machine:
     """A reading as a graph.
 
@@ -147,9 +148,18 @@ class Machine:
     length: float
     remarks: tuple[str, ...] = ()
 
+    @cached_property
+    def _around(self) -> Mapping[str, list[Link]]:
+        around: dict[str, list[Link]] = {}
+        for link in self.links:
+            around.setdefault(link.near, []).append(link)
+            if link.far != link.near:
+                around.setdefault(link.far, []).append(link.reversed())
+        return around
+
     def at(self, body: str) -> list[Link]:
         """Links of a body, seen from it."""
-        return [link.of(body) for link in self.links if link.joins(body)]
+        return self._around.get(body, [])
 
     def part_of(self, member: str) -> str:
         """The body that one of the reading is part of."""

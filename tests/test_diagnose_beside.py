@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 
 import pytest
 
 import screwgauge
-from screwgauge import ScrewgaugeError
+from screwgauge import ScrewgaugeError, models
 from support.command import main
 from support.diagnosis import summary
-from support.errors import ModelFileError
+from support.errors import ClosureError, ModelFileError, OutputError
 from support.mechanism import load_mechanism
 from support.models import write_models
 
@@ -52,9 +53,9 @@ def test_the_loops_file_beside_a_urdf_is_read(folders):
     for a, b in ((urdf(folders[0]), NAME), (NAME, urdf(folders[0])), (urdf(folders[0]), folders[1] / f"{NAME}.xml")):
         found = screwgauge.diagnose(a, b)
         assert found.same, found.verdict
-        assert found.loops.mobility == (2, 2)
+        assert found.found.mobility == (2, 2)
         side = "AB"[(a, b).index(urdf(folders[0]))]
-        assert f"what closes loops of {side} is said by {NAME}.loops.toml beside it" in found.notes
+        assert f"{side}: {NAME}.loops.toml beside it says what closes the loops" in found.notes
 
 
 @pytest.mark.slow
@@ -64,27 +65,13 @@ def test_loops_of_one_side_alone_are_never_the_same(folders):
         found = screwgauge.diagnose(a, b)
         assert not found.same, found.verdict
         assert found.exit_status == 1
-        assert "a closure of left.rod and right.rod in " in found.verdict
-        assert {*found.loops.mobility} == {2, 4}
+        assert {*found.found.mobility} == {2, 4}
+        assert {(fact.what, fact.side) for fact in found.found.facts} == {("link", "BA"[(a, b).index(bare)])}
         side = "AB"[(a, b).index(bare)]
-        assert (
-            f"{side} is a URDF, which cannot say what closes loops, and no file beside it does (--loops names one)"
-            in found.notes
-        )
+        assert any(note.startswith(f"{side}: a URDF cannot say what closes loops") for note in found.notes)
     both = screwgauge.diagnose(bare, bare)
     assert both.same
     assert not any("--loops" in note for note in both.notes)
-
-
-def test_two_urdfs_with_other_robot_yamls_beside_them_differ(folders):
-    a, b = yaml_only(folders[0]), yaml_only(folders[1])
-    assert a.read_text(encoding="utf-8") == b.read_text(encoding="utf-8")
-    assert screwgauge.diagnose(a, b).same
-    b = b.with_name("robot.yaml")
-    b.write_text(b.read_text(encoding="utf-8").replace("3d", "6d").replace("3D", "6D"), encoding="utf-8")
-    found = screwgauge.diagnose(a, urdf(folders[1]))
-    assert not found.same
-    assert "a weld in B, a point in A" in found.verdict
 
 
 @pytest.mark.slow
@@ -92,8 +79,8 @@ def test_loops_elsewhere_are_named_for_each_side(folders, tmp_path, command):
     a, b = (only(folder, f"{NAME}.urdf", f"{NAME}.loops.toml") for folder in folders)
     beside = [path.with_suffix(".loops.toml") for path in (a, b)]
     loops = [shutil.move(path, tmp_path / f"{i}.loops.toml") for i, path in enumerate(beside)]
-    assert screwgauge.diagnose(a, b, loops=loops).loops.mobility == (2, 2)
-    assert screwgauge.diagnose(a, b, loops=loops[0]).loops.mobility == (2, 2)  # one for both
+    assert screwgauge.diagnose(a, b, loops=loops).found.mobility == (2, 2)
+    assert screwgauge.diagnose(a, b, loops=loops[0]).found.mobility == (2, 2)  # one for both
     assert not screwgauge.diagnose(a, b, loops=(loops[0], None)).same
     assert not screwgauge.diagnose(a, b, loops=(None, loops[1])).same
     assert screwgauge.diagnose(a, NAME, loops=loops[0]).same
@@ -120,3 +107,87 @@ def test_the_loops_file_is_named_with_its_digest_in_the_record(folders, tmp_path
     assert facts["A"]["loops"]["file"].endswith(f"{NAME}.loops.toml")
     assert len(facts["A"]["loops"]["sha256"]) == 64
     assert facts["B"]["loops"] is None
+
+
+def test_limits_of_a_description_are_compared_where_the_model_file_has_some(tmp_path, inside):
+    text = """name = "arm"
+    independent.a = "a"
+    bodies.one = { mass = 1, com = [0.1, 0, 0], inertia = { xx = 1e-2, yy = 1e-2, zz = 1e-2 } }
+    [joints]
+    a = { kind = "R", parent = "ground", child = "one", axes = [[0, 1, 0]], actuated = true, limits = [[-1, 1]] }
+    """
+    Path("arm.toml").write_text(text, encoding="utf-8")
+    mechanism = load_mechanism("arm.toml")
+    for include in (frozenset[str](), frozenset({"limits"})):
+        write_models(mechanism, tmp_path, include=include)
+        assert screwgauge.diagnose("arm.toml", "arm.urdf").same
+    urdf_text = Path("arm.urdf").read_text(encoding="utf-8")
+    Path("other.urdf").write_text(urdf_text.replace('upper="1"', 'upper="0.5"'), encoding="utf-8")
+    (fact,) = screwgauge.diagnose("arm.toml", "other.urdf").found.facts
+    assert (fact.part, fact.what, [*fact.a], [*fact.b]) == ("a", "limits", [-1.0, 1.0], [-1.0, 0.5])
+
+
+def test_gravity_of_an_import_is_that_of_its_scene(inside):
+    """A description cannot say it; its scene can, and the model files that are made of both."""
+    text = (
+        '<mujoco model="m"><option gravity="0 0 0"/><worldbody><body><joint name="j" axis="0 1 0"/>'
+        '<inertial pos="0.1 0 0.02" mass="1" diaginertia="0.01 0.02 0.02"/></body></worldbody></mujoco>'
+    )
+    Path("still.xml").write_text(text, encoding="utf-8")
+    assert main(["import", "still.xml"]) == 0
+    for made in ("still.toml", "still.xml"):
+        assert main(["models", made, "--out", "made", "--check"]) == 0
+        assert screwgauge.diagnose("still.xml", "made/m.xml").same
+    assert screwgauge.diagnose("still.xml", "still.toml").same
+    Path("still.scene.toml").unlink()
+    assert any(
+        note.startswith("B: ") and "gravity" in note for note in screwgauge.diagnose("still.xml", "still.toml").notes
+    )
+
+
+@pytest.mark.parametrize("other", ["description", "full model file"])
+def test_masses_that_are_divided_among_copies_are_told_as_the_file_has_them(other, write, tmp_path):
+    heavy = write("heavy.toml", 'extends = "five-bar"\nname = "heavy"\nbodies."right.rod".mass = 250\n')
+    light = write("light.toml", 'extends = "five-bar"\nname = "light"\nbodies."right.rod".mass = 240\n')
+    if other == "full model file":
+        write_models(load_mechanism(light), tmp_path / "files")
+        light = tmp_path / "files" / "light-full.xml"
+    for files, masses in (((heavy, light), [250.0, 240.0]), ((light, heavy), [240.0, 250.0])):
+        found = screwgauge.diagnose(*files)
+        (fact,) = found.found.facts
+        assert (fact.part, fact.what) == ("right.rod", "mass")
+        assert [float(fact.a), float(fact.b)] == pytest.approx(masses)
+        (entry,) = summary(found)["differences"]
+        assert [float(entry["a"]), float(entry["b"])] == pytest.approx(masses)
+
+
+@pytest.mark.parametrize("sides", [("open", "closed"), ("closed", "open"), ("open", "open")])
+def test_a_description_that_closes_nowhere_is_refused_as_by_models(sides, write, refused):
+    text = Path(models.__file__).parent.joinpath("five-bar", "five-bar.toml").read_text(encoding="utf-8")
+    files = {"closed": write("closed.toml", text)}
+    open_ = 'extends = "five-bar"\nname = "open"\njoints.tip.child_frame.position = [9, 0.3, 0]\n'
+    files["open"] = write("open.toml", open_)
+    said = refused("diagnose", *(files[side] for side in sides))
+    assert said == refused("models", files["open"])
+    assert "no pose closes its loops" in said
+
+
+INERTIAL = '<inertial pos="0.1 0 0.02" mass="1" diaginertia="0.01 0.02 0.02"/>'
+
+
+def test_models_that_close_nowhere_are_refused_with_loop_size_and_file(write):
+    """A hinge that is held at two angles."""
+    held = '<equality><joint joint1="a" polycoef="0.5 0 0 0 0"/><joint joint1="a"/></equality>'
+    body = f'<worldbody><body><joint name="a" axis="0 1 0"/>{INERTIAL}</body></worldbody>'
+    files = [write(name, f"<mujoco>{body}{held}</mujoco>") for name in ("a.xml", "b.xml")]
+    with pytest.raises(ClosureError, match=r"a\.xml: loops do not close"):
+        screwgauge.diagnose(*files)
+
+
+def test_a_file_that_no_value_mends_is_not_written(write, tmp_path):
+    bodies = "".join(f'<body><joint name="{name}" axis="0 1 0"/>{INERTIAL}</body>' for name in "ac")
+    text = '<mujoco><worldbody>{}</worldbody><actuator><motor name="m" joint="{}"/></actuator></mujoco>'
+    found = screwgauge.diagnose(*(write(f"{name}.xml", text.format(bodies, name)) for name in "ac"))
+    assert found.not_fixed
+    with pytest.raises(OutputError, match="nothing to write"):
+        found.write_fix(tmp_path / "fixed.xml")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.diagnosis import together as module
+from screwgauge.diagnosis import libraries as module
 from support.mechanism import load_mechanism
 from support.models import write_models
 from support.trees import raw_queries
@@ -55,8 +55,8 @@ def test_a_floating_base_that_stands_elsewhere_and_a_ball_joint_are_asked_the_sa
     files(a=still, b=elsewhere)
     found = screwgauge.diagnose("a.xml", "b.xml")
     assert found.same, found.verdict
-    assert found.together.largest > 1.0
-    assert found.together.states == module.STATES
+    assert found.found.together.largest > 1.0
+    assert found.found.together.states == module.STATES
 
 
 def test_a_urdf_that_floats_beside_an_mjcf(files):
@@ -64,8 +64,8 @@ def test_a_urdf_that_floats_beside_an_mjcf(files):
     text = rpy(MJCF.replace(ball, "").format(option="", at='pos="0 0 1" euler="0 0.3 0"'))
     files(a=rpy(URDF), b=text)
     found = screwgauge.diagnose("a.urdf", "b.xml")
-    assert found.together.agrees, found.verdict
-    assert found.together.calls == ("rnea", "mj_inverse")
+    assert found.found.together.agrees, found.verdict
+    assert found.found.together.calls == ("rnea", "mj_inverse")
 
 
 @pytest.mark.slow
@@ -75,8 +75,8 @@ def test_loops_in_either_cut_and_a_description_agree_at_closed_states(files, tmp
     for pair in ((name, f"{name}.xml"), (f"{name}-full.xml", f"{name}.xml"), (f"{name}.xml", f"{name}-full.xml")):
         found = screwgauge.diagnose(*pair)
         assert found.same, found.verdict
-        assert found.together.row.scaled < 1e-12
-        assert found.together.largest > 0.1
+        assert found.found.together.row.scaled < 1e-12
+        assert found.found.together.largest > 0.1
 
 
 def test_torques_that_differ_for_no_reason_that_is_read_are_not_the_same(files, monkeypatch):
@@ -95,7 +95,7 @@ def test_torques_that_differ_for_no_reason_that_is_read_are_not_the_same(files, 
     assert (found.same, found.undecided, found.exit_status) == (False, False, 1)
     assert found.differences == ()
     assert found.verdict.startswith(
-        "The libraries' own torques as loaded (mj_inverse of A and mj_inverse of B, passive "
+        "The libraries' own torques as loaded (mj_inverse of A and mj_inverse of B, with passive "
     )
     assert "differ by 0.5 of " in found.verdict
 
@@ -106,8 +106,8 @@ def test_what_is_not_compared_is_named_as_what_could_be_the_cause(files):
     tendon = '<tendon><spatial name="rope" stiffness="50"><site site="s1"/><site site="s2"/></spatial></tendon>'
     files(a=site, b=site.replace("</mujoco>", f"{tendon}</mujoco>"))
     found = screwgauge.diagnose("a.xml", "b.xml")
-    assert "What is not compared could be the cause: spatial tendon rope in B." in found.verdict
-    assert found.together.row.worst == "j"
+    assert "The cause may be in what is not compared: spatial tendon rope in B." in found.verdict
+    assert found.found.together.row.component == "j"
     assert not found.undecided
 
 

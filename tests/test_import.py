@@ -323,7 +323,7 @@ def test_what_is_driven_where_no_actuator_says_so_is_told_with_its_rule(gripper,
     assert f"{rule}, 'driver'; --actuated chooses others." in said
     assert main(["diagnose", str(gripper), str(bare), "--out", str(tmp_path / "out")]) == 0
     said = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
-    assert "B names no actuators: torques are compared of all joints of the open tree, driven or not" in said
+    assert "B: the file names no actuators; torques of all joints are compared, driven or not" in said
 
 
 def test_a_floating_base_is_independent(tmp_path):

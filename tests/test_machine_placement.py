@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import pytest
 
-from support.machines import aligned, closed, coordinate_placement, draw, loaded, machine_of, misfits, plant, rehomed
+from support.machines import (
+    BELIEVED,
+    aligned,
+    closed,
+    coordinate_placement,
+    draw,
+    loaded,
+    machine_of,
+    misfits,
+    plant,
+    rehomed,
+)
 from support.mechanism import load_mechanism
 from support.models import write_models
 from support.tolerances import ROUNDING
@@ -34,7 +45,7 @@ def farthest(one, other):
     """The largest misfit of bodies behind links of joints, each at the coordinates of the other machine."""
     a, b = machine_of(one), machine_of(other)
     same = {name: name for name in one.joints if name in other.joints}
-    found = aligned(a, b, same, {name: name for name in one.bodies})
+    found = aligned(a, b, same, {name: name for name in one.bodies}, BELIEVED[0])
     pairs = [
         (ours, theirs)
         for ours, theirs in found.links

@@ -81,7 +81,7 @@ def test_two_files_that_are_the_same_but_for_the_order_say_so_and_what_it_costs(
     said = r"compared by index, torques differ by (\S+) N m \((\w+) beside (\w+)\), the largest being (\S+) N m"
     cost = re.search(said, found.verdict)
     reading = found.a.reading
-    tree, order = plant(reading), found.order
+    tree, order = plant(reading), found.found.order
     tau = inverse_dynamics(plant(weighed(reading)), draw(weighed(reading), STATES, 0))
     names = list(tree.reading.joints)
     there = [names.index(name) for name in order.second]
@@ -95,7 +95,7 @@ def test_nothing_is_said_where_orders_are_the_same(files, write):
     urdf, mjcf = (write(name, text) for name, text in zip(("s.urdf", "s.xml"), quadruped(sorted(LEGS)), strict=True))
     for a, b in ((urdf, mjcf), (files[1], files[1]), (files[0], files[0])):
         found = diagnose(a, b)
-        assert found.order is None
+        assert found.found.order is None
         assert "index" not in found.verdict
 
 

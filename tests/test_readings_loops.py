@@ -267,7 +267,7 @@ def test_a_diagnosis_asks_the_library_about_the_joints_that_it_knows(kind, write
     types = LOOP.format("elbow", kind).partition("joint_name")
     urdf, loops = write("robot.urdf", TURNED), write("robot.yaml", "".join(types[1:]))
     found = screwgauge.diagnose(urdf, urdf, loops=loops)
-    assert [(each.failed, each.agrees) for each in found.witnesses] == [("", True)] * 2
+    assert [(each.failed, each.agrees) for each in found.found.witnesses] == [("", True)] * 2
     assert found.exit_status == 0
     assert len(found.a.reading.joints) == {"SPHERICAL": 3, "UJOINT_ZY": 4, "FIXED": 2}[kind]
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import screwgauge
-from screwgauge.diagnosis import compare as rows_of_files
-from screwgauge.diagnosis.differences import static
+from screwgauge.diagnosis.facts import bodies, links
 from screwgauge.engines.registry import ENGINES
 from screwgauge.engines.tree import closed_forces
 from screwgauge.models.readings import mujoco
@@ -110,11 +109,11 @@ def turned(named: tuple[str, BodyReading]) -> tuple[str, BodyReading]:
     ("room", "name", "mistaken"),
     [
         (mujoco, "_links", lambda right: lambda *given: map(turned, right(*given))),
-        (static, "differ", lambda right: lambda a, b: a > b and right(a, b)),
-        (rows_of_files, "row_of", lambda right: lambda what, a, b, *of: right(what, a, np.maximum(a, b), *of)),
+        (links, "apart", lambda right: lambda a, b, *of: (a > b) * right(a, b, *of)),
+        (bodies, "apart", lambda right: lambda a, b, *of: (a > b) * right(a, b, *of)),
         (known_files, "import_model", lambda right: lambda file: right(Path(known_files.PAIR[1]))),
     ],
-    ids=["a turned tensor", "larger values", "differences of one sign", "an import"],
+    ids=["a turned tensor", "larger values of joints", "larger values of bodies", "an import"],
 )
 def test_a_mistake_of_readers_or_diagnosis_is_seen(room, name, mistaken, monkeypatch):
     monkeypatch.setattr(room, name, mistaken(getattr(room, name)))

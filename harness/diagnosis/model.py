@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from screwgauge.diagnosis.differences.difference import ALL, digits_of
-from screwgauge.diagnosis.machine.alignment import matched, standing
-from screwgauge.diagnosis.machine.cutting import Cut, cuts, recut
-from screwgauge.diagnosis.pairing.common import STANDARD
-from screwgauge.diagnosis.pairing.mapping import Found, Pairing, coincident, congruent, paired
+from screwgauge.diagnosis.facts.digits import ALL, digits_of
+from screwgauge.diagnosis.facts.fact import STANDARD
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.check import expected_reading, limited
 from screwgauge.models.files.loops import OWN, read_loops
 from screwgauge.models.importing import is_model
-from screwgauge.models.machine import at_closed_pose
+from screwgauge.models.importing.assemble import assemble
+from screwgauge.models.importing.homes import Loops as LoopEquations
+from screwgauge.models.importing.homes import some
+from screwgauge.models.kinematics import plant, rehomed
 from screwgauge.models.readings.loops import loops_for, with_loops
 from screwgauge.models.readings.read import LIBRARIES, libraries_for, read
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import form_of, weighed_copy
-from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError, shown
+from screwgauge.reference.errors import ClosureError, DescriptionError, ModelFileError, UnknownNameError, shown
 from screwgauge.reference.files import digest, is_file, read_file
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
@@ -33,6 +33,8 @@ Read = Callable[[Path, str, bool], Reading]
 #: What closes the loops of URDFs: one file for all, or one for each side.
 Loops = str | Path | Sequence[str | Path | None] | None
 CUTS = ("minimal", "full")
+#: Gaps at home up to this are closed, as those of a description are [rad or lengths of the model].
+HOME = 1e-9
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,7 +49,6 @@ class Model:
         digits: That its numbers are cut to.
         sha256: Of the file; empty without one.
         loops: File with the closures of a URDF; `loops_sha256` of it.
-        cut: Where its loops are cut to be compared; None where its file does so.
         own: The user's file, where `file` is a copy of it with mass and inertia of meshes.
         as_read: What the library itself has of the file, without these and without joints of which a file beside it
             changes the types; None where that is the reading.
@@ -66,7 +67,6 @@ class Model:
     digits: int = ALL
     sha256: str = ""
     loops: Path | None = None
-    cut: Cut | None = None
     as_read: Reading | None = None
     own: Path | None = None
     retyped: bool = False
@@ -86,13 +86,12 @@ class Model:
     def read_again(self, file: Path, load: Read) -> Reading:
         """What its library reads from a file in its place."""
         reading = load(file, self.library, self.floating)
-        return recut(with_loops(reading, self.loops) if self.loops else reading, self.cut)
+        return with_loops(reading, self.loops) if self.loops else reading
 
-    def cut_at(self, cut: Cut | None) -> Model:
-        """The model with its loops cut elsewhere."""
-        if cut is None:
-            return self
-        return replace(self, cut=cut, as_read=self.as_read or self.reading, reading=recut(self.reading, cut))
+    @property
+    def posed(self) -> Reading:
+        """The reading at its home, which a URDF cannot say."""
+        return rehomed(self.reading, self.home)[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,28 +225,25 @@ def alike(a: Model, b: Model, load: Read = in_process) -> tuple[Model, Model]:
     return _like(a, b, load), _like(b, a, load)
 
 
-def cut_alike(a: Model, b: Model, given: Mapping[str, str] | None) -> tuple[Model, Model, Pairing]:
-    """Models with their loops cut at the same links, and the pairing of their parts."""
-    pairing = paired(a.reading, b.reading, given)
-    same = congruent(a.reading, b.reading, pairing)
-    if same and coincident(a.reading, b.reading, pairing):
-        return a, b, pairing
-    named = {name: other for name, other in pairing.joints.items() if pairing.how[name] != "geometry"}
-    match = pairing.match or matched(a.reading, b.reading, named, full=True)
-    if match is None or not match.whole:
-        return a, b, pairing
-    one, two, alignment = match.a, match.b, match.alignment
-    looped = a.reading.closures or b.reading.closures
-    if not looped and len(alignment.joints) < len(a.reading.joints):
-        return a, b, pairing  # joints that are divided in different ways are a difference
-    first, second = cuts(one, two, alignment) if looped and not same else (None, None)
-    a, b = a.cut_at(first), b.cut_at(second)
-    a = replace(a, reading=at_closed_pose(a.reading)) if a.open_by else a  # which `standing` is of
-    return (
-        a,
-        b,
-        paired(a.reading, b.reading, given, Found(match.joints, *standing(one, two, alignment, a.reading), match)),
-    )
+def at_home(models: tuple[Model, Model]) -> tuple[Model, Model]:
+    """Both models, with how far their loops are open at home and whether they close at all.
+
+    Raises:
+        ClosureError: Loops of neither close from any start.
+    """
+    measured, refused = list[Model](), list[ClosureError]()
+    for model in models:
+        system = LoopEquations(plant(model.posed))
+        gaps = system.gaps(system.home, HOME)
+        try:
+            assemble(model.reading, model.label, {}) if gaps else None
+            measured.append(replace(model, open_by=some(gaps)))
+        except ClosureError as error:
+            refused.append(error)
+            measured.append(replace(model, open_by=some(gaps), never_closed=error.what))
+    if len(refused) == len(models):
+        raise refused[0]
+    return measured[0], measured[1]
 
 
 def _like(model: Model, other: Model, load: Read) -> Model:

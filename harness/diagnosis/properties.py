@@ -6,20 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from screwgauge.diagnosis.slips import (
-    GRAVITY,
-    INERTIA,
-    LENGTH,
-    MASS,
-    Pair,
-    angle_slips,
-    com_slips,
-    gravity_slips,
-    mass_slips,
-    placement_slips,
-    tensor_slips,
-)
-from screwgauge.diagnosis.transformations import axis, carried, counted_back, spliced, turned, without
+from screwgauge.diagnosis.transformations import axis, carried, counted_back, counted_from, spliced, turned, without
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array
@@ -54,8 +41,6 @@ class Property:
         urdf, mjcf: Element, and attribute behind an ``@``, that hold it; empty where that format cannot.
         entry: What a reading calls it, if not by its name.
         write: Makes the reading with another value of a part, where that is more than an entry of the part.
-        units: Factor by which B is too large -> unit that may have been mixed up.
-        slips: What B's value would be made from A's by, in words behind the noun.
         cases: Library that does not use it -> case of the casebook.
         call: Case of the casebook where one library's call for inverse dynamics contains it and another one's does not.
     """
@@ -73,8 +58,6 @@ class Property:
     mjcf: str = ""
     entry: str = ""
     write: Callable[[Reading, str, Any], Reading] | None = None
-    units: Mapping[float, str] = field(default_factory=dict)
-    slips: Callable[[Pair], Iterable[str]] = lambda pair: ()
     cases: Mapping[str, str] = field(default_factory=dict)
     call: str = ""
 
@@ -115,9 +98,9 @@ def _hanging(nouns: str, less: Callable[[Reading, str], Reading]) -> Property:
 #: all beyond it, ``link`` 0 a joint and the body that it moves: what hangs on that hangs on its parent.
 #: ``inertia`` is about the centre of mass in the axes of the body. ``softness`` is also that of a coupling.
 PROPERTIES: dict[str, Property] = {
-    "mass": _matter((), "kg", nouns="masses", scales=True, units=MASS, slips=mass_slips),
-    "com": _matter((3,), "m", noun="centre of mass", nouns="centres of mass", units=LENGTH, slips=com_slips),
-    "inertia": _matter((3, 3), "kg m^2", nouns="inertias", scales=True, units=INERTIA, slips=tensor_slips),
+    "mass": _matter((), "kg", nouns="masses", scales=True),
+    "com": _matter((3,), "m", noun="centre of mass", nouns="centres of mass"),
+    "inertia": _matter((3, 3), "kg m^2", nouns="inertias", scales=True),
     "gravcomp": Property(
         owner="body",
         shape=(),
@@ -128,12 +111,12 @@ PROPERTIES: dict[str, Property] = {
         cases={"pinocchio": "pin-mjcf-gravcomp"},
     ),
     "pose": Property(owner="body", shape=(4, 4), unit="m", urdf="origin", mjcf="body"),
-    "placement": _place((4, 4), "m", "body", write=carried, units=LENGTH, slips=placement_slips),
+    "placement": _place((4, 4), "m", "body", write=carried),
     "axis": _place((3,), write=lambda reading, name, axis_: _turned(reading, name, axis_, None)),
     "centre": _place((3,), "m", write=lambda reading, name, centre: _turned(reading, name, None, centre)),
-    "zero": _place((), "rad|m", "joint@ref", entry="home", slips=angle_slips),
+    "zero": _place((), "rad|m", "joint@ref", write=counted_from, entry="home"),
     "sign": _place((), write=lambda reading, name, sign: reading if sign > 0 else counted_back(reading, name)),
-    "limits": Property(owner="joint", shape=(2,), unit="rad|m", urdf="limit@", mjcf="joint@range", slips=angle_slips),
+    "limits": Property(owner="joint", shape=(2,), unit="rad|m", urdf="limit@", mjcf="joint@range"),
     "armature": _passive("kg m^2|kg", mjcf="joint@armature"),
     "damping": _passive("N m s/rad|N s/m", urdf="dynamics@damping", mjcf="joint@damping", call="urdf-damping-one-side"),
     "friction": _passive("N m|N", noun="dry friction", urdf="dynamics@friction", mjcf="joint@frictionloss"),
@@ -147,7 +130,6 @@ PROPERTIES: dict[str, Property] = {
         noun="rest of the spring",
         default=0.0,
         mjcf="joint@springref",
-        slips=angle_slips,
         cases={"pinocchio": SPRINGS},
     ),
     "branch": _hanging("subtrees", without),
@@ -168,8 +150,6 @@ PROPERTIES: dict[str, Property] = {
         unit="m/s^2",
         default=(0.0, 0.0, -9.81),
         mjcf="option@gravity",
-        units=GRAVITY,
-        slips=gravity_slips,
         cases={"pinocchio": "pin-mjcf-gravity"},
     ),
     "medium": Property(owner="model", shape=(2,), unit="kg/m^3, Pa s", default=0.0, mjcf="option"),
@@ -181,6 +161,13 @@ OPTIONAL = tuple(name for name, each in PROPERTIES.items() if each.default is no
 #: Of closures and couplings, which hold a tree together and are not in its own torques; parts of a machine.
 CLOSING = frozenset(name for name, each in PROPERTIES.items() if each.owner in ("closure", "coupling"))
 PARTS = frozenset(name for name, each in PROPERTIES.items() if each.part)
+
+
+#: What rigid bodies and their joints are, without what acts on them.
+RIGID = frozenset(
+    {*INERTIAL, "placement", "axis", "end", "zero", "sign", "whole", "kind", "base", "start", "fixed", "branch", "link"}
+    | {"held", "coupling", "polynomial", "leading joint"}
+)
 
 
 def word(what: str) -> str:
@@ -213,6 +200,18 @@ class Change:
     item: str
     what: str
     value: Array
+
+
+#: Changes of places, of which outer ones are made before those that carry them; and what takes parts away, last.
+_FIRST, _LAST = ("placement", "axis", "centre", "zero", "sign"), ("branch", "link")
+
+
+def sequence(several: Iterable[Any]) -> list[Change]:
+    """Changes of facts, which go from the ground outwards, in the order in which they are to be made."""
+    changes = [change for each in several for change in each.changes]
+    places = [change for change in changes if change.what in _FIRST]
+    lost = [change for change in changes if change.what in _LAST]
+    return [*places[::-1], *(change for change in changes if change.what not in (*_FIRST, *_LAST)), *lost]
 
 
 def applied(reading: Reading, changes: Iterable[Change]) -> Reading:

@@ -25,12 +25,13 @@ def check_leave(scene: Scene) -> None:
     if not scene.allow:
         return
     from screwgauge.diagnosis.properties import PARTS, PROPERTIES
+    from screwgauge.diagnosis.words import EVENTS
 
     where, mechanism = f"{scene.file or scene.name}, allow", scene.mechanism
     joints = [name for joint in mechanism.joints for name in (joint.name, *joint.coordinates)]
     beyond = [each.of.partition(" ")[2] for each in mechanism.left_out]
     things = dict.fromkeys([*(body.name for body in mechanism.bodies), *joints, *beyond, MODEL, LOOPS])
-    properties = (*PROPERTIES, "driven joint", UNREAD)
+    properties = (*PROPERTIES, *EVENTS, UNREAD)
     for entry in scene.allow:
         thing, _, what = entry.rpartition(".")
         if what not in properties:

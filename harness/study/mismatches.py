@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,26 +22,21 @@ from screwgauge.solution import Mismatch
 from screwgauge.study.user_files import of_loops, reader_of
 
 if TYPE_CHECKING:
-    from screwgauge.diagnosis.differences.difference import Difference
+    from screwgauge.diagnosis.answer import Difference
 
 #: What a description lacks of a file: `departures` tells what becomes of limits, all else is measured. Softness tells
 #: how exactly a library keeps a constraint, and nothing of the machine.
-_NOT_DESCRIBED = {"limits", "armature", "damping", "friction", "stiffness", "rest", "gravcomp", "medium", "softness"}
+_NOT_DESCRIBED = {"limits", "armature", "damping", "friction", "stiffness", "rest", "gravcomp", "softness"}
+_NOT_DESCRIBED |= {"density", "viscosity", "actuator", "driven joint", "gear"}
 #: What has a difference that is of no part: the model, or its loops file.
 MODEL, LOOPS = "model", "loops"
 
 
 def mismatches(scene: Scene, name: str, files: ModelFiles) -> tuple[Mismatch, ...]:
     """Mass properties, geometry, gravity and closures, the largest difference first; then the loops file."""
-    from screwgauge.diagnosis.differences.words import with_sides
-
-    sides = "in the description", f"in {files.model.name}"
+    who = f"A: the description, B: {files.model.name}"
     found = [
-        Mismatch(
-            f"{each.item_a or each.item_b or MODEL}.{each.what}",
-            with_sides(each.sentence, *sides),
-            each.kind == "model",
-        )
+        Mismatch(f"{each.item_a or each.item_b or MODEL}.{each.what}", f"{each.sentence} ({who})", each.kind == "model")
         for each in physical(scene, name, files.model)
     ]
     return (*found, *(Mismatch(f"{LOOPS}.closure", sentence) for sentence in of_loops(scene, name, files)[1]))
@@ -53,11 +49,9 @@ def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
         name: The engine, which reads a file of the user's own; of formats that nobody here reads nothing is known.
     """
     # a scene without files of the user's own has no use for the diagnosis
-    from screwgauge.diagnosis.differences.difference import ALL, digits_of, marked
-    from screwgauge.diagnosis.differences.static import differences, sorted_by_size
-    from screwgauge.diagnosis.pairing.branches import missing
-    from screwgauge.diagnosis.pairing.common import brought
-    from screwgauge.diagnosis.pairing.mapping import paired
+    from screwgauge.diagnosis.answer import differences_of
+    from screwgauge.diagnosis.explanation import compared
+    from screwgauge.diagnosis.facts.digits import ALL, digits_of, rounded
 
     engine, mechanism = get_engine(name), scene.mechanism
     cut = engine.cut or "full"  # which a description is read as
@@ -69,11 +63,13 @@ def physical(scene: Scene, name: str, model: Path) -> list[Difference]:
         return []  # `departures` tells that it cannot be compared
     if actual is None:
         return []
-    silent = _NOT_DESCRIBED | ({"closure", "gravity", "coupling"} if actual.gravity is None else set())
-    pairing = paired(expected, actual)
-    changes = [*missing(expected, actual, pairing), *differences(brought(expected, actual, pairing))[0]]
-    known = marked(changes, (ALL, digits))
-    return sorted_by_size([each for each in known if each.what not in silent])
+    if actual.gravity is None and not actual.closures:  # of a URDF, whose loops and couplings stand beside it
+        expected = replace(expected, closures={}, couplings=actual.couplings and expected.couplings)
+    told = compared(expected, actual)
+    facts = [fact for fact in rounded(told.facts, (ALL, digits)) if fact.what not in _NOT_DESCRIBED]
+    order = ("model", "convention", "digits")
+    facts.sort(key=lambda fact: (order.index(fact.kind), -fact.size))
+    return [*differences_of(told.pair, facts)]
 
 
 def _own_reading(engine: Engine, model: Path, mechanism: Mechanism, gravity: Array) -> Reading | None:

@@ -31,7 +31,7 @@ from screwgauge.reference.rotations import Array
 #: Item of a change of all parts.
 EVERYWHERE = "*"
 #: Slips with the orientation in which a tensor is written.
-LOST, TRANSPOSED = "not turned by its orientation", "transposed"
+LOST, TRANSPOSED = "not turned by its orientation", "by the transpose of its orientation"
 PASSIVE = ("armature", "damping", "friction", "stiffness", "rest")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _NUMBERS = re.compile(rf"\s*{_NUMBER}(?:\s+{_NUMBER})*\s*")
@@ -123,7 +123,7 @@ def all_masses_factor(xml: XmlText, rng: Random, size: float) -> list[Expected]:
         raise CannotError("fewer than two inertials")
     for mark in marks:
         mark.put("mass", grown(mark.get("mass"), size))
-    return [Expected(EVERYWHERE, ("mass",), slip="masses of all")]
+    return [Expected(EVERYWHERE, ("mass",), slip="mass of all")]
 
 
 def joint_fixed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
@@ -136,7 +136,7 @@ def joint_fixed(xml: XmlText, rng: Random, size: float) -> list[Expected]:
         xml.set(mark.element, type="fixed")
     else:
         xml.replace(mark.element)
-    return [Expected(mark.name, ("branch", "joint"))]
+    return [Expected(mark.name, ("branch", "fixed"))]
 
 
 def branch_missing(xml: XmlText, rng: Random, size: float) -> list[Expected]:
@@ -151,7 +151,7 @@ def branch_missing(xml: XmlText, rng: Random, size: float) -> list[Expected]:
     for link in children(xml, "link"):
         if link.get("name") == end(mark.element, "child"):
             xml.replace(link)
-    return [Expected(mark.name, ("branch", "joint"))]
+    return [Expected(mark.name, ("branch", "fixed"))]
 
 
 def digits(xml: XmlText, rng: Random, size: float) -> list[Expected]:
@@ -196,12 +196,12 @@ KINDS: dict[str, Mutation] = {
     "moment_factor": _tensor(changes.one_grown),
     "tensor_factor": _tensor(grown),
     "product_shift": _tensor(changes.product_more),
-    "products_negated": _tensor(changes.negated, slip="products of inertia of the other sign", fits=changes.asymmetric),
+    "products_negated": _tensor(changes.negated, slip="have the other sign", fits=changes.asymmetric),
     "products_in_other_order": _tensor(
-        changes.reordered, slip="products of inertia in another order", fits=changes.unlike_products
+        changes.reordered, slip="products of inertia are in another order", fits=changes.unlike_products
     ),
-    "axes_permuted": _tensor(changes.permuted, slip="principal moments on other axes", fits=changes.principal),
-    "moments_permuted": _tensor(changes.permuted, slip="moments of inertia in another order", fits=changes.full),
+    "axes_permuted": _tensor(changes.permuted, slip="principal moments are on other axes", fits=changes.principal),
+    "moments_permuted": _tensor(changes.permuted, slip="moments of inertia are in another order", fits=changes.full),
     "about_the_origin": _tensor(changes.about_the_origin, slip="about the origin", fits=off),
     "orientation_lost": _written(lambda R, *_: np.eye(3), slip=LOST),
     "orientation_transposed": _written(lambda R, *_: R.T, slip=TRANSPOSED),
@@ -214,7 +214,9 @@ KINDS: dict[str, Mutation] = {
     ),
     "placement_shift": _shift(shifted),
     "placement_turn": _turn(changes.turned_across),
-    "placement_turn_lost": _turn(lambda R, *_: np.eye(3), slip="no rotation", fits=changes.turned_axis, measure=None),
+    "placement_turn_lost": _turn(
+        lambda R, *_: np.eye(3), slip="the rotation is left out", fits=changes.turned_axis, measure=None
+    ),
     "placement_in_millimetres": _shift(times(1e3), slip="in mm", fits=off),
     "gravity_value": Kind(whole, "gravity", changes.pulled(2), ("gravity",)),
     "gravity_direction": Kind(whole, "gravity", changes.pulled(0), ("gravity",)),
@@ -223,7 +225,7 @@ KINDS: dict[str, Mutation] = {
     "joint_fixed": joint_fixed,
     "branch_missing": branch_missing,
     "digits": digits,
-    "anchor_moved": Kind(anchors, "position", shifted, ("first_frame", "second_frame")),
+    "anchor_moved": Kind(anchors, "position", shifted, ("end",)),
     "coupling_changed": Kind(mimics, "multiplier", grown, ("polynomial",)),
     **{what: Kind(joints, what, changes.more, (what,)) for what in PASSIVE},
     "two_at_once": two_at_once,

@@ -14,7 +14,7 @@ from campaigns.public import Public, by_source
 from campaigns.rows import rows_in_turn
 from campaigns.two_readers import SAME, compared
 
-from screwgauge.diagnosis.library_dynamics import ASKED
+from screwgauge.diagnosis.libraries import ASKED
 from screwgauge.judging.residual import columns_of, frame
 from screwgauge.models.readings.read import libraries_for
 from screwgauge.models.readings.reading import Reading

@@ -19,14 +19,12 @@ from campaigns.lookalikes import REWRITES
 from campaigns.mutations import EVERYWHERE, KINDS, LOST, TRANSPOSED, Expected, mutated
 from campaigns.rows import CODE
 
-from screwgauge.diagnosis.causes.attribution import Cause
-from screwgauge.diagnosis.causes.edits import Value
+from screwgauge.diagnosis.answer import Difference, ToldCause
 from screwgauge.diagnosis.diagnose import Diagnosis, diagnose
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.files.urdf import write_urdf
 from screwgauge.models.mjcf import write_mjcf
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.reference.rotations import rotation_vector
 from screwgauge.study.runner import InTurn, Task, grow_table
 from support.robots import arm, mjcf, tree, urdf
 
@@ -40,7 +38,7 @@ CLOSE = 0.01
 CHANGED, ALIKE = "changed", "alike"
 COLUMNS = (
     *("group", "number", "kind", "model", "public", "a", "b", "size", "effect", "detected", "right", "error"),
-    *("left", "backfill", "cpu_s", "verdict", "first"),
+    *("proved", "cpu_s", "verdict", "first"),
 )
 BUILT_IN = ("arm7", "3ups-upu-s", "stewart")
 #: Path below a folder that Python packages are installed in; the packages are those of the extra ``study``.
@@ -163,7 +161,7 @@ def row(kind: str, known: Sequence[Machine], folder: Path, seed: Sequence[int]) 
             reason = f"{type(error).__name__}: {error}"
             continue
         if first.suffix != second.suffix:  # the slip is made in an orientation that A does not write
-            expected = [replace(e, slip="turned by") if e.slip in (LOST, TRANSPOSED) else e for e in expected]
+            expected = [replace(e, slip="is turned") if e.slip in (LOST, TRANSPOSED) else e for e in expected]
         return {
             "kind": kind,
             "model": machine.name,
@@ -186,7 +184,7 @@ def _written(kind: str, file: Path, rng: np.random.Generator, size: float) -> tu
 
 def _effect(answer: Diagnosis) -> float:
     """Largest difference of torques, of the largest torque."""
-    return answer.attribution.before.scaled if answer.attribution else np.inf
+    return answer.found.torques.scaled if answer.causes else np.inf
 
 
 def _alike(answer: Diagnosis) -> dict[str, Any]:
@@ -215,53 +213,40 @@ def judged(answer: Diagnosis, expected: Sequence[Expected]) -> dict[str, Any]:
         "right": right,
         "error": f"{error:.2g}" if np.isfinite(error) else "",
         "first": name,
-        **({"left": f"{answer.proof.left.scaled:.2g}", "backfill": answer.proof.on} if answer.proof else {}),
+        "proved": bool(answer.found.fix and answer.found.fix.proved),
         "verdict": good if detected else "missed",
     }
 
 
-def _right(answer: Diagnosis, expected: Sequence[Expected], causes: Sequence[Cause]) -> tuple[bool, float]:
+def _right(answer: Diagnosis, expected: Sequence[Expected], causes: Sequence[ToldCause]) -> tuple[bool, float]:
     """Whether each change is named, as the slip that it is, and by how much the worst magnitude is off."""
     named = causes[: len(expected)]
     if expected[0].what == ("digits",):
         rounded = answer.differences and all(difference.kind == "digits" for difference in answer.differences)
         return rounded or any(cause.kind == "digits" for cause in named[:1]), np.nan
-    values = _values(answer, named, len(expected) - len(causes))
+    told = [*named, *(cause for cause in answer.causes if cause not in causes)][: max(len(expected), 1)]
+    values = [answer.differences[i] for cause in told for i in cause.differences]
     carriers = {link: name for name, body in answer.b.reading.bodies.items() for link in body.fixed}
     fitting = [[value for value in values if _fits(value, each, carriers)] for each in expected]
-    slips = {text for cause in (named or answer.causes) for text in (cause.name, *cause.slips)}
+    slips = {text for cause in told for text in (cause.name, *cause.slips)}
     slipped = all(not each.slip or any(each.slip in slip for slip in slips) for each in expected)
     errors = [
-        min(_error(value, each.magnitude, answer) for value in some)
+        min(_error(value, each.magnitude) for value in some)
         for each, some in zip(expected, fitting, strict=True)
         if some and np.isfinite(each.magnitude)
     ]
     return all(fitting) and slipped, max(errors, default=np.nan)
 
 
-def _values(answer: Diagnosis, named: Sequence[Cause], missing: int) -> list[Value]:
-    """Values that causes are named with, or, of what no torque shows, differences; of these as many as are missing."""
-    seen = {i for cause in named for i in cause.differences}
-    unseen = [each for i, each in enumerate(answer.differences) if i not in seen]
-    static = [*(d for d in answer.differences if d.what == "branch"), *unseen[: max(missing, 0)]]
-    nothing = np.array(np.nan)
-    sides = [(d, *(nothing if side is None else side for side in (d.a, d.b))) for d in static]
-    return [
-        *(value for cause in named for value in cause.values),
-        *(Value(d.item_b or d.item_a, d.what, a, b) for d, a, b in sides),
-    ]
-
-
-def _fits(value: Value, expected: Expected, carriers: Mapping[str, str]) -> bool:
+def _fits(value: Difference, expected: Expected, carriers: Mapping[str, str]) -> bool:
     """Whether it is of the property and the part that was changed."""
-    part = expected.item in (EVERYWHERE, value.item) or carriers.get(expected.item) == value.item
+    items = {value.item_a, value.item_b}
+    part = expected.item == EVERYWHERE or bool({expected.item, carriers.get(expected.item)} & items)
     return part and value.what in expected.what
 
 
-def _error(value: Value, magnitude: float, answer: Diagnosis) -> float:
-    """Of a magnitude, relative to it."""
-    sizes = [float(np.linalg.norm(value.a - value.b))]
-    if value.what == "placement":
-        R, p, c = value.a[:3, :3], value.a[:3, 3], answer.b.reading.joints[value.item].centre
-        sizes = [float(np.linalg.norm(rotation_vector(R))), float(np.linalg.norm(R @ c + p - c))]
+def _error(value: Difference, magnitude: float) -> float:
+    """Of a magnitude, relative to it; of a step, by its turn or its way."""
+    step = np.asarray(value.b, dtype=float) - (0.0 if value.a is None else np.asarray(value.a, dtype=float))
+    sizes = map(float, np.linalg.norm(step, axis=1)) if step.shape == (2, 3) else [float(np.linalg.norm(step))]
     return min(abs(size - abs(magnitude)) / abs(magnitude) for size in sizes)

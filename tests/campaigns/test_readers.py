@@ -34,7 +34,7 @@ CASES = {  # what the other library reads: torques alike, rigid bodies alike, th
         ARM.format(gravity=-9.81, joint='damping="0.5"', more=""),
         *(False, True, "inverse dynamics of pinocchio leave out damping"),
     ),
-    "space.xml": (ARM.format(gravity=0, joint="", more=""), False, False, "(0, 0, 0) m/s^2 as mujoco reads it"),
+    "space.xml": (ARM.format(gravity=0, joint="", more=""), False, False, "(0, 0, 0) m/s^2 in A"),
     "trees.xml": (ARM.format(gravity=-9.81, joint="", more=SECOND), False, False, "body other, which pinocchio drops"),
     "flat.urdf": (FLAT, False, False, "MuJoCo refuses it"),
 }

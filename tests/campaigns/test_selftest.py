@@ -59,7 +59,7 @@ def heavier(tmp_path):
 def test_a_wrong_name_or_magnitude_is_not_let_pass(heavier):
     answer, expected = heavier
     assert judged(answer, [expected])["verdict"] == "ok"
-    for wrong in ({"item": "link9"}, {"what": ("com",)}, {"slip": "in mm"}):
+    for wrong in ({"item": "link9"}, {"what": ("damping",)}, {"slip": "in mm"}):
         assert judged(answer, [replace(expected, **wrong)])["verdict"] == "wrong"
     assert judged(answer, [expected, Expected("link1", ("inertia",), 1.0)])["verdict"] == "wrong"
     assert judged(answer, [replace(expected, magnitude=1.05 * expected.magnitude)])["verdict"] == "imprecise"

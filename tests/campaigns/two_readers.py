@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.compare import STATES
-from screwgauge.diagnosis.differences.difference import Difference
-from screwgauge.diagnosis.differences.static import differences, distinct, sorted_by_size
-from screwgauge.diagnosis.differences.words import with_sides
-from screwgauge.diagnosis.library_dynamics import answers
-from screwgauge.diagnosis.pairing.branches import missing
-from screwgauge.diagnosis.pairing.common import brought, states_of_b, velocity_map, weighed
-from screwgauge.diagnosis.pairing.mapping import Pairing, paired
-from screwgauge.diagnosis.transformations import ordered
+from screwgauge.diagnosis.answer import differences_of
+from screwgauge.diagnosis.explanation import compared as told
+from screwgauge.diagnosis.facts.fact import Pair
+from screwgauge.diagnosis.libraries import answers
+from screwgauge.diagnosis.motion import followed, partners_of
+from screwgauge.diagnosis.shares import STATES, weighed
 from screwgauge.engines.raw_queries import Answers
 from screwgauge.models.kinematics import draw, plant
-from screwgauge.models.readings.reading import Reading, renamed
+from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.rotations import Array
 
@@ -53,55 +49,42 @@ def compared(file: Path, one: Reading, two: Reading, *, floating: bool = False) 
         one, two: By libraries that have dynamics.
         floating: The base of a URDF was read as moving freely.
     """
-    pairing = paired(one, two)
-    found = sorted(_differences(one, two, pairing), key=lambda each: each.what in SILENT)
-    by = [f"as {each.library} reads it" for each in (one, two)]
-    causes = [with_sides(each.sentence, *by) for each in found]
-    if pairing.only_a or pairing.only_b or not pairing.joints:
+    found = told(one, two)
+    pair = found.pair
+    ordered = sorted(differences_of(pair, found.facts), key=lambda each: (each.what in SILENT, -each.size))
+    by = f"(A: as {one.library} reads it, B: as {two.library} reads it)"
+    causes = [f"{each.sentence} {by}" for each in ordered]
+    if pair.alignment.only_a or pair.alignment.only_b or not pair.joints:
         return TwoReaders(math.nan, math.nan, tuple(causes))
     try:
-        torque, rigid, omitted = _torques((file, floating), (one, two), pairing.joints)
+        torque, rigid, omitted = _torques(file, pair, floating=floating)
     except (ScrewgaugeError, ValueError, LookupError) as error:
         return TwoReaders(math.nan, math.nan, (*causes, f"no torques: {error}"))
     omitted = omitted if torque > SAME else []
     return TwoReaders(torque, rigid, (*causes, *omitted) if rigid > SAME else (*omitted, *causes))
 
 
-def _differences(one: Reading, two: Reading, pairing: Pairing) -> list[Difference]:
-    """Differences of two readings: parts that one of them lacks, then the largest first."""
-    lost = [*missing(one, two, pairing)]
-    if not pairing.joints:
-        return lost
-    return lost + sorted_by_size(distinct(differences(brought(one, two, pairing))[0]))
-
-
-def _torques(
-    file: tuple[Path, bool], readings: tuple[Reading, Reading], joints: Mapping[str, str]
-) -> tuple[float, float, list[str]]:
+def _torques(file: Path, pair: Pair, *, floating: bool) -> tuple[float, float, list[str]]:
     """Both differences, and what either library leaves out.
 
-    Args:
-        file: It, and whether its base floats.
+    Raises:
+        ValueError: One does not move as the other one does.
     """
-    one, two = map(weighed, readings)
-    path, floating = file
-    a, states = plant(one), draw(one, STATES)
-    first = answers(path, one.library, a, states, floating=floating)
-    b, own = (plant(each) for each in _counterpart(one, two, joints))
-    theirs, C = states_of_b(a, b, states), velocity_map(a, b)
-    second = answers(path, two.library, own, theirs, floating=floating)
-    rigid = _rigid(first, states.qdd), _rigid(second, theirs.qdd) @ C
-    return _apart(first.tau, second.tau @ C), _apart(*rigid), _omitted((first, second), readings)
+    one, two = (weighed(machine.reading) for machine in (pair.a, pair.b))
+    a, b, states = plant(one), plant(two), draw(one, STATES)
+    there = followed(a, states, b, partners_of(pair))
+    if not there.fits.all():
+        raise ValueError("bodies do not move alike")
+    first = answers(file, one.library, a, states, floating=floating)
+    second = answers(file, two.library, b, there.states, floating=floating)
+    rigid = _rigid(first, states.qdd), _along(_rigid(second, there.states.qdd), there.velocities)
+    apart = _apart(first.tau, _along(second.tau, there.velocities))
+    return apart, _apart(*rigid), _omitted((first, second), (one, two))
 
 
-def _counterpart(a: Reading, b: Reading, joints: Mapping[str, str]) -> tuple[Reading, Reading]:
-    """B with its joints in the order of A's, by the names of A and by its own.
-
-    Args:
-        joints: Name in A, all of them, -> name in B.
-    """
-    there = ordered(renamed(b, {"joints": {other: name for name, other in joints.items()}}), a.joints)
-    return there, renamed(there, {"joints": joints})
+def _along(tau: Array, velocities: Array) -> Array:
+    """Torques along the velocities of another tree. Shape (n, n_freedom)."""
+    return np.asarray((np.swapaxes(velocities, 1, 2) @ tau[..., None])[..., 0])
 
 
 def _rigid(answer: Answers, qdd: Array) -> Array:

@@ -89,32 +89,31 @@ def _compared(a: Path, b: Path, folder: str = "") -> Iterator[Row]:
     yield "verdict", _clean(answer.verdict, a, b, folder)
     yield "exit status", text(answer.exit_status)
     for i, each in enumerate(answer.differences):
-        yield f"difference {i}", _clean(each.sentence, a, b, folder)
-        if isinstance(each.size, float):
-            yield f"difference {i} size", _size([each.size])
+        yield f"difference {i}", _clean(f"{each.kind}: {each.sentence}", a, b, folder)
+        yield f"difference {i} size", _size([each.size])
     for name in ("not_compared", "not_fixed", "notes", "doubts", "left_out"):
         if sentences := getattr(answer, name):
             yield name, _clean(" | ".join(sentences), a, b, folder)
-    for label, before, after in answer.by_joint:
-        yield f"torque of {label}", _size([before, after])
-    yield from _parts(answer)
+    for i, cause in enumerate(answer.causes):
+        yield f"cause {i}", _clean(f"{cause.kind} of {cause.family}: {cause.sentence}", a, b, folder)
+        if np.isfinite(cause.share):
+            yield f"cause {i} share", Fact((float(cause.share),), SIZE)
+    yield from _parts(answer.found)
 
 
-def _parts(answer: Any) -> Iterator[Row]:
-    """Numbers of what was compared, and of the attribution."""
-    for row in answer.rows:
-        yield f"row {row.quantity}", _size(_numbers(row))
-    for name in ("loops", "order"):
-        if part := getattr(answer, name):
+def _parts(found: Any) -> Iterator[Row]:
+    """Numbers of what was compared."""
+    for label, change in found.by_joint:
+        yield f"torque of {label}", _size([change])
+    yield "torques", _size(_numbers(found.torques))
+    for name in ("mobility", "agreement", "order"):
+        if part := getattr(found, name):
             yield name, _size(_numbers(part))
-    if (both := answer.together) is not None:  # of what is rounding the unit may be either
+    if (both := found.together) is not None:  # of what is rounding the unit may be either
         yield "together", text("the same") if both.agrees else _size(_numbers(both))
-    if (part := answer.attribution) is not None:
-        yield "attribution", _size([*_numbers(part.before), *_numbers(part.left)])
-        for cause in part.causes:
-            if np.isfinite(cause.share):
-                yield f"attribution {cause.name}", Fact((float(cause.share),), SIZE)
-    for witness in answer.witnesses:
+    if (fix := found.fix) is not None:
+        yield "fix", text("proved" if fix.proved else "not proved" if fix.text else "none")
+    for witness in found.witnesses:
         yield f"library {witness.library}", text(witness.agrees)
 
 

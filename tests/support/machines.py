@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from screwgauge.diagnosis.explanation import BELIEVED
 from screwgauge.diagnosis.machine.alignment import aligned, assignment
-from screwgauge.diagnosis.machine.placement import coordinate_placement, misfits
+from screwgauge.diagnosis.machine.features import misfits as misfits
+from screwgauge.diagnosis.machine.placement import coordinate_placement as coordinate_placement
 from screwgauge.diagnosis.model import loaded
 from screwgauge.models.kinematics import draw, plant, rehomed
 from screwgauge.models.machine import machine_of

@@ -6,7 +6,6 @@ from screwgauge.models.check import (
     check_file,
     check_models,
     check_table,
-    expected_reading,
     home_poses,
     installed_readers,
     joint_transform,

@@ -105,6 +105,7 @@ class State:
             "joint_position": [*mechanism.units],
             "joint_velocity": [*mechanism.units],
             "joint_acceleration": [*mechanism.units],
+            "axis_moment": [*mechanism.units],
             FORWARD: [mechanism.units[c] for c in mechanism.independent_columns],
             "generalized_force": [mechanism.units[c] for c in mechanism.independent_columns],
             "actuator_force": [*mechanism.actuator_units],

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from screwgauge.models.files.robot_yaml import read_loops_yaml
-from screwgauge.models.kinematics import draw, plant, rehomed, residual_at_home
-from screwgauge.models.matter import steiner
-from screwgauge.models.poses import matrix
+from screwgauge.models.kinematics import draw, plant, residual_at_home
 from screwgauge.models.readings.compiled import warned
 from screwgauge.models.readings.loops import with_loops
 from screwgauge.models.readings.mujoco import joint_equality
@@ -17,7 +15,6 @@ from screwgauge.models.readings.reading import (
     JointReading,
     Reading,
     collapsed,
-    renamed,
 )
 from screwgauge.models.readings.source import by_name, in_file, prepare
 from screwgauge.witness.constraints import closure_gaps, closure_rows, equations, stepped

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain, product
 
 import numpy as np
 
-from screwgauge.diagnosis.machine.placement import EXACT, distance, feature, features, gap, misfits, placed
-from screwgauge.models.machine import Element, Link, Machine, machine_of
+from screwgauge.diagnosis.machine.features import EXACT, features, gap, misfits
+from screwgauge.diagnosis.machine.placement import Believed, distance, placed
+from screwgauge.models.machine import Link, Machine
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -50,133 +51,18 @@ class Alignment:
     only_b: tuple[Link, ...]
 
     @property
-    def joints(self) -> dict[str, str]:
-        """Joints of A with those of B, of links that consist of the same joints."""
-        pairs = ((x, y) for one, other in self.links for x, y in _elements(one, other))
-        return {x.joint: y.joint for x, y in pairs if x.joint and y.joint}
-
-    def partners(self, a: Machine, b: Machine) -> dict[str, str]:
-        """Joints of A with those of B: of links that lie near each other, or lead to bodies that do, and in one place.
-
-        Where all has a partner, of all links.
-        """
-        whole = self.covers(a, b) and self.fits(a, b)
-        near = self if whole else replace(self, links=tuple(x for x in self.links if self._meet(a, b, x)))
-        pairs = (pair for x, y in self.links for pair in _in_place(x, y, self.placed[x.near], a.length))
-        return {**{x.joint: y.joint for x, y in pairs if x.joint and y.joint}, **near.joints}
-
-    def _meet(self, a: Machine, b: Machine, links: tuple[Link, Link]) -> bool:
-        one, _ = links
-        near = self._lies(a, b, one.near) and distance(a, links, self.placed[one.near]) < FAR
-        return near or self._lies(a, b, one.far)
-
-    def _lies(self, a: Machine, b: Machine, body: str) -> bool:
-        """Whether most features of a body lie on those of its partner: one alone, that of its joint, can always do."""
-        if body == GROUND or body not in self.bodies:
-            return body == GROUND
-        off = misfits(a, b, (body, self.bodies[body]), self.placed[body])
-        return bool((off < NEAR).sum() >= MANY * len(off))
+    def inverse(self) -> Alignment:
+        """Bodies and links of B with those of A."""
+        bodies = {other: name for name, other in self.bodies.items()}
+        ends = [(x, y) for one, other in self.links for x, y in ((one.near, other.near), (one.far, other.far))]
+        known = {other: name for name, other in ends if name in self.placed} | bodies
+        placed_ = {other: np.asarray(np.linalg.inv(self.placed[name])) for other, name in known.items()}
+        links = tuple((other, one) for one, other in self.links)
+        return Alignment(bodies, placed_, links, self.only_b, self.only_a)
 
     def covers(self, a: Machine, b: Machine) -> bool:
         """Whether every body and link has a partner."""
         return not (self.only_a or self.only_b) and len(self.bodies) == len(a.bodies) == len(b.bodies)
-
-    def fits(self, a: Machine, b: Machine) -> bool:
-        """Whether most bodies lie on their partners, but for some of their features."""
-        pairs = [pair for pair in self.bodies.items() if pair[0] != GROUND]
-        near = [np.median(misfits(a, b, pair, self.placed[pair[0]])) < NEAR for pair in pairs]
-        return bool(sum(near) >= MANY * len(near))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Match:
-    """Two readings as machines, aligned."""
-
-    a: Machine
-    b: Machine
-    alignment: Alignment
-
-    @property
-    def whole(self) -> bool:
-        """Whether every body and link has a partner, and most lie on theirs."""
-        return self.alignment.covers(self.a, self.b) and self.alignment.fits(self.a, self.b)
-
-    @property
-    def joints(self) -> dict[str, str]:
-        """Joints of A with those of B."""
-        return self.alignment.partners(self.a, self.b)
-
-    @property
-    def roots(self) -> list[Array]:
-        """Placements of B's world in A's that lay what hangs on the ground onto its partners. Shape (4, 4) each."""
-        return [self.alignment.placed[one.far] for one, _ in self.alignment.links if one.near == GROUND]
-
-
-def matched(a: Reading, b: Reading, known: Mapping[str, str], *, full: bool = False) -> Match | None:
-    """Partners by names, or, where these leave something without one, by geometry alone.
-
-    Args:
-        known: Joints of A with those of B that names, or the user, say.
-        full: None is wanted where some body or link has no partner for sure.
-    """
-    one, two = machine_of(a), machine_of(b)
-    even = (len(one.bodies), len(one.links)) == (len(two.bodies), len(two.links))
-    if full and not even:
-        return None
-    by_name = aligned(one, two, known, {name: name for name in a.bodies if name in b.bodies})
-    if not even or by_name.covers(one, two):
-        return Match(one, two, by_name)
-    alone = aligned(one, two, {}, {})
-    return Match(one, two, alone if alone.covers(one, two) else by_name)
-
-
-def standing(a: Machine, b: Machine, alignment: Alignment, reading: Reading) -> tuple[Array, dict[str, Array]]:
-    """Where B's world stands in A's, and where each body of B's reading stands there if B is in the pose of A.
-
-    A whole that stands elsewhere is laid onto A by one placement for all that hangs on the ground.
-
-    Args:
-        reading: A, in the pose that is meant.
-
-    Returns:
-        Shape (4, 4); and body of B's reading -> pose in A's world, shape (4, 4).
-    """
-    roots = [(one, other) for one, other in alignment.links if one.near == GROUND]
-    tried = [np.eye(4), *(alignment.placed[one.far] for one, _ in roots)]
-
-    T = next((T for T in tried if all(distance(a, pair, T) < EXACT for pair in roots)), tried[0])
-    poses = {n: body.pose for n, body in b.reading.bodies.items()}
-    poses_of_b = dict[str, Array]()
-    for name, other in alignment.bodies.items():
-        both = [n for n in a.bodies[name].members if n in reading.bodies and n in a.reading.bodies]
-        X = reading.bodies[both[0]].pose @ np.linalg.inv(a.reading.bodies[both[0]].pose) if both else np.eye(4)
-        G = X @ alignment.placed[name]
-        poses_of_b |= {n: np.asarray(G @ poses[n]) for n in b.bodies[other].members if n in poses}
-    return T, poses_of_b
-
-
-def _elements(one: Link, other: Link) -> Iterator[tuple[Element, Element]]:
-    """Freedoms of two links, one by one; none of links that divide them in different ways."""
-    kinds = [[element.kind for element in link.elements] for link in (one, other)]
-    if kinds[0] == kinds[1]:
-        yield from zip(one.elements, other.elements, strict=True)
-
-
-def _in_place(one: Link, other: Link, T: Array, length: float) -> Iterator[tuple[Element, Element]]:
-    """Freedoms that two links of different kinds have in one place, in the same order.
-
-    Args:
-        T: Placement of the world of the other in that of the one. Shape (4, 4).
-    """
-    if len(one.elements) == len(other.elements):
-        return
-    left = [*other.elements]
-    for mine in one.elements:
-        for i, yours in enumerate(left):
-            if np.linalg.norm(gap(feature(mine), feature(yours).placed(T), length)) < EXACT:
-                yield mine, yours
-                left = left[i + 1 :]
-                break
 
 
 def assignment(cost: Array) -> list[tuple[int, int]]:
@@ -208,21 +94,26 @@ def _behind(machine: Machine, link: Link) -> list[Link]:
     return [far for far in machine.at(link.far) if far.names != link.reversed().names]
 
 
-def aligned(a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str]) -> Alignment:
+def aligned(
+    a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str], believed: Believed
+) -> Alignment:
     """Finds partners.
 
     Args:
         known: Joints of A with those of B that names, or the user, say.
         bodies: The same of bodies of the readings.
+        believed: Of where a body lies.
     """
-    return _Walk(a, b, known, bodies).done()
+    return _Walk(a, b, known, bodies, believed).done()
 
 
 class _Walk:
     """The walk from the ground outwards."""
 
-    def __init__(self, a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str]) -> None:
-        self.a, self.b, self.known = a, b, known
+    def __init__(
+        self, a: Machine, b: Machine, known: Mapping[str, str], bodies: Mapping[str, str], believed: Believed
+    ) -> None:
+        self.a, self.b, self.known, self.believed = a, b, known, believed
         self.back = {other: name for name, other in known.items()}
         self.called = {a.part_of(name): b.part_of(other) for name, other in bodies.items()}
         self.bodies, self.placed = {GROUND: GROUND}, {GROUND: np.eye(4)}
@@ -237,7 +128,7 @@ class _Walk:
                 self._taken(one, other)
                 if one.far not in self.bodies:
                     self.bodies[one.far] = other.far
-                    self.placed[one.far] = placed(self.a, self.b, (one, other), self.placed[near])
+                    self.placed[one.far] = placed(self.a, self.b, (one, other), self.placed[near], self.believed)
                     queue.append(one.far)
         return Alignment(self.bodies, self.placed, tuple(self.links), tuple(self.open_a), tuple(self.open_b))
 
@@ -262,7 +153,15 @@ class _Walk:
         pairs += [product(ours, _behind(self.b, link)) for link in theirs]
         skipped = max(([pair for pair in some if self._lie(*pair, near)] for some in pairs), key=len, default=[])
         self.placed |= {one.near: self.placed[near] for one, _ in skipped}
-        return skipped
+        return self._once(skipped)
+
+    def _once(self, pairs: list[tuple[Link, Link]]) -> list[tuple[Link, Link]]:
+        """Each link in one pair, the likeliest first: slides in one direction lie on each other."""
+        chosen = list[tuple[Link, Link]]()
+        for one, other in sorted(pairs, key=lambda pair: self._cost(*pair)):
+            if all(one is not x and other is not y for x, y in chosen):
+                chosen.append((one, other))
+        return chosen
 
     def _lie(self, one: Link, other: Link, near: str) -> bool:
         """Whether two links, and most of their descendants, are in one place where a body lies on its partner."""

@@ -6,26 +6,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from copy import copy
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 
+from screwgauge.diagnosis.machine.features import EXACT, Feature, Overlay, features, gap
 from screwgauge.models.machine import Body, Element, Link, Machine
-from screwgauge.models.matter import displaced
 from screwgauge.models.poses import exponential, matrix
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array, cross, rotation
 
-#: Share of the machine's length, or of 1 rad, up to which features are the same.
-EXACT = 1e-6
+#: Where a feature counts half [lengths of the machine, rad, relative].
+HALF = 0.01
 #: Candidates from frames of one name that are tried.
 FRAMES = 6
 #: Principal moments, or a centre of mass and its axis, are distinct by such a share; those of two bodies are the same
 #: up to a share of `ALIKE`.
 DISTINCT, ALIKE = 1e-3, 1e-6
-UPPER = np.triu_indices(3)
 #: How many candidates are fitted along a link, and the angles of its hinges from which [rad].
 FITTED, TURNS = 3, (0.0, 2.1, -2.1)
 #: Vectors across a hinge that are shorter determine no angle [lengths of the machine].
@@ -35,143 +33,45 @@ STEP, FAR = 1e-7, 0.7
 SCALES = (*np.geomspace(1.0, 1e-2, 8), *np.full(10, 1e-2))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Feature:
-    """What a link is on one of its bodies: a point (S), a line (R) or a direction (P)."""
+@dataclass(frozen=True, slots=True)
+class Believed:
+    """What is believed of where a body lies.
 
-    kind: str
-    point: Array
-    direction: Array
+    Attributes:
+        exact: What a feature that lies exactly on its partner counts beside one that is near: of an edited copy most
+            features are exact; of two robots that are only alike some are, by chance.
+        fits: Whether motions of its link, principal axes and centres of mass may place it, which something that is
+            displaced alone would mislead; else only coordinates and frames of one name do.
+    """
 
-    def placed(self, T: Array) -> Feature:
-        """The feature in another world. T: shape (4, 4)."""
-        return Feature(self.kind, T[:3, :3] @ self.point + T[:3, 3], T[:3, :3] @ self.direction)
+    exact: float = 0.25
+    fits: bool = True
 
-
-def features(link: Link, body: str) -> list[Feature]:
-    """Features of a link on one of its bodies; none of a free one."""
-    if link.kind == "F":
-        return []
-    if link.kind == "S" and link.centre is not None:
-        return [Feature("S", link.centre, np.zeros(3))]
-    return [feature(link.elements[0 if body == link.near else -1])]
+    def score(self, off: Array) -> float:
+        """How good a placement is by its misfits."""
+        whole = 0.5 * bool((off < EXACT).all())
+        return whole + float((1.0 / (1.0 + (off / HALF) ** 2) + self.exact * (off < EXACT)).sum())
 
 
-def feature(element: Element) -> Feature:
-    kind = {"hinge": "R", "slide": "P", "ball": "S", "free": "S"}[element.kind]
-    return Feature(kind, element.centre, element.direction if kind != "S" else np.zeros(3))
-
-
-def gap(one: Feature, other: Feature, length: float) -> Array:
-    """How far two features are from each other: of directions, and of places. Shape (6,), lengths of the machine."""
-    if one.kind != other.kind:
-        return np.append(2.0, np.zeros(5))
-    sign = 1.0 if one.direction @ other.direction >= 0.0 else -1.0
-    step = (other.point - one.point) / length
-    way = {"R": np.cross(step, one.direction), "S": step, "P": np.zeros(3)}[one.kind]
-    return np.append(one.direction - sign * other.direction, way)
-
-
-class _Shape:
-    """A body as arrays: its features and its matter."""
-
-    def __init__(self, machine: Machine, body: str) -> None:
-        some = [each for link in machine.at(body) for each in features(link, body)]
-        self.kinds = np.array([each.kind for each in some], dtype=str)
-        self.points = np.array([each.point for each in some]).reshape(-1, 3)
-        self.ways = np.array([each.direction for each in some]).reshape(-1, 3)
-        self.matter = machine.bodies[body].matter
-
-    def placed(self, T: Array) -> _Shape:
-        """The shape in another world. T: shape (4, 4)."""
-        other = copy(self)
-        other.points, other.ways = self.points @ T[:3, :3].T + T[:3, 3], self.ways @ T[:3, :3].T
-        other.matter = displaced(self.matter, T)
-        return other
-
-    def places(self) -> Iterator[tuple[str, Array, Array]]:
-        """Kind, point and direction (none of a point) of what shows where it is: all but directions."""
-        yield from ((k, *pair) for k, *pair in zip(self.kinds, self.points, self.ways, strict=True) if k != "P")
-        if self.matter.mass:
-            yield "com", self.matter.com, np.zeros(3)
-
-    def directions(self) -> Iterator[tuple[str, Array]]:
-        """Kind and direction of what has one, principal axes of inertia among them; none of these has a sense."""
-        yield from ((k, way) for k, way in zip(self.kinds, self.ways, strict=True) if k != "S")
-        if self.matter.mass:
-            yield from ((f"inertia {i}", way) for i, way in enumerate(np.linalg.eigh(self.matter.inertia)[1].T))
-
-
-class _Overlay:
-    """A body of B laid on one of A, for one placement after the other."""
-
-    def __init__(self, a: Machine, b: Machine, bodies: tuple[str, str]) -> None:
-        self.ours, self.theirs, self.length = _Shape(a, bodies[0]), _Shape(b, bodies[1]), a.length
-        self.lines, self.balls = (self.ours.kinds == kind for kind in "RS")
-        self.unlike = self.ours.kinds[:, None] != self.theirs.kinds
-
-    def residuals(self, T: Array) -> Array:
-        """How it lies there: a row for each feature, for the centre of mass and for the inertia. Shape (n, 6).
-
-        Args:
-            T: Placement of B's world in A's. Shape (4, 4).
-        """
-        rows = [*self._gaps(T)]
-        first, second = self.ours.matter, displaced(self.theirs.matter, T)
-        if first.mass and second.mass:
-            rows.append(np.append((first.com - second.com) / self.length, np.zeros(3)))
-            scale = float(np.abs(first.inertia).max()) or 1.0
-            rows.append(((first.inertia - second.inertia) / scale)[UPPER])
-        return np.array(rows or [np.zeros(6)])
-
-    def misfits(self, T: Array) -> Array:
-        """Sizes of the `residuals`. Shape (n,)."""
-        return np.asarray(np.linalg.norm(self.residuals(T), axis=1))
-
-    def _gaps(self, T: Array) -> Array:
-        """Gaps, as by `gap`, of each feature of A and the nearest one of B. Shape (n, 6)."""
-        ours = self.ours
-        if not self.unlike.size:
-            return np.tile(np.append(1.0, np.zeros(5)), (len(ours.points), 1))
-        R = T[:3, :3]
-        ways = self.theirs.ways @ R.T
-        signs = np.where(ours.ways @ ways.T >= 0.0, 1.0, -1.0)
-        turns = ours.ways[:, None] - signs[..., None] * ways
-        steps = (self.theirs.points @ R.T + T[:3, 3] - ours.points[:, None]) / self.length
-        across = cross(steps, np.broadcast_to(ours.ways[:, None], steps.shape))
-        off = np.where(self.lines[:, None, None], across, np.where(self.balls[:, None, None], steps, 0.0))
-        gaps = np.concatenate([turns, off], axis=-1)
-        gaps[self.unlike] = np.append(2.0, np.zeros(5))
-        nearest = np.argmin(np.einsum("ijk,ijk->ij", gaps, gaps), axis=1)
-        return np.asarray(gaps[np.arange(len(gaps)), nearest])
-
-
-def misfits(a: Machine, b: Machine, bodies: tuple[str, str], T: Array) -> Array:
-    """How a body of B lies on one of A, with B's world placed in A's, shape (4, 4). Shape (n,)."""
-    return _Overlay(a, b, bodies).misfits(T)
-
-
-def _score(off: Array) -> float:
-    """How good a placement is: how many residuals are none, then how small the others are."""
-    return float((off < EXACT).sum() - np.minimum(off, 1.0).mean())
-
-
-def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Array:
+def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array, believed: Believed) -> Array:
     """Placement of B's world in A's that lays the descendants of a link onto those of its partner.
 
     Args:
         near: Placement of B's world in A's by the parents of the links. Shape (4, 4).
     """
-    overlay = _Overlay(a, b, (links[0].far, links[1].far))
-    tried = list(_candidates(a, b, links, near))
+    overlay = Overlay(a, b, (links[0].far, links[1].far))
+    tried, score = list(_candidates(a, b, links, near)), believed.score
     offs = [overlay.misfits(T) for T in tried]
-    best = max(range(len(tried)), key=lambda i: (round(_score(offs[i]), 5), -i))
+    best = max(range(len(tried)), key=lambda i: (round(score(offs[i]), 5), -i))
     nearest, off = tried[best], offs[best]
-    if off.max() <= EXACT:
+    if off.max() <= EXACT or not believed.fits:
         return nearest
-    for T in _further(a, b, links, overlay, tried):
+    further = [_further(a, b, links, overlay, tried, score)]
+    if not {*a.bodies[links[0].far].frames} & {*b.bodies[links[1].far].frames}:
+        further.append(_by_matter(a, b, links))
+    for T in chain(*further):
         other = overlay.misfits(T)
-        if _score(other) > _score(off) + 0.4:
+        if score(other) > score(off) + 0.4:
             nearest, off = T, other
         if off.max() <= EXACT:
             break
@@ -179,15 +79,18 @@ def placed(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Arr
 
 
 def _further(
-    a: Machine, b: Machine, links: tuple[Link, Link], overlay: _Overlay, tried: list[Array]
+    a: Machine,
+    b: Machine,
+    links: tuple[Link, Link],
+    overlay: Overlay,
+    tried: list[Array],
+    score: Callable[[Array], float],
 ) -> Iterator[Array]:
-    """Placements where no candidate is exact: motions of the link, and by matter where names do not decide either."""
+    """Placements by motions of the link, where no candidate is exact."""
     if len(links[0].elements) <= 3 or links[0].kind == "F":
         elsewhere = links[0].near == GROUND and distance(a, links, np.eye(4)) > EXACT
         steps = _elsewhere(links[0]) if elsewhere else _freedoms(links[0])
-        yield from (_fitted(overlay, steps, T) for T in tried[:FITTED])
-    if not {*a.bodies[links[0].far].frames} & {*b.bodies[links[1].far].frames}:
-        yield from _by_matter(a, b, links)
+        yield from (_fitted(overlay, steps, T, score) for T in tried[:FITTED])
 
 
 def _candidates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -> Iterator[Array]:
@@ -274,19 +177,19 @@ def _laid(one: Feature, other: Feature) -> Array:
     return matrix(way, R)
 
 
-def _fitted(overlay: _Overlay, steps: list[Element], near: Array) -> Array:
+def _fitted(overlay: Overlay, steps: list[Element], near: Array, score: Callable[[Array], float]) -> Array:
     """The motion by some steps that lays most of a body exactly onto its partner: the rest of it may differ."""
     best, most = near, -math.inf
     for T in _moves(overlay, steps, near):
         off = overlay.misfits(T)
-        if (score := _score(off)) > most:
-            best, most = T, score
+        if (found := score(off)) > most:
+            best, most = T, found
         if off.max() <= EXACT:  # of machines that are symmetric the first, which moves least
             break
     return best
 
 
-def _moves(overlay: _Overlay, steps: list[Element], near: Array) -> Iterator[Array]:
+def _moves(overlay: Overlay, steps: list[Element], near: Array) -> Iterator[Array]:
     """Placements by some steps: in closed form where one hinge, or none, is among them."""
     hinges = [step for step in steps if step.kind == "hinge"]
     ways = np.array([step.direction for step in steps if step.kind == "slide"]).reshape(-1, 3)
@@ -301,10 +204,10 @@ def _moves(overlay: _Overlay, steps: list[Element], near: Array) -> Iterator[Arr
 
 def _along(ways: Array, axis: Array) -> bool:
     """Whether directions, none of a point, are that of an axis. Shape (3,) or (n, 3)."""
-    return float(np.abs(np.cross(ways, axis)).max()) < EXACT
+    return float(np.abs(cross(ways, np.broadcast_to(axis, ways.shape))).max()) < EXACT
 
 
-def _turned(overlay: _Overlay, hinge: Element, near: Array) -> Iterator[Array]:
+def _turned(overlay: Overlay, hinge: Element, near: Array) -> Iterator[Array]:
     """Turns about a hinge that bring a feature of a body, its centre of mass or its inertia onto its partner."""
     axis, centre = hinge.direction, hinge.centre
     ours, theirs = overlay.ours, overlay.theirs.placed(near)
@@ -314,7 +217,7 @@ def _turned(overlay: _Overlay, hinge: Element, near: Array) -> Iterator[Array]:
     pairs += [(u, v, True) for (k, u), (m, v) in ways if k == m]
     angles = {0.0}
     for u, v, senseless in pairs:
-        sine, cosine = float(np.cross(v, u) @ axis), float(u @ v - (u @ axis) * (v @ axis))
+        sine, cosine = float(cross(v, u) @ axis), float(u @ v - (u @ axis) * (v @ axis))
         if math.hypot(sine, cosine) > FLAT:
             angle = math.atan2(sine, cosine)
             some = [angle, math.remainder(angle + math.pi, math.tau)] if senseless else [angle]
@@ -323,7 +226,7 @@ def _turned(overlay: _Overlay, hinge: Element, near: Array) -> Iterator[Array]:
         yield exponential("hinge", axis, centre, angle) @ near
 
 
-def _shifted(overlay: _Overlay, ways: Array, near: Array) -> list[Array]:
+def _shifted(overlay: Overlay, ways: Array, near: Array) -> list[Array]:
     """Shifts in some directions, shape (n, 3), that bring a place of a body onto its partner."""
     shifted = [near]
     for (kind, x, way), (other, y, _) in product(overlay.ours.places(), overlay.theirs.placed(near).places()):
@@ -333,7 +236,7 @@ def _shifted(overlay: _Overlay, ways: Array, near: Array) -> list[Array]:
     return shifted
 
 
-def _descended(overlay: _Overlay, steps: list[Element], near: Array, start: Array) -> Array:
+def _descended(overlay: Overlay, steps: list[Element], near: Array, start: Array) -> Array:
     """The placement that a fit by some steps reaches from a start."""
 
     def placement(q: Array) -> Array:

@@ -13,9 +13,9 @@ from itertools import pairwise, permutations, product
 
 import numpy as np
 
-from screwgauge.diagnosis.slips import INERTIA, LENGTH, MASS
 from screwgauge.diagnosis.transformations import axis, turned
 from screwgauge.models.kinematics import downwards, plant, rehomed, residual_at_home, size
+from screwgauge.models.machine import at_closed_pose
 from screwgauge.models.matter import Matter
 from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
@@ -67,16 +67,6 @@ class Whole:
         i = min(range(3), key=lambda i: float(np.linalg.norm(turns[i])))
         return _AXES[i], np.array([turns[i], way])
 
-    @property
-    def units(self) -> str:
-        """Which factors it has, in words; empty where it has none."""
-        tables = {"lengths": (self.length, LENGTH), "masses": (self.mass, MASS), "inertias": (self.inertia, INERTIA)}
-        return ", ".join(
-            f"{noun} {factor:.6g} times those of A{_meant(factor, units)}"
-            for noun, (factor, units) in tables.items()
-            if factor != 1.0
-        )
-
     def undone(self, b: Reading, a: Reading) -> Reading:
         """B in the units of A, where A stands, under the gravity that is nearest to A's."""
         T = np.asarray(np.linalg.inv(self.placement))
@@ -86,15 +76,11 @@ class Whole:
         out = _transformed(b, T, 1.0 / self.length, 1.0 / self.mass, 1.0 / self.inertia)
         return replace(out, gravity=None if b.gravity is None else gravity)
 
-
-def _meant(factor: float, units: Mapping[float, str]) -> str:
-    """Which unit a factor is likely meant by."""
-    for value, name in units.items():
-        if math.isclose(factor, value, rel_tol=SAME):
-            return f" (as if written {name})"
-        if math.isclose(factor, 1.0 / value, rel_tol=SAME):
-            return f" (as if A were {name})"
-    return ""
+    def done(self, a: Reading) -> Reading:
+        """A as B has it, under A's gravity: as the torques of B are."""
+        T = self.placement.copy()
+        T[:3, 3] *= self.length
+        return replace(_transformed(a, T, self.length, self.mass, self.inertia), gravity=a.gravity)
 
 
 def _transformed(reading: Reading, T: Array, length: float, mass: float, inertia: float) -> Reading:
@@ -154,25 +140,26 @@ def wholes(a: Reading, b: Reading, joints: Mapping[str, str], bodies: Mapping[st
     if 2 * len(bodies) < min(len(a.bodies), len(b.bodies)):
         pairs = _alike(a, b)
     pairs = ({x: y for x, y in pairs[0].items() if a.joints[x].kind == b.joints[y].kind}, pairs[1])
-    posed = _posed(a, b, pairs[0])
-    still = [_Overlay(a, each, pairs) for each in posed]
-    count = still[0].count
-    base = max(float(each.score(np.eye(4)[None])[0]) for each in still)
-    if not count or base > ENOUGH * count:
-        return []
     found = list[tuple[float, Whole]]()
-    for factors in dict.fromkeys([(1.0, 1.0, 1.0), *_factors(a, b, pairs)]):
-        most = base
-        for each in posed:
-            length, mass, inertia = (1.0 / factor for factor in factors)
-            overlay = _Overlay(a, _transformed(each, np.eye(4), length, mass, inertia), pairs)
+    base = count = 0.0
+    several = [each for each in _factors(a, b, pairs) if each[0] != 1.0 or 1.0 not in each[1:]]
+    for factors in dict.fromkeys([(1.0, 1.0, 1.0), *several]):
+        length, mass, inertia = (1.0 / factor for factor in factors)
+        unit = _transformed(b, np.eye(4), length, mass, inertia)
+        overlays = [_Overlay(a, each, pairs) for each in _posed(a, unit, pairs[0])]
+        if not count:  # of B as it stands
+            count, base = overlays[0].count, max(float(each.score(np.eye(4)[None])[0]) for each in overlays)
+            if not count or base > ENOUGH * count:
+                return []
+        best = base
+        for overlay in overlays:
             tried = overlay.candidates()
             moved = np.abs(tried - np.eye(4)).max(axis=(1, 2)) > 1e-9
             scores = overlay.score(tried) - 1e-3 * moved - 0.1 * (np.linalg.det(tried) < 0.0)
             i = int(scores.argmax())
-            if scores[i] > most + GAIN * count:
-                most = float(scores[i])
-                found.append((most, Whole(np.asarray(np.linalg.inv(_round(tried[i]))), *factors)))
+            if scores[i] > best + GAIN * count:
+                best = float(scores[i])
+                found.append((best, Whole(np.asarray(np.linalg.inv(_round(tried[i]))), *factors)))
     return [whole for _, whole in sorted(found, key=lambda each: -each[0])]
 
 
@@ -201,7 +188,8 @@ def _alike(a: Reading, b: Reading) -> Pairs:
 
 
 def _posed(a: Reading, b: Reading, joints: Mapping[str, str]) -> list[Reading]:
-    """B at the coordinates of A, if its loops are closed there, and as its file has it."""
+    """B at the coordinates of A, if its loops are closed there, and at the closed pose that is nearest to its home."""
+    b = at_closed_pose(b)
     q = {y: a.joints[x].home for x, y in joints.items() if abs(b.joints[y].home - a.joints[x].home) > 1e-12}
     if not q:
         return [b]

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from screwgauge.diagnosis.compare import STATES
-from screwgauge.diagnosis.diagnose import Diagnosis, summary
-from screwgauge.diagnosis.differences.difference import Difference
-from screwgauge.diagnosis.differences.static import sorted_by_size
+from screwgauge.diagnosis.diagnose import Diagnosis
 from screwgauge.diagnosis.model import Model
+from screwgauge.diagnosis.shares import STATES
+from screwgauge.diagnosis.summary import summary
 from screwgauge.report.blocks import Banner, Block, Heading, Items
-from screwgauge.report.figures.diagnosis import make_plots, share_text
+from screwgauge.report.figures.diagnosis import has_share, make_plots, share_text
 from screwgauge.report.layout import Report
 from screwgauge.report.text import terminal
-from screwgauge.study.formatting import Row, number, size, unit_text
+from screwgauge.study.formatting import Row, size
 
 
 def _banners(diagnosis: Diagnosis) -> list[Banner]:
@@ -33,20 +32,14 @@ def _banner(diagnosis: Diagnosis) -> Banner:
 
 def _differences(diagnosis: Diagnosis) -> list[Row]:
     """Each one, by the number of its cause; none where the causes are the differences."""
-    causes = {i: k for k, cause in enumerate(diagnosis.causes, 1) for i in cause.differences}
-
-    def line(i: int, each: Difference) -> Row:
-        item = each.item_a or each.item_b
-        sentence = each.sentence.removeprefix(f"{item}: ")
-        return {"number": causes.get(i, ""), "of": item, "difference": sentence, "kind": each.kind}
-
-    if {cause.sentence for cause in diagnosis.causes} == {each.sentence for each in diagnosis.differences}:
+    if all(len(cause.differences) == 1 for cause in diagnosis.causes):
         return []
-    lines = [line(i, each) for i, each in enumerate(diagnosis.differences)]
-    return sorted(lines, key=lambda row: row["number"] or len(lines) + 1)
-
-
-TORQUES = "inverse dynamics"
+    numbers = {i: k for k, cause in enumerate(diagnosis.causes, 1) for i in cause.differences}
+    rows = [
+        {"number": numbers.get(i, ""), "difference": each.sentence, "kind": each.kind}
+        for i, each in enumerate(diagnosis.differences)
+    ]
+    return sorted(rows, key=lambda row: row["number"] or len(rows) + 1)
 
 
 def _causes(diagnosis: Diagnosis) -> list[Row]:
@@ -55,6 +48,7 @@ def _causes(diagnosis: Diagnosis) -> list[Row]:
         {
             "number": k,
             "share": share_text(cause),
+            "family": cause.family,
             "cause": cause.sentence,
             "short": cause.short,
             "of": len(cause.differences),
@@ -65,39 +59,46 @@ def _causes(diagnosis: Diagnosis) -> list[Row]:
 
 def _scale(diagnosis: Diagnosis) -> str:
     """What shares are of."""
-    if diagnosis.attribution is None or not diagnosis.attribution.seen:
+    if not any(map(has_share, diagnosis.causes)):
         return ""
-    rows = (row for row in diagnosis.rows if row.quantity == TORQUES)
-    most = next((f", at most {number(row.max_abs, 3)} {unit_text(row.unit)}" for row in rows), "")
-    rests = any(not math.isnan(cause.of_rest) for cause in diagnosis.causes)
-    rest = "; those of the rest are of what is left when the causes before are put right" if rests else ""
     return (
-        f"Shares are of the torque difference at {STATES} random states{most}, torques of each unit over the largest "
-        f"of it; a negative one partly cancels the others{rest}."
+        f"Each share is of that cause alone, of the torque difference at {STATES} random states, torques of each unit "
+        "over the largest of it; a negative one partly cancels the others."
     )
 
 
-def _proof(diagnosis: Diagnosis) -> str:
-    """What is left when all changes are made."""
-    if diagnosis.proof is None:
-        return ""
-    left, where = diagnosis.proof.left, "file, read again" if diagnosis.proof.on == "file" else "reading"
-    amount = f"{number(left.value, 2)} {unit_text(left.unit)}, {size(left.scaled)} of the largest"
-    return f"With the changes made in a copy of B's {where}, {amount}, are left."
+def _agreement(diagnosis: Diagnosis) -> list[Row]:
+    """How far torques are apart where nothing else differs."""
+    found = diagnosis.found
+    both = found.together.row if found.together is not None else None
+    pairs = (("torques of the readings", found.agreement), ("torques of the libraries as loaded", both))
+    return [{"quantity": name, **asdict(row), "max_abs": row.value} for name, row in pairs if row is not None]
+
+
+def _torques(diagnosis: Diagnosis) -> list[Row]:
+    """What the differences change of the torques, the largest first."""
+    rows = [{"component": name, "change": change} for name, change in diagnosis.found.by_joint if change > 0.0]
+    return sorted(rows, key=lambda row: -row["change"])
 
 
 def _witnesses(diagnosis: Diagnosis) -> list[Row]:
     return [
         {"model": x.side, "library": x.library, "apart": x.failed or size(max(x.scaled.values())), "omits": x.omits}
-        for x in diagnosis.witnesses
+        for x in diagnosis.found.witnesses
     ]
 
 
 def _map(diagnosis: Diagnosis) -> list[Row]:
-    pairing = diagnosis.pairing
-    lines = [(name, other, pairing.how[name]) for name, other in pairing.joints.items()]
-    lines += [(name, "", "only in A") for name in pairing.only_a] + [("", name, "only in B") for name in pairing.only_b]
+    pair = diagnosis.found.pair
+    lines = [(name, pair.partner(name).name, how) for name, how in diagnosis.found.how.items()]
+    lines += [("/".join(link.names), "", "only in A") for link in pair.alignment.only_a]
+    lines += [("", "/".join(link.names), "only in B") for link in pair.alignment.only_b]
     return [dict(zip("AB", line, strict=False), by=line[2]) for line in lines]
+
+
+def _permutation(diagnosis: Diagnosis) -> str:
+    order = diagnosis.found.order
+    return f"q_b = q_a[{[*order.permutation]}]" if order else ""
 
 
 def _ignored(diagnosis: Diagnosis) -> list[str]:
@@ -125,7 +126,8 @@ def _file(model: Model) -> str:
 
 def every_difference(diagnosis: Diagnosis) -> str:
     """What is printed, and each difference."""
-    items = Items(tuple(each.sentence for each in sorted_by_size(diagnosis.differences)))
+    ranked = sorted(diagnosis.differences, key=lambda each: -each.size)
+    items = Items(tuple(each.sentence for each in ranked))
     more: list[Block] = [Heading("All differences"), items] if diagnosis.differences else []
     return terminal([*PAGE.terminal(diagnosis), *more])
 
@@ -140,11 +142,11 @@ PAGE = Report(
         "differences": _differences,
         "causes": _causes,
         "scale": _scale,
-        "proof": _proof,
-        "rows alone": lambda diagnosis: () if diagnosis.differences else diagnosis.rows,
+        "agreement": _agreement,
+        "torques": _torques,
         "witnesses": _witnesses,
         "map": _map,
-        "permutation": lambda diagnosis: f"q_b = q_a[{[*diagnosis.order.permutation]}]" if diagnosis.order else "",
+        "permutation": _permutation,
         "ignored": _ignored,
         "not compared": lambda diagnosis: diagnosis.not_compared,
         "models": lambda diagnosis: {side: _file(m) for side, m in _sides(diagnosis)},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
@@ -21,6 +21,7 @@ from screwgauge.report.stage.drawing import CORNER, EDGE, FONT, corner, labels
 
 if TYPE_CHECKING:
     from screwgauge.diagnosis.diagnose import Diagnosis
+    from screwgauge.diagnosis.model import Model
 
 #: Of one machine, and of the line above it [pixels]; names that are written, those of the first causes.
 SIDE, HEAD, NAMED = 290.0, 26.0, 8
@@ -84,16 +85,17 @@ class DrawnMachine:
 
 def machines(diagnosis: Diagnosis) -> Picture:
     """Both machines; bodies and joints that differ in colour, the first ones named."""
-    order = [diagnosis.differences[i] for cause in diagnosis.causes for i in cause.differences if cause.kind == "cause"]
+    causes = (cause for cause in diagnosis.causes if cause.kind != "digits")
+    order = [diagnosis.differences[i] for cause in causes for i in cause.differences]
     ours, theirs = (
         tuple(dict.fromkeys(filter(None, (getattr(each, side) for each in order)))) for side in ("item_a", "item_b")
     )
-    a, b, pairs = diagnosis.a, diagnosis.b, diagnosis.pairing.joints
-    of_a = a.home or {one: b.home[two] for one, two in pairs.items() if two in b.home}
-    of_b = b.home or {two: a.home[one] for one, two in pairs.items() if one in a.home}
+    pair = diagnosis.found.pair  # B as the whole is undone
+    one, two = _in_one_pose(diagnosis)
+    placement = pair.alignment.placed.get(GROUND, np.eye(4))
     sides = (
-        DrawnMachine("A", _closed(a.reading, of_a), np.eye(4), ours),
-        DrawnMachine("B", _closed(b.reading, of_b), diagnosis.pairing.placement, theirs),
+        DrawnMachine(_title("A", diagnosis.a), one, np.eye(4), ours),
+        DrawnMachine(_title("B", diagnosis.b), two, placement, theirs),
     )
     points = [np.array([*side.joints().values(), *_further(side)]) for side in sides]
     view = across(_seen(np.concatenate(points), sides)) * [[1.0], [-1.0]]
@@ -115,9 +117,20 @@ def machines(diagnosis: Diagnosis) -> Picture:
     return Picture("machines", "Both machines at home, what differs in colour", svg)
 
 
-def _closed(reading: Reading, near: Mapping[str, float]) -> Reading:
-    """A reading at a home that closes its loops, next to these coordinates [rad or m]; as it is where none does."""
-    return at_closed_pose(rehomed(reading, near)[0]) if reading.closures else reading
+def _in_one_pose(diagnosis: Diagnosis) -> tuple[Reading, Reading]:
+    """Both readings at the home of A, or of B if its file alone says where loops are closed."""
+    pair = diagnosis.found.pair
+    a, b = pair.a.reading, pair.b.reading
+    single = {n: x for n, x in pair.joints.items() if a.joints[n].kind == b.joints[x.name].kind in ("hinge", "slide")}
+    if diagnosis.b.home and not diagnosis.a.home:
+        q = {n: x.sign * (b.joints[x.name].home - x.zero) for n, x in single.items()}
+        return at_closed_pose(rehomed(a, q)[0]), b
+    q = {x.name: x.sign * a.joints[n].home + x.zero for n, x in single.items()}
+    return a, at_closed_pose(rehomed(b, q)[0])
+
+
+def _title(side: str, model: Model) -> str:
+    return f"{side}: {len(model.reading.joints)} joints, {model.reading.mass:.6g} kg"
 
 
 def _further(side: DrawnMachine) -> Iterator[Array]:
@@ -161,5 +174,4 @@ def _drawn(side: DrawnMachine, view: Array, shift: Array, heaviest: float, tall:
         out.append(f'<circle{mark} cx="{x:.1f}" cy="{y:.1f}" r="3"/>')
     wanted = [(name, DOUBT, spots[name]) for name in side.differs if name in spots][:NAMED]
     out += labels(wanted, np.array([*spots.values()]), left + SIDE, tall, left)
-    title = f"{side.title}: {len(side.reading.joints)} joints, {side.reading.mass:.6g} kg"
-    return f'<text x="{left + 8.0:.0f}" y="18">{escape(title)}</text>{"".join(out)}'
+    return f'<text x="{left + 8.0:.0f}" y="18">{escape(side.title)}</text>{"".join(out)}'

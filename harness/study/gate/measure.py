@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from screwgauge.diagnosis.answer import Difference
 from screwgauge.diagnosis.diagnose import diagnose
-from screwgauge.diagnosis.differences.difference import ALL, Difference, digits_of
-from screwgauge.diagnosis.notes import INEXACT
-from screwgauge.diagnosis.verdict import SAME
+from screwgauge.diagnosis.facts.digits import ALL, INEXACT, digits_of
+from screwgauge.diagnosis.sentences import SAME
 from screwgauge.environment import environment
 from screwgauge.judging.coverage import Coverage
 from screwgauge.judging.residual import JUDGE, Residual
@@ -217,14 +217,13 @@ def compared_pair(item: Item, settings: GateSettings) -> GateRow:
         tolerance, reason = SAME + DIGITS * 10.0 ** (1 - n), f"rounding, {n} digits of a file"
         if n >= ALL:  # whose rounding it is not
             tolerance, reason = INEXACT, "tensors as MuJoCo compiles them"
-    errors = []
-    if diagnosis.attribution is not None:
-        most = diagnosis.attribution.before
-        ok = most.scaled <= tolerance
-        errors = [Residual("tree_force", most.unit, a.name, b.name, most.scaled, tolerance, reason, ok, most.component)]
+    found = diagnosis.found
+    most = found.torques if found.agreement is None else found.agreement
+    ok = most.scaled <= tolerance
+    errors = [Residual("tree_force", most.unit, a.name, b.name, most.scaled, tolerance, reason, ok, most.component)]
     within = given is not None and all(each.size <= given for each in diagnosis.differences)
-    agree = (diagnosis.same or rounded or within) and bool(errors) and all(one.ok for one in errors)
-    agree &= not diagnosis.not_compared and (diagnosis.together is None or diagnosis.together.row.scaled <= tolerance)
+    agree = found.alike and (diagnosis.same or rounded or within) and ok
+    agree &= not diagnosis.not_compared and (found.together is None or found.together.row.scaled <= tolerance)
     status: Outcome = "failed" if diagnosis.exit_status == 3 else "agree" if agree else "differ"
     known = environment()["packages"]
     packages = {name: known[name] for name in ("pin", "mujoco")}

@@ -1,0 +1,176 @@
+"""Amounts in words: numbers with as many digits as distinguish them, steps along axes, tensors, factors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.reference.rotations import Array
+
+_AXES = "xyz"
+
+
+def both(what: str, a: Array, b: Array, unit: str) -> str:
+    """Tell two values of a property, and how far apart they are."""
+    behind = f" {unit}" if unit else ""
+    if np.ndim(a) == 0:
+        x, y = float(a), float(b)
+        apart = f" ({change(x, y)})" if x and y else ""
+        return f"{digits(y, x)}{behind} in B, {digits(x, y)}{behind} in A{apart}"
+    if what == "inertia":
+        return _tensors(a, b)
+    said = f"{vector(b, a)}{behind} in B, {vector(a, b)}{behind} in A"
+    return f"{said} ({_apart(b - a, unit)})" if what in ("com", "gravity") else said
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Axes:
+    """Axes in which a rotation or a displacement is stated.
+
+    Attributes:
+        name: Whose they are, such as ``link3 in A``.
+        R: Their directions in A's world at home, as columns. Shape (3, 3).
+    """
+
+    name: str
+    R: Array
+
+
+#: Axes in which places are stated where no body has any.
+WORLD = Axes("the world in A", np.eye(3))
+#: A part of a step that is smaller than this share of the other one is rounding of that; so is a component of a vector.
+_SHARE = 1e-5
+
+
+def turn_and_way(
+    step: Array, axes: Sequence[Axes], length: float, turned: str = "turned", *, brief: bool = False
+) -> str:
+    """Tell a turn [rad] and a way [m], those that are there, with their directions. Shape (2, 3).
+
+    Args:
+        length: Size of the machine [m], by which a turn and a way are compared.
+        brief: Leave out vectors.
+    """
+    angle, way = float(np.linalg.norm(step[0])), float(np.linalg.norm(step[1])) / length
+    parts = []
+    if angle > max(1e-12, _SHARE * way):
+        parts.append(f"{turned} by {in_axes(step[0], axes, 'deg', brief=brief)}")
+    if way > max(1e-12, _SHARE * angle):
+        parts.append(f"shifted by {in_axes(step[1], axes, 'mm', brief=brief)}")
+    return " and ".join(parts) or "by rounding"
+
+
+def in_axes(step: Array, axes: Sequence[Axes], unit: str, *, brief: bool = False) -> str:
+    """Tell a step along the one axis that it has, with its sign; else its size, and its vector in the first axes.
+
+    Args:
+        step: In A's world [rad or m]. Shape (3,).
+        unit: ``deg`` or ``mm``.
+        brief: Leave out the vector.
+    """
+    shown_ = np.degrees(step) if unit == "deg" else step * 1e3
+    for each in axes:
+        along = each.R.T @ shown_
+        k = int(np.abs(along).argmax())
+        if np.abs(np.delete(along, k)).max() <= _SHARE * abs(along[k]):
+            return f"{along[k]:+.6g} {unit} {'about' if unit == 'deg' else 'along'} {_AXES[k]} of {each.name}"
+    along = axes[0].R.T @ shown_
+    size = f"{np.linalg.norm(along):.6g} {unit}"
+    return size if brief else f"{size}, {_short(along)} {unit} in the axes of {axes[0].name}"
+
+
+def shown(value: object) -> str:
+    """A number, or the entries of a vector in brackets."""
+    array = np.asarray(value, float)
+    return f"{array:.6g}" if array.ndim == 0 else f"({', '.join(f'{x:.6g}' for x in array.ravel())})"
+
+
+def percent(factor: float) -> str:
+    """A factor as a change in percent, or as it is where it is far from 1."""
+    return f"{100.0 * (factor - 1.0):+.2f} %" if 0.0 < factor < 10.0 else f"x {factor:g}"
+
+
+def _short(vector_: Array) -> str:
+    most = float(np.abs(vector_).max())
+    return f"({', '.join(f'{x:.4g}' if abs(x) > 1e-6 * most else '0' for x in vector_)})"
+
+
+def _apart(step: Array, unit: str) -> str:
+    """Tell how far apart two vectors of the same axes are: along one of these, if it is one."""
+    step_, of = (step * 1e3, "mm") if unit == "m" else (step, unit)
+    k = int(np.abs(step_).argmax())
+    if np.abs(np.delete(step_, k)).max() <= _SHARE * abs(step_[k]):
+        return f"{step_[k]:+.4g} {of} along {_AXES[k]}"
+    return f"{np.linalg.norm(step_):.4g} {of} apart"
+
+
+def digits(value: float, other: float) -> str:
+    """Print a number with as many digits as distinguish it from another one, and two more; 4 at least."""
+    if 0.0 in (value, other) or not abs(value - other) > 1e-11 * max(abs(value), abs(other)):
+        return f"{value + 0.0:.6g}"
+    near = max(abs(value), abs(other)) / abs(value - other)
+    shown = min(17, max(4, math.ceil(math.log10(near)) + 2))
+    text = f"{value:#.{shown}g}"
+    return text.rstrip(".") if "e" not in text else f"{value:.{shown}g}"
+
+
+def vector(value: Array, other: Array) -> str:
+    """Entries in brackets."""
+    least = 1e-13 * max(_finite(value), _finite(other))  # rounding beside the largest entry
+    pairs = zip(value.ravel(), other.ravel(), strict=True)
+    return f"({', '.join(digits(*(float(x) if abs(x) > least else 0.0 for x in pair)) for pair in pairs)})"
+
+
+def _finite(value: Array) -> float:
+    finite = np.abs(np.asarray(value))[np.isfinite(value)]
+    return float(finite.max()) if finite.size else 0.0
+
+
+def change(a: float, b: float) -> str:
+    """Tell the change from A to B in percent, or, if large, as a factor."""
+    if a == 0.0 or b == 0.0:
+        return "none in A" if a == 0.0 else "none in B"
+    share = (b - a) / a
+    if abs(b + a) <= _SHARE * abs(a):
+        return "of the other sign"
+    if not 0.01 <= b / a < 11.0:
+        return f"x {b / a:.4g}"
+    return f"{share * 100:+.2f} %" if abs(share) >= 1e-4 else f"{share * 100:+.3g} %"
+
+
+def _tensors(a: Array, b: Array) -> str:
+    """Tell the one entry that differs; else principal moments, and whether only the axes differ."""
+    apart = np.triu(np.abs(a - b))
+    entries = np.argwhere(apart > 1e-6 * apart.max())
+    if len(entries) == 1:
+        ((i, j),) = entries
+        x, y = float(a[i, j]), float(b[i, j])
+        return f"{_AXES[i]}{_AXES[j]} {digits(y, x)} kg m^2 in B, {digits(x, y)} kg m^2 in A ({change(x, y)})"
+    with np.errstate(invalid="ignore"):
+        first, second = (np.asarray(np.linalg.eigvalsh(each), dtype=float) for each in (a, b))
+    scale = max(_finite(a), _finite(b)) or 1.0
+    same = float(np.abs(first - second).max()) < 1e-3 * float(np.abs(a - b).max())
+    if same:
+        percent = f"{100.0 * float(np.abs(a - b).max()) / scale:.3g} %"
+        return f"has other axes in B, with the same principal moments {vector(first, first)} kg m^2 ({percent} apart)"
+    return (
+        f"with principal moments {vector(second, first)} kg m^2 in B, {vector(first, second)} kg m^2 in A "
+        f"({_ratio(a, b)})"
+    )
+
+
+def _ratio(a: Array, b: Array) -> str:
+    """Tell the ratio of two tensors: one factor, or how much the largest moments differ."""
+    most, other = (_finite(each) for each in (a, b))
+    if not most or not other:
+        return change(most, other)
+    with np.errstate(invalid="ignore", over="ignore"):
+        factor = float(np.vdot(a / most, b)) / float(np.vdot(a / most, a))
+        if np.abs(b - factor * a).max() <= _SHARE * other:
+            return change(1.0, factor)
+    if not 0.1 <= other / most <= 10.0:
+        return f"largest entry {change(most, other)}"
+    return f"{100.0 * float(np.abs(a - b).max()) / max(most, other):.3g} % apart"

@@ -1,0 +1,140 @@
+"""Causes: facts that one edit would make, with their share of the torque difference, the first that matters most."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from screwgauge.diagnosis.causes.groups import grouped
+from screwgauge.diagnosis.facts.fact import IDLE, Fact
+from screwgauge.diagnosis.properties import PARTS
+from screwgauge.diagnosis.shares import UNSEEN, Torques, able
+from screwgauge.reference.rotations import Array
+
+#: A share beyond these is of something that another cause cancels: such causes are shown together.
+CANCELS = -0.5, 1.5
+#: Where the sum is below this share of the largest effect, all cancel.
+NOTHING = 1e-6
+#: Causes below this share are one line where there are several; so are those of one property that no torque shows.
+SMALL, SEVERAL = 1e-4, 3
+#: What leads whatever its share: what one side lacks.
+STRUCTURE = PARTS | {"held", "coupling", "leading joint", "fixed"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cause:
+    """Facts with one cause.
+
+    Attributes:
+        groups: Facts, several groups where they are shown together.
+        share: Of the torque difference, that cause alone; NaN where no value makes it.
+        kind: ``cause``; ``digits``, rounding of printed numbers; ``unseen``, what no torque shows; ``small``, several
+            of little weight.
+    """
+
+    groups: tuple[tuple[Fact, ...], ...]
+    share: float
+    kind: Literal["cause", "digits", "unseen", "small"] = "cause"
+
+    @property
+    def facts(self) -> tuple[Fact, ...]:
+        return tuple(fact for group in self.groups for fact in group)
+
+
+def causes(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fact]] = ()) -> list[Cause]:
+    """The whole, what one side lacks, the largest shares; then what no value makes, what is unseen, and rounding.
+
+    Args:
+        known: Facts that one edit makes.
+    """
+    digits = sorted((fact for fact in facts if fact.kind == "digits"), key=lambda fact: -fact.size)
+    ranked = _ranked([fact for fact in facts if fact.kind != "digits"], torques, known)
+    return [*ranked, *([Cause((tuple(digits),), 0.0, "digits")] if digits else [])]
+
+
+def _ranked(facts: Sequence[Fact], torques: Torques, known: Sequence[Sequence[Fact]]) -> list[Cause]:
+    groups = grouped(facts, known)
+    effects = [_effect(group, torques) for group in groups]
+    pairs = zip(groups, effects, strict=True)
+    total = _effect([fact for group, effect in pairs if effect is not None for fact in group], torques)
+    rows = [
+        Cause((group,), math.nan if effect is None else 0.0, "cause" if effect is None or _seen(effect) else "unseen")
+        for group, effect in zip(groups, effects, strict=True)
+    ]
+    sizes = {id(row.groups[0]): _norm(effect) for row, effect in zip(rows, effects, strict=True)}
+    if total is not None and any(sizes.values()):
+        rows = _shared(rows, sizes, total, torques)
+    rows = [replace(row, groups=tuple(sorted(row.groups, key=lambda g: -sizes[id(g)]))) for row in rows]
+    return _few(sorted(rows, key=_order))
+
+
+def _effect(facts: Sequence[Fact], torques: Torques) -> Array | None:
+    """What facts make of torques, scaled; None where no value makes it."""
+    if not facts or not able(facts):
+        return None
+    effect = torques.effect(facts)
+    return None if effect is None else torques.scaled(effect)
+
+
+def _seen(effect: Array) -> bool:
+    return float(np.abs(effect).max(initial=0.0)) > UNSEEN
+
+
+def _norm(effect: Array | None) -> float:
+    return 0.0 if effect is None else float(np.linalg.norm(effect))
+
+
+def _shared(rows: list[Cause], sizes: dict[int, float], total: Array, torques: Torques) -> list[Cause]:
+    """Give each row its share; rows that cancel each other are shown together."""
+    square = float(np.vdot(total, total))
+
+    def share(row: Cause) -> Cause:
+        effect = _effect(row.facts, torques)
+        known = row.kind == "cause" and effect is not None and square > 0.0
+        return replace(row, share=float(np.vdot(total, effect)) / square) if known else row  # type: ignore[arg-type]
+
+    seen = [row for row in rows if row.kind == "cause" and not math.isnan(row.share)]
+    others = [row for row in rows if not any(row is one for one in seen)]
+    if math.sqrt(square) < NOTHING * max(sizes.values()) and seen:
+        return [*others, replace(seen[0], groups=tuple(group for row in seen for group in row.groups), share=math.nan)]
+    seen = sorted(map(share, seen), key=lambda row: row.share)
+    while len(seen) > 1 and seen[0].share < 0.0 and not CANCELS[0] <= seen[0].share <= seen[-1].share <= CANCELS[1]:
+        joined = share(replace(seen[-1], groups=(*seen[-1].groups, *seen[0].groups)))
+        seen = sorted([*seen[1:-1], joined], key=lambda row: row.share)
+    return [*others, *seen]
+
+
+def _order(cause: Cause) -> tuple[object, ...]:
+    first = cause.facts[0]
+    lacks = first.what in STRUCTURE and first.kind == "model"
+    share = 0.0 if math.isnan(cause.share) else cause.share
+    size = 0.0 if math.isinf(first.size) else -first.size
+    return (
+        first.what in IDLE,
+        first.what != "whole",
+        not lacks,
+        cause.kind == "unseen",
+        -share,
+        first.kind != "model",
+        size,
+    )
+
+
+def _few(causes_: list[Cause]) -> list[Cause]:
+    """Causes of little weight as one line, and those of one property that no torque shows."""
+    tiny = [each for each in causes_ if each.kind == "cause" and 0.0 < abs(each.share) < SMALL]
+    whats = dict.fromkeys(each.facts[0].what for each in causes_ if each.kind == "unseen")
+    unseen = [[c for c in causes_ if c.kind == "unseen" and c.facts[0].what == what] for what in whats]
+    for some in (tiny, *unseen):
+        if len(some) < SEVERAL:
+            continue
+        if some is tiny:
+            one = Cause(tuple(g for each in some for g in each.groups), sum(each.share for each in some), "small")
+        else:
+            one = Cause((tuple(fact for each in some for fact in each.facts),), 0.0, "unseen")
+        causes_ = [*(each for each in causes_ if not any(each is other for other in some)), one]
+    return causes_

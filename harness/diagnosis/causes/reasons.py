@@ -1,0 +1,330 @@
+"""Reasons of facts: what somebody may have done to make B's values of A's, by a table of slips."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+from pathlib import Path
+
+import numpy as np
+
+from screwgauge.diagnosis.causes.groups import factor_of
+from screwgauge.diagnosis.causes.trials import Trial
+from screwgauge.diagnosis.causes.written import LEFT, WATER, Slip, Written, written
+from screwgauge.diagnosis.facts.fact import Fact, Pair, apart
+from screwgauge.diagnosis.machine.whole import Whole
+from screwgauge.diagnosis.properties import INERTIAL, PROPERTIES, unit_of
+from screwgauge.diagnosis.units import UNITS
+from screwgauge.models.machine import Machine
+from screwgauge.models.matter import Matter, displaced, joined, remainder, steiner
+from screwgauge.models.poses import relative
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array
+
+#: Where joints are, in steps and not in numbers of a file.
+PLACED = ("placement", "axis", "centre", "zero", "sign")
+
+#: Bodies at the ends of a link.
+Ends = tuple[str, str]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reason:
+    """What somebody may have done.
+
+    Attributes:
+        slip: Key of `phrases.SLIPS`.
+        facts: All that it explains.
+        values: Names and numbers that its words need.
+        part: Link that is fixed to the body of the facts, if the slip is of that alone.
+    """
+
+    slip: str
+    facts: tuple[Fact, ...]
+    values: tuple[str | float, ...] = ()
+    part: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """Facts that have no reason yet, their machines, and what the two files say."""
+
+    facts: Sequence[Fact]
+    pair: Pair
+    files: tuple[Written, Written]
+
+    @property
+    def loose(self) -> float:
+        """What the digits of the files leave of a value, relative."""
+        return max(each.loose for each in self.files)
+
+    def of(self, *whats: str) -> list[Fact]:
+        """Facts of some properties."""
+        return [fact for fact in self.facts if fact.what in whats]
+
+
+def reasons(facts: Iterable[Fact], pair: Pair, files: tuple[Path | None, Path | None] = (None, None)) -> list[Reason]:
+    """Find reasons: first those of several facts together, then of each fact that is left.
+
+    Args:
+        files: Of A and B; None where there is none.
+    """
+    real = [fact for fact in facts if fact.kind != "digits"]
+    case, found = Case(real, pair, (written(files[0]), written(files[1]))), list[Reason]()
+    for entry in (_geoms, _weighed, _whole, _exchanged, _geared, _merged, _placed, _alone):
+        some = _gathered(entry(case))
+        found += some
+        taken = {id(fact) for each in some for fact in each.facts}
+        case = replace(case, facts=[fact for fact in case.facts if id(fact) not in taken])
+    return found
+
+
+def _gathered(some: Iterable[Reason]) -> list[Reason]:
+    """Reasons of one slip as one."""
+    groups = defaultdict[object, list[Reason]](list)
+    for each in some:
+        groups[each.slip, each.values, each.part].append(each)
+    return [replace(g[0], facts=tuple({id(f): f for each in g for f in each.facts}.values())) for g in groups.values()]
+
+
+def _whole(case: Case) -> Iterator[Reason]:
+    """Units of B as a whole."""
+    for fact in (each for each in case.of("whole") if isinstance(each.b, Whole)):
+        for factor, si in ((fact.b.length, "m"), (fact.b.mass, "kg"), (fact.b.inertia, "kg m^2")):
+            for value, name in UNITS[si].items():
+                for slip, other in (("unit", value), ("unit of A", 1.0 / value)):
+                    if math.isclose(factor, other, rel_tol=1e-4):
+                        yield Reason(slip, (fact,), (name,))
+
+
+def _geoms(case: Case) -> Iterator[Reason]:
+    """Mass and inertia that one side alone takes from its geoms."""
+    for fact in case.of(*INERTIAL):
+        names, machines = (fact.part, fact.partner), (case.pair.a, case.pair.b)
+        sides = zip(case.files, names, machines, strict=True)
+        keys = [file.from_geoms(name, machine.reading.library) for file, name, machine in sides]
+        if bool(keys[0]) != bool(keys[1]):
+            yield Reason(keys[0] or keys[1], (fact,), ("A" if keys[0] else "B",))
+
+
+def _weighed(case: Case) -> Iterator[Reason]:
+    """All masses and inertias by one factor: the total that a compiler is told, or another density of all geoms."""
+    machines = case.pair.a, case.pair.b
+    wholes = [fact for fact in case.of("whole") if isinstance(fact.b, Whole)]
+    facts = wholes or case.of("mass", "inertia")
+    if wholes:
+        factors = {float(f"{each:.5g}") for fact in wholes for each in (fact.b.mass, fact.b.inertia)}
+    else:
+        factors = {factor_of(fact) or 1.0 for fact in facts}
+    heavy = [body for name, body in machines[0].bodies.items() if body.matter.mass and name != GROUND]
+    if len(factors) != 1 or factors == {1.0} or not (wholes or len(case.of("mass")) == len(heavy)):
+        return
+    masses = machines[0].reading.mass, machines[1].reading.mass * (wholes[0].b.mass if wholes else 1.0)
+    for side, file, mass in zip("AB", case.files, masses, strict=True):
+        if file.total > 0.0 and math.isclose(mass, file.total, rel_tol=1e-5):
+            yield Reason("settotalmass", tuple(facts), (side, file.total))
+    for x, y in product(*(file.densities or (WATER,) for file in case.files)):
+        if x != y and math.isclose(y, max(factors) * x, rel_tol=1e-4):
+            yield Reason("density", tuple(facts), (x, y))
+
+
+def _exchanged(case: Case) -> Iterator[Reason]:
+    """Values of two parts in each other's place."""
+    numbers = [fact for fact in case.facts if _is_number(fact)]
+    sizes = {id(fact): (np.linalg.norm(fact.a), np.linalg.norm(fact.b)) for fact in numbers}
+    for one, other in combinations(numbers, 2):
+        (a, b), (c, d) = sizes[id(one)], sizes[id(other)]
+        alike = one.what == other.what and abs(a - d) <= 1e-3 * a and abs(b - c) <= 1e-3 * b
+        if alike and np.shape(one.a) == np.shape(other.a):
+            pairs = ((one, other), (other, one))
+            if all(_trial(case, x.a, x.b).fits(np.asarray(y.a, float)) for x, y in pairs):
+                yield Reason("exchanged", (one, other), (one.part, other.part))
+
+
+def _is_number(fact: Fact) -> bool:
+    """Whether both sides have a number, vector or tensor that a file states."""
+    stated = fact.what in PROPERTIES and PROPERTIES[fact.what].shape is not None and fact.what not in PLACED
+    return stated and fact.a is not None and fact.b is not None and np.shape(fact.a) == np.shape(fact.b)
+
+
+def _trial(case: Case, a: object, b: object, unit: str = "") -> Trial:
+    return Trial(np.asarray(a, float), np.asarray(b, float), unit, case.loose)
+
+
+def _geared(case: Case) -> Iterator[Reason]:
+    """Armature, damping or friction of the motor in the place of that of the joint."""
+    sides = [dict(m.reading.actuators.values()) for m in (case.pair.a, case.pair.b)]
+    for fact in case.of("armature", "damping", "friction"):
+        gears = {abs(side[name]) for side, name in zip(sides, (fact.part, fact.partner), strict=True) if name in side}
+        powers = (1, 2) if fact.what == "friction" else (2, 1)
+        for (k, gear), (side, a, b) in product(
+            product(powers, gears - {1.0, 0.0}), (("B", fact.b, fact.a), ("A", fact.a, fact.b))
+        ):
+            if a and b and apart(float(a) * gear**k, float(b)) < 100.0 * LEFT:
+                also = [each for each in case.of("gear") if each.of == fact.part]
+                yield Reason("before the gear" if k == powers[0] else "gear once", (fact, *also), (side, gear))
+                break
+
+
+def _bodies_apart(case: Case) -> Iterator[tuple[Machine, str, Machine, Matter, Matter, tuple[Fact, ...]]]:
+    """Machine, body, other machine, matter there and here in the frame of the body, and facts: from either side."""
+    pair = case.pair
+    for name in dict.fromkeys(fact.part for fact in case.of(*INERTIAL)):
+        other = pair.alignment.bodies[name]
+        facts = tuple(fact for fact in case.of(*INERTIAL) if fact.part == name)
+        to_a = _to_a(pair, name)
+        a, b = pair.a.bodies[name].local, pair.b.bodies[other].local
+        yield pair.a, name, pair.b, a, displaced(b, to_a), facts
+        yield pair.b, other, pair.a, b, displaced(a, np.asarray(np.linalg.inv(to_a))), facts
+
+
+def _to_a(pair: Pair, name: str) -> Array:
+    """Frame of a body's partner in its own. Shape (4, 4)."""
+    other = pair.b.bodies[pair.alignment.bodies[name]]
+    return relative(pair.a.bodies[name].pose, pair.alignment.placed[name] @ other.pose)
+
+
+def _merged(case: Case) -> Iterator[Reason]:
+    """Links that the other side has merged into their body, wrongly: all of them at once, or one."""
+    for own, name, there, old, new, facts in _bodies_apart(case):
+        body = own.reading.bodies[name]
+        gone = {p: m for p, m in body.parts.items() if m.mass and p in body.fixed and not there.reading.has_link(p)}
+        for names in dict.fromkeys([tuple(gone), *((p,) for p in gone)]) if gone else ():
+            made = _mergers(body.fixed, gone, names, old)
+            slips = next((slips for slips, matter in made if _same(matter, new, 10.0 * case.loose)), [])
+            side = "B" if own is case.pair.a else "A"
+            yield from (Reason(slip, facts, (" and ".join(names), side)) for slip in slips)
+
+
+def _same(one: Matter, other: Matter, loose: float) -> bool:
+    """Whether two have the same mass properties, each to a share of its own size."""
+    pairs = [(np.asarray(getattr(one, what)), np.asarray(getattr(other, what))) for what in INERTIAL]
+    return all(float(np.abs(a - b).max()) <= loose * float(np.abs(b).max()) for a, b in pairs)
+
+
+def _mergers(
+    frames: Mapping[str, Array], parts: Mapping[str, Matter], names: Sequence[str], whole: Matter
+) -> Iterator[tuple[list[str], Matter]]:
+    """A body without some parts, or with these merged wrongly, and the slips; fewer slips first."""
+    own = remainder(whole, (parts[name] for name in names))
+    yield ["missing part"], own
+    local = {name: displaced(parts[name], np.asarray(np.linalg.inv(frames[name]))) for name in names}
+    turns: Mapping[str, Callable[[Array], Array]]
+    places: Mapping[str, Callable[[Array], Array]]
+    turns = {"": lambda R: R, "merged without rotation": lambda R: np.eye(3), "merged transposed": lambda R: R.T}
+    places = {
+        "": lambda T: T[:3, 3],
+        "merged without position": lambda T: np.zeros(3),
+        "merged by the inverse": lambda T: -T[:3, :3].T @ T[:3, 3],
+    }
+    options = sorted(product(turns, turns, places, (False, True)), key=lambda each: sum(map(bool, each)))
+    for com, inertia, place, plain in options[1:]:
+        made = [own]
+        for name in names:
+            R, m = frames[name][:3, :3], local[name]
+            Q = turns[inertia](R)
+            made.append(Matter(m.mass, turns[com](R) @ m.com + places[place](frames[name]), Q @ m.inertia @ Q.T))
+        body = joined(made)
+        if plain:
+            off = sum(m.mass * steiner(m.com - body.com) for m in made)
+            body = replace(body, inertia=body.inertia - off)
+        yield [*dict.fromkeys(filter(None, (com, inertia, place, "merged without parallel axis" * plain)))], body
+
+
+def _placed(case: Case) -> Iterator[Reason]:
+    """Placements by rotations that mean something else: as the file of either side reads with another meaning."""
+    moved = [*_joints_apart(case)]
+    told = set[tuple[str | float, str]]()
+    for k, side in ((1, "B"), (0, "A")) if moved else ():
+        for slip, frames in case.files[k].frames():
+            for facts, ends, places in moved:
+                key = slip[0], facts[0].part
+                if key in told or not {*ends[k]} <= frames.keys():
+                    continue
+                near, far = (frames[name] for name in ends[k])
+                if Trial(places[k], places[1 - k], loose=10.0 * case.loose).fits(relative(near, far)):
+                    told.add(key)
+                    yield Reason(str(slip[0]), facts, (side, *slip[1:]))
+
+
+def _local(file: Written, machine: Machine, ends: Ends) -> Array:
+    """The far body in the frame of the near one as the file has it; at the pose of the machine where it has not."""
+    written = file.plain
+    near, far = (written[n] if {*ends} <= written.keys() else machine.bodies[n].pose for n in ends)
+    return relative(near, far)
+
+
+def _joints_apart(case: Case) -> Iterator[tuple[tuple[Fact, ...], tuple[Ends, Ends], tuple[Array, Array]]]:
+    """Facts of where a link places what it carries, the bodies at its ends, and one in the other, in A and in B."""
+    for one, other in case.pair.alignment.links:
+        names = {"/".join(one.joints), *one.joints}
+        facts = [f for f in case.of("placement", "zero") if f.part in names]
+        facts += [f for f in case.of("limits", "rest") if f.part in names and f.kind == "convention" and facts]
+        if facts:
+            ends = (one.near, one.far), (other.near, other.far)
+            sides = zip(case.files, (case.pair.a, case.pair.b), ends, strict=True)
+            yield tuple(facts), ends, tuple(_local(*side) for side in sides)  # type: ignore[misc]
+
+
+def _alone(case: Case) -> Iterator[Reason]:
+    """Slips of one value each."""
+    for facts, _, places in _joints_apart(case):
+        if any(fact.what == "placement" for fact in facts):
+            yield from _of_placement(case, facts, *places)
+    for facts, part, what, trial in _trials(case):
+        for slip in trial.slips(what):
+            yield Reason(str(slip[0]), facts, slip[1:], part)
+
+
+def _of_placement(case: Case, facts: tuple[Fact, ...], a: Array, b: Array) -> Iterator[Reason]:
+    length = case.pair.a.length
+    turned, away = np.abs(a[:3, :3] - b[:3, :3]).max(), np.abs(a[:3, 3] - b[:3, 3]).max() / length
+    what, some, unit = ("position", np.s_[:3, 3], "m") if away > turned else ("rotation", np.s_[:3, :3], "")
+    if min(turned, away) < 1e-3 * max(turned, away):
+        for slip in _trial(case, a[some], b[some], unit).slips(what):
+            yield Reason(str(slip[0]), facts, slip[1:])
+
+
+def _trials(case: Case) -> Iterator[tuple[tuple[Fact, ...], str, str, Trial]]:
+    """Trials of single values with their facts, link and property; each link alone of a body that both files divide."""
+    for fact in (each for each in case.facts if _is_number(each) and each.what not in INERTIAL):
+        yield (fact,), "", fact.what, _trial(case, fact.a, fact.b, fact.unit)
+    for name in dict.fromkeys(fact.part for fact in case.of(*INERTIAL)):
+        facts = tuple(fact for fact in case.of(*INERTIAL) if fact.part == name)
+        links = [*_links(case.pair, name)] or [("", case.pair.a.bodies[name].local, {f.what: f.b for f in facts})]
+        for link, ours, theirs in links:
+            frames, turns = _inertials(case.files, (link or name, link or facts[0].partner))
+            for what, value in theirs.items():
+                own = facts if len(links) > 1 else tuple(fact for fact in facts if fact.what == what)
+                a, b = (np.asarray(each, float) for each in (getattr(ours, what), value))
+                yield own, link, what, Trial(a, b, unit_of(what), case.loose, ours, frames, turns)
+
+
+def _links(pair: Pair, name: str) -> Iterator[tuple[str, Matter, dict[str, Array]]]:
+    """Links of a body that both files divide alike, in the frame of each in A: matter of A, properties of B."""
+    bodies = pair.a.bodies[name], pair.b.bodies[pair.alignment.bodies[name]]
+    one, two = (m.reading.bodies[each.members[0]] for m, each in zip((pair.a, pair.b), bodies, strict=True))
+    if max(len(body.members) for body in bodies) > 1 or not one.parts or {*one.parts} != {*two.parts}:
+        return
+    ours, theirs = ({"": remainder(each, each.parts.values()), **each.parts} for each in (one, two))
+    for link, matter in ours.items():
+        back = np.asarray(np.linalg.inv(one.fixed[link])) if link else np.eye(4)
+        other = displaced(theirs[link], back @ _to_a(pair, name))
+        yield link, displaced(matter, back), {what: getattr(other, what) for what in INERTIAL}
+
+
+def _inertials(
+    files: tuple[Written, Written], names: tuple[str, str]
+) -> tuple[dict[str, Array], list[tuple[Slip, Array]]]:
+    """Orientations in which the files write a tensor, and what turns A's tensor if these mean something else."""
+    frames, turns = {}, list[tuple[Slip, Array]]()
+    for side, file, name in zip("AB", files, names, strict=True):
+        if (link := file.link(name)) is None:
+            continue
+        R = frames[side] = link.turn
+        for slip, Q in file.meanings(link.element.find("inertial")):
+            turns.append(((slip[0], side, *slip[1:]), Q @ R.T if side == "A" else R @ Q.T))
+    return frames, turns

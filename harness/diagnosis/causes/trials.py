@@ -1,0 +1,211 @@
+"""What slips of one value make of it: each entry of the table guesses B's value from A's."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, permutations, product
+
+import numpy as np
+
+from screwgauge.diagnosis.causes.written import LEFT, Slip
+from screwgauge.diagnosis.units import ANGLE, UNITS
+from screwgauge.models.formats import TENSOR
+from screwgauge.models.matter import NOTHING, Matter, steiner
+from screwgauge.reference.rotations import Array, rotation_vector
+
+#: Share of a difference that a slip may leave, whatever digits are printed.
+SHARE = 1e-2
+#: Digits of a number that somebody rounded; angles are known by three, as 1.57 for 90 degrees.
+FEWEST, MOST = 4, 8
+#: Moments of inertia that differ by less are equal, relative; turns below are none [degrees].
+EQUAL, TURN = 1e-3, 0.01
+_AXES = "xyz"
+
+Guesses = Iterator[tuple[Slip, Array]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trial:
+    """A value in both models, seen from one frame.
+
+    Attributes:
+        a, b: Its values.
+        unit: SI.
+        loose: What digits of the files leave of it, relative.
+        matter: Of the body in A, of which it is one.
+        frames: In which either file writes it, shape (3, 3) each.
+        turns: Slips of these frames -> what turns the axes of A's value. Shape (3, 3) each.
+    """
+
+    a: Array
+    b: Array
+    unit: str = ""
+    loose: float = LEFT
+    matter: Matter = NOTHING
+    frames: Mapping[str, Array] | None = None
+    turns: Sequence[tuple[Slip, Array]] = ()
+
+    def fits(self, value: Array) -> bool:
+        """Whether a value is B's, to the digits of the files, and nearer to it by far than A's is."""
+        before, large = float(np.abs(self.b - self.a).max()), float(np.abs(self.a).max())
+        left = max(self.loose * float(np.abs(self.b).max()), 1e-9 * large)
+        return before > self.loose * large and float(np.abs(value - self.b).max()) <= min(left, SHARE * before)
+
+    def slips(self, what: str) -> list[Slip]:
+        """Slips of a property that make B's value, the first of each kind; later entries only where no earlier fits."""
+        for entry in ENTRIES.get(what, NUMBER):
+            found = dict[str | float, Slip]()
+            guesses = [((entry,), PLAIN[entry](self.a))] if isinstance(entry, str) else entry(self)
+            for slip, value in guesses:
+                if slip[0] not in found and self.fits(value):
+                    found[slip[0]] = slip
+            if found:
+                return [*found.values()]
+        return []
+
+
+def rounding(*values: Array, least: int = FEWEST) -> float:
+    """Half a unit of the last digit of numbers that somebody rounded, relative; `LEFT` where none is."""
+    digits = (re.sub(r"e.*|\.", "", f"{abs(float(x)):.12g}").strip("0") for each in values for x in np.ravel(each))
+    return max([LEFT, *(0.5 / int(text) for text in digits if least <= len(text) <= MOST)])
+
+
+def units(t: Trial) -> Guesses:
+    """B in another unit, or A."""
+    least = 3 if UNITS.get(t.unit) is ANGLE else FEWEST
+    near = Trial(t.a, t.b, t.unit, max(t.loose, rounding(t.a, t.b, least=least)))
+    for factor, name in UNITS.get(t.unit, {}).items():
+        for slip, value in ((("unit", name), factor * t.a), (("unit of A", name), t.a / factor)):
+            if t.b.any() and near.fits(value):
+                yield slip, t.b  # as near as the digits tell
+
+
+def one_number(t: Trial) -> Guesses:
+    """One number of the other sign, or with its decimal point elsewhere."""
+    for i in map(tuple, np.argwhere(t.a)):
+        guesses = [("decimal point", places) for places in (1, -1, 2, -2, 3, -3)]
+        for slip, factor in ((("other sign",), -1.0), *((slip, 10.0 ** slip[1]) for slip in guesses)):
+            value = t.a.copy()
+            value[i] *= factor
+            if t.a.ndim == 2:
+                value[i[::-1]] = value[i]
+            yield slip, value
+
+
+def vector(t: Trial) -> Guesses:
+    """Entries of a vector mirrored, in another order, or in another frame."""
+    for n in (1, 2, 3):
+        for axes in combinations(np.flatnonzero(t.a), n):
+            value = t.a.copy()
+            value[list(axes)] *= -1.0
+            yield ("mirrored", " and ".join(_AXES[i] for i in axes)), value
+    for order in permutations(range(3)):
+        yield ("order", "".join(_AXES[i] for i in order)), t.a[list(order)]
+    for side, R in (t.frames or {}).items():
+        yield ("turned by inertial", side), R @ t.a
+        yield ("turned back by inertial", side), R.T @ t.a
+
+
+def polynomial(t: Trial) -> Guesses:
+    """Offset and multiplier exchanged, inverted, or in degrees."""
+    offset, multiplier, *more = (*t.a, 0.0)
+    if len(t.a) > 1 and multiplier and not any(more):
+        guesses = {
+            "exchanged coefficients": (multiplier, offset),
+            "offset in degrees": (np.degrees(offset), multiplier),
+            "inverse multiplier": (offset, 1.0 / multiplier),
+            "inverse function": (-offset / multiplier, 1.0 / multiplier),
+        }
+        yield from (((slip,), np.append(value, more[:-1])) for slip, value in guesses.items())
+
+
+def direction(t: Trial) -> Guesses:
+    """A vector of the same length in another direction."""
+    a, b = (float(np.linalg.norm(each)) for each in (t.a, t.b))
+    if a and b and abs(a - b) < t.loose * a:
+        yield ("turned", float(np.degrees(np.arctan2(np.linalg.norm(np.cross(t.a, t.b)), t.a @ t.b)))), t.b
+
+
+def tensor(t: Trial) -> Guesses:
+    """Slips of the point, the axes and the entries of a tensor about the centre of mass."""
+    away = t.matter.mass * steiner(t.matter.com)
+    yield ("about the origin",), t.a + away
+    yield ("parallel axis twice",), t.a - away
+    for slip, Q in t.turns:
+        yield slip, Q @ t.a @ Q.T
+    for side, R in (t.frames or {}).items():
+        for key, Q in (
+            ("not turned", R.T),
+            ("turned twice", R),
+            ("turned transposed", R.T @ R.T),
+            ("meant transposed", R @ R),
+        ):
+            yield (key, side), Q @ t.a @ Q.T
+        for slip, value in _entries(R.T @ t.a @ R):
+            yield slip, R @ value @ R.T
+    values, V = np.linalg.eigh(t.a)
+    for order in permutations(range(3)):
+        yield ("moments on other axes",), V @ np.diag(values[list(order)]) @ V.T
+
+
+def _entries(I: Array) -> Guesses:
+    """Slips with the entries of a tensor, in the axes in which it is written."""
+    moments = np.diag(np.diag(I))
+    yield ("products of other sign",), 2.0 * moments - I
+    yield ("no products",), moments
+    products, diagonal, mjcf, urdf = ("xy", "xz", "yz"), ("xx", "yy", "zz"), tuple(TENSOR), tuple(sorted(TENSOR))
+    orders = [("urdf order", mjcf, urdf), ("mjcf order", urdf, mjcf)]
+    orders += [("order of products", products, order) for order in permutations(products)]
+    orders += [("order of moments", diagonal, order) for order in permutations(diagonal)]
+    for key, names, others in orders:
+        value = I.copy()
+        for (i, j), other in zip((TENSOR[name] for name in names), others, strict=True):
+            value[i, j] = value[j, i] = I[TENSOR[other]]
+        yield (key,), value
+
+
+def axes(t: Trial) -> Guesses:
+    """A tensor of the same moments about other axes."""
+    (one, V), (two, W) = np.linalg.eigh(t.a), np.linalg.eigh(t.b)
+    if np.abs(one - two).max() > min(t.loose * np.abs(t.b).max(), SHARE * np.abs(t.a - t.b).max()):
+        return
+    apart = np.diff(one) > EQUAL * one[2]
+    if apart.all():
+        turns = [W @ np.diag(signs) @ V.T for signs in product((1.0, -1.0), repeat=3)]
+        angle = min(float(np.linalg.norm(rotation_vector(R))) for R in turns if np.linalg.det(R) > 0.0)
+    else:  # a turn about the axis of two equal moments is none
+        k = 2 if apart[1] else 0
+        angle = float(np.arccos(min(1.0, abs(float(V[:, k] @ W[:, k])))))
+    if np.degrees(angle) > TURN:
+        yield ("turned", float(np.degrees(angle))), t.b
+
+
+def one_entry(t: Trial) -> Guesses:
+    """One entry of a tensor of the other sign, or with its decimal point elsewhere, in the axes of either file."""
+    for R in (t.frames or {"": np.eye(3)}).values():
+        yield from ((slip, R @ value @ R.T) for slip, value in one_number(Trial(R.T @ t.a @ R, t.b)))
+
+
+#: Slips that need nothing but A's value.
+PLAIN: Mapping[str, Callable[[Array], Array]] = {
+    "left out": np.zeros_like,
+    "upside down": np.negative,
+    "counted back": lambda a: -a[::-1],
+    "transposed": np.transpose,
+    "no rotation": lambda a: np.eye(3),
+}
+Entry = str | Callable[[Trial], Guesses]
+#: Of a number; property -> entries, the likely ones first: later ones are tried where no earlier one fits.
+NUMBER: Sequence[Entry] = (units, one_number)
+ENTRIES: Mapping[str, Sequence[Entry]] = {
+    "mass": (units, "left out", one_number),
+    "com": (units, "left out", vector, one_number),
+    "inertia": (units, tensor, axes, one_entry),
+    "limits": (units, "counted back", one_number),
+    "polynomial": (polynomial, one_number),
+    "gravity": (units, "left out", "upside down", direction, one_number),
+    "position": (units, "left out", vector, one_number),
+    "rotation": ("transposed", "no rotation"),
+}

@@ -1,0 +1,167 @@
+"""What two machines differ in, told with the fewest causes: as they stand, or with B laid onto A as a whole first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from screwgauge.diagnosis.causes.groups import grouped
+from screwgauge.diagnosis.facts.bodies import body_facts, fused_bodies
+from screwgauge.diagnosis.facts.couplings import coupling_facts
+from screwgauge.diagnosis.facts.fact import STANDARD, Fact, Kind, Pair
+from screwgauge.diagnosis.facts.links import link_facts
+from screwgauge.diagnosis.facts.structure import (
+    actuator_facts,
+    model_facts,
+    name_facts,
+    softness_facts,
+    structure_facts,
+)
+from screwgauge.diagnosis.machine.alignment import aligned
+from screwgauge.diagnosis.machine.placement import Believed
+from screwgauge.diagnosis.machine.whole import Whole, wholes
+from screwgauge.diagnosis.names import Names, partners
+from screwgauge.models.machine import Machine, machine_of
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array
+
+#: What a cause of conventions alone counts, which changes nothing; each fact beside its cause; and a placement, where
+#: a body alone may say the same.
+CONVENTION, EACH, PLACE = 0.2, 0.02, 0.01
+#: An explanation of one cause is taken at once: nothing is simpler.
+ONE = 1.1
+#: A whole has to be worth its own line.
+WHOLE = 0.01
+#: What is believed of where bodies lie, in turn.
+BELIEVED = Believed(), Believed(exact=1.0), Believed(exact=1.0, fits=False)
+#: Placements of what hangs on the ground that are tried as wholes.
+ROOTS = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Explanation:
+    """Facts of two machines.
+
+    Attributes:
+        pair: As the facts tell it; B moved and scaled where a whole is among them.
+        facts: All of them, the whole first.
+        whole: None where B is told as it stands; `standing`: facts of B as it stands where it is not.
+    """
+
+    pair: Pair
+    facts: tuple[Fact, ...]
+    whole: Whole | None = None
+    standing: tuple[Fact, ...] = ()
+
+    @property
+    def cost(self) -> float:
+        """How much there is to read."""
+        groups = grouped(self.facts)
+        # a whole explains all, or is a cause as any other one
+        light = (all(f.kind == "convention" and (f.what != "whole" or len(groups) == 1) for f in g) for g in groups)
+        causes = sum(CONVENTION if each else 1.0 for each in light)
+        places = sum(fact.what == "placement" for fact in self.facts)
+        return causes + EACH * len(self.facts) + PLACE * places + WHOLE * (self.whole is not None)
+
+    @property
+    def plain(self) -> bool:
+        """Whether nothing can be told with less: one cause, or conventions alone.
+
+        What sits elsewhere on a body that is round may be a turn of the whole.
+        """
+        counting = self.whole is None and all(fact.kind == "convention" for fact in self.facts)
+        inner = any(fact.what == "placement" and fact.of != GROUND for fact in self.facts)
+        return counting or (self.cost <= ONE and not inner)
+
+
+def explained(a: Reading, b: Reading, names: Names) -> Explanation:
+    """Choose the explanation with the fewest causes.
+
+    Args:
+        a, b: At the home of their files.
+    """
+    best, standing = None, tuple[Fact, ...]()
+    for each in _explanations(machine_of(a), b, names):
+        standing = standing or each.facts
+        best = each if best is None or each.cost < best.cost else best
+        if each.plain:
+            break
+    assert best is not None
+    return replace(best, standing=standing if best.whole else ())
+
+
+def _explanations(a: Machine, b: Reading, names: Names) -> Iterator[Explanation]:
+    """As B stands, by what is believed; as a whole; by geometry alone; as what hangs on the ground stands."""
+    theirs = machine_of(b)
+    for believed in BELIEVED:
+        yield told(a, theirs, names, believed)
+    for whole in wholes(a.reading, b, names.joints, names.bodies):
+        yield _of_whole(a, b, whole, names)
+    nameless = Names({}, {}, {})
+    alone = told(a, theirs, nameless)
+    yield alone
+    yield from (_of_whole(a, b, whole, nameless) for whole in _roots(alone.pair))
+
+
+def compared(a: Reading, b: Reading) -> Explanation:
+    """Compare two readings of one machine by their names, as they stand."""
+    one, two, names = machine_of(a), machine_of(b), partners(a, b)
+    return min((told(one, two, names, believed) for believed in BELIEVED), key=lambda each: each.cost)
+
+
+def told(a: Machine, b: Machine, names: Names, believed: Believed = BELIEVED[0]) -> Explanation:
+    """Compare two machines as they stand."""
+    return of_pair(Pair(a, b, aligned(a, b, names.joints, names.bodies, believed)))
+
+
+def of_pair(pair: Pair) -> Explanation:
+    """Compare two machines whose bodies have partners."""
+    fused = fused_bodies(pair)
+    facts = [*structure_facts(pair, fused), *link_facts(pair), *body_facts(pair, fused)]
+    facts += [
+        *model_facts(pair),
+        *coupling_facts(pair),
+        *actuator_facts(pair),
+        *softness_facts(pair),
+        *name_facts(pair),
+    ]
+    return Explanation(pair, tuple(facts))
+
+
+def _of_whole(a: Machine, b: Reading, whole: Whole, names: Names) -> Explanation:
+    rest = told(a, machine_of(whole.undone(b, a.reading)), names)
+    return replace(rest, facts=(_fact(whole, a), *rest.facts), whole=whole)
+
+
+def _fact(whole: Whole, a: Machine) -> Fact:
+    """The fact of a whole; a turn about the one joint at the ground is of that joint."""
+    gravity = STANDARD if a.reading.gravity is None else a.reading.gravity
+    turned = float(np.abs(whole.placement[:3, :3].T @ gravity - gravity).max())
+    kind: Kind = "convention" if whole.stands and turned < 1e-9 * float(np.linalg.norm(gravity)) + 1e-12 else "model"
+    return Fact("", "whole", None, whole, kind=kind, of=_root(whole.placement, a) if whole.stands else "")
+
+
+def _root(T: Array, a: Machine) -> str:
+    """The hinge that alone stands on the ground, if a displacement is a turn about it."""
+    links = [link for link in a.links if link.joins(GROUND)]
+    if len(links) != 1 or links[0].kind != "R" or not links[0].joints:
+        return ""
+    axis = links[0].elements[0]
+    still = T[:3, :3] @ axis.centre + T[:3, 3] - axis.centre
+    along = T[:3, :3] @ axis.direction - axis.direction
+    same = np.linalg.norm(still) < 1e-6 * a.length and np.linalg.norm(along) < 1e-6
+    return axis.joint if same else ""
+
+
+def _roots(pair: Pair) -> Iterator[Whole]:
+    """Placements that lay links at the ground onto their partners, the most frequent first."""
+    found: dict[bytes, list[Array]] = {}
+    for one, _ in pair.alignment.links:
+        T = pair.alignment.placed[one.far]
+        if one.near == GROUND and np.abs(T - np.eye(4)).max() > 1e-6:
+            found.setdefault(np.round(T, 4).tobytes(), []).append(T)
+    for some in sorted(found.values(), key=len, reverse=True)[:ROOTS]:
+        yield Whole(np.asarray(np.linalg.inv(some[0])))

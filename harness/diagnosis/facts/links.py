@@ -1,0 +1,390 @@
+"""Facts of links: kind, place, axis, zero and sense of joints, and what joints exert and how far they go.
+
+Where a body lies on its partner, the displacement between two neighbours is what their joint does and what is left:
+the first is a zero, the rest a placement; the axis is where the joint lies on either body.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, Partner, apart, step_of
+from screwgauge.diagnosis.machine.alignment import assignment
+from screwgauge.diagnosis.machine.features import EXACT, Feature, feature, features, gap
+from screwgauge.diagnosis.machine.placement import descended
+from screwgauge.diagnosis.properties import PASSIVE, Change, unit_of
+from screwgauge.diagnosis.shares import freedom_left
+from screwgauge.models.machine import Element, Link, Machine
+from screwgauge.models.poses import exponential
+from screwgauge.models.readings.reading import BodyReading, JointReading
+from screwgauge.reference.rotations import Array
+
+#: Coordinates [rad or m] beyond which a limit is none: writers say 1000 where they mean none, 180 is in degrees.
+BOUNDLESS = 900.0
+#: A place told by several numbers is the same up to so many times the tolerance.
+SUM = 3.0
+
+
+def link_facts(pair: Pair) -> Iterator[Fact]:
+    """Compare all links that have a partner, from the ground outwards."""
+    for one, other in pair.alignment.links:
+        part, partner = ("/".join(link.joints or link.names) for link in (one, other))
+        if one.kind != other.kind:
+            yield from _kind(pair, one, other, part, partner)
+        elif one.kind == "F":
+            yield from _base(pair, one, other)
+        elif one.articulated and other.articulated and _letters(one) != _letters(other):
+            yield Fact(part, "kind", _letters(one), _letters(other), kind="convention", partner=partner)
+        if one.kind == other.kind and _single(one) and _single(other) and len(one.elements) == len(other.elements):
+            yield from _coordinates(pair, one, other)
+            continue
+        if len(one.joints) == len(other.joints):
+            pair.joints.update({x: Partner(y) for x, y in zip(one.joints, other.joints, strict=False)})
+        yield from _lost_passive(pair, one, other)
+        if len(one.joints) == len(other.joints) == 1:
+            yield from _passive(pair, one.joints[0], limited=one.kind == other.kind)
+        if one.kind == other.kind:
+            yield from _places(pair, one, other, moved=False)
+
+
+def _letters(link: Link) -> str:
+    """Letters of its freedoms, whichever body it is seen from."""
+    letters = "".join({"hinge": "R", "slide": "P", "ball": "S", "free": "F"}[each.kind] for each in link.elements)
+    return min(letters, letters[::-1])
+
+
+def _single(link: Link) -> bool:
+    """Whether hinges and slides of the file are all that a link consists of."""
+    return all(each.joint and each.kind in ("hinge", "slide") for each in link.elements)
+
+
+def _lost_passive(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
+    """What joints exert of which the other side has points alone."""
+    if bool(one.joints) == bool(other.joints):
+        return
+    side, reading, joints = ("A", pair.a.reading, one.joints) if one.joints else ("B", pair.b.reading, other.joints)
+    for name in joints:
+        for what in (what for what in PASSIVE if getattr(reading.joints[name], what)):
+            value = np.asarray(getattr(reading.joints[name], what))
+            a, b = (value, np.zeros(())) if side == "A" else (np.zeros(()), value)
+            changes = (Change(name, what, b),) if side == "A" else ()
+            yield Fact(name, what, a, b, unit_of(what, reading.joints[name]), 1.0, changes=changes)
+
+
+def _kind(pair: Pair, one: Link, other: Link, part: str, partner: str) -> Iterator[Fact]:
+    """Joints that are fixed on the other side; else two kinds of link, which may leave the same motions in loops."""
+    met = [*_in_place(pair, one, other)]
+    if met and len(met) == min(len(one.elements), len(other.elements)):
+        for k, (side, link) in enumerate(zip("AB", (one, other), strict=True)):
+            for x in (x for x in link.elements if x.joint and all(x is not pair_[k] for pair_ in met)):
+                a, b = (x.kind, None) if side == "A" else (None, x.kind)
+                yield Fact(x.joint, "fixed", a, b, more=(link.far,))
+        return
+    joints = [{j for each in links for j in each.joints} for links in zip(*pair.alignment.links, strict=True)]
+    covered = all({*machine.reading.joints} == names for machine, names in zip((pair.a, pair.b), joints, strict=True))
+    looped = not (one.joints and other.joints) and covered
+    alike = looped and freedom_left(pair.a.reading) == freedom_left(pair.b.reading)
+    yield Fact(part, "kind", one.kind, other.kind, kind="convention" if alike else "model", partner=partner)
+
+
+def _in_place(pair: Pair, one: Link, other: Link) -> Iterator[tuple[Element, Element]]:
+    """Joints of two links of different kinds that lie in one place, in the same order."""
+    if len(one.elements) == len(other.elements):
+        return
+    left, T = [*other.elements], pair.alignment.placed[one.near]
+    for x in (x for x in one.elements if x.joint):
+        for i, y in enumerate(left):
+            if y.joint and np.linalg.norm(gap(feature(x), feature(y).placed(T), pair.a.length)) < EXACT:
+                yield x, y
+                left = left[i + 1 :]
+                break
+
+
+def _base(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
+    """A free body: by which joints it is free, and where it starts."""
+    ours, theirs = (tuple(each.kind for each in link.elements) for link in (one, other))
+    if ours != theirs:
+        yield Fact(one.far, "base", ours, theirs, kind="convention", partner=other.far)
+    T = pair.displacement(one.near, one.far)
+    if (size := float(np.abs(T - np.eye(4)).max())) > SUM * TOLERANCE:
+        origin = pair.a.bodies[one.far].pose[:3, 3]
+        step = step_of(np.asarray(np.linalg.inv(T)), origin)
+        yield Fact(one.far, "start", np.zeros((2, 3)), step, "m", size, "convention", partner=other.far)
+
+
+def _coordinates(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
+    """Split the displacement of the far body into what the joints do and what is left."""
+    a, b = pair.a, pair.b
+    D = pair.displacement(one.near, one.far)
+    joints = [
+        (a.reading.joints[x.joint], b.reading.joints[y.joint])
+        for x, y in zip(one.elements, other.elements, strict=True)
+    ]
+    senses = _senses(pair, one, other)
+    ways = _ways(one, D, a.length, [j.home - s * k.home for s, (j, k) in zip(senses, joints, strict=True)])
+    E, size = _rest(one, D, ways, a.length)
+    if moved := size > SUM * TOLERANCE:
+        yield _placement(pair, one, other, E if one.elements[0].turned else np.asarray(np.linalg.inv(E)), size)
+    for x, y, sense, way, (j, k) in zip(one.elements, other.elements, senses, ways, joints, strict=True):
+        zero = k.home - sense * j.home + sense * way  # B's coordinate = sense * A's + zero
+        zero = math.remainder(zero, math.tau) if x.kind == "hinge" else zero
+        pair.joints[x.joint] = Partner(y.joint, sense, zero)
+        yield from _counting(pair, x, j)
+        yield from _passive(pair, x.joint)
+    yield from _places(pair, one, other, moved=moved)
+
+
+def _senses(pair: Pair, one: Link, other: Link) -> list[float]:
+    """Tell which way each joint of B counts against its partner."""
+    R = pair.alignment.placed[one.near if one.elements[0].turned else one.far][:3, :3]  # which a placement takes along
+    return [
+        (1.0 if x.direction @ (R @ y.direction) >= 0.0 else -1.0) * (-1.0 if x.turned != y.turned else 1.0)
+        for x, y in zip(one.elements, other.elements, strict=True)
+    ]
+
+
+def _ways(link: Link, D: Array, length: float, same: Sequence[float]) -> Sequence[float]:
+    """Steps of the joints of a link that displace by D, as nearly as they can.
+
+    Args:
+        same: Steps at which both have the same coordinates, which are believed if they explain as much.
+    """
+    fitted = _fitted(link, D, length)
+    if _rest(link, D, same, length)[1] < SUM * TOLERANCE or _rest(link, D, fitted, length)[1] > SUM * TOLERANCE:
+        return same
+    return fitted
+
+
+def _fitted(link: Link, D: Array, length: float) -> Sequence[float]:
+    x, R = link.elements[0], D[:3, :3]
+    if len(link.elements) > 1:
+        start = np.zeros(len(link.elements))
+        return [*descended(lambda q: _entries(_rest(link, D, q, length)[0], length)[None], start)]
+    if x.kind == "slide":
+        return [float(x.direction @ D[:3, 3])]
+    sine = 0.5 * float(x.direction @ np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]))
+    return [math.atan2(sine, 0.5 * float(np.trace(R) - x.direction @ R @ x.direction))]
+
+
+def _entries(E: Array, length: float) -> Array:
+    return np.append((E[:3, :3] - np.eye(3)).ravel(), E[:3, 3] / length)
+
+
+def _rest(link: Link, D: Array, ways: Sequence[float] | Array, length: float) -> tuple[Array, float]:
+    """What steps of the joints leave of a displacement, shape (4, 4), and its size."""
+    T: Array = np.eye(4)
+    for element, way in zip(link.elements, ways, strict=True):
+        T = exponential(element.kind, element.direction, element.centre, float(way)) @ T  # outer motions come first
+    E = np.asarray(np.linalg.inv(T) @ D)
+    return E, float(np.abs(_entries(E, length)).max())
+
+
+def _placement(pair: Pair, one: Link, other: Link, X: Array, size: float) -> Fact:
+    joint = one.joints[0]
+    step = step_of(X, pair.a.bodies[one.far].pose[:3, 3])
+    return Fact(
+        "/".join(one.joints),
+        "placement",
+        np.zeros((2, 3)),
+        step,
+        "m",
+        size,
+        changes=(Change(joint, "placement", X),),
+        partner="/".join(other.joints),
+        of=one.near,
+    )
+
+
+def _counting(pair: Pair, x: Element, joint: JointReading) -> Iterator[Fact]:
+    """Which way a joint counts, and from where."""
+    name, partner = x.joint, pair.joints[x.joint]
+    if partner.sign < 0.0:
+        change = Change(name, "sign", np.array(-1.0))
+        yield Fact(name, "sign", 1.0, -1.0, kind="convention", changes=(change,), partner=partner.name)
+    size = abs(partner.zero) / (1.0 if x.kind == "hinge" else pair.a.length)
+    if size > SUM * TOLERANCE:
+        change = Change(name, "zero", np.array(joint.home + partner.sign * partner.zero))
+        unit = unit_of("zero", joint)
+        step = -partner.sign * partner.zero
+        yield Fact(name, "zero", 0.0, step, unit, size, "convention", (change,), partner.name)
+
+
+def _passive(pair: Pair, name: str, *, limited: bool = True) -> Iterator[Fact]:
+    """What a joint exerts by itself, and its limits, those of B as A counts."""
+    partner = pair.joints[name]
+    a, b = pair.a.reading.joints[name], pair.b.reading.joints[partner.name]
+    for what in PASSIVE:
+        if size := apart(getattr(a, what), getattr(b, what), 1e-12):
+            yield _entry(name, what, getattr(a, what), getattr(b, what), a, size, partner)
+    rest = partner.sign * (b.rest - partner.zero)
+    if a.stiffness and b.stiffness and (size := abs(a.rest - rest)) > SUM * TOLERANCE:
+        yield replace(_entry(name, "rest", a.rest, rest, a, size, partner), changes=(_as_b(name, "rest", b.rest),))
+    if limited:
+        described = "screwgauge" in (pair.a.reading.library, pair.b.reading.library)
+        yield from _limits(name, a, b, partner, described=described)
+
+
+def _as_b(name: str, what: str, value: object) -> Change:
+    """B's own numbers, for a joint that counts as B does: zero and sense are changed before."""
+    return Change(name, what, np.asarray(value, float))
+
+
+def _entry(name: str, what: str, a: object, b: object, joint: JointReading, size: float, partner: Partner) -> Fact:
+    values = np.asarray(a, float), np.asarray(b, float)
+    change = Change(name, what, values[1])
+    return Fact(name, what, *values, unit_of(what, joint), size, changes=(change,), partner=partner.name)
+
+
+def _limits(name: str, a: JointReading, b: JointReading, partner: Partner, *, described: bool) -> Iterator[Fact]:
+    """Limits, those that nothing reaches being none; a joint that counts from elsewhere may keep its numbers.
+
+    Args:
+        described: Whether a side is a description: files are written without its limits.
+    """
+    theirs = sorted(partner.sign * (x - partner.zero) for x in b.limits)
+    first, second = (np.clip(each, -BOUNDLESS, BOUNDLESS) for each in (a.limits, theirs))
+    none = [bool((np.abs(each) >= BOUNDLESS).all()) for each in (first, second)]
+    scale = max(1.0, *(float(np.abs(each).max()) for each in (first, second)))
+    size = float(np.abs(first - second).max()) / scale
+    if all(none) or (described and any(none)) or size <= SUM * TOLERANCE:
+        return
+    ours, others = (None if lacks else each for lacks, each in zip(none, (first, second), strict=True))
+    same = bool(partner.zero) and np.allclose(a.limits, b.limits, rtol=1e-9)
+    yield Fact(
+        name,
+        "limits",
+        ours,
+        others,
+        unit_of("limits", a),
+        math.inf if any(none) else size,
+        "convention" if same else "model",
+        (_as_b(name, "limits", np.clip(b.limits, -BOUNDLESS, BOUNDLESS)),),
+        partner.name,
+    )
+
+
+def _places(pair: Pair, one: Link, other: Link, *, moved: bool) -> Iterator[Fact]:
+    """Where a link sits on either of its bodies, and whether what it carries sits there, too.
+
+    Args:
+        moved: What the link carries stands elsewhere, which is told.
+    """
+    sides = [*_shifted(pair, one, other)]
+    if not sides or (moved and len(sides) < 2):
+        return
+    joint = one.joints[0] if len(one.joints) == len(one.elements) == 1 and len(sides) == 2 else ""
+    elements = [*zip(one.elements, other.elements, strict=False)]
+    if len(one.elements) == len(other.elements) and all(len(x.closures) == len(y.closures) > 0 for x, y in elements):
+        yield from _points(pair, one, other)
+        return
+    for body, x, y, size in sides[:1] if joint else sides:
+        step = _step(x, y)
+        changes = tuple(_axis(joint, x, y, step, pair.a.length)) if joint else ()
+        yield Fact(
+            "/".join(one.joints or one.names),
+            "axis" if joint else "end",
+            np.zeros((2, 3)),
+            step,
+            "m",
+            size,
+            changes=changes,
+            partner="/".join(other.joints or other.names),
+            of=one.near if joint else body,
+        )
+
+
+def _points(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
+    """Points of closures that lie elsewhere on one of their bodies, or on both alike."""
+    for x, y in zip(one.elements, other.elements, strict=True):
+        for name, partner in closure_names(pair, x, y).items():
+            ends = [*_ends(pair, name, partner)]
+            if not ends:
+                continue
+            both = len(ends) == 2 and np.linalg.norm(ends[0].b - ends[1].b) < EXACT * pair.a.length
+            yield replace(ends[0], of="", changes=ends[0].changes + ends[1].changes) if both else ends[0]
+            yield from ends[1:] if not both else ()
+
+
+def closure_names(pair: Pair, x: Element, y: Element) -> dict[str, str]:
+    """Closures of two elements: by their names, else those whose points are nearest to each other."""
+    if {*x.closures} == {*y.closures}:
+        return {name: name for name in x.closures}
+    T = pair.alignment.placed[pair.a.part_of(_first_end(pair.a, x.closures[0])[0])]
+    points = [[_first_end(m, name)[1] for name in e.closures] for m, e in ((pair.a, x), (pair.b, y))]
+    moved = [T[:3, :3] @ point + T[:3, 3] for point in points[1]]
+    cost = np.array([[float(np.linalg.norm(p - q)) for q in moved] for p in points[0]])
+    return {x.closures[i]: y.closures[k] for i, k in assignment(cost)}
+
+
+def _first_end(machine: Machine, name: str) -> tuple[str, Array]:
+    """The first body of a closure, and its point in the world. Shape (3,)."""
+    closure = machine.reading.closures[name]
+    return closure.first, (_pose(machine.reading.bodies, closure.first) @ closure.first_frame)[:3, 3]
+
+
+def _ends(pair: Pair, name: str, partner: str) -> Iterator[Fact]:
+    """Ends of a closure that lie elsewhere on their bodies; one that the file derives from the other follows it."""
+    a, b = pair.a.reading.closures[name], pair.b.reading.closures[partner]
+    known = {pair.a.part_of(end): end for end in (a.first, a.second)}
+    for k, (end, frame) in enumerate(((b.first, b.first_frame), (b.second, b.second_frame))):
+        body = next((n for n, o in pair.alignment.bodies.items() if o == pair.b.part_of(end)), "")
+        if body not in known or (k == 1 and a.derived and b.derived):
+            continue
+        own = known[body]
+        what = "first_frame" if own == a.first else "second_frame"
+        ours, theirs = (_pose(m.reading.bodies, n) for m, n in ((pair.a, own), (pair.b, end)))
+        there = pair.alignment.placed[body] @ theirs @ frame
+        way = there[:3, 3] - (ours @ getattr(a, what))[:3, 3]
+        size = float(np.linalg.norm(way)) / pair.a.length
+        if size > SUM * TOLERANCE:
+            value = np.asarray(np.linalg.inv(ours) @ there)
+            step = np.array([np.zeros(3), way])
+            yield Fact(
+                name,
+                "end",
+                np.zeros((2, 3)),
+                step,
+                "m",
+                size,
+                changes=(Change(name, what, value),),
+                partner=partner,
+                of=body,
+            )
+
+
+def _pose(bodies: Mapping[str, BodyReading], name: str) -> Array:
+    return bodies[name].pose if name in bodies else np.eye(4)
+
+
+def _shifted(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Feature, Feature, float]]:
+    """Features of a link that lie elsewhere on a body of A than on its partner, and how far."""
+    for body, there in ((one.near, other.near), (one.far, other.far)):
+        for x, y in zip(features(one, body), features(other, there), strict=False):
+            y = y.placed(pair.alignment.placed[body])
+            size = float(np.linalg.norm(gap(x, y, pair.a.length)))
+            if size > SUM * TOLERANCE:
+                yield body, x, y, size
+
+
+def _step(x: Feature, y: Feature) -> Array:
+    """Turn and way from one feature to another, none along a line. Shape (2, 3)."""
+    way = y.point - x.point
+    way = {"R": way - (way @ y.direction) * y.direction, "S": way, "P": np.zeros(3)}[x.kind]
+    sense = 1.0 if x.direction @ y.direction >= 0.0 else -1.0
+    turn = np.cross(x.direction, sense * y.direction)
+    sine = float(np.linalg.norm(turn))
+    angle = math.atan2(sine, abs(float(x.direction @ y.direction)))
+    return np.array([turn / sine * angle if sine > 1e-12 else np.zeros(3), way])
+
+
+def _axis(joint: str, x: Feature, y: Feature, step: Array, length: float) -> Iterator[Change]:
+    """Changes by which the axis of a joint alone moves."""
+    if np.linalg.norm(step[0]) > TOLERANCE:
+        sense = 1.0 if x.direction @ y.direction >= 0.0 else -1.0
+        yield Change(joint, "axis", sense * y.direction)
+    if x.kind == "R" and np.linalg.norm(step[1]) > TOLERANCE * length:
+        yield Change(joint, "centre", x.point + step[1])

@@ -1,0 +1,306 @@
+"""What the libraries compute: each on the model that it has read, and both models, as loaded, against each other.
+
+Both are compared along the motions that loops leave: which torques hold the loops does not matter there, nor does where
+a file cuts them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.diagnosis.deadline import Deadline
+from screwgauge.diagnosis.facts.fact import Pair
+from screwgauge.diagnosis.model import Model
+from screwgauge.diagnosis.motion import Partners, followed, namesakes, partners_of
+from screwgauge.diagnosis.properties import PASSIVE
+from screwgauge.diagnosis.shares import Largest, Torques, bare, components, weighed
+from screwgauge.engines.raw_queries import Answers, Ask, JointStates
+from screwgauge.models.kinematics import ReadingTree, draw, not_modelled, plant, size
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.rotations import Array
+from screwgauge.witness.constraints import DEPENDENT, admissible_projector, clear, closed, equations
+from screwgauge.witness.dynamics import dynamics, inverse_dynamics, passive_parts
+from screwgauge.witness.tree import TreeStates
+
+#: Libraries that have dynamics, and what asks them.
+ASKED = {"pinocchio": "screwgauge.engines.pinocchio.raw_queries", "mujoco": "screwgauge.engines.mujoco.raw_queries"}
+#: Those of them that answer for loops, too.
+CLOSING = ("mujoco",)
+#: Content with passive forces that cannot be switched off where a library is asked without what no reading holds.
+_UNKNOWN = {"flexible bodies", "plugins"}
+
+
+def answers(
+    path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False, whole: bool = False
+) -> Answers:
+    """Answers of one library on a file, at states of the tree that it reads from it.
+
+    Args:
+        whole: With all that acts as the file is loaded, also what no reading holds.
+    """
+    ask: Ask = import_module(ASKED[library]).ask
+    return ask(path, tuple(tree.reading.bodies), joint_states(tree, states), floating, whole)
+
+
+def joint_states(tree: ReadingTree, states: TreeStates) -> Mapping[str, JointStates]:
+    """States by joint."""
+    numbers = {name: i for i, name in enumerate(tree.reading.joints)}
+    return {
+        name: JointStates(
+            joint.kind,
+            tree.frames.get(numbers[name], np.eye(4)),
+            states.q[:, tree.places[name]],
+            states.qd[:, tree.freedoms[name]],
+            states.qdd[:, tree.freedoms[name]],
+        )
+        for name, joint in tree.reading.joints.items()
+    }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Compared:
+    """A quantity at states, from the library and from what it has read.
+
+    Attributes:
+        least: What differences are scaled by where `ours` is smaller.
+    """
+
+    theirs: Array
+    ours: Array
+    least: float = 0.0
+
+    @property
+    def off(self) -> float:
+        """The largest difference."""
+        return float(np.abs(self.theirs - self.ours).max(initial=0.0))
+
+    @property
+    def scaled(self) -> float:
+        """The largest difference over the largest magnitude."""
+        scale = max(float(np.abs(self.ours).max(initial=0.0)), self.least)
+        return self.off / scale if scale else self.off
+
+
+def pairs(theirs: Answers, tree: ReadingTree, states: TreeStates) -> dict[str, Compared]:
+    """Quantities of the open tree."""
+    ours, parts = dynamics(tree, states), passive_parts(tree, states)
+    force = float(np.abs(ours.tau).max())  # forces that vanish are compared with others
+    expected = ours.tau - sum(force for name, force in parts.items() if name not in theirs.covers)
+    by_name = {"tau": Compared(theirs.tau, expected, force)}
+    for name, least in (("mass_matrix", 0.0), ("bias", force), ("gravity", force), ("velocity", 0.0)):
+        by_name[name] = Compared(getattr(theirs, name), getattr(ours, name), least)
+    by_name["acceleration"] = Compared(theirs.acceleration, ours.acceleration)
+    if tree.reading.medium != (0.0, 0.0) and "medium" in theirs.covers:
+        del by_name["tau"], by_name["bias"]  # own dynamics know no medium
+    elif {each.kind for each in tree.reading.content} & _UNKNOWN:
+        del by_name["tau"]
+    return by_name
+
+
+def loop_pairs(
+    path: Path, library: str, tree: ReadingTree, states: TreeStates, *, floating: bool = False
+) -> dict[str, Compared]:
+    """Quantities of closures and couplings where these are closed, whichever rows state them.
+
+    They count for less where loops are nearly singular.
+    """
+    soft = [each.softness for each in tree.reading.closures.values()]
+    soft += [each.softness for each in tree.reading.couplings.values()]
+    if library not in CLOSING or not soft or not all(soft):  # loops of another file are not the library's
+        return {}
+    drawn = float(np.abs(states.qdd).max())  # where loops leave no motion, it is rounding
+    states, fits = closed(tree, states)
+    states = states.at(clear(equations(tree, states).rows))
+    if not fits.any() or not len(states.q):
+        return {}
+    rows, bias = import_module(ASKED[library]).closing(path, joint_states(tree, states), floating)
+    own, slides = equations(tree, states), np.array([unit == "N" for _, unit in components(tree.reading)])
+    if rows.shape != own.rows.shape:  # it keeps others besides, which no reading has
+        return {}
+    (one, _), (two, sure) = (admissible_projector(each, slides, size(tree.reading)) for each in (rows, own.rows))
+    # least squares amplify rounding, of rows and of gaps, by the square of the condition number
+    weight = sure[:, None, None] ** 2
+    here, there = (
+        weight * (np.linalg.pinv(J, rcond=DEPENDENT) @ b[..., None]) for J, b in ((rows, bias), (own.rows, own.bias))
+    )
+    return {
+        "constraint Jacobian": Compared(sure[:, None, None] * one, sure[:, None, None] * two, 1.0),
+        "Jdot v": Compared(here, there, drawn),
+    }
+
+
+#: Scaled differences of an engine from the dynamics of its reading beyond this are no rounding: 1e-14 is usual.
+ROUNDING = 1e-11
+#: States at which libraries are compared.
+STATES = 10
+
+
+@dataclass(frozen=True, slots=True)
+class LibraryCheck:
+    """A library on the model that it has read.
+
+    Attributes:
+        side: ``A`` or ``B``.
+        scaled: Quantity -> largest difference from the dynamics of the reading, over the largest magnitude.
+        omits: What its inverse dynamics do not contain; `adds`: what they contain besides inertia and weight.
+        failed: Why it has no answer; empty if it has.
+    """
+
+    side: str
+    library: str
+    scaled: dict[str, float]
+    omits: tuple[str, ...] = ()
+    adds: tuple[str, ...] = ()
+    failed: str = ""
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the engine computes the dynamics of its reading."""
+        return not self.failed and all(value <= ROUNDING for value in self.scaled.values())
+
+
+def library_checks(models: Sequence[Model], seed: int, deadline: Deadline) -> Iterator[LibraryCheck]:
+    """Each library that has dynamics, on what it has read."""
+    for side, model in zip("AB", models, strict=False):
+        if model.library not in ASKED or model.file is None or deadline.over(f"torques of {model.library} for {side}"):
+            continue
+        reading = model.as_read or model.reading
+        tree = plant(weighed(reading))
+        states = draw(reading, STATES, seed)
+        try:
+            theirs, by_name = _asked(model, tree, states)
+        except (ScrewgaugeError, ValueError, LookupError) as error:
+            yield LibraryCheck(side, model.library, {}, failed=str(error))
+            continue
+        scaled = {name: pair.scaled for name, pair in by_name.items()}
+        acts = {entry for joint in reading.joints.values() for entry in PASSIVE if getattr(joint, entry)}
+        omits = (*sorted(acts - theirs.covers), *not_modelled(reading))
+        adds = tuple(sorted(acts & theirs.covers))
+        yield LibraryCheck(side, model.library, scaled, omits, adds)
+
+
+def _asked(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers, dict[str, Compared]]:
+    assert model.file is not None
+    theirs = answers(model.file, model.library, tree, states, floating=model.floating)
+    loops = loop_pairs(model.file, model.library, tree, states, floating=model.floating)
+    return theirs, {**pairs(theirs, tree, states), **loops}
+
+
+#: Where rows of loops tell less well than this, see `admissible_projector`, torques along motions count for less.
+SURE = 0.01
+#: Library -> its call for inverse dynamics.
+CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
+#: Torques of a tree at its states. Shape (n, n_freedom).
+_Dynamics = Callable[[ReadingTree, TreeStates], Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Together:
+    """The libraries' own torques of both models, as loaded: they contain also what no reading holds.
+
+    Attributes:
+        row: Their largest difference, projected on the motions that loops leave.
+        calls: Of A and of B; empty of a description or a reader without dynamics.
+        states: How many were compared.
+        largest: The largest torque of the same unit.
+    """
+
+    row: Largest
+    largest: float
+    calls: tuple[str, str]
+    states: int
+
+    @property
+    def agrees(self) -> bool:
+        """Whether rounding is all that is between them."""
+        return self.row.scaled <= ROUNDING
+
+
+def together(models: tuple[Model, Model], pair: Pair, seed: int) -> tuple[Together | None, str]:
+    """Compare the libraries' own torques, or say why they are not compared; empty where loops leave no motion."""
+    try:
+        found = _compared(pair, seed, models)
+    except (ScrewgaugeError, ValueError, LookupError) as error:
+        return None, str(error)
+    if found is None:
+        return None, "B does not follow A at any random state"
+    row, largest, n = found
+    calls = ["" if model.retyped else CALLS.get(model.library, "") for model in models]
+    return Together(row, largest, (calls[0], calls[1]), n), ""
+
+
+def agreement(pair: Pair, seed: int, only: str = "") -> Largest | None:
+    """Compare the torques of both readings; None where B follows A at no state.
+
+    Args:
+        only: What alone is compared; empty for all.
+    """
+    if only:
+        a, b = (replace(machine, reading=bare(machine.reading)) for machine in (pair.a, pair.b))
+        pair = replace(pair, a=a, b=b)
+    found = _compared(pair, seed)
+    return found and found[0]
+
+
+def _compared(pair: Pair, seed: int, models: tuple[Model, Model] | None = None) -> tuple[Largest, float, int] | None:
+    """The largest difference of torques, the largest torque of its unit, and how many states were compared.
+
+    Args:
+        models: Of which the libraries compute the torques; by default, readings do.
+    """
+    torques = Torques(weighed(pair.a.reading), seed)
+    sides = (pair.a.reading, namesakes(pair.a.reading)), (pair.b.reading, partners_of(pair))
+    if models is None:
+        (ours, one), (theirs, two) = (_along(torques, *side, inverse_dynamics) for side in sides)
+    else:
+        (ours, one), (theirs, two) = (
+            _along(torques, model.reading, partners, _of_library(model))
+            for model, (_, partners) in zip(models, sides, strict=True)
+        )
+    fits = one & two
+    if not fits.any():
+        return None
+    row = torques.largest(_admissible(torques, theirs - ours)[fits])
+    units = np.array([unit == row.unit for _, unit in components(torques.reading)], dtype=bool)
+    return row, float(torques.scale[units].max(initial=0.0)), int(fits.sum())
+
+
+def _states(torques: Torques) -> TreeStates:
+    """Some of the states: what a library adds to a reading shows at all of them."""
+    return torques.states.at(slice(STATES))
+
+
+def _along(torques: Torques, reading: Reading, partners: Partners, of: _Dynamics) -> tuple[Array, NDArray[np.bool_]]:
+    """Torques of a reading that follows A, along the velocities of A, and where it does. (n, n_freedom), (n,)."""
+    tree = plant(weighed(reading))
+    there = followed(plant(torques.reading), _states(torques), tree, partners)
+    tau = of(tree, there.states)
+    return (np.swapaxes(there.velocities, 1, 2) @ tau[..., None])[..., 0], there.fits
+
+
+def _of_library(model: Model) -> _Dynamics:
+    """All that motors have to give, as a library computes it for the file as it is."""
+
+    def tau(tree: ReadingTree, states: TreeStates) -> Array:
+        if model.library not in ASKED or model.file is None or model.retyped:
+            return inverse_dynamics(tree, states)
+        said = answers(model.file, model.library, tree, states, floating=model.floating, whole=True)
+        left_out = [part for name, part in passive_parts(tree, states).items() if name not in said.covers]
+        return said.tau + sum(left_out, np.zeros_like(said.tau))
+
+    return tau
+
+
+def _admissible(torques: Torques, tau: Array) -> Array:
+    """Torques along motions that loops leave; less of them where loops are nearly singular. Shape (n, n_freedom)."""
+    reading, slides = torques.reading, np.array([unit == "N" for _, unit in components(torques.reading)], dtype=bool)
+    P, sure = admissible_projector(equations(plant(reading), _states(torques)).rows, slides, size(reading))
+    units = np.where(slides, size(reading), 1.0)
+    return np.asarray(np.minimum(1.0, sure / SURE)[:, None] * (P @ (units * tau)[..., None])[..., 0] / units)

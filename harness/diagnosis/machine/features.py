@@ -1,0 +1,142 @@
+"""Features of bodies, points, lines and directions, and how a body lies on another one for a placement."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+
+from screwgauge.models.machine import Element, Link, Machine
+from screwgauge.models.matter import displaced
+from screwgauge.reference.rotations import Array, cross
+
+#: Share of the machine's length, or of 1 rad, up to which features are the same.
+EXACT = 1e-6
+UPPER = np.triu_indices(3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Feature:
+    """What a link is on one of its bodies: a point (S), a line (R) or a direction (P)."""
+
+    kind: str
+    point: Array
+    direction: Array
+
+    def placed(self, T: Array) -> Feature:
+        """The feature in another world. T: shape (4, 4)."""
+        return Feature(self.kind, T[:3, :3] @ self.point + T[:3, 3], T[:3, :3] @ self.direction)
+
+
+def features(link: Link, body: str) -> list[Feature]:
+    """Features of a link on one of its bodies; none of a free one."""
+    if link.kind == "F":
+        return []
+    if link.kind == "S" and link.centre is not None:
+        return [Feature("S", link.centre, np.zeros(3))]
+    return [feature(link.elements[0 if body == link.near else -1])]
+
+
+def feature(element: Element) -> Feature:
+    kind = {"hinge": "R", "slide": "P", "ball": "S", "free": "S"}[element.kind]
+    return Feature(kind, element.centre, element.direction if kind != "S" else np.zeros(3))
+
+
+def gap(one: Feature, other: Feature, length: float) -> Array:
+    """How far two features are from each other: of directions, and of places. Shape (6,), lengths of the machine."""
+    if one.kind != other.kind:
+        return np.append(2.0, np.zeros(5))
+    sign = 1.0 if one.direction @ other.direction >= 0.0 else -1.0
+    step = (other.point - one.point) / length
+    way = {"R": cross(step, one.direction), "S": step, "P": np.zeros(3)}[one.kind]
+    return np.append(one.direction - sign * other.direction, way)
+
+
+class Shape:
+    """A body as arrays: its features and its matter."""
+
+    def __init__(self, machine: Machine, body: str) -> None:
+        links = machine.at(body)
+        stated = [link for link in links if not _is_derived(machine, link, body)]
+        some = [each for link in stated or links for each in features(link, body)]
+        self.kinds = np.array([each.kind for each in some], dtype=str)
+        self.points = np.array([each.point for each in some]).reshape(-1, 3)
+        self.ways = np.array([each.direction for each in some]).reshape(-1, 3)
+        self.matter = machine.bodies[body].matter
+
+    def placed(self, T: Array) -> Shape:
+        """The shape in another world. T: shape (4, 4)."""
+        other = copy(self)
+        other.points, other.ways = self.points @ T[:3, :3].T + T[:3, 3], self.ways @ T[:3, :3].T
+        other.matter = displaced(self.matter, T)
+        return other
+
+    def places(self) -> Iterator[tuple[str, Array, Array]]:
+        """Kind, point and direction (none of a point) of what shows where it is: all but directions."""
+        yield from ((k, *pair) for k, *pair in zip(self.kinds, self.points, self.ways, strict=True) if k != "P")
+        if self.matter.mass:
+            yield "com", self.matter.com, np.zeros(3)
+
+    def directions(self) -> Iterator[tuple[str, Array]]:
+        """Kind and direction of what has one, principal axes of inertia among them; none of these has a sense."""
+        yield from ((k, way) for k, way in zip(self.kinds, self.ways, strict=True) if k != "S")
+        if self.matter.mass:
+            yield from ((f"inertia {i}", way) for i, way in enumerate(np.linalg.eigh(self.matter.inertia)[1].T))
+
+
+def _is_derived(machine: Machine, link: Link, body: str) -> bool:
+    """Whether the file derives where a link lies on a body from where its other body is at home."""
+    closures = [machine.reading.closures[name] for each in link.elements for name in each.closures]
+    ends = {machine.part_of(each.second) for each in closures}
+    return bool(closures) and not link.joints and ends == {body} and all(each.derived for each in closures)
+
+
+class Overlay:
+    """A body of B laid on one of A, for one placement after the other."""
+
+    def __init__(self, a: Machine, b: Machine, bodies: tuple[str, str]) -> None:
+        self.ours, self.theirs, self.length = Shape(a, bodies[0]), Shape(b, bodies[1]), a.length
+        self.lines, self.balls = (self.ours.kinds == kind for kind in "RS")
+        self.unlike = self.ours.kinds[:, None] != self.theirs.kinds
+
+    def residuals(self, T: Array) -> Array:
+        """How it lies there: a row for each feature, for the centre of mass and for the inertia. Shape (n, 6).
+
+        Args:
+            T: Placement of B's world in A's. Shape (4, 4).
+        """
+        rows = [*self._gaps(T)]
+        first, second = self.ours.matter, displaced(self.theirs.matter, T)
+        if first.mass and second.mass:
+            rows.append(np.append((first.com - second.com) / self.length, np.zeros(3)))
+            scale = float(np.abs(first.inertia).max()) or 1.0
+            rows.append(((first.inertia - second.inertia) / scale)[UPPER])
+        return np.array(rows or [np.zeros(6)])
+
+    def misfits(self, T: Array) -> Array:
+        """Sizes of the `residuals`. Shape (n,)."""
+        return np.asarray(np.linalg.norm(self.residuals(T), axis=1))
+
+    def _gaps(self, T: Array) -> Array:
+        """Gaps, as by `gap`, of each feature of A and the nearest one of B. Shape (n, 6)."""
+        ours = self.ours
+        if not self.unlike.size:
+            return np.tile(np.append(1.0, np.zeros(5)), (len(ours.points), 1))
+        R = T[:3, :3]
+        ways = self.theirs.ways @ R.T
+        signs = np.where(ours.ways @ ways.T >= 0.0, 1.0, -1.0)
+        turns = ours.ways[:, None] - signs[..., None] * ways
+        steps = (self.theirs.points @ R.T + T[:3, 3] - ours.points[:, None]) / self.length
+        across = cross(steps, np.broadcast_to(ours.ways[:, None], steps.shape))
+        off = np.where(self.lines[:, None, None], across, np.where(self.balls[:, None, None], steps, 0.0))
+        gaps = np.concatenate([turns, off], axis=-1)
+        gaps[self.unlike] = np.append(2.0, np.zeros(5))
+        nearest = np.argmin(np.einsum("ijk,ijk->ij", gaps, gaps), axis=1)
+        return np.asarray(gaps[np.arange(len(gaps)), nearest])
+
+
+def misfits(a: Machine, b: Machine, bodies: tuple[str, str], T: Array) -> Array:
+    """How a body of B lies on one of A, with B's world placed in A's, shape (4, 4). Shape (n,)."""
+    return Overlay(a, b, bodies).misfits(T)

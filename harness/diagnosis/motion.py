@@ -1,0 +1,129 @@
+"""Moves one tree as another one moves: wherever their loops are cut, bodies of the one follow their partners.
+
+All bodies at once tell the coordinates, velocities and accelerations of the tree that they are part of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from screwgauge.diagnosis.facts.fact import Pair, Partner
+from screwgauge.models.kinematics import ReadingTree, home
+from screwgauge.models.readings.reading import Reading
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import Array, rotation_vector
+from screwgauge.witness.constraints import DEPENDENT, STEPS, equations, newton_step, stepped
+from screwgauge.witness.kinematics import Moving, move
+from screwgauge.witness.tree import FixedFrame, TreeStates, stacked
+
+#: Poses of partners, and closures, fit where they differ by no more [rad or lengths of the machine]: places of partners
+#: are known to 1e-9.
+FITS = 1e-8
+#: From here one step of Newton's method ends at rounding [rad or lengths of the machine].
+NEAR = 1e-8
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Partners:
+    """Bodies of a tree, the leader, and those of another one that move as they do.
+
+    Attributes:
+        bodies: Body of the leader, that of the follower, and its frame in the axes of the leader's. Shape (4, 4).
+        joints: Joint of the leader -> that of the follower; coordinates from which the search starts.
+    """
+
+    bodies: Sequence[tuple[str, str, Array]]
+    joints: Mapping[str, Partner]
+
+
+def partners_of(pair: Pair) -> Partners:
+    """Give the partners of A's bodies, all that are one of B; bodies without mass follow from the others."""
+    poses = {GROUND: np.eye(4), **{name: body.pose for name, body in pair.b.reading.bodies.items()}}
+    bodies = [
+        (name, member, np.linalg.inv(pair.a.bodies[name].pose) @ pair.alignment.placed[name] @ poses[member])
+        for name, other in pair.alignment.bodies.items()
+        for member in pair.b.bodies[other].members
+    ]
+    return Partners(bodies, pair.joints)
+
+
+def namesakes(reading: Reading) -> Partners:
+    """Partners of a reading in the same model, at another home."""
+    bodies = [(name, name, np.eye(4)) for name in reading.bodies]
+    return Partners(bodies, {name: Partner(name) for name in reading.joints})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Followed:
+    """How a tree follows another one.
+
+    Attributes:
+        states: Of the follower.
+        velocities: Velocities of the leader -> those of the follower. Shape (n, n_freedom, n_freedom of the leader).
+        fits: Whether all bodies follow their partners, and all loops are closed. Shape (n,).
+    """
+
+    states: TreeStates
+    velocities: Array
+    fits: NDArray[np.bool_]
+
+
+def followed(leader: ReadingTree, states: TreeStates, tree: ReadingTree, partners: Partners) -> Followed:
+    """Find the states of a tree at which its bodies move as their partners do, by Newton's method."""
+    at = stacked([_frame(leader, name, T) for name, _, T in partners.bodies])
+    own = stacked([_frame(tree, other, np.eye(4)) for _, other, _ in partners.bodies])
+    lead, there = move(leader, states), _start(leader, states, tree, partners)
+    wanted = lead.links.frames(at)
+    for _ in range(STEPS):
+        motion = move(tree, there)
+        here = motion.links.frames(own)
+        off, (Q, R) = _off(here, wanted), np.linalg.qr(_rows(motion.jacobian(own, here.p)))
+        step = newton_step(R, (np.swapaxes(Q, 1, 2) @ off[..., None])[..., 0])
+        there = replace(there, q=stepped(tree, there.q, step))
+        if np.abs(off).max(initial=0.0) <= NEAR * tree.length:  # steps are quadratic: this one ended at rounding
+            break
+    Q, R = np.linalg.qr(_rows(move(tree, there).jacobian(own, wanted.p)))
+    back = np.linalg.pinv(R, rcond=DEPENDENT) @ np.swapaxes(Q, 1, 2)
+    C = back @ _rows(lead.jacobian(at, wanted.p))
+    there = replace(there, qd=(C @ states.qd[..., None])[..., 0])
+    here = move(tree, there).links.frames(own)
+    missing = (wanted.acceleration - here.acceleration).reshape(len(C), -1, 1)
+    gaps = [_off(here, wanted), (here.velocity - wanted.velocity).reshape(len(C), -1), equations(tree, there).gap]
+    fits = np.abs(np.hstack(gaps)).max(axis=1, initial=0.0) <= FITS * max(tree.length, 1.0)
+    return Followed(replace(there, qdd=(back @ missing)[..., 0]), C, fits)
+
+
+def _frame(tree: ReadingTree, body: str, T: Array) -> FixedFrame:
+    """A frame in that of a body, fixed to its link. Shape (4, 4)."""
+    if body == GROUND:
+        return FixedFrame().placed(T[:3, :3], T[:3, 3])
+    number = [*tree.reading.bodies].index(body)
+    return FixedFrame(*(each[number] for each in tree.bodies)).placed(T[:3, :3], T[:3, 3])
+
+
+def _start(leader: ReadingTree, states: TreeStates, tree: ReadingTree, partners: Partners) -> TreeStates:
+    """States at rest, at the coordinates of partners, and at home where there are none."""
+    n = len(states.q)
+    still = home(tree.reading)
+    q, rest = still.q.repeat(n, axis=0), np.zeros((n, tree.freedom))
+    for name, partner in partners.joints.items():
+        own, other = leader.places[name], tree.places[partner.name]
+        if own.stop - own.start == other.stop - other.start:
+            single = own.stop - own.start == 1
+            q[:, other] = partner.sign * states.q[:, own] + partner.zero if single else states.q[:, own]
+    return TreeStates(q, rest, rest)
+
+
+def _off(here: Moving, wanted: Moving) -> Array:
+    """Rotation vectors [rad] and ways [m] from wanted poses. Shape (n, 6 m)."""
+    off = np.concatenate([rotation_vector(here.R @ wanted.R.swapaxes(2, 3)), here.p - wanted.p], axis=2)
+    return off.reshape(len(off), -1)
+
+
+def _rows(J: Array) -> Array:
+    """Jacobians of all bodies as one. Shape (n, m, 6, n_freedom) -> (n, 6 m, n_freedom)."""
+    return J.reshape(len(J), -1, J.shape[-1])

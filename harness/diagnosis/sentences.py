@@ -1,0 +1,248 @@
+"""English for what a diagnosis finds besides facts: their effect and proof, loops, libraries, and agreement."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from screwgauge.diagnosis.assumptions import sided
+from screwgauge.diagnosis.nouns import counted, listed
+from screwgauge.diagnosis.properties import CLOSING, OPTIONAL, PROPERTIES, word
+from screwgauge.diagnosis.shares import UNSEEN, able
+from screwgauge.diagnosis.words import Speaker
+from screwgauge.models.content import kinds
+from screwgauge.reference.errors import first_few
+
+if TYPE_CHECKING:
+    from screwgauge.diagnosis.causes.causes import Cause
+    from screwgauge.diagnosis.facts.fact import Fact
+    from screwgauge.diagnosis.findings import Findings
+    from screwgauge.diagnosis.libraries import LibraryCheck, Together
+    from screwgauge.diagnosis.shares import Largest
+
+_NAMED = 3
+#: Scaled torques of readings that agree: loops are closed to about 1e-11.
+SAME = 1e-9
+#: What is in the libraries' own torques alone, besides content.
+_MEDIUM = ("density", "viscosity")
+#: What holds loops together.
+_LOOPS = CLOSING | {"end", "held"}
+#: Quantity that a library computes differently from its reading -> case of the casebook.
+CASES = {"Jdot v": "mj-jdotv-before-3.7", "acceleration": "spatial-or-classical"}
+
+
+def news(found: Findings) -> Iterator[str]:
+    """Tell what no fact tells, the worst first; last that all else agrees."""
+    if not found.alike:
+        yield from _strange(found)
+        return
+    if not found.facts and found.agreement is not None and found.agreement.scaled > SAME:
+        yield f"Torques differ by {_amount(found.agreement)}, and no difference between the files explains it."
+    if found.together is not None and not found.together.agrees:
+        yield _as_loaded(found.together)
+        if found.beyond.withheld:
+            yield f"The cause may be in what is not compared: {_listed(sided(found.beyond.withheld))}."
+    yield from (_witness(each) for each in found.witnesses if not each.agrees)
+    yield from _loops(found)
+    yield from _agreement(found)
+    if found.order is not None:
+        yield found.order.sentence
+    if found.only:
+        yield f"Only {found.only} properties are compared (--only)."
+    if found.left_out:
+        yield f"Stopped after {found.limit:g} s (--limit), without: {first_few(found.left_out, _NAMED)}."
+
+
+def explanation(found: Findings) -> Iterator[str]:
+    """Tell what the facts make of the torques, and what proves them."""
+    if found.alike and 2 * len(found.how) < max(len(each.reading.joints) for each in (found.a, found.b)):
+        yield _partly(found)
+    causes = [cause for cause in found.causes if cause.kind != "digits"]
+    if not causes:
+        return
+    yield from _effect(found, causes)
+    yield from _proof(found)
+    if found.a.file is not None and found.a.file == found.b.file:
+        yield f"{found.a.file.name} is read differently by {found.a.library} (A) and {found.b.library} (B)."
+        yield from _unread(found)
+
+
+def _strange(found: Findings) -> Iterator[str]:
+    a, b = (len(each.reading.joints) for each in (found.a, found.b))
+    partners = f"{len(found.how) or 'none'} of the {counted(a, 'joint')} of A {'has' if len(found.how) < 2 else 'have'}"
+    yield f"A and B are models of different machines: {partners} a partner among the {b} of B."
+    some = f" Partners are {_pairs(found)}." if found.how else ""
+    yield f"If they are the same machine, name the partners with --map.{some}"
+
+
+def _partly(found: Findings) -> str:
+    a, b = (len(each.reading.joints) for each in (found.a, found.b))
+    return f"Only {len(found.how)} of {a} joints of A and {b} of B are partners and are compared ({_pairs(found)})."
+
+
+def _pairs(found: Findings) -> str:
+    """Some joints with their partners."""
+    return first_few((f"{name} = {found.pair.partner(name).name}" for name in found.how), _NAMED)
+
+
+def _effect(found: Findings, causes: Sequence[Cause]) -> Iterator[str]:
+    """Tell how much causes change torques, and why some do not."""
+    seen = [each for each in causes if each.kind != "unseen" and not math.isnan(each.share)]
+    if seen and found.torques.scaled > UNSEEN:
+        most = max(seen, key=lambda each: each.share)
+        name = Speaker(found.pair.a).name(most.groups[0])
+        much = f"by up to {_amount(found.torques)}"
+        if len(causes) == 1:
+            yield f"It changes torques {much}."
+        elif len(seen) == 1:
+            yield f"Torques change {much}, by {name} alone."
+        else:
+            yield f"Together they change torques {much}; {percent(most.share)} of that by {name} alone."
+    yield from _outside(causes)
+    plain = [each for each in causes if not _left_out(each)]
+    unseen = [each for each in plain if each.kind == "unseen" and each.facts[0].what not in _LOOPS]
+    if unseen:
+        counts = all(fact.kind == "convention" for each in unseen for fact in each.facts)
+        yield f"{_subject(unseen, causes)} {'coordinates alone, and ' * counts}no torque."
+    counting = [each for each in plain if math.isnan(each.share) and all(f.kind == "convention" for f in each.facts)]
+    if counting:
+        yield f"{_subject(counting, causes)} no motion."
+    without = [each for each in plain if each.kind == "cause" and math.isnan(each.share)]
+    if any(len(each.groups) > 1 for each in without):
+        yield "Their torques cancel each other, so that none has a share."
+    elif any(each.facts[0].kind == "model" for each in without):
+        it = "It has" if len(causes) == 1 else "What no value in a file makes has"
+        yield f"{it} no share of torque{': no value in a file makes it' * (len(causes) == 1)}."
+
+
+def _subject(some: Sequence[Cause], causes: Sequence[Cause]) -> str:
+    """Subject and verb of a sentence on some of the causes."""
+    if len(some) < len(causes):
+        return f"{len(some)} of these causes change{'s' * (len(some) == 1)}"
+    return "It changes" if len(some) == 1 else "They change"
+
+
+def _outside(causes: Sequence[Cause]) -> Iterator[str]:
+    """Tell which differences torques leave out."""
+    whats = list(dict.fromkeys(fact.what for each in causes for fact in each.facts if _is_outside(fact)))
+    if whats:
+        yield f"Torques of bodies and joints leave out {listed(whats)}."
+    if any(each.kind == "unseen" and each.facts[0].what in _LOOPS for each in causes):
+        yield "Torques at one and the same motion cannot show how loops differ."
+
+
+def _is_outside(fact: Fact) -> bool:
+    return fact.what in kinds() or fact.what in _MEDIUM
+
+
+def _left_out(cause: Cause) -> bool:
+    return all(map(_is_outside, cause.facts))
+
+
+def _proof(found: Findings) -> Iterator[str]:
+    """Tell what is left when B's file is put right."""
+    fix = found.fix
+    if fix is None:
+        return
+    again = "Put right in a copy of B's file and read again,"
+    if fix.proved:
+        yield f"{again} nothing {'differs' if able(found.facts) else 'else differs'}."
+    elif fix.left:
+        first = Speaker(found.pair.a, brief=True).sentence(fix.left[0])
+        yield f"{again} {counted(len(fix.left), 'difference is', 'differences are')} left: {first}."
+    if fix.unheard:
+        yield does_not_use(found.b.library, fix.unheard)
+
+
+def does_not_use(library: str, whats: Iterable[str]) -> str:
+    """Tell which properties a library leaves in a file."""
+    whats = list(dict.fromkeys(whats))
+    cases = dict.fromkeys(filter(None, (PROPERTIES[what].cases.get(library) for what in whats if what in PROPERTIES)))
+    book = f" (casebook: {', '.join(cases)})" if cases else ""
+    return f"{library} does not use what the file says of {listed([*map(word, whats)])}{book}."
+
+
+def _unread(found: Findings) -> Iterator[str]:
+    """Tell what one library reads from a file and the other one ignores."""
+    for k, model in enumerate((found.a, found.b)):
+        whats = [
+            fact.what for fact in found.facts if fact.what in OPTIONAL and _ignored((fact.a, fact.b), k, fact.what)
+        ]
+        if whats:
+            yield does_not_use(model.library, whats)
+
+
+def _ignored(values: tuple[object, object], k: int, what: str) -> bool:
+    """Whether one value is the default, and the other one is not."""
+    default = np.broadcast_to(PROPERTIES[what].default or 0.0, PROPERTIES[what].shape or ())
+    plain = [value is not None and np.array_equal(np.asarray(value), default) for value in values]
+    return plain[k] and not plain[1 - k]
+
+
+def _loops(found: Findings) -> Iterator[str]:
+    for side, model in zip("AB", (found.a, found.b), strict=True):
+        if model.never_closed:
+            yield f"In {side} {model.never_closed}."
+    if found.mobility is not None and not found.mobility_agrees and min(found.mobility) >= 0:
+        a, b = found.mobility
+        yield f"Closures and couplings leave {counted(a, 'degree')} of freedom in A, {b} in B."
+
+
+def _agreement(found: Findings) -> Iterator[str]:
+    """Tell what agrees where no real difference is found, and what withholds that all does."""
+    if not found.agrees:
+        return
+    reading = found.a.reading
+    agree = f"{counted(len(reading.joints), 'joint')} and {counted(len(reading.bodies), 'body', 'bodies')} agree"
+    if found.agreement is not None:
+        agree += f", their torques to {found.agreement.scaled:.1g} of the largest"
+    if found.together is not None and any(found.together.calls):
+        agree += f", those of the libraries as loaded to {found.together.row.scaled:.1g}"
+    withheld = [*sided(found.beyond.withheld), *([_not_asked(found.why_not)] if found.why_not else [])]
+    if withheld:
+        yield f"Not all compared: {_listed(withheld)}."
+    rest = "All else is the same: " if withheld or found.facts else ""
+    yield f"{rest}{agree}." if not found.left_out else "Nothing differs in what was compared."
+    if found.beyond.aside:
+        yield f"Outside the comparison: {_listed(sided(found.beyond.aside))}."
+
+
+def _not_asked(why: str) -> str:
+    return f"torques of the libraries as loaded: {why}"
+
+
+def _as_loaded(both: Together) -> str:
+    """Tell how far apart the libraries' own torques are."""
+    calls = [f"{call or 'dynamics'} of {side}" for side, call in zip("AB", both.calls, strict=True)]
+    return (
+        f"The libraries' own torques as loaded ({' and '.join(calls)}, with passive forces) differ by "
+        f"{both.row.value:.4g} of {both.largest:.4g} {both.row.unit} ({both.row.component})."
+    )
+
+
+def _witness(witness: LibraryCheck) -> str:
+    if witness.failed:
+        return f"{witness.library} fails on {witness.side} ({witness.failed})."
+    name, off = max(witness.scaled.items(), key=lambda entry: entry[1])
+    book = f" (casebook: {CASES[name]})" if name in CASES else ""
+    return (
+        f"{witness.library} itself computes another {name.replace('_', ' ')} for {witness.side} than follows from what "
+        f"it has read ({off:.2g} of the largest): the engine differs, not the model{book}."
+    )
+
+
+def _amount(largest: Largest) -> str:
+    """A difference of torques, with its component and its share of the largest torque."""
+    return f"{largest.value:.4g} {largest.unit} at {largest.component} ({largest.scaled:.3g} of the largest)"
+
+
+def percent(share: float) -> str:
+    """A share with as many digits as a reader needs."""
+    return f"{100.0 * share:.{'2g' if abs(share) < 0.1 else '1f'}} %"
+
+
+def _listed(sentences: Iterable[str]) -> str:
+    return first_few(sentences, _NAMED, "; ")

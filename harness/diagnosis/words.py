@@ -1,0 +1,386 @@
+"""English for facts and causes: a sentence each, made once, from data alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from screwgauge.diagnosis.amounts import WORLD, Axes, both, in_axes, percent, shown, turn_and_way
+from screwgauge.diagnosis.causes.causes import Cause
+from screwgauge.diagnosis.causes.groups import factor_of, sideless
+from screwgauge.diagnosis.facts.digits import AXES
+from screwgauge.diagnosis.facts.fact import Fact
+from screwgauge.diagnosis.machine.whole import Whole
+from screwgauge.diagnosis.nouns import counted, listed, noun, other
+from screwgauge.diagnosis.properties import PROPERTIES, ROOMS
+from screwgauge.diagnosis.units import UNITS
+from screwgauge.models.content import kinds
+from screwgauge.models.machine import Machine
+from screwgauge.reference.errors import first_few
+
+_NAMED = 3
+#: Axes in which a whole is told.
+_THERE = replace(WORLD, name="the world")
+#: Kind of a link -> what it is.
+LINKS = {
+    "R": "a hinge",
+    "P": "a slide",
+    "S": "a ball joint",
+    "C": "a cylindrical joint",
+    "U": "a universal joint",
+    "F": "free",
+}
+#: Letter of a freedom, or kind of a joint -> its noun.
+JOINTS = {"R": "hinge", "P": "slide", "S": "ball joint", "F": "free joint"}
+JOINTS |= {"hinge": "hinge", "slide": "slide", "ball": "ball joint", "free": "free joint"}
+#: Owner of a property -> several of them.
+OWNERS = {"body": "bodies", "joint": "joints", "actuator": "actuators", "coupling": "couplings", "closure": "closures"}
+#: What one side lacks, of several joints.
+_SUBTREES = {
+    "branch": "joints are missing, with all that they carry, from",
+    "fixed": "joints do not move in",
+    "link": "joints are missing from",
+}
+#: Properties that are named in the plural.
+_PLURAL = {"limits"}
+
+
+@dataclass(frozen=True, slots=True)
+class Speaker:
+    """Makes sentences on facts of two machines.
+
+    Attributes:
+        a: Machine in whose frames facts are told.
+        brief: Whether sentences leave out lists, vectors and what follows from the rest.
+    """
+
+    a: Machine
+    brief: bool = False
+
+    def cause(self, cause: Cause) -> str:
+        """Tell one cause."""
+        first, *rest = cause.groups
+        if cause.kind == "digits":
+            return self._digits(cause.facts)
+        if cause.kind == "small":
+            return self._small(cause)
+        if not rest:
+            return self.group(first)
+        if self.brief:
+            return f"{self.group(first)}; partly cancelled by {first_few(map(self.name, rest), 1)}"
+        more = f"; and {len(rest) - 2} more" if len(rest) > 2 else ""
+        return f"{self.group(first)}; partly cancelled by: {'; '.join(map(self.group, rest[:2]))}{more}"
+
+    def group(self, facts: Sequence[Fact]) -> str:
+        """Tell facts that one edit would make."""
+        parts = list(dict.fromkeys(fact.part for fact in facts))
+        if len(parts) > 1:
+            return self._several(facts, parts)
+        if self.brief:
+            return self.sentence(facts[0])
+        also = list(dict.fromkeys(noun(fact.what) for fact in facts[1:] if fact.what != facts[0].what))
+        return self.sentence(facts[0]) + (f"; its {listed(also)} differ{'s' * (len(also) == 1)}, too" if also else "")
+
+    def sentence(self, fact: Fact) -> str:
+        """Tell one fact."""
+        if fact.what in kinds():
+            return _content(fact, 1 if self.brief else _NAMED)
+        if (tell := _TOLD.get(fact.what)) is not None:
+            return tell(self, fact)
+        return _values(fact)
+
+    def name(self, facts: Sequence[Fact]) -> str:
+        """Name what a group of facts is of: ``mass of upper``."""
+        first, parts = facts[0], _by_part(facts)
+        if first.what in kinds():
+            return first.of if len(facts) == 1 else f"{first.what} ({len(facts)})"
+        if not first.part:
+            return nouns(facts)
+        if len(parts) <= 2:
+            return listed([f"{nouns(some)} of {part}" for part, some in parts.items()])
+        return f"{nouns(facts)} of {self._counted(facts, len(parts))}"
+
+    def _several(self, facts: Sequence[Fact], parts: Sequence[str]) -> str:
+        """Tell what many parts have in common, or the first of what they have not."""
+        first, names = facts[0], "" if self.brief else f": {first_few(parts, _NAMED)}"
+        if first.what in kinds():
+            return f"{_content(first, 1)}; and {len(facts) - 1} more of the kind"
+        if len({sideless(part) for part in parts}) == 1:  # a left and a right one
+            likewise = f"; {first_few(parts[1:], _NAMED)} likewise"
+            return self.group([fact for fact in facts if fact.part == first.part]) + likewise
+        if first.what == "name":
+            pairs = first_few([f"{fact.a} is {fact.b}" for fact in facts], _NAMED)
+            return f"{len(parts)} joints have names of other joints in B{'' if self.brief else f': {pairs}'}"
+        if first.what in _SUBTREES and not {fact.what for fact in facts} - {first.what}:
+            return f"{len(parts)} {_SUBTREES[first.what]} {other(first.side)}{names}"
+        owners = self._counted(facts, len(parts))
+        if {(fact.what, fact.side) for fact in facts} in ({("limits", "A")}, {("limits", "B")}):
+            return f"{owners} have no limits in {other(first.side)}{names}"
+        several = len({fact.what for fact in facts}) > 1
+        if alike := _alike(facts, several=several):
+            return f"{nouns(facts)} of {owners} {alike}{names}"
+        if len(parts) == 2:
+            rest = [fact for fact in facts if fact.part != first.part]
+            return f"{self.sentence(first)}; {self.name(rest)} differ{'s' * (len(rest) == 1)}, too"
+        example = "" if self.brief else f", such as this: {self.sentence(first)}"
+        one = not several and first.what not in _PLURAL
+        return f"{self.name(facts)} differ{'s' * one}{example}"
+
+    def _counted(self, facts: Sequence[Fact], n: int) -> str:
+        """``all 4 joints``, ``3 bodies``."""
+        owners = {PROPERTIES[fact.what].owner if fact.what in PROPERTIES else "" for fact in facts}
+        owner = owners.pop() if len(owners) == 1 else ""
+        every = len(getattr(self.a.reading, ROOMS.get(owner, ""), ())) == n
+        return f"{'all ' * every}{n} {OWNERS.get(owner, 'parts')}"
+
+    def _digits(self, facts: Sequence[Fact]) -> str:
+        values = counted(len(facts), "value differs", "values differ")
+        if all(fact.of == AXES for fact in facts):
+            return f"{values} as MuJoCo compiles it (casebook: {AXES})"
+        most = "" if self.brief else f", at most by {facts[0].size:.1g} ({self.name(facts[:1])})"
+        return f"{values} only in the rounding of printed digits{most}"
+
+    def _small(self, cause: Cause) -> str:
+        names = "" if self.brief else f": {first_few(map(self.name, cause.groups), _NAMED)}"
+        share = f"{100.0 * abs(cause.share):.1g} % of the torque difference"
+        return f"{len(cause.groups)} small differences make {share}{names}"
+
+    def axes(self, *names: str) -> list[Axes]:
+        """Axes of bodies, then those of the world."""
+        known = (name for name in names if name in self.a.reading.bodies)
+        return [*(Axes(f"{name} in A", self.a.reading.bodies[name].pose[:3, :3]) for name in known), WORLD]
+
+    def step(self, fact: Fact, turned: str = "turned") -> str:
+        """Tell the step of a place."""
+        joint = fact.part.partition("/")[0]
+        carried = [self.a.reading.moved_by(joint)] if joint in self.a.reading.joints else []
+        return turn_and_way(np.asarray(fact.b), self.axes(*carried, fact.of), self.a.length, turned, brief=self.brief)
+
+
+def _of(fact: Fact, text: str) -> str:
+    return f"{fact.part}: {text}" if fact.part else text
+
+
+def _values(fact: Fact) -> str:
+    """Tell a property that both sides have, or one."""
+    if fact.side:
+        own = f"{shown(fact.a if fact.side == 'A' else fact.b)} {fact.unit}".rstrip()
+        return _of(fact, f"no {noun(fact.what)} in {other(fact.side)}; {own} in {fact.side}")
+    return _of(fact, f"{noun(fact.what)} {both(fact.what, np.asarray(fact.a), np.asarray(fact.b), fact.unit)}")
+
+
+def _alike(facts: Sequence[Fact], *, several: bool) -> str:
+    """Tell what many facts have in common, after their nouns; nothing where they have nothing."""
+    factor, verb = factor_of(facts[0]), "are" if several else "is"
+    if factor is not None and all(factor_of(fact) == factor for fact in facts):
+        return f"in B {verb} {factor:g} times {'those' if several else 'that'} in A ({percent(factor)})"
+    sides = {fact.side for fact in facts}
+    if len(sides) == 1 and "" not in sides:
+        return f"{verb} in {sides.pop()} only"
+    for none, own in (("A", "b"), ("B", "a")):
+        if not several and not any(_any(fact, none) for fact in facts):
+            values = {f"{float(np.abs(getattr(fact, own)).max()):.6g}" for fact in facts}
+            some = f"{'up to ' * (len(values) > 1)}{max(values, key=float)} {facts[0].unit}".rstrip()
+            return f"{verb} 0 in {none}, {some} in {other(none)}"
+    return ""
+
+
+def _any(fact: Fact, side: str) -> bool:
+    """Whether a side has another value than 0, or one that is no number."""
+    value = fact.a if side == "A" else fact.b
+    return bool(np.any(value)) if isinstance(value, np.ndarray | float | int) else True
+
+
+def _by_part(facts: Sequence[Fact]) -> dict[str, list[Fact]]:
+    parts = dict[str, list[Fact]]()
+    for fact in facts:
+        parts.setdefault(fact.part, []).append(fact)
+    return parts
+
+
+def nouns(facts: Sequence[Fact]) -> str:
+    """Name all that some facts are of, once each."""
+    order = dict.fromkeys([*PROPERTIES, *EVENTS, *(fact.what for fact in facts)])
+    whats = sorted({fact.what for fact in facts}, key=[*order].index)
+    return listed([noun(what) for what in whats])
+
+
+def _content(fact: Fact, most: int) -> str:
+    if fact.side:
+        return f"{fact.of} is in {fact.side} only"
+    if not fact.a:
+        return f"{fact.of} has more entries on one side than on the other"
+    told = (f"{key} {_shown(fact.b[key])} in B, {_shown(fact.a[key])} in A" for key in fact.a)
+    more = f"; and {len(fact.a) - most} more values" if len(fact.a) > most else ""
+    return f"{fact.of}: {'; '.join([*told][:most])}{more}"
+
+
+def _shown(value: float | str) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else value
+
+
+def _zero(speaker: Speaker, fact: Fact) -> str:
+    if fact.unit == "rad":
+        amount = "" if speaker.brief else f" ({fact.b:+.6g} rad)"
+        return _of(fact, f"its zero is turned in B by {math.degrees(fact.b):+.6g} deg about its axis{amount}")
+    return _of(fact, f"its zero is shifted in B by {1e3 * fact.b:+.6g} mm along its axis")
+
+
+def _sign(speaker: Speaker, fact: Fact) -> str:
+    return f"{fact.part} counts the other way in B{'' if speaker.brief else ' (its axis is reversed)'}"
+
+
+def _placement(speaker: Speaker, fact: Fact) -> str:
+    carried = "" if speaker.brief else ", with all that it carries"
+    return f"{fact.part} sits elsewhere in B{carried}: {speaker.step(fact)}"
+
+
+def _axis(speaker: Speaker, fact: Fact) -> str:
+    alone = "" if speaker.brief else "; what it carries is not moved"
+    return _of(fact, f"in B its axis is {speaker.step(fact, 'tilted')}{alone}")
+
+
+def _end(speaker: Speaker, fact: Fact) -> str:
+    return _of(fact, f"its {f'frame on {fact.of}' if fact.of else 'point'} is elsewhere in B, {speaker.step(fact)}")
+
+
+def _start(speaker: Speaker, fact: Fact) -> str:
+    free = "" if speaker.brief else "; it moves freely, so that its motions are the same"
+    return f"{fact.part} starts elsewhere in B, {speaker.step(fact)}{free}"
+
+
+def _kind(speaker: Speaker, fact: Fact) -> str:
+    same = "; the loops leave the same motions" if fact.kind == "convention" else ""
+    return f"{fact.part} is {_link_kind(fact.b)} in B, {_link_kind(fact.a)} in A{same}"
+
+
+def _link_kind(kind: str) -> str:
+    return LINKS.get(kind) or _freedoms(kind)
+
+
+def _base(speaker: Speaker, fact: Fact) -> str:
+    freedoms = f"{_freedoms(fact.b)} in B, {_freedoms(fact.a)} in A"
+    return f"{fact.part}: the base is stated differently and moves alike: {freedoms}"
+
+
+def _freedoms(kinds_: Sequence[str]) -> str:
+    """``3 slides and a ball joint``."""
+    named = [JOINTS.get(kind, kind) for kind in kinds_]
+    return listed(
+        [f"a {each}" if named.count(each) == 1 else counted(named.count(each), each) for each in dict.fromkeys(named)]
+    )
+
+
+def _fixed(speaker: Speaker, fact: Fact) -> str:
+    part = "" if speaker.brief else ": there the body that it moves is part of the one before it"
+    return f"{fact.part} does not move in {other(fact.side)}{part}"
+
+
+def _branch(speaker: Speaker, fact: Fact) -> str:
+    carried = (
+        "all that it carries" if speaker.brief else f"{first_few(fact.more, _NAMED)} that it carries ({fact.of} kg)"
+    )
+    return f"{fact.part} is missing from {other(fact.side)}, with {carried}"
+
+
+def _link(speaker: Speaker, fact: Fact) -> str:
+    if not fact.more:
+        return f"{fact.part} is in {fact.side} only"
+    return f"{fact.part} is missing from {other(fact.side)}, with {first_few(fact.more, _NAMED)} ({fact.of} kg) alone"
+
+
+def _held(speaker: Speaker, fact: Fact) -> str:
+    value = float(fact.a if fact.side == "A" else fact.b)
+    return f"{fact.part} is held at {value:.6g} {fact.unit} in {fact.side} only"
+
+
+def _coupling(speaker: Speaker, fact: Fact) -> str:
+    return f"{fact.part} follows {fact.a if fact.side == 'A' else fact.b} in {fact.side} only"
+
+
+def _polynomial(speaker: Speaker, fact: Fact) -> str:
+    a, b = np.asarray(fact.a, float), np.asarray(fact.b, float)
+    if not fact.of:
+        return f"{fact.part} is held at {both('zero', a[0], b[0], '')}"
+    return _of(fact, f"its coupling to {fact.of} has the coefficients {both('polynomial', a, b, '')}")
+
+
+def _leads(speaker: Speaker, fact: Fact) -> str:
+    told = [
+        f"follows {lead}" if lead else f"is held at {value[0]:.6g}"
+        for lead, value in zip(fact.more, (fact.a, fact.b), strict=True)
+    ]
+    return f"{fact.part} {told[1]} in B, {told[0]} in A"
+
+
+def _actuator(speaker: Speaker, fact: Fact) -> str:
+    return f"actuator {fact.part} of {fact.of} is in {fact.side} only"
+
+
+def _driven(speaker: Speaker, fact: Fact) -> str:
+    return f"actuator {fact.part} drives {fact.b} in B, {fact.a} in A"
+
+
+def _gear(speaker: Speaker, fact: Fact) -> str:
+    same = "; the same motor, as its joint counts the other way" if fact.kind == "convention" else ""
+    return _values(fact) + same
+
+
+def _limits(speaker: Speaker, fact: Fact) -> str:
+    same = "; the same numbers, counted from another zero" if fact.kind == "convention" else ""
+    return _values(fact) + same
+
+
+def _is_unit(factor: float, unit: str) -> bool:
+    """Whether a factor is that of a unit that people mix up."""
+    return factor == 1.0 or any(
+        math.isclose(factor, x, rel_tol=1e-4) or math.isclose(factor, 1.0 / x, rel_tol=1e-4) for x in UNITS[unit]
+    )
+
+
+def _whole(speaker: Speaker, fact: Fact) -> str:
+    """Tell how B as a whole is made from A."""
+    whole = fact.b
+    assert isinstance(whole, Whole)
+    mirror, step = whole.step
+    if fact.of:
+        turn = in_axes(step[0], [_THERE], "deg")
+        return f"{fact.of}: its zero is turned in B, and the whole with it, by {turn}"
+    factors = {"lengths": whole.length, "masses": whole.mass, "inertias": whole.inertia}
+    units = [f"{name} {factor:.6g} times" for name, factor in factors.items() if factor != 1.0]
+    known = all(_is_unit(factor, unit) for factor, unit in zip(factors.values(), ("m", "kg", "kg m^2"), strict=True))
+    told = [f"{'in other units' if known else 'scaled'} ({listed(units)} those of A)"] if units else []
+    told += [f"mirrored in {mirror}"] if mirror else []
+    if np.abs(step).max() > 1e-9:
+        told.append(turn_and_way(step, [_THERE], speaker.a.length, brief=speaker.brief))
+    return f"B as a whole is {listed(told)}" if units or mirror else f"B as a whole stands elsewhere, {told[0]}"
+
+
+_TOLD: Mapping[str, Callable[[Speaker, Fact], str]] = {
+    "whole": _whole,
+    "sign": _sign,
+    "zero": _zero,
+    "placement": _placement,
+    "axis": _axis,
+    "end": _end,
+    "start": _start,
+    "name": lambda speaker, fact: f"{fact.part} is called {fact.b} in B, where {fact.part} is another joint",
+    "kind": _kind,
+    "base": _base,
+    "fixed": _fixed,
+    "branch": _branch,
+    "link": _link,
+    "held": _held,
+    "coupling": _coupling,
+    "polynomial": _polynomial,
+    "leading joint": _leads,
+    "actuator": _actuator,
+    "driven joint": _driven,
+    "gear": _gear,
+    "limits": _limits,
+}
+#: Events that are told and are no properties.
+EVENTS = tuple(what for what in _TOLD if what not in PROPERTIES)

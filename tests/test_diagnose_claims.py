@@ -1,0 +1,211 @@
+"""Claims on diagnoses, a row each of `claims/diagnosis.toml`: two texts, or a text and edits; facts and verdict."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from screwgauge import diagnose, models
+from screwgauge.diagnosis.machine.whole import Whole
+
+TABLE = tomllib.loads((Path(__file__).parent / "claims" / "diagnosis.toml").read_text(encoding="utf-8"))
+#: Folders of files that rows name.
+FOLDERS = Path(models.__file__).parent, Path(__file__).parent / "data"
+#: How far a number of a fact may be from the one that is claimed.
+NEAR = {"rel": 1e-5, "abs": 1e-9}
+KEYS = {"name", "a", "b", "edits", "edits_a", "mounted", "units", "mirrored", "renamed", "map", "only", "loops", "back"}
+KEYS |= {"facts", "among", "verdict", "causes", "lead", "shares", "reasons", "joints", "how", "mobility", "fixed"}
+KEYS |= {"notes", "kinds", "says", "silent"}
+
+
+def rows() -> Iterator[tuple[str, dict[str, Any]]]:
+    """Rows with a name each; one with several cases is several rows."""
+    for row in TABLE["claim"]:
+        cases = row.pop("each", [{}])
+        for i, case in enumerate(cases):
+            unknown = {*row, *case} - KEYS
+            assert not unknown, f"{row['name']}: {unknown}"
+            yield row["name"] + f" {i + 1}" * (len(cases) > 1), {**row, **case}
+
+
+ROWS = dict(rows())
+
+
+def text_of(name: str) -> str:
+    """Text of a model of the table, with others in it, or of a file."""
+    if name not in TABLE["models"]:
+        return next(folder / name for folder in FOLDERS if (folder / name).is_file()).read_text(encoding="utf-8")
+    return TABLE["models"][name]
+
+
+def edited(text: str, edits: Sequence[Sequence[str]]) -> str:
+    for old, new in edits:
+        assert old in text, f"{old} is not in the text"
+        text = text.replace(old, new)
+    return filled(text)
+
+
+def filled(text: str) -> str:
+    """A text with the parts of the table that it names."""
+    return re.sub(r"\{(\w+)\}", lambda match: TABLE["parts"][match[1]], text)
+
+
+def numbers(values: Any) -> str:
+    return " ".join(repr(float(value)) for value in values)
+
+
+def mounted(text: str, axis: Sequence[float], degrees: float, pos: Sequence[float] = (0, 0, 0)) -> str:
+    """An MJCF on a mount that is turned and shifted [m]."""
+    half, unit = np.radians(degrees) / 2.0, np.array(axis, float) / np.linalg.norm(axis)
+    quat = numbers([np.cos(half), *(np.sin(half) * unit)])
+    opened = f'<worldbody><body name="mount" pos="{numbers(pos)}" quat="{quat}">'
+    return text.replace("<worldbody>", opened).replace("</worldbody>", "</body></worldbody>")
+
+
+def converted(text: str, length: float = 1.0, mass: float = 1.0, mirror: float = 1.0) -> str:
+    """A URDF without turned frames, in other units, or mirrored in y where `mirror` is -1."""
+    root = ElementTree.fromstring(text)
+    sign = np.array([1.0, mirror, 1.0])
+    for element in root.iter():
+        for key, factors in (("xyz", mirror * sign if element.tag == "axis" else length * sign), ("value", mass)):
+            if key in element.attrib:
+                element.set(key, numbers(np.atleast_1d(factors * np.array(element.attrib[key].split(), float))))
+        for key in element.attrib if element.tag == "inertia" else ():
+            odd = mirror if key in ("ixy", "iyz") else 1.0
+            element.set(key, repr(odd * mass * length**2 * float(element.attrib[key])))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def renamed(text: str) -> str:
+    """All names but that of the ground are others."""
+    found = dict.fromkeys(re.findall(r'name="(\w+)"', text))
+    names = {name: f"part{i}" for i, name in enumerate(found) if name != "world"}
+    return re.sub(r'"(\w+)"', lambda match: f'"{names.get(match[1], match[1])}"', text)
+
+
+def files_of(row: Mapping[str, Any], folder: Path) -> tuple[Path, Path]:
+    """Write both sides of a row."""
+    names = row["a"], row.get("b", row["a"])
+    one, other = (filled(text_of(name)) for name in names)
+    one, other = edited(one, row.get("edits_a", ())), edited(other, row.get("edits", ()))
+    other = mounted(other, *row["mounted"]) if "mounted" in row else other
+    other = converted(other, *row["units"]) if "units" in row else other
+    other = converted(other, mirror=-1.0) if row.get("mirrored") else other
+    other = renamed(other) if row.get("renamed") else other
+    made = []
+    for side, text in zip("ab", (one, other), strict=True):
+        ending = "urdf" if "<robot" in text else "xml" if "<mujoco" in text else "toml"
+        made.append(folder / f"{side}.{ending}")
+        made[-1].write_text(text, encoding="utf-8")
+    return made[0], made[1]
+
+
+def numbers_of(fact: Any) -> dict[str, Any]:
+    """What a row may claim of a fact; turns in degrees and ways in mm."""
+    claimed = {key: getattr(fact, key) for key in ("part", "what", "a", "b", "unit", "size", "kind", "partner", "of")}
+    claimed |= {"side": fact.side, "more": [*fact.more]}
+    value = fact.b
+    if isinstance(value, Whole):
+        claimed |= {"length": value.length, "mass": value.mass, "inertia": value.inertia, "mirror": value.step[0]}
+        value = value.step[1]
+    if np.shape(value) == (2, 3) and np.asarray(value).dtype == float:
+        claimed |= {"turn": np.degrees(value[0]), "way": 1e3 * np.asarray(value[1])}
+        claimed |= {"angle": np.linalg.norm(claimed["turn"]), "distance": np.linalg.norm(claimed["way"])}
+    return claimed
+
+
+def fits(fact: Any, claim: Mapping[str, Any]) -> bool:
+    has = numbers_of(fact)
+    return all(key in has and same(has[key], value) for key, value in claim.items())
+
+
+def same(value: Any, claimed: Any) -> bool:
+    if value is None or isinstance(claimed, str) or (isinstance(claimed, list) and isinstance(claimed[0], str)):
+        return bool(value == claimed or (isinstance(value, tuple) and [*value] == claimed))
+    array = np.asarray(value, float)
+    return array.shape == np.shape(claimed) and bool(array == pytest.approx(np.asarray(claimed, float), **NEAR))
+
+
+def told(facts: Sequence[Any]) -> str:
+    return "\n".join(str({key: value for key, value in numbers_of(fact).items() if key != "unit"}) for fact in facts)
+
+
+def verdict(diagnosis: Any) -> str:
+    """What is answered, in a word or two."""
+    if diagnosis.same:
+        return "same"
+    if not diagnosis.found.alike:
+        return "other machines"
+    return "withheld" if diagnosis.undecided else "differ"
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_claim(name, tmp_path):
+    row = ROWS[name]
+    files = files_of(row, tmp_path)
+    options = {key: row[key] for key in ("map", "only") if key in row}
+    diagnosis = diagnose(*files, **options)
+    facts = diagnosis.found.facts
+    check_facts(facts, row)
+    check_causes(diagnosis.found, row)
+    check_rest(diagnosis, row)
+    assert verdict(diagnosis) == row.get("verdict", "differ" if facts else "same"), diagnosis.verdict
+    assert diagnosis.exit_status == (0 if diagnosis.same else 1)
+    if row.get("back"):
+        again = diagnose(*files[::-1], **options).found.facts
+        mirrored = sorted((fact.part, fact.what) for fact in again)
+        assert mirrored == sorted((fact.partner or fact.part, fact.what) for fact in facts), told(again)
+
+
+def check_facts(facts: Sequence[Any], row: Mapping[str, Any]) -> None:
+    if "facts" in row:
+        assert len(facts) == len(row["facts"]), told(facts)
+    for claim in [*row.get("facts", ()), *row.get("among", ())]:
+        assert any(fits(fact, claim) for fact in facts), f"{claim}\n{told(facts)}"
+    if "kinds" in row:
+        assert sorted({fact.what for fact in facts}) == sorted(row["kinds"]), told(facts)
+
+
+def check_causes(found: Any, row: Mapping[str, Any]) -> None:
+    causes = found.causes
+    if "causes" in row:
+        assert len(causes) == row["causes"], told(found.facts)
+    if "lead" in row:
+        assert [causes[0].facts[0].part, causes[0].facts[0].what] == row["lead"], told(causes[0].facts)
+    for cause, share in zip(causes, row.get("shares", causes), strict=False):
+        assert share is cause or cause.share == pytest.approx(share, abs=2e-3, nan_ok=True)
+    slips = [[reason.slip, *reason.values] for reason in found.reasons]
+    for claim in row.get("reasons", ()):
+        assert any(matches(slip, claim) for slip in slips), slips
+    if row.get("reasons") == []:
+        assert not slips
+
+
+def matches(slip: Sequence[Any], claim: Sequence[Any]) -> bool:
+    return len(slip) >= len(claim) and all(same(value, other) for value, other in zip(slip, claim, strict=False))
+
+
+def check_rest(diagnosis: Any, row: Mapping[str, Any]) -> None:
+    found, partners = diagnosis.found, {a: partner.name for a, partner in diagnosis.found.pair.joints.items()}
+    for name, other in row.get("joints", {}).items():
+        assert partners.get(name) == other, partners
+    for name, how in row.get("how", {}).items():
+        assert found.how[name] == how
+    if "mobility" in row:
+        assert list(found.mobility or ()) == row["mobility"]
+    if "fixed" in row:
+        proved = found.fix is not None and found.fix.proved
+        assert proved == row["fixed"], (diagnosis.not_fixed, found.fix and told(found.fix.left or ()))
+    for text in row.get("notes", ()):
+        assert any(text in note for note in diagnosis.notes), diagnosis.notes
+    for text in row.get("says", ()):
+        assert text in diagnosis.verdict
+    for text in row.get("silent", ()):
+        assert text not in f"{diagnosis.verdict} {diagnosis.notes}"

@@ -1,0 +1,127 @@
+"""Two files of a mechanism, cut in different ways, move alike and need the same torques along admissible motions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from screwgauge.diagnosis.explanation import explained
+from screwgauge.diagnosis.libraries import agreement
+from screwgauge.diagnosis.model import alike, at_home, loaded
+from screwgauge.diagnosis.motion import followed, partners_of
+from screwgauge.diagnosis.names import partners
+from screwgauge.diagnosis.shares import Torques, weighed
+from screwgauge.models.kinematics import plant
+from screwgauge.models.machine import machine_of
+from screwgauge.models.poses import matrix
+from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.rotations import quaternion_rotation
+from screwgauge.witness.kinematics import move
+from support.mechanism import load_mechanism
+from support.models import write_models
+
+NAMES = ["3ups-upu-s", "delta", "3-rrr", "stewart", "bennett"]
+
+
+def pair_of(first, second):
+    a, b = at_home(alike(loaded(first), loaded(second)))
+    return explained(a.posed, b.posed, partners(a.posed, b.posed)).pair
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory):
+    """Pair of files of a mechanism, cut in different ways, A being the one or the other."""
+
+    @cache
+    def made(name, turned=False):
+        folder = tmp_path_factory.mktemp(name)
+        write_models(load_mechanism(name), folder)
+        files = folder / f"{name}.urdf", folder / f"{name}-full.xml"
+        return pair_of(*files[:: -1 if turned else 1])
+
+    return made
+
+
+def turn(quaternion):
+    return quaternion_rotation(quaternion / np.linalg.norm(quaternion))
+
+
+def reframed(reading, seed=0):
+    """The same machine, its bodies with other frames."""
+    random = np.random.default_rng(seed)
+    X = {name: matrix(random.normal(size=3), turn(random.normal(size=4))) for name in reading.bodies}
+
+    def body(one, T):
+        R, back = T[:3, :3], np.linalg.inv(T)
+        fixed = {n: back @ each for n, each in one.fixed.items()}
+        com, inertia = R.T @ (one.com - T[:3, 3]), R.T @ one.inertia @ R
+        return replace(one, pose=one.pose @ T, com=com, inertia=inertia, fixed=fixed, parts={})
+
+    def end(name, T):
+        return np.linalg.inv(X[name]) @ T if name in X else T
+
+    closures = {
+        name: replace(c, first_frame=end(c.first, c.first_frame), second_frame=end(c.second, c.second_frame))
+        for name, c in reading.closures.items()
+    }
+    return replace(reading, bodies={n: body(b, X[n]) for n, b in reading.bodies.items()}, closures=closures)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("turned", [False, True])
+def test_bodies_of_another_cut_follow_their_partners(pair, name, turned):
+    both = pair(name, turned)
+    states = Torques(weighed(both.a.reading), 1).states
+    leader, tree, same = plant(both.a.reading), plant(both.b.reading), partners_of(both)
+    found = followed(leader, states, tree, same)
+    assert len(found.fits) > 10
+    assert found.fits.all()
+    one, two = move(leader, states).bodies, move(tree, found.states).bodies
+    for body, other, T in same.bodies:
+        if GROUND in (body, other):
+            continue
+        i, j = [*both.a.reading.bodies].index(body), [*both.b.reading.bodies].index(other)
+        ours, theirs = one.part(slice(i, i + 1)), two.part(slice(j, j + 1))
+        ours = ours.shifted(ours.R @ T[:3, 3])
+        off = [np.abs(getattr(ours, key) - getattr(theirs, key)).max() for key in "pwvba"]
+        assert max(off) < 1e-9
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("turned", [False, True])
+def test_torques_agree_along_motions_that_the_loops_admit(pair, name, turned):
+    assert agreement(pair(name, turned), 0).scaled < 1e-10
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_frames_of_bodies_make_no_difference(pair, name):
+    both = pair(name)
+    b = reframed(both.b.reading)
+    again = explained(both.a.reading, b, partners(both.a.reading, b)).pair
+    assert agreement(again, 0).scaled < 1e-10
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_wrong_mass_shows(pair, name):
+    both = pair(name)
+    reading = both.b.reading
+    heaviest = max(reading.bodies, key=lambda each: reading.bodies[each].mass)
+    body = reading.bodies[heaviest]
+    bodies = {**reading.bodies, heaviest: replace(body, mass=1.3 * body.mass)}
+    wrong = replace(both, b=machine_of(replace(reading, bodies=bodies)))
+    assert agreement(wrong, 0).scaled > 1e-4
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_tree_that_cannot_follow_is_not_compared(pair, name):
+    """B has one of its bodies turned against all of its joints and closures."""
+    both = pair(name)
+    placed = dict(both.alignment.placed)
+    placed[max(both.alignment.bodies, key=lambda each: both.a.bodies[each].matter.mass)] = matrix(
+        [0.1, 0, 0], np.eye(3)
+    )
+    wrong = replace(both, alignment=replace(both.alignment, placed=placed))
+    assert agreement(wrong, 0) is None
