@@ -58,7 +58,8 @@ def news(found: Findings) -> Iterator[str]:
 
 def explanation(found: Findings) -> Iterator[str]:
     """Tell what the facts make of the torques, and what proves them."""
-    if found.alike and 2 * len(found.how) < max(len(each.reading.joints) for each in (found.a, found.b)):
+    few = 2 * len(found.how) < max(len(each.reading.joints) for each in (found.a, found.b))
+    if found.alike and few and not found.pair.alignment.covers(found.pair.a, found.pair.b):
         yield _partly(found)
     causes = [cause for cause in found.causes if cause.kind != "digits"]
     if not causes:

@@ -75,7 +75,8 @@ def rounded(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple[int, 
     """
     n = min(digits)
     if n < ALL and digits[0] != digits[1]:
-        return [_marked(fact) if _cut_off(fact, 10.0 ** (1 - n)) else fact for fact in facts]
+        side = "a" if digits[0] == n else "b"
+        return [_marked(fact) if _cut_off(fact, n, side) else fact for fact in facts]
     n, real = min(longest), [fact for fact in facts if fact.changes]
     cut = 0 < MEANT <= n <= EXACT and longest[0] != longest[1] and len(real) >= SEEN
     if cut and all(fact.size <= SUM * 10.0 ** (1 - n) for fact in real):
@@ -83,9 +84,17 @@ def rounded(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple[int, 
     return list(facts)
 
 
-def _cut_off(fact: Fact, unit: float) -> bool:
-    """Half a unit of the last digit of a number itself; of what is made of several numbers, some of them."""
+def _cut_off(fact: Fact, n: int, side: str) -> bool:
+    """Half a unit of the last digit of a number itself; of what is made of several numbers, some of them.
+
+    Args:
+        n: Digits of the file that has fewer; `side`: which one that is.
+    """
+    unit = 10.0 ** (1 - n)
     if fact.what not in ITSELF or fact.side or fact.a is None:
+        return fact.size <= SUM * unit
+    value = float(getattr(fact, side))
+    if float(f"{value:.{n}g}") != value:  # no number of that file, but made of some, such as of a geom
         return fact.size <= SUM * unit
     decade = 10.0 ** math.floor(math.log10(abs(float(fact.a)))) if fact.a else 0.0
     return abs(float(fact.a) - float(fact.b)) <= 0.501 * unit * decade
