@@ -127,14 +127,14 @@ def downwards(reading: Reading) -> Array:
 def size(reading: Reading) -> float:
     """A length of the machine: the largest distance from the middle of its joints and bodies [m]."""
     points = [joint.centre for joint in reading.joints.values()]
-    points += [body.pose[:3, :3] @ body.com + body.pose[:3, 3] for body in reading.bodies.values()]
+    points += [body.centre for body in reading.bodies.values()]
     spread = np.linalg.norm(np.array(points) - np.mean(points, axis=0), axis=1).max()
     return float(spread) or 1.0
 
 
 def length_of(reading: Reading) -> float:
     """Largest distance between places that the reading names at home [m], 1 if there is none."""
-    points = [body.pose[:3, 3] + body.pose[:3, :3] @ body.com for body in reading.bodies.values()]
+    points = [body.centre for body in reading.bodies.values()]
     points += [body.pose[:3, 3] for body in reading.bodies.values()] + [np.zeros(3)]
     cloud = np.array([*points, *(joint.centre for joint in reading.joints.values())])
     return float(np.linalg.norm(cloud - cloud.mean(axis=0), axis=1).max()) * 2.0 or 1.0

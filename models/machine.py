@@ -89,6 +89,11 @@ class Link:
         return tuple(name for each in self.elements for name in each.names)
 
     @property
+    def letters(self) -> str:
+        """Letters of its freedoms, whichever body it is seen from."""
+        return letters_of(self.elements)
+
+    @property
     def articulated(self) -> bool:
         """Whether joints are all that it consists of."""
         return all(each.joint for each in self.elements)
@@ -299,12 +304,18 @@ def kind_of(elements: Sequence[Element], length: float) -> tuple[str, Array | No
         return "S", elements[0].centre
     if sum(FREEDOMS[kind] for kind in kinds) == FREEDOMS["free"]:
         return "F", elements[-1].centre
-    letters = "".join({"hinge": "R", "slide": "P", "ball": "S", "free": "F"}[kind] for kind in kinds)
+    letters = letters_of(elements)
     if letters in ("RRR", "RR") and (centre := _meeting(elements, length)) is not None:
         return ("S" if len(elements) == 3 else "U"), centre
-    if letters in ("RP", "PR") and np.linalg.norm(np.cross(elements[0].direction, elements[1].direction)) < CLOSE:
+    if letters == "PR" and np.linalg.norm(np.cross(elements[0].direction, elements[1].direction)) < CLOSE:
         return "C", None
-    return min(letters, letters[::-1]), None
+    return letters, None
+
+
+def letters_of(elements: Sequence[Element]) -> str:
+    """Letters of freedoms in the order from whichever side comes first in the alphabet."""
+    letters = "".join({"hinge": "R", "slide": "P", "ball": "S", "free": "F"}[each.kind] for each in elements)
+    return min(letters, letters[::-1])
 
 
 def _meeting(hinges: Sequence[Element], length: float) -> Array | None:

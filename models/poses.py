@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from screwgauge.reference.rotations import Array, rotation
+from screwgauge.reference.rotations import Array, cross, rotation
 
 
 def matrix(p: Array, R: Array) -> Array:
@@ -26,6 +26,16 @@ def exponential(kind: str, direction: Array, centre: Array, q: float) -> Array:
         return matrix(q * direction, np.eye(3))
     R = rotation(direction, np.array(q))
     return matrix(centre - R @ centre, R)
+
+
+def shortest_turn(way: Array, other: Array) -> Array:
+    """Return the rotation that takes a unit vector to another one and does not turn about it; none to its opposite.
+
+    Shapes (3,), (3,) -> (3, 3).
+    """
+    axis = cross(way, other)
+    sine = float(np.linalg.norm(axis))
+    return rotation(axis / sine, np.arctan2(sine, way @ other)) if sine > 0.0 else np.eye(3)
 
 
 def screw(turns: bool, axis: Array, point: Array) -> Array:

@@ -124,10 +124,10 @@ def inverse(A: Array) -> Array:
         return np.where(regular[..., None, None], np.linalg.inv(safe), np.nan)
 
 
-def null_space(A: Array) -> Array:
+def null_space(A: Array, tolerance: float = 1e-9) -> Array:
     """Orthonormal basis of the null space of one matrix without dimension, see `rank`. Shape (m, n) -> (n, k)."""
     _, s, Vt = np.linalg.svd(A)
-    return np.asarray(Vt[_count(s) :].T)
+    return np.asarray(Vt[_count(s, tolerance) :].T)
 
 
 def rank(A: Array, tolerance: float = 1e-9) -> int:

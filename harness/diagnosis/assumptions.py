@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from screwgauge.diagnosis.facts.fact import STANDARD
 from screwgauge.diagnosis.nouns import listed
-from screwgauge.diagnosis.properties import PROPERTIES
+from screwgauge.diagnosis.properties import CALLS, PROPERTIES
 from screwgauge.diagnosis.shares import Torques, weighed
 from screwgauge.models.content import Content, phrases
 from screwgauge.models.kinematics import not_modelled, plant
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from screwgauge.diagnosis.model import Model
 
 _NAMED = 3
-#: Library -> its call for inverse dynamics.
-_CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
 
 
 def notes(found: Findings) -> Iterator[str]:
@@ -93,6 +91,6 @@ def _call(more: LibraryCheck, less: LibraryCheck, what: Sequence[str], found: Fi
     cases = [*filter(None, (PROPERTIES[each].call for each in what))]
     book = f" (casebook: {', '.join(cases)})" if cases else ""
     return (
-        f"{_CALLS[more.library]} of {more.side} contains {listed(what)}, {_CALLS[less.library]} of {less.side} does "
+        f"{CALLS[more.library]} of {more.side} contains {listed(what)}, {CALLS[less.library]} of {less.side} does "
         f"not: called as they are, they differ by {most.value:.4g} {most.unit} at {most.component}{book}"
     )

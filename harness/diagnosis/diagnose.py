@@ -16,7 +16,7 @@ from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.explanation import Explanation, explained
 from screwgauge.diagnosis.facts.content import Beyond, content_of
 from screwgauge.diagnosis.facts.digits import as_compiled, longest, rounded
-from screwgauge.diagnosis.facts.fact import STANDARD, Fact, Pair, among
+from screwgauge.diagnosis.facts.fact import Fact, Pair, among, known_gravity
 from screwgauge.diagnosis.findings import Findings
 from screwgauge.diagnosis.fix import fixed, write_fix
 from screwgauge.diagnosis.libraries import agreement, library_checks, together
@@ -220,7 +220,7 @@ def _in_one_gravity(a: Reading, b: Reading) -> tuple[Reading, Reading]:
 
 def _is_usual(a: Reading, b: Reading) -> bool:
     """Whether libraries take the same gravity for both, of a file that is silent the usual one."""
-    ours, theirs = (STANDARD if each.gravity is None else each.gravity for each in (a, b))
+    ours, theirs = (known_gravity(each.gravity) for each in (a, b))
     silent = (a.gravity is None) != (b.gravity is None)
     return not silent or bool(np.allclose(ours, theirs, rtol=1e-12, atol=1e-12))
 
@@ -278,8 +278,7 @@ def _how(pair: Pair, names: Names) -> Iterator[tuple[str, str]]:
         if names.joints.get(name) == partner.name:
             yield name, names.how.get(name, "name")
         else:
-            against = name in pair.b.reading.joints or partner.name in pair.a.reading.joints
-            yield name, f"geometry{', against its name' if against else ''}"
+            yield name, f"geometry{', against its name' if pair.crosses_names(name) else ''}"
 
 
 def _comparable(pair: Pair, names: Names) -> bool:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from screwgauge.diagnosis.causes.groups import grouped
 from screwgauge.diagnosis.facts.bodies import body_facts, fused_bodies
 from screwgauge.diagnosis.facts.couplings import coupling_facts
-from screwgauge.diagnosis.facts.fact import STANDARD, Fact, Kind, Pair
+from screwgauge.diagnosis.facts.fact import Fact, Kind, Pair, known_gravity
 from screwgauge.diagnosis.facts.links import link_facts
 from screwgauge.diagnosis.facts.structure import (
     actuator_facts,
@@ -41,7 +42,7 @@ BELIEVED = Believed(), Believed(exact=1.0), Believed(exact=1.0, fits=False)
 ROOTS = 2
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Explanation:
     """Facts of two machines.
 
@@ -56,7 +57,7 @@ class Explanation:
     whole: Whole | None = None
     standing: tuple[Fact, ...] = ()
 
-    @property
+    @cached_property
     def cost(self) -> float:
         """How much there is to read."""
         groups = grouped(self.facts)
@@ -106,9 +107,13 @@ def _explanations(a: Machine, b: Reading, names: Names) -> Iterator[Explanation]
     yield from (_of_whole(a, b, whole, nameless) for whole in _roots(alone.pair))
 
 
-def compared(a: Reading, b: Reading) -> Explanation:
-    """Compare two readings of one machine by their names, as they stand."""
-    one, two, names = machine_of(a), machine_of(b), partners(a, b)
+def compared(a: Reading, b: Reading, names: Names | None = None) -> Explanation:
+    """Compare two readings of one machine as they stand.
+
+    Args:
+        names: Joints and bodies that are the same; by default those that names tell.
+    """
+    one, two, names = machine_of(a), machine_of(b), names or partners(a, b)
     return min((told(one, two, names, believed) for believed in BELIEVED), key=lambda each: each.cost)
 
 
@@ -138,7 +143,7 @@ def _of_whole(a: Machine, b: Reading, whole: Whole, names: Names) -> Explanation
 
 def _fact(whole: Whole, a: Machine) -> Fact:
     """The fact of a whole; a turn about the one joint at the ground is of that joint."""
-    gravity = STANDARD if a.reading.gravity is None else a.reading.gravity
+    gravity = known_gravity(a.reading.gravity)
     turned = float(np.abs(whole.placement[:3, :3].T @ gravity - gravity).max())
     kind: Kind = "convention" if whole.stands and turned < 1e-9 * float(np.linalg.norm(gravity)) + 1e-12 else "model"
     return Fact("", "whole", None, whole, kind=kind, of=_root(whole.placement, a) if whole.stands else "")

@@ -13,7 +13,7 @@ from screwgauge.diagnosis.fix import Fix
 from screwgauge.diagnosis.libraries import LibraryCheck, Together
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.order import Order
-from screwgauge.diagnosis.shares import Largest
+from screwgauge.diagnosis.shares import SAME, Largest
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +70,7 @@ class Findings:
         """Whether nothing that was compared differs."""
         real = [fact for fact in self.facts if fact.what not in IDLE]
         closed = not (self.a.never_closed or self.b.never_closed) and self.mobility_agrees
-        dynamics = (self.agreement is None or self.agreement.scaled <= 1e-9) and (
+        dynamics = (self.agreement is None or self.agreement.scaled <= SAME) and (
             self.together is None or self.together.agrees
         )
         return self.alike and not real and closed and dynamics and all(each.agrees for each in self.witnesses)

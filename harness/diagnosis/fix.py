@@ -15,7 +15,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from screwgauge.diagnosis.explanation import BELIEVED, Explanation, explained, of_pair, told
+from screwgauge.diagnosis.explanation import Explanation, compared, explained, of_pair
 from screwgauge.diagnosis.facts.digits import EXACT, numbers_in
 from screwgauge.diagnosis.facts.fact import Fact, Pair, among
 from screwgauge.diagnosis.model import Model, Read
@@ -25,7 +25,6 @@ from screwgauge.diagnosis.properties import OPTIONAL, Change, applied, sequence
 from screwgauge.models.content import FORMATS
 from screwgauge.models.formats import number_text
 from screwgauge.models.kinematics import rehomed
-from screwgauge.models.machine import machine_of
 from screwgauge.models.mjcf import LEAST
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import prepare
@@ -89,9 +88,9 @@ def fixed(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False, on
     if not changes:
         return Fix("", open=open_)
     spell = speller(read_file(a.file) if a.file is not None and a.library != "screwgauge" else "")
-    best = Fix("", open=open_)
+    text, best = read_file(b.file), Fix("", open=open_)
     for plain in (False, True):
-        patch = patched(read_file(b.file), b.reading, changes, plain=plain, spell=spell)
+        patch = patched(text, b.reading, changes, plain=plain, spell=spell)
         why = tuple(dict.fromkeys(reason for _, reason in patch.left))
         if len(patch.left) == len(changes):
             return replace(best, why_not=why)
@@ -113,16 +112,18 @@ def _backwards(a: Model, b: Model, pair: Pair, *, moved: bool) -> Explanation:
     """B against A as it stands: facts of which each change gives B the value of A."""
     if not moved:
         return of_pair(Pair(pair.b, pair.a, pair.alignment.inverse))
-    bodies = {other: name for name, other in pair.alignment.bodies.items() if name != GROUND}
-    names = Names(pair.back, bodies, {})
-    one, two = machine_of(b.posed), machine_of(a.posed)
-    return min((told(one, two, names, believed) for believed in BELIEVED), key=lambda each: each.cost)
+    bodies = {other: name for name, other in _bodies(pair).items()}
+    return compared(b.posed, a.posed, Names(pair.back, bodies, {}))
 
 
 def _names(pair: Pair, again: Reading) -> Names:
     joints = {name: partner.name for name, partner in pair.joints.items() if partner.name in again.joints}
-    bodies = {name: other for name, other in pair.alignment.bodies.items() if name != GROUND}
-    return Names(joints, bodies, {})
+    return Names(joints, _bodies(pair), {})
+
+
+def _bodies(pair: Pair) -> dict[str, str]:
+    """Bodies of A with those of B, without the ground."""
+    return {name: other for name, other in pair.alignment.bodies.items() if name != GROUND}
 
 
 def _as_written(changes: Iterable[Change], written: Reading, posed: Reading) -> list[Change]:
@@ -135,7 +136,7 @@ def _as_written(changes: Iterable[Change], written: Reading, posed: Reading) -> 
 
 def _derived(target: Reading) -> Iterator[Change]:
     """Second ends of closures that a file derives from the first ones, where the bodies are now."""
-    poses = {GROUND: np.eye(4), **{name: body.pose for name, body in target.bodies.items()}}
+    poses = target.poses
     for name, closure in target.closures.items():
         there = np.linalg.inv(poses[closure.second]) @ poses[closure.first] @ closure.first_frame
         if closure.derived and np.abs(there[:3, 3] - closure.second_frame[:3, 3]).max() > DERIVED:

@@ -18,7 +18,7 @@ from screwgauge.diagnosis.deadline import Deadline
 from screwgauge.diagnosis.facts.fact import Pair
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.motion import Partners, followed, namesakes, partners_of
-from screwgauge.diagnosis.properties import PASSIVE
+from screwgauge.diagnosis.properties import CALLS, PASSIVE
 from screwgauge.diagnosis.shares import Largest, Torques, bare, components, weighed
 from screwgauge.engines.raw_queries import Answers, Ask, JointStates
 from screwgauge.models.kinematics import ReadingTree, draw, not_modelled, plant, size
@@ -195,8 +195,6 @@ def _asked(model: Model, tree: ReadingTree, states: TreeStates) -> tuple[Answers
 
 #: Where rows of loops tell less well than this, see `admissible_projector`, torques along motions count for less.
 SURE = 0.01
-#: Library -> its call for inverse dynamics.
-CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
 #: Torques of a tree at its states. Shape (n, n_freedom).
 _Dynamics = Callable[[ReadingTree, TreeStates], Array]
 

@@ -6,6 +6,7 @@ import hashlib
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from screwgauge.diagnosis.facts.digits import ALL, digits_of
@@ -37,7 +38,7 @@ CUTS = ("minimal", "full")
 HOME = 1e-9
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Model:
     """A model as one library reads it.
 
@@ -76,7 +77,7 @@ class Model:
     says_closures: bool = True
     remarks: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def home(self) -> dict[str, float]:
         """Coordinates of home in the file of its loops, which a URDF cannot hold [rad or m]."""
         own = self.loops is not None and self.loops.name.endswith(OWN)
@@ -88,7 +89,7 @@ class Model:
         reading = load(file, self.library, self.floating)
         return with_loops(reading, self.loops) if self.loops else reading
 
-    @property
+    @cached_property
     def posed(self) -> Reading:
         """The reading at its home, which a URDF cannot say."""
         return rehomed(self.reading, self.home)[0]

@@ -42,7 +42,7 @@ class Partners:
 
 def partners_of(pair: Pair) -> Partners:
     """Give the partners of A's bodies, all that are one of B; bodies without mass follow from the others."""
-    poses = {GROUND: np.eye(4), **{name: body.pose for name, body in pair.b.reading.bodies.items()}}
+    poses = pair.b.reading.poses
     bodies = [
         (name, member, np.linalg.inv(pair.a.bodies[name].pose) @ pair.alignment.placed[name] @ poses[member])
         for name, other in pair.alignment.bodies.items()

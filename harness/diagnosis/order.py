@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from screwgauge.diagnosis.facts.fact import STANDARD
+from screwgauge.diagnosis.facts.fact import known_gravity
 from screwgauge.diagnosis.model import Model
 from screwgauge.diagnosis.shares import STATES, components, weighed
 from screwgauge.models.check import expected_reading
@@ -76,7 +76,7 @@ def indexed(file: Path, imported: Imported, *, meshes: bool = False) -> tuple[st
     Raises:
         ScrewgaugeError: The file cannot be read.
     """
-    gravity = STANDARD if imported.gravity is None else imported.gravity
+    gravity = known_gravity(imported.gravity)
     source, reading = prepare(file, meshes=meshes), expected_reading(imported.mechanism, "full", gravity)
     orders = [[imported.names.get(name, name) for name in order(source)] for order in (by_name, in_file)]
     first, second = (tuple(name for name in order if name in reading.joints) for order in orders)

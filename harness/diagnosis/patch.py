@@ -13,10 +13,9 @@ from screwgauge.models.files import mjcf, urdf
 from screwgauge.models.files.urdf import SAME
 from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText
 from screwgauge.models.matter import Matter, displaced, plainest, remainder, same, shared, spread
-from screwgauge.models.poses import matrix, relative
+from screwgauge.models.poses import matrix, relative, shortest_turn
 from screwgauge.models.readings.reading import BodyReading, ClosureReading, CouplingReading, JointReading, Reading
-from screwgauge.reference.mechanism import GROUND
-from screwgauge.reference.rotations import Array, cross, rotation
+from screwgauge.reference.rotations import Array, rotation
 
 #: Tag of the outermost element -> who writes such a file.
 WRITERS: Mapping[str, ModuleType] = {"robot": urdf, "mujoco": mjcf}
@@ -152,10 +151,7 @@ def _displacement(reading: Reading, target: Reading, link: TextLink, owner: str,
 
 def _shortest(old: JointReading, new: JointReading) -> Array:
     """Displacement that takes the axis of a joint to another one and does not turn about it."""
-    a, b = old.direction, new.direction
-    turn = cross(a, b)
-    s = float(np.linalg.norm(turn))
-    R = rotation(turn / s, np.array(np.arctan2(s, a @ b))) if s > 0.0 else np.eye(3)
+    R = shortest_turn(old.direction, new.direction)
     return matrix(new.centre - R @ old.centre, R)
 
 
@@ -294,7 +290,7 @@ def _move(file: Opened, target: Reading, elements: Mapping[str, Element]) -> Non
 
 def _close(file: Opened, frames: Sequence[Array], target: Reading) -> None:
     """Writes closures, and how soft constraints are."""
-    at = {GROUND: np.eye(4), **{name: body.pose for name, body in target.bodies.items()}}
+    at = target.poses
     ends = {n: (at[c.first] @ c.first_frame, at[c.second] @ c.second_frame) for n, c in target.closures.items()}
     for name, closure in target.closures.items():
         old = file.reading.closures[name]

@@ -6,16 +6,16 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from screwgauge.diagnosis.transformations import axis, carried, counted_back, counted_from, spliced, turned, without
+from screwgauge.diagnosis.transformations import carried, counted_back, counted_from, spliced, turned, without
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array
 
 Owner = Literal["body", "joint", "closure", "coupling", "actuator", "model"]
-#: What small differences of bodies and of joints are called together.
-BODIES, JOINTS = "mass properties of bodies", "places of joints"
 #: Case of the casebook on springs that Pinocchio does not read.
 SPRINGS = "pin-mjcf-springs"
+#: Library -> its call for inverse dynamics.
+CALLS = {"mujoco": "mj_inverse", "pinocchio": "rnea"}
 #: Owner -> where a reading has all of its kind.
 ROOMS = {
     "body": "bodies",
@@ -34,7 +34,7 @@ class Property:
         owner: What has it.
         shape: Of its value; None of what no value changes.
         unit: SI; of a joint that turns, then, behind a bar, of one that slides.
-        noun: What it is called, if not by its name; `nouns`: several of them; `row`: small differences with others.
+        noun: What it is called, if not by its name.
         part: Whether it is a part of the machine that is there or not.
         scales: Whether one factor may change it in many parts.
         default: Value where a file does not state it; None where every file does.
@@ -49,8 +49,6 @@ class Property:
     shape: tuple[int, ...] | None = None
     unit: str = "1"
     noun: str = ""
-    nouns: str = ""
-    row: str = ""
     part: bool = False
     scales: bool = False
     default: tuple[float, ...] | float | None = None
@@ -64,7 +62,7 @@ class Property:
 
 def _turned(reading: Reading, name: str, direction: Array | None, centre: Array | None) -> Reading:
     joint = reading.joints[name]
-    new = turned(joint, axis(joint) if direction is None else direction, joint.centre if centre is None else centre)
+    new = turned(joint, joint.direction if direction is None else direction, joint.centre if centre is None else centre)
     return replace(reading, joints={**reading.joints, name: new})
 
 
@@ -73,22 +71,22 @@ def _geared(reading: Reading, name: str, gear: float) -> Reading:
 
 
 def _matter(shape: tuple[int, ...], unit: str, **more: Any) -> Property:
-    return Property(owner="body", shape=shape, unit=unit, row=BODIES, urdf="inertial", mjcf="inertial", **more)
+    return Property(owner="body", shape=shape, unit=unit, urdf="inertial", mjcf="inertial", **more)
 
 
 def _place(shape: tuple[int, ...], unit: str = "1", mjcf: str = "joint", **more: Any) -> Property:
-    return Property(owner="joint", shape=shape, unit=unit, row=JOINTS, urdf="origin", mjcf=mjcf, **more)
+    return Property(owner="joint", shape=shape, unit=unit, urdf="origin", mjcf=mjcf, **more)
 
 
 def _passive(unit: str, **more: Any) -> Property:
     return Property(owner="joint", shape=(), unit=unit, scales=True, default=0.0, **more)
 
 
-def _hanging(nouns: str, less: Callable[[Reading, str], Reading]) -> Property:
+def _hanging(less: Callable[[Reading, str], Reading]) -> Property:
     def write(reading: Reading, name: str, there: float) -> Reading:
         return reading if there else less(reading, name)
 
-    return Property(owner="joint", shape=(), nouns=nouns, part=True, urdf="joint", mjcf="body", write=write)
+    return Property(owner="joint", shape=(), part=True, urdf="joint", mjcf="body", write=write)
 
 
 #: Name -> property. Poses, axes and points are those in the world at home, as everywhere in a reading.
@@ -98,9 +96,9 @@ def _hanging(nouns: str, less: Callable[[Reading, str], Reading]) -> Property:
 #: all beyond it, ``link`` 0 a joint and the body that it moves: what hangs on that hangs on its parent.
 #: ``inertia`` is about the centre of mass in the axes of the body. ``softness`` is also that of a coupling.
 PROPERTIES: dict[str, Property] = {
-    "mass": _matter((), "kg", nouns="masses", scales=True),
-    "com": _matter((3,), "m", noun="centre of mass", nouns="centres of mass"),
-    "inertia": _matter((3, 3), "kg m^2", nouns="inertias", scales=True),
+    "mass": _matter((), "kg", scales=True),
+    "com": _matter((3,), "m", noun="centre of mass"),
+    "inertia": _matter((3, 3), "kg m^2", scales=True),
     "gravcomp": Property(
         owner="body",
         shape=(),
@@ -120,9 +118,7 @@ PROPERTIES: dict[str, Property] = {
     "armature": _passive("kg m^2|kg", mjcf="joint@armature"),
     "damping": _passive("N m s/rad|N s/m", urdf="dynamics@damping", mjcf="joint@damping", call="urdf-damping-one-side"),
     "friction": _passive("N m|N", noun="dry friction", urdf="dynamics@friction", mjcf="joint@frictionloss"),
-    "stiffness": _passive(
-        "N m/rad|N/m", nouns="stiffnesses", mjcf="joint@stiffness", cases={"pinocchio": SPRINGS}, call=SPRINGS
-    ),
+    "stiffness": _passive("N m/rad|N/m", mjcf="joint@stiffness", cases={"pinocchio": SPRINGS}, call=SPRINGS),
     "rest": Property(
         owner="joint",
         shape=(),
@@ -132,9 +128,9 @@ PROPERTIES: dict[str, Property] = {
         mjcf="joint@springref",
         cases={"pinocchio": SPRINGS},
     ),
-    "branch": _hanging("subtrees", without),
-    "link": _hanging("links", spliced),
-    "kind": Property(owner="joint", nouns="kinds of joints", part=True),
+    "branch": _hanging(without),
+    "link": _hanging(spliced),
+    "kind": Property(owner="joint", part=True),
     "body": Property(owner="body", part=True),
     "closure": Property(owner="closure"),
     "first_frame": Property(owner="closure", shape=(4, 4), unit="m", mjcf="equality"),
@@ -143,7 +139,7 @@ PROPERTIES: dict[str, Property] = {
     "coupling": Property(owner="coupling"),
     "leading joint": Property(owner="coupling"),
     "polynomial": Property(owner="coupling", shape=(-1,), noun="coupling", urdf="mimic", mjcf="equality"),
-    "gear": Property(owner="actuator", shape=(), nouns="gears", scales=True, mjcf="actuator@gear", write=_geared),
+    "gear": Property(owner="actuator", shape=(), scales=True, mjcf="actuator@gear", write=_geared),
     "gravity": Property(
         owner="model",
         shape=(3,),
@@ -154,8 +150,8 @@ PROPERTIES: dict[str, Property] = {
     ),
     "medium": Property(owner="model", shape=(2,), unit="kg/m^3, Pa s", default=0.0, mjcf="option"),
 }
-#: Of bodies; where joints are and how they count; what joints exert by themselves; what files need not state.
-INERTIAL, PLACES = (tuple(n for n, p in PROPERTIES.items() if p.row == row) for row in (BODIES, JOINTS))
+#: Of matter; what joints exert by themselves; what files need not state.
+INERTIAL = tuple(name for name, each in PROPERTIES.items() if each.urdf == "inertial")
 PASSIVE = tuple(name for name, each in PROPERTIES.items() if each.owner == "joint" and each.scales)
 OPTIONAL = tuple(name for name, each in PROPERTIES.items() if each.default is not None)
 #: Of closures and couplings, which hold a tree together and are not in its own torques; parts of a machine.
@@ -173,11 +169,6 @@ RIGID = frozenset(
 def word(what: str) -> str:
     """What a property is called."""
     return (PROPERTIES[what].noun if what in PROPERTIES else "") or what
-
-
-def words(what: str) -> str:
-    """What several of them are called."""
-    return (PROPERTIES[what].nouns if what in PROPERTIES else "") or word(what)
 
 
 def unit_of(what: str, joint: JointReading | None = None) -> str:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from screwgauge.diagnosis.assumptions import sided
+from screwgauge.diagnosis.assumptions import not_compared, sided
 from screwgauge.diagnosis.nouns import counted, listed
 from screwgauge.diagnosis.properties import CLOSING, OPTIONAL, PROPERTIES, word
-from screwgauge.diagnosis.shares import UNSEEN, able
+from screwgauge.diagnosis.shares import SAME, UNSEEN, able
 from screwgauge.diagnosis.words import Speaker
 from screwgauge.models.content import kinds
 from screwgauge.reference.errors import first_few
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from screwgauge.diagnosis.shares import Largest
 
 _NAMED = 3
-#: Scaled torques of readings that agree: loops are closed to about 1e-11.
-SAME = 1e-9
 #: What is in the libraries' own torques alone, besides content.
 _MEDIUM = ("density", "viscosity")
 #: What holds loops together.
@@ -187,7 +185,7 @@ def _loops(found: Findings) -> Iterator[str]:
     for side, model in zip("AB", (found.a, found.b), strict=True):
         if model.never_closed:
             yield f"In {side} {model.never_closed}."
-    if found.mobility is not None and not found.mobility_agrees and min(found.mobility) >= 0:
+    if found.mobility is not None and not found.mobility_agrees:
         a, b = found.mobility
         yield f"Closures and couplings leave {counted(a, 'degree')} of freedom in A, {b} in B."
 
@@ -202,17 +200,13 @@ def _agreement(found: Findings) -> Iterator[str]:
         agree += f", their torques to {found.agreement.scaled:.1g} of the largest"
     if found.together is not None and any(found.together.calls):
         agree += f", those of the libraries as loaded to {found.together.row.scaled:.1g}"
-    withheld = [*sided(found.beyond.withheld), *([_not_asked(found.why_not)] if found.why_not else [])]
+    withheld = [*not_compared(found)]
     if withheld:
         yield f"Not all compared: {_listed(withheld)}."
     rest = "All else is the same: " if withheld or found.facts else ""
     yield f"{rest}{agree}." if not found.left_out else "Nothing differs in what was compared."
     if found.beyond.aside:
         yield f"Outside the comparison: {_listed(sided(found.beyond.aside))}."
-
-
-def _not_asked(why: str) -> str:
-    return f"torques of the libraries as loaded: {why}"
 
 
 def _as_loaded(both: Together) -> str:

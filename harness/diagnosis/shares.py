@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from screwgauge.diagnosis.facts.fact import STANDARD, Fact
+from screwgauge.diagnosis.facts.fact import STANDARD, Fact, known_gravity
 from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.properties import PASSIVE, applied, sequence
 from screwgauge.models.kinematics import draw, near_home, plant, size
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.linear import null_space
 from screwgauge.reference.rotations import Array
-from screwgauge.witness.constraints import closed, equations
+from screwgauge.witness.constraints import DEPENDENT, closed, equations
 from screwgauge.witness.dynamics import inverse_dynamics
 from screwgauge.witness.tree import TreeStates
 
@@ -25,13 +26,13 @@ from screwgauge.witness.tree import TreeStates
 STATES = 24
 #: Scaled torques that differ by no more are the same: own dynamics leave 1e-14, MuJoCo's tensors 5e-14.
 UNSEEN = 1e-11
-#: Singular values below this share of the largest are of rows that follow from others.
-DEPENDENT = 1e-8
+#: Scaled torques of readings that agree: loops are closed to about 1e-11.
+SAME = 1e-9
 
 
 def weighed(reading: Reading) -> Reading:
     """A reading with gravity, also of a file that cannot say it."""
-    return replace(reading, gravity=STANDARD) if reading.gravity is None else reading
+    return replace(reading, gravity=known_gravity(reading.gravity))
 
 
 def freedom_left(reading: Reading, seed: int = 0) -> int:
@@ -101,7 +102,7 @@ class Torques:
         if not (self.reading.closures or self.reading.couplings):
             return None
         units = _units(self.reading)
-        return [_null(rows * units) for rows in equations(plant(self.reading), self.states).rows]
+        return [null_space(rows * units, DEPENDENT) for rows in equations(plant(self.reading), self.states).rows]
 
     @cached_property
     def own(self) -> Array:
@@ -159,14 +160,6 @@ class Torques:
         k = int((off / self.scale).argmax())
         name, unit = components(self.reading)[k]
         return Largest(float(off[k] / self.scale[k]), float(off[k]), name, unit)
-
-
-def _null(rows: Array) -> Array:
-    """A basis of the motions that rows leave. Shape (m, n) -> (n, k)."""
-    if not len(rows):
-        return np.eye(rows.shape[1])
-    _, s, V = np.linalg.svd(rows)
-    return np.asarray(V[int((s > DEPENDENT * s.max(initial=1.0)).sum()) :].T)
 
 
 def bare(reading: Reading) -> Reading:

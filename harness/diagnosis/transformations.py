@@ -28,11 +28,6 @@ def outwards(reading: Reading, joint: str) -> tuple[list[str], list[str]]:
     return bodies, joints
 
 
-def axis(joint: JointReading) -> Array:
-    """Direction of a hinge or slide. Shape (3,)."""
-    return joint.direction
-
-
 def turned(joint: JointReading, direction: Array, centre: Array) -> JointReading:
     """A hinge or slide on another axis. Shape (3,) both."""
     parts = {"slide": (np.zeros(3), direction), "hinge": (direction, cross(centre, direction))}

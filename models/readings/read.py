@@ -194,7 +194,6 @@ def _solids(reading: Reading) -> Iterator[Solid]:
     for name, body in reading.bodies.items():
         if body.near in turning or any(reading.joints[joint].kind != "slide" for joint in body.joints):
             turning.add(name)
-    centres = {name: body.pose[:3, :3] @ body.com + body.pose[:3, 3] for name, body in reading.bodies.items()}
     joints = {name: joint.centre for name, joint in reading.joints.items() if joint.kind != "free"}
     places: dict[str, list[Array]] = {name: [] for name in reading.bodies}
     for name, body in reading.bodies.items():
@@ -206,7 +205,7 @@ def _solids(reading: Reading) -> Iterator[Solid]:
         for side, frame in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):
             if side in places:
                 places[side].append((reading.bodies[side].pose @ frame)[:3, 3])
-    heavy = {name: centres[name] for name, body in reading.bodies.items() if body.mass > 0.0}
+    heavy = {name: body.centre for name, body in reading.bodies.items() if body.mass > 0.0}
     extent = widest([*joints.values(), *heavy.values()])
     for name, centre in heavy.items():
         body = reading.bodies[name]

@@ -51,6 +51,11 @@ class BodyReading(Matter):
     parts: Mapping[str, Matter] = field(default_factory=dict)
     copy_of: str = ""
 
+    @property
+    def centre(self) -> Array:
+        """Centre of mass in the world at home [m]. Shape (3,)."""
+        return np.asarray(self.pose[:3, :3] @ self.com + self.pose[:3, 3])
+
     def with_matter(self, matter: Matter) -> BodyReading:
         """Return the body with other mass properties."""
         return replace(self, mass=matter.mass, com=matter.com, inertia=matter.inertia)
@@ -199,6 +204,11 @@ class Reading:
     def moved_by(self, joint: str) -> str:
         """The body that a joint moves, alone or with others."""
         return next(name for name, body in self.bodies.items() if joint in body.joints)
+
+    @property
+    def poses(self) -> dict[str, Array]:
+        """Frames of the ground and of all bodies in the world. Shape (4, 4) each."""
+        return {GROUND: np.eye(4), **{name: body.pose for name, body in self.bodies.items()}}
 
     @property
     def roots(self) -> list[str]:

@@ -92,8 +92,6 @@ def _moved(fact: Fact) -> Hashable:
 
 def _lacks(fact: Fact) -> tuple[str, ...] | None:
     """The property that one side lacks, and which side."""
-    if fact.what in kinds():
-        return (fact.what, fact.side)
     if fact.what == "limits":
         return (fact.what, fact.side, fact.unit) if fact.side else None
     if fact.what not in PROPERTIES or PROPERTIES[fact.what].shape != () or fact.a is None or fact.b is None:

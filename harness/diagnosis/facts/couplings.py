@@ -24,9 +24,10 @@ SAME, ROUND = 1e-8, 1e-6
 def coupling_facts(pair: Pair) -> Iterator[Fact]:
     """Compare couplings by the joint that follows; a round body may be turned so that they agree."""
     a, b, partners = pair.a.reading.couplings, pair.b.reading.couplings, coupling_partners(pair)
+    back = pair.back
     # what follows joints that one side alone has is told of these joints
     ours = {name for name, each in a.items() if {each.joint, each.of} - {""} <= pair.joints.keys()}
-    theirs = {name for name, each in b.items() if {each.joint, each.of} - {""} <= pair.back.keys()}
+    theirs = {name for name, each in b.items() if {each.joint, each.of} - {""} <= back.keys()}
     yield from (_alone(pair, name, each, "A") for name, each in a.items() if name in ours - partners.keys())
     yield from (_alone(pair, name, each, "B") for name, each in b.items() if name in theirs - {*partners.values()})
     free = _free_zeros(pair.a, pair)

@@ -12,7 +12,7 @@ import numpy as np
 from screwgauge.diagnosis.machine.alignment import Alignment
 from screwgauge.diagnosis.properties import PROPERTIES, RIGID, Change
 from screwgauge.models.machine import Machine
-from screwgauge.reference.rotations import Array
+from screwgauge.reference.rotations import Array, rotation_vector
 
 #: What two files may differ by and be one machine: relative, or in lengths of the machine and rad. Rounding of readers
 #: leaves 1e-14, Newton's method that closes loops 1e-11.
@@ -90,9 +90,19 @@ class Pair:
         placed = self.alignment.placed
         return np.asarray(placed[far] @ np.linalg.inv(placed[near]))
 
+    def crosses_names(self, joint: str) -> bool:
+        """Whether a joint of A or its partner has the name of another joint on the other side."""
+        other = self.joints[joint].name
+        return other != joint and (joint in self.b.reading.joints or other in self.a.reading.joints)
+
     def partner(self, joint: str) -> Partner:
         """The partner of a joint of A; one of its name where it has none."""
         return self.joints.get(joint, Partner(joint))
+
+
+def known_gravity(gravity: Array | None) -> Array:
+    """Gravity that is stated, or the usual one where a file cannot say it [m/s^2]. Shape (3,)."""
+    return STANDARD if gravity is None else gravity
 
 
 def among(facts: Iterable[Fact], only: str) -> tuple[Fact, ...]:
@@ -112,6 +122,4 @@ def apart(a: float, b: float, least: float = 0.0) -> float:
 
 def step_of(T: Array, point: Array) -> Array:
     """A displacement as a rotation vector and the way of a point. Shape (4, 4) -> (2, 3)."""
-    from screwgauge.reference.rotations import rotation_vector
-
     return np.array([rotation_vector(np.asarray(T[:3, :3])), T[:3, :3] @ point + T[:3, 3] - point])

@@ -7,7 +7,7 @@ the first is a zero, the rest a placement; the axis is where the joint lies on e
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from screwgauge.diagnosis.properties import PASSIVE, Change, unit_of
 from screwgauge.diagnosis.shares import freedom_left
 from screwgauge.models.machine import Element, Link, Machine
 from screwgauge.models.poses import exponential
-from screwgauge.models.readings.reading import BodyReading, JointReading
+from screwgauge.models.readings.reading import JointReading
 from screwgauge.reference.rotations import Array
 
 #: Coordinates [rad or m] beyond which a limit is none: writers say 1000 where they mean none, 180 is in degrees.
@@ -37,8 +37,8 @@ def link_facts(pair: Pair) -> Iterator[Fact]:
             yield from _kind(pair, one, other, part, partner)
         elif one.kind == "F":
             yield from _base(pair, one, other)
-        elif one.articulated and other.articulated and _letters(one) != _letters(other):
-            yield Fact(part, "kind", _letters(one), _letters(other), kind="convention", partner=partner)
+        elif one.articulated and other.articulated and one.letters != other.letters:
+            yield Fact(part, "kind", one.letters, other.letters, kind="convention", partner=partner)
         if one.kind == other.kind and _single(one) and _single(other) and len(one.elements) == len(other.elements):
             yield from _coordinates(pair, one, other)
             continue
@@ -49,12 +49,6 @@ def link_facts(pair: Pair) -> Iterator[Fact]:
             yield from _passive(pair, one.joints[0], limited=one.kind == other.kind)
         if one.kind == other.kind:
             yield from _places(pair, one, other, moved=False)
-
-
-def _letters(link: Link) -> str:
-    """Letters of its freedoms, whichever body it is seen from."""
-    letters = "".join({"hinge": "R", "slide": "P", "ball": "S", "free": "F"}[each.kind] for each in link.elements)
-    return min(letters, letters[::-1])
 
 
 def _single(link: Link) -> bool:
@@ -323,7 +317,7 @@ def closure_names(pair: Pair, x: Element, y: Element) -> dict[str, str]:
 def _first_end(machine: Machine, name: str) -> tuple[str, Array]:
     """The first body of a closure, and its point in the world. Shape (3,)."""
     closure = machine.reading.closures[name]
-    return closure.first, (_pose(machine.reading.bodies, closure.first) @ closure.first_frame)[:3, 3]
+    return closure.first, (machine.reading.poses[closure.first] @ closure.first_frame)[:3, 3]
 
 
 def _ends(pair: Pair, name: str, partner: str) -> Iterator[Fact]:
@@ -336,7 +330,7 @@ def _ends(pair: Pair, name: str, partner: str) -> Iterator[Fact]:
             continue
         own = known[body]
         what = "first_frame" if own == a.first else "second_frame"
-        ours, theirs = (_pose(m.reading.bodies, n) for m, n in ((pair.a, own), (pair.b, end)))
+        ours, theirs = (m.reading.poses[n] for m, n in ((pair.a, own), (pair.b, end)))
         there = pair.alignment.placed[body] @ theirs @ frame
         way = there[:3, 3] - (ours @ getattr(a, what))[:3, 3]
         size = float(np.linalg.norm(way)) / pair.a.length
@@ -354,10 +348,6 @@ def _ends(pair: Pair, name: str, partner: str) -> Iterator[Fact]:
                 partner=partner,
                 of=body,
             )
-
-
-def _pose(bodies: Mapping[str, BodyReading], name: str) -> Array:
-    return bodies[name].pose if name in bodies else np.eye(4)
 
 
 def _shifted(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Feature, Feature, float]]:

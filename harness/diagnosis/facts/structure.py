@@ -55,7 +55,7 @@ def _lost(side: str, what: str, link: Link, bodies: Sequence[str] = (), mass: st
 def name_facts(pair: Pair) -> Iterator[Fact]:
     """Tell joints that have the name of another joint on the other side."""
     for name, partner in pair.joints.items():
-        if partner.name != name and (name in pair.b.reading.joints or partner.name in pair.a.reading.joints):
+        if pair.crosses_names(name):
             yield Fact(name, "name", name, partner.name, kind="convention", partner=partner.name)
 
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from screwgauge.diagnosis.machine.features import EXACT, Feature, Overlay, features, gap
 from screwgauge.models.machine import Body, Element, Link, Machine
-from screwgauge.models.poses import exponential, matrix
+from screwgauge.models.poses import exponential, matrix, shortest_turn
 from screwgauge.reference.mechanism import GROUND
-from screwgauge.reference.rotations import Array, cross, rotation
+from screwgauge.reference.rotations import Array, cross
 
 #: Where a feature counts half [lengths of the machine, rad, relative].
 HALF = 0.01
@@ -168,10 +168,8 @@ def _laid(one: Feature, other: Feature) -> Array:
     """The shortest displacement of another feature onto the one. Shape (4, 4)."""
     R: Array = np.eye(3)
     if one.kind != "S":
-        direction = other.direction if one.direction @ other.direction >= 0.0 else -other.direction
-        turn = np.cross(direction, one.direction)
-        sine = float(np.linalg.norm(turn))
-        R = rotation(turn / sine, np.array(math.atan2(sine, direction @ one.direction))) if sine > 1e-12 else R
+        sense = 1.0 if one.direction @ other.direction >= 0.0 else -1.0
+        R = shortest_turn(sense * other.direction, one.direction)
     step = one.point - R @ other.point
     way = {"R": step - (step @ one.direction) * one.direction, "S": step, "P": np.zeros(3)}[one.kind]
     return matrix(way, R)

@@ -10,10 +10,11 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, permutations, product
+from operator import attrgetter
 
 import numpy as np
 
-from screwgauge.diagnosis.transformations import axis, turned
+from screwgauge.diagnosis.transformations import turned
 from screwgauge.models.kinematics import downwards, plant, rehomed, residual_at_home, size
 from screwgauge.models.machine import at_closed_pose
 from screwgauge.models.matter import Matter
@@ -101,7 +102,7 @@ def _transformed(reading: Reading, T: Array, length: float, mass: float, inertia
 
     def joint(one: JointReading) -> JointReading:
         k, way = (length, 1.0) if one.kind == "slide" else (1.0, sense)  # an axis of rotation is an axial vector
-        new = turned(one, way * (R @ axis(one)), R @ (length * one.centre) + T[:3, 3])
+        new = turned(one, way * (R @ one.direction), R @ (length * one.centre) + T[:3, 3])
         return replace(new, home=k * one.home, rest=k * one.rest, limits=(k * one.limits[0], k * one.limits[1]))
 
     def body(one: BodyReading) -> BodyReading:
@@ -222,7 +223,7 @@ def _common(pairs: Sequence[tuple[float, float]]) -> float:
 
 def _gap(one: JointReading, other: JointReading) -> float:
     """Distance of two axes, which no motion of either joint changes [m]."""
-    d, e = (axis(each) if each.kind == "hinge" else np.zeros(3) for each in (one, other))
+    d, e = (each.direction if each.kind == "hinge" else np.zeros(3) for each in (one, other))
     step, normal = other.centre - one.centre, np.cross(d, e)
     if np.linalg.norm(normal) > 1e-6:
         return abs(float(step @ normal)) / float(np.linalg.norm(normal))
@@ -239,9 +240,9 @@ class _Overlay:
         self.hinges = np.array([one.kind == "hinge" for one, _ in joints], dtype=bool)
         self.axes, self.points = (
             [np.array([of(pair[i]) for pair in joints]).reshape(-1, 3) for i in (0, 1)]
-            for of in (axis, lambda joint: joint.centre)
+            for of in (attrgetter("direction"), attrgetter("centre"))
         )
-        self.centres = [np.array([_centre(pair[i]) for pair in bodies]).reshape(-1, 3) for i in (0, 1)]
+        self.centres = [np.array([pair[i].centre for pair in bodies]).reshape(-1, 3) for i in (0, 1)]
         self.inertias = [np.array([_tensor(pair[i]) for pair in bodies]).reshape(-1, 3, 3) for i in (0, 1)]
         self.masses = np.array([math.log(other.mass / one.mass) for one, other in bodies])
 
@@ -284,10 +285,6 @@ class _Overlay:
 
 def _norm(value: Array) -> float:
     return float(np.linalg.norm(value))
-
-
-def _centre(body: BodyReading) -> Array:
-    return np.asarray(body.pose[:3, :3] @ body.com + body.pose[:3, 3])
 
 
 def _tensor(body: BodyReading) -> Array:

@@ -54,14 +54,15 @@ class DrawnMachine:
 
     def closures(self) -> Iterator[tuple[str, Array]]:
         """Bodies that closures join, each with the point where it is held."""
+        poses = self.reading.poses
         for closure in self.reading.closures.values():
             for name, frame in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):
-                pose = self.reading.bodies[name].pose if name in self.reading.bodies else np.eye(4)
-                yield name, self.point((pose @ frame)[:3, 3])
+                yield name, self.point((poses[name] @ frame)[:3, 3])
 
     def links(self) -> Iterator[tuple[str, Array, Array]]:
         """Lines of bodies: from the joint that moves each to those on it and where loops close, or to its mass."""
-        at, behind = self.joints(), dict[str, list[str]]()
+        at, masses, held = self.joints(), self.masses(), [*self.closures()]
+        behind = dict[str, list[str]]()
         for name, body in self.reading.bodies.items():
             behind.setdefault(body.near, []).append(name)
         for name in (GROUND, *self.reading.bodies):
@@ -70,17 +71,14 @@ class DrawnMachine:
             for one, two in pairwise(own):
                 yield name, at[one], at[two]
             others = [at[self.reading.bodies[each].joints[0]] for each in behind.get(name, ())]
-            others += [point for body, point in self.closures() if body == name]
-            for end in others or ([self.masses()[name][0]] if name in self.masses() else []):
+            others += [point for body, point in held if body == name]
+            for end in others or ([masses[name][0]] if name in masses else []):
                 yield name, start, end
 
     def masses(self) -> dict[str, tuple[Array, float]]:
         """Position of each body's centre of mass, and its mass [kg]."""
-        bodies = {name: body for name, body in self.reading.bodies.items() if body.mass > 0.0}
-        return {
-            name: (self.point(body.pose[:3, :3] @ body.com + body.pose[:3, 3]), body.mass)
-            for name, body in bodies.items()
-        }
+        bodies = self.reading.bodies.items()
+        return {name: (self.point(body.centre), body.mass) for name, body in bodies if body.mass > 0.0}
 
 
 def machines(diagnosis: Diagnosis) -> Picture:
