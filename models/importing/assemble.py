@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from screwgauge.models.importing.homes import CLOSED, OWN, Home, Loops, chosen, limits, some
+from screwgauge.models.importing.joints import SHOWN, listed
 from screwgauge.models.kinematics import plant, rehomed
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference import linear
 from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.equations.kinematics import twists
-from screwgauge.reference.errors import DescriptionError, UnknownNameError
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, first_few
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
@@ -69,8 +70,9 @@ def _said(loops: Loops, chosen: Home, why: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-#: A coordinate that is preferred is taken as long as so much of it is its own.
-PREFERRED = 0.05
+#: A coordinate that is preferred is taken as long as so much of it is its own; of one that is driven, whose stroke may
+#: be short beside the machine, so much of its stroke. A driven one that moves less at home is at a dead centre.
+PREFERRED, OWN_SHARE, DEAD = 0.05, 1e-3, 1e-6
 
 
 #: Singular values of the loop equations below this are likely to be zeros that printed digits hide.
@@ -105,8 +107,8 @@ def motions(mechanism: Mechanism) -> tuple[Array, Array]:
 
 def choose(
     mechanism: Mechanism, actuated: Sequence[str] | None, independent: Mapping[str, str] | None, where: str
-) -> tuple[Mechanism, str]:
-    """The mechanism with its independent coordinates and actuators, and what is doubtful about its freedoms.
+) -> tuple[Mechanism, tuple[str, ...]]:
+    """The mechanism with its independent coordinates and actuators, and what is odd about these, a sentence each.
 
     Args:
         actuated: Joints that are driven; None are those of independent coordinates that can be.
@@ -120,9 +122,11 @@ def choose(
         hint = f"; {rounded(hidden)}" if len(hidden) else ""
         remedy = FULL if hint else "check the closures"
         raise DescriptionError(f"its loops leave no degree of freedom{hint}", where, remedy)
-    names = mechanism.coordinates
+    names, passed = mechanism.coordinates, ""
     if independent is None:
-        chosen = {names[i]: names[i] for i in pick(K, preferences(mechanism, actuated or ()))}
+        tiers = preferences(mechanism, actuated or ())
+        picked = pick(K, tiers)
+        chosen, passed = {names[i]: names[i] for i in picked}, _passed_over(K, tiers[DRIVEN], picked, names)
     else:
         for name in independent.values():
             if name not in names:
@@ -137,7 +141,11 @@ def choose(
         replace(joint, actuated=len(joint.coordinates) == 1 and joint.name in driven) for joint in mechanism.joints
     )
     doubt = f"Its loops leave {K.shape[1]} freedoms; {rounded(hidden)}: {FULL}." if len(hidden) else ""
-    return replace(mechanism, joints=joints, independent=chosen), doubt
+    return replace(mechanism, joints=joints, independent=chosen), tuple(filter(None, (passed, doubt)))
+
+
+#: Which of the tiers of `preferences` is driven.
+DRIVEN = 1
 
 
 def preferences(mechanism: Mechanism, actuated: Sequence[str]) -> list[list[int]]:
@@ -152,21 +160,36 @@ def preferences(mechanism: Mechanism, actuated: Sequence[str]) -> list[list[int]
 
 
 def pick(K: Array, tiers: Sequence[Sequence[int]]) -> list[int]:
-    """Rows of a basis that determine the rest, as far from dependent as the order of preference lets them be.
+    """Select independent rows, early tiers first, by rank-revealing QR (modified Gram-Schmidt with pivoting).
 
-    Rank-revealing QR by modified Gram-Schmidt with pivoting, tier by tier. Shape (n, k) -> k rows, ascending.
+    Rows of the tier `DRIVEN` are compared by their own length, however short it is. Shape (n, k) -> k rows, ascending.
     """
-    rest, chosen = K.copy(), list[int]()
-    for i, tier in enumerate(tiers):
-        least = PREFERRED if i < len(tiers) - 1 else 0.0
-        candidates = list(tier) if i < len(tiers) - 1 else list(range(len(K)))
+    rest, chosen, strokes = K.copy(), list[int](), np.linalg.norm(K, axis=1)
+    for i, tier in enumerate([*tiers[:-1], range(len(K))]):
+        candidates, least = list(tier), PREFERRED if i < len(tiers) - 1 else 0.0
+        if i == DRIVEN:
+            candidates, least = [row for row in tier if strokes[row] > DEAD], OWN_SHARE
         while len(chosen) < K.shape[1] and candidates:
             sizes = np.linalg.norm(rest[candidates], axis=1)
-            best = int(np.argmax(np.round(sizes, 9)))  # of equals the first
-            if not sizes[best] > least:
+            shares = sizes / strokes[candidates] if i == DRIVEN else sizes
+            best = int(np.argmax(np.round(shares, 9)))  # of equals the first
+            if not shares[best] > least:
                 break
             row = candidates.pop(best)
             chosen.append(row)
             along = rest[row] / sizes[best]
             rest = rest - np.outer(rest @ along, along)
     return sorted(chosen)
+
+
+def _passed_over(K: Array, driven: Sequence[int], chosen: Sequence[int], names: Sequence[str]) -> str:
+    """A sentence on the driven coordinates that are not independent, and why; empty if all are."""
+    reasons = list[str]()
+    for row in sorted({*driven} - {*chosen}):
+        if np.linalg.norm(K[row]) > DEAD:
+            shares = np.linalg.solve(K[chosen].T, K[row]) * np.linalg.norm(K[chosen], axis=1)
+            leads = [names[i] for i, share in zip(chosen, np.abs(shares), strict=True) if share > DEAD]
+            reasons.append(f"'{names[row]}' (it follows from {listed(leads)})")
+        else:
+            reasons.append(f"'{names[row]}' (it is at a dead centre at home)")
+    return f"Driven, but not independent: {first_few(reasons, SHOWN)}." if reasons else ""

@@ -147,10 +147,10 @@ def describe(
     known = {} if moved else {one.name: one for one in given}  # their coordinates are those of the file's home
     mechanism, composites = _mechanism(graph, frozenset(actuated or ()), known, where)
     names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
-    mechanism, doubt = choose(mechanism, actuated, wanted.independent, where)
+    mechanism, odd_choices = choose(mechanism, actuated, wanted.independent, where)
     mechanism = replace(mechanism, left_out=kept(beyond, mechanism, graph, tables, where))
     odd = (f"Check this: {sentence}." for sentence in implausible(mechanism))
-    remarks = [*moves, *graph.remarks, *composites, *filter(None, (doubt,)), *odd]
+    remarks = [*moves, *graph.remarks, *composites, *odd_choices, *odd]
     if not reading.actuators and wanted.actuated is None:
         open_chain = "every hinge and slide of the open chain that follows no other"
         rule = "every independent coordinate that is a hinge or slide" if reading.closures else open_chain
