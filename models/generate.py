@@ -15,8 +15,8 @@ from screwgauge.models.layout import CUTS
 from screwgauge.models.mjcf import PARTS, write_mjcf
 from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.errors import OutputError, UnknownNameError
-from screwgauge.reference.files import check_free, stamped
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.outputs import check_free, stamped
 from screwgauge.reference.rotations import Array
 
 

@@ -1,9 +1,4 @@
-"""Reading and writing of files: every input is opened here, its size and content are limited here.
-
-A command overwrites neither its inputs nor a file that this program did not write as it is now. What is written for
-users to keep bears the digest of all else in it, so that an edited file is recognised; that of a CSV is beside it.
-Nothing here knows a file format but JSON.
-"""
+"""Input files: every one is opened here, its size and content are limited here. No format but JSON is known here."""
 
 from __future__ import annotations
 
@@ -13,16 +8,14 @@ import json
 import os
 import re
 import stat
-import struct
-import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
-from screwgauge.reference.errors import DescriptionError, OutputError, shown
+from screwgauge.reference.errors import DescriptionError, shown
 
 #: The most that an input holds. Beyond, memory or time grow without bound: with the square of the bodies, with samples
 #: times terms; and Pinocchio's parser crashes on chains of a few thousand links.
@@ -59,10 +52,6 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\
 _DIGITS = 300
 #: What an XML declaration says of the encoding.
 _DECLARED = re.compile(r"""<\?xml\s[^>]*?\bencoding\s*=\s*["']([^"']*)["']""")
-_PNG, _PNG_END = b"\x89PNG\r\n\x1a\n", 12  # its first bytes, and the length of its last chunk
-#: How whoever calls has files replaced: callers in Python, if no command line says its option.
-OVERWRITING = ContextVar("OVERWRITING", default="force=True")
-_SAID = "As screwgauge wrote it, lines above: sha256 "
 
 
 def check_count(count: float, what: str, where: str, remedy: str = "take fewer") -> None:
@@ -255,139 +244,3 @@ def read_model(path: Path) -> str:
     text = read_xml(path)
     check_count(len(re.findall(r"<(?:link|body)[\s/>]", text)), "links", str(path))
     return text
-
-
-def replace_file(path: Path, content: str | bytes) -> None:
-    """Writes a file completely or not at all: a temporary file in the same folder, synced, then renamed.
-
-    Raises:
-        OutputError: It cannot be written; it is then as it was.
-    """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        try:
-            with temporary.open("wb") as file:
-                file.write(content.encode() if isinstance(content, str) else content)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except (OSError, ValueError) as error:
-        raise OutputError(f"cannot be written ({why(error)})", str(path), "name another file") from error
-
-
-def stamped(text: str) -> str:
-    """Text of XML, HTML, TOML or YAML, followed by the comment with its digest."""
-    return with_digest(text.encode(errors="surrogateescape")).decode(errors="surrogateescape")
-
-
-def with_digest(content: bytes) -> bytes:
-    """A text, PDF or PNG with the digest of the rest at its end: in a comment, in the last chunk but one of a PNG."""
-    if content.startswith(_PNG):
-        return content[:-_PNG_END] + _mark(content) + content[-_PNG_END:]
-    content = content if content.endswith(b"\n") else content + b"\n"
-    return content + _mark(content)
-
-
-def _mark(content: bytes) -> bytes:
-    line = f"{_SAID}{hashlib.sha256(content).hexdigest()}".encode()
-    if content.startswith(_PNG):
-        chunk = b"tEXtComment\0" + line
-        return struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
-    if content.startswith(b"%PDF"):
-        return b"%" + line + b"\n"
-    marked_up = content.removeprefix(codecs.BOM_UTF8).lstrip(b" \n").startswith(b"<")
-    return b"<!-- " + line + b" -->\n" if marked_up else b"# " + line + b"\n"
-
-
-def with_digest_beside(file: Path, text: str) -> dict[str, str]:
-    """Name -> text of a file that has no room for its digest, as CSV has none, and of a hidden one that bears it."""
-    digest = hashlib.sha256(text.encode(errors="backslashreplace")).hexdigest()
-    return {file.name: text, _beside(file).name: f"{digest}  {file.name}\n"}
-
-
-def _beside(file: Path) -> Path:
-    return file.with_name(f".{file.name}.sha256")
-
-
-def is_as_written(path: Path) -> bool:
-    """Whether a file is as this program wrote it: its digest is in it, or in the file beside it."""
-    try:
-        if os.path.lexists(_beside(path)):
-            return read_file(_beside(path)).partition(" ")[0] == digest(path)
-        content = read_bytes(path, "MB of CSV")
-    except DescriptionError:
-        return False
-    end = len(content) - (_PNG_END if content.startswith(_PNG) else 0)
-    return with_digest(content[: end - len(_mark(content))] + content[end:]) == content
-
-
-def check_free(path: Path, inputs: Iterable[str | Path] = (), *, force: bool = False) -> None:
-    """Refuses a file in the way, before any work.
-
-    Args:
-        inputs: What the command reads.
-        force: Whatever is there may be replaced.
-
-    Raises:
-        OutputError: It is an input, or this program did not write it as it is now.
-    """
-    try:
-        there = os.path.lexists(path)
-        if path.is_dir():
-            raise OutputError("is a folder", str(path), "name a file")
-    except (OSError, ValueError) as error:  # a path that is too long, or has a null byte
-        raise OutputError(f"cannot be written ({why(error)})", str(path), "name another file") from None
-    if not there or force:
-        return
-    if any(_same(path, Path(name)) for name in inputs):
-        raise OutputError("is what the command reads", str(path), _other_file())
-    if not is_as_written(path):
-        what = "is there, and nothing in it proves that screwgauge wrote it as it is"
-        raise OutputError(what, str(path), _other_file())
-
-
-def overwriting() -> str:
-    """How whoever calls overwrites what is there: ``overwrite it by --force``."""
-    return f"overwrite it by {OVERWRITING.get()}"
-
-
-def _other_file() -> str:
-    return f"name another file, or {overwriting()}"
-
-
-def check_apart(outputs: Mapping[str, Path], inputs: Iterable[str | Path] = ()) -> None:
-    """Refuse an output that is an input, and two outputs at one place, before any work.
-
-    Args:
-        outputs: Option or name by which each is written -> its path.
-        inputs: What the command reads; not asked for where no output is there yet.
-
-    Raises:
-        OutputError: Two of these are one file.
-    """
-    writers = dict[tuple[int, int] | str, str]()
-    for name, path in outputs.items():
-        if (other := writers.setdefault(_node(path) or os.path.realpath(path), name)) is not name:
-            raise OutputError(f"is what both {other} and {name} write", str(path), "name two files")
-    there = any(isinstance(place, tuple) for place in writers)
-    for file in inputs if there else ():
-        if (node := _node(Path(file))) in writers:
-            raise OutputError(f"is what the command reads, and what {writers[node]} writes", str(file), _other_file())
-
-
-def _node(path: Path) -> tuple[int, int] | None:
-    """Device and number of a file; None if there is none."""
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return status.st_dev, status.st_ino
-
-
-def _same(path: Path, other: Path) -> bool:
-    try:
-        return path.samefile(other)
-    except (OSError, ValueError):  # a name of something built-in is no file
-        return False

@@ -291,7 +291,7 @@ BAD = {
     "three models": (["four-bar.urdf", "four-bar.xml", "four-bar-full.xml"], "", "has no partner"),
     "update of nothing": (["turn.toml", "--update"], "", "--update does not know what"),
     "no process": (["turn.toml", "-j", "0"], "", "0 tasks at a time"),
-    "junit in no folder": (["turn.toml", "--junit", "no/j.xml"], "", "cannot be written"),
+    "junit in no folder": (["turn.toml", "--junit", "turn.toml/j.xml"], "", "cannot be written"),
     "junit is a folder": (["turn.toml", "--junit", "other"], "", "is a folder"),
     "no baseline": (["turn.toml", "--baseline", "none.json"], "", "it does not exist"),
     "no JSON": (["turn.toml", "--baseline", "t.toml"], "colour", "is no baseline"),

@@ -127,7 +127,7 @@ def test_a_kill_leaves_the_file_as_it_was(known, at):
     before = known.read_bytes()
     code = (
         f"import os, signal, sys, pathlib\nos.{at} = lambda *a: os.kill(os.getpid(), signal.SIGKILL)\n"
-        "from screwgauge.reference.files import replace_file\n"
+        "from screwgauge.reference.outputs import replace_file\n"
         "replace_file(pathlib.Path(sys.argv[1]), 'new')\n"
     )
     assert subprocess.run([sys.executable, "-c", code, known], check=False).returncode == -signal.SIGKILL
@@ -150,7 +150,7 @@ def test_a_full_disk_leaves_the_file_as_it_was(known, monkeypatch):
 
 @pytest.mark.slow
 def test_of_two_at_once_one_is_there_in_whole(known):
-    code = "import pathlib, sys\nfrom screwgauge.reference.files import replace_file\n"
+    code = "import pathlib, sys\nfrom screwgauge.reference.outputs import replace_file\n"
     code += "for i in range(200): replace_file(pathlib.Path(sys.argv[1]), sys.argv[2] * 10000)"
     both = [subprocess.Popen([sys.executable, "-c", code, known, sign]) for sign in "ab"]
     assert [process.wait() for process in both] == [0, 0]

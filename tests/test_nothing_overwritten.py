@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 import screwgauge
-from screwgauge.reference.files import is_as_written, stamped
+from screwgauge.reference.outputs import is_as_written, stamped
 from screwgauge.report.folder import locked
 from support.command import main
 from support.errors import OutputError
@@ -157,6 +157,73 @@ def test_what_was_written_here_is_written_again_and_what_was_changed_since_is_no
         assert f"{name}: is there, and nothing in it proves" in capsys.readouterr().err
         Path(name).unlink()
         assert main(command) == 0
+
+
+@pytest.fixture(scope="module")
+def results() -> screwgauge.Results:
+    scene = screwgauge.load_scene("slider-crank").at([0.0, 0.1])
+    return screwgauge.run(scene, ["screw", "pinocchio"], ["actuator_force"])
+
+
+@pytest.fixture(scope="module")
+def check() -> screwgauge.CheckReport:
+    return screwgauge.check("slider-crank", smoke=True)
+
+
+#: Method -> name of the fixture that has it, file that it writes.
+KEEPING = {
+    "to_html": ("results", "page.html"),
+    "to_csv": ("results", "v.csv"),
+    "figure": ("results", "f.pdf"),
+    "write_baseline": ("check", "known.json"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", KEEPING)
+def test_python_too_overwrites_by_force_only(method, request):
+    fixture, name = KEEPING[method]
+    result, file = request.getfixturevalue(fixture), Path("new") / name
+    keep = result.figure("actuator_force").save if method == "figure" else getattr(result, method)
+    keep(file)
+    keep(file)  # as it was written here
+    before = {*Path("new").iterdir()}
+    file.write_text(MINE, encoding="utf-8")
+    with pytest.raises(OutputError, match=r"is there, and .*overwrite it by force=True"):
+        keep(file)
+    assert file.read_text(encoding="utf-8") == MINE
+    keep(file, force=True)
+    keep(file)
+    assert {*Path("new").iterdir()} == before
+
+
+@pytest.mark.slow
+def test_a_fix_takes_no_place_of_what_a_diagnosis_read(bars):
+    found = screwgauge.diagnose("four-bar.xml", "b.xml")
+    found.write_fix("fixed.xml")
+    found.write_fix("fixed.xml")
+    for name in ("four-bar.xml", "mine.xml"):
+        Path("mine.xml").write_text(MINE, encoding="utf-8")
+        before = Path(name).read_bytes()
+        with pytest.raises(OutputError, match="overwrite it by force=True"):
+            found.write_fix(name)
+        assert Path(name).read_bytes() == before
+        found.write_fix(name, force=True)
+    with pytest.raises(OutputError, match="is B itself"):
+        found.write_fix("b.xml", force=True)
+
+
+def test_nothing_but_a_file_is_in_the_way_and_a_link_stays(results):
+    os.mkfifo("pipe.html")
+    Path("folder.html").mkdir()
+    for name in ("pipe.html", "folder.html"):
+        with pytest.raises(OutputError, match=r"is no regular file|is a folder"):
+            results.to_html(name, force=True)
+    Path("shelf").mkdir()
+    Path("link.html").symlink_to("shelf/page.html")
+    results.to_html("link.html", force=True)
+    assert Path("link.html").is_symlink()
+    assert is_as_written(Path("shelf/page.html"))
 
 
 @pytest.mark.slow

@@ -54,7 +54,7 @@ def test_the_page_alone_can_be_written_and_leaves_the_rest(results, tmp_path):
     page = results.to_html(tmp_path / "page.html")
     assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["mine.svg", "page.html", "plots"]
-    with pytest.raises(OutputError, match=r"is a folder; name a file, such as report\.html"):
+    with pytest.raises(OutputError, match="is a folder; name a file"):
         results.to_html(tmp_path)
 
 

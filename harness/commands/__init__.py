@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from screwgauge.commands.execution import Files, carry_out
 from screwgauge.models.importing import is_model
 from screwgauge.reference.errors import DescriptionError
-from screwgauge.reference.files import check_free
+from screwgauge.reference.outputs import check_free
 from screwgauge.report.console import complain, mark, say
 
 if TYPE_CHECKING:
@@ -240,7 +240,8 @@ def diagnose(options: argparse.Namespace) -> int:
         force=options.force,
     )
     if options.fix is not None:
-        lines = [f"fixed: {diagnosis.write_fix(options.fix)}", *(f"not fixed: {text}" for text in diagnosis.not_fixed)]
+        fixed = diagnosis.write_fix(options.fix, force=options.force)
+        lines = [f"fixed: {fixed}", *(f"not fixed: {text}" for text in diagnosis.not_fixed)]
         (complain if options.json else say)("\n".join(lines))  # standard output is JSON alone
     return int(diagnosis.exit_status)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from screwgauge.reference.errors import DescriptionError, ScrewgaugeError
-from screwgauge.reference.files import check_apart
+from screwgauge.reference.outputs import check_apart
 from screwgauge.report.console import say
 
 if TYPE_CHECKING:

@@ -7,8 +7,7 @@ from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
 
-from screwgauge.reference.errors import OutputError
-from screwgauge.reference.files import check_free
+from screwgauge.reference.outputs import check_free
 from screwgauge.report.pages.check import SUMMARY
 from screwgauge.study.gate.baseline import check_baseline
 from screwgauge.study.gate.items import items
@@ -21,10 +20,6 @@ def check_files(options: Namespace) -> None:
     Raises:
         OutputError: One of them cannot.
     """
-    for path in (options.junit, options.baseline if options.update else None):
-        if path is not None and (os.path.isdir(path) or not os.access(path.parent, os.W_OK)):
-            what = "is a folder" if os.path.isdir(path) else "cannot be written (no such folder, or not allowed)"
-            raise OutputError(what, str(path), "name another file")
     if options.junit is not None:
         check_free(options.junit, force=options.force)
     if options.update:

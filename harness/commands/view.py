@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from screwgauge.commands import imported
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, UnknownNameError
-from screwgauge.reference.files import check_free, stamped, why
+from screwgauge.reference.outputs import check_free, save_file
 from screwgauge.report.console import complain, say, stopped
 
 if TYPE_CHECKING:
@@ -35,8 +35,9 @@ def view(options: argparse.Namespace) -> int:
     what = _load(options.what)
     mechanism = what.mechanism if isinstance(what, Scene) else what
     picture = next((getattr(options, name) for name in PICTURES if getattr(options, name)), None)
-    for file in filter(None, (options.out, picture)):
-        check_free(file, filter(None, (options.what, options.other)), force=options.force)
+    file, inputs = options.out or picture, [*filter(None, (options.what, options.other))]
+    if file:
+        check_free(file, inputs, force=options.force)
     other = _load(options.other) if options.other else None
     other = other.mechanism if isinstance(other, Scene) else other
     unsigned = _unsigned(options.what, mechanism) | (_unsigned(options.other, other) if other else set())
@@ -44,13 +45,13 @@ def view(options: argparse.Namespace) -> int:
         check_ending(picture, [f".{chosen[0]}"], f"view --{chosen[0]}")
         against = differing(mechanism, other, unsigned) if other else ()
         content = picture_file(drawing(mechanism, against), picture.suffix, WIDTH, DPI)
-        _put(picture, content.encode() if isinstance(content, str) else content)
+        say(str(save_file(picture, content, inputs, force=options.force)))
         for odd in suspicious(mechanism):
             complain(f"screwgauge: suspicious: {odd.sentence}")
         return 0
     text = _page(what, other, unsigned)
     if options.out:
-        _put(options.out, stamped(text).encode())
+        say(str(save_file(options.out, text, inputs, force=options.force)))
         return 0
     return _serve(text.encode(), options.port or 0)
 
@@ -123,14 +124,6 @@ def _solved(scene: Scene) -> tuple[Scene, Mapping[str, Solution]]:
     for failure in results.failures.values():
         complain(f"screwgauge: shown without forces: {failure.reason}")
     return scene, results.solutions
-
-
-def _put(file: Path, content: bytes) -> None:
-    try:
-        file.write_bytes(content)
-    except (OSError, ValueError) as error:
-        raise OutputError(f"cannot be written ({why(error)})", str(file), "name another file") from None
-    say(str(file))
 
 
 def _serve(text: bytes, port: int) -> int:

@@ -135,17 +135,22 @@ class Diagnosis:
         """What the file that `write_fix` writes does not correct, and why."""
         return self.words.not_fixed
 
-    def write_fix(self, out: Path) -> Path:
+    def write_fix(self, out: str | Path, *, force: bool = False) -> Path:
         """Writes B as it would have to be to agree with A.
 
+        Args:
+            out: Never B itself.
+            force: Any other file in the way is replaced, whoever wrote it.
+
         Raises:
-            OutputError: There is no such file, or it cannot be written.
+            OutputError: There is nothing to write, or a file is there and was changed or not written here.
         """
         fix = self.found.fix
         if fix is None or not fix.text or self.b.file is None:
             why = "; ".join(self.not_fixed) or "nothing differs"
             raise OutputError(f"there is nothing to write: {why}", str(out), "leave out --fix")
-        write_fix(out, fix.text, self.b.file, self.b.own)
+        read = (self.a.own or self.a.file, self.a.loops, self.b.loops)
+        write_fix(out := Path(out), fix.text, self.b.own or self.b.file, [*filter(None, read)], force=force)
         return out
 
 

@@ -8,7 +8,6 @@ import shutil
 import tempfile
 from bisect import bisect
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -29,8 +28,9 @@ from screwgauge.models.mjcf import LEAST
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import OutputError, ScrewgaugeError
-from screwgauge.reference.files import is_file, read_file, replace_file, stamped
+from screwgauge.reference.files import is_file, read_file
 from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.outputs import save_file
 from screwgauge.reference.rotations import Array
 
 #: Files that an MJCF includes or attaches.
@@ -191,26 +191,24 @@ def _bring(source: Path, folder: Path, text: str) -> None:
         waiting += [(base, *named) for named in re.findall(_NAMED, read_file(origin))]
 
 
-def write_fix(out: Path, text: str, b: Path, own: Path | None = None) -> None:
-    """Writes the changed file, whole or not at all.
+def write_fix(out: Path, text: str, b: Path, inputs: Sequence[Path] = (), *, force: bool = False) -> None:
+    """Write the changed file, see `save_file`.
 
     Args:
-        own: The user's file, where B is a copy of it.
+        b: The user's file.
+        inputs: What else was read.
+        force: Any other file in the way is replaced.
 
     Raises:
-        OutputError: It is B's own, has the ending of another format, or cannot be written.
+        OutputError: It is B's own, has the ending of another format, is in the way, or cannot be written.
     """
-    if os.path.exists(out) and os.path.samefile(out, own or b):
+    if os.path.exists(out) and os.path.samefile(out, b):
         raise OutputError("is B itself, which is never overwritten", str(out), "choose another --fix")
-    if os.path.isdir(out):
-        raise OutputError("is a folder", str(out), "name a file")
     if out.suffix in FORMATS and out.suffix != b.suffix and (form := prepare(b).form) != FORMATS[out.suffix]:
         raise OutputError(
             f"ends with {out.suffix}, and B is a file of {form.upper()}", str(out), "choose another --fix"
         )
-    with suppress(OSError):  # which `replace_file` then meets, too
-        out.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(out, stamped(text))
+    save_file(out, text, inputs, force=force)
 
 
 def speller(text: str) -> Callable[[str], str]:

@@ -17,7 +17,8 @@ from types import FrameType, TracebackType
 from typing import TextIO
 
 from screwgauge.reference.errors import OutputError, ScrewgaugeError, log_text, printable
-from screwgauge.reference.files import OVERWRITING, why
+from screwgauge.reference.files import why
+from screwgauge.reference.outputs import OVERWRITING
 
 #: What stands for a sign that a stream cannot encode: as long as the sign, so that columns stay where they are.
 SIGNS = {"✓": "+", "✗": "x", "·": ".", "²": "2", "³": "3", "µ": "u", "†": "*", "→": ">"}

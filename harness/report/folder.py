@@ -20,7 +20,8 @@ from uuid import uuid4
 
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import DescriptionError, OutputError
-from screwgauge.reference.files import digest, overwriting, read_json, why
+from screwgauge.reference.files import digest, read_json, why
+from screwgauge.reference.outputs import overwriting
 
 if TYPE_CHECKING:
     import pandas as pd

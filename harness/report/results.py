@@ -11,10 +11,9 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, check_choice
-from screwgauge.reference.files import check_free, with_digest_beside
+from screwgauge.reference.outputs import check_free, save_file
 from screwgauge.report.blocks import Block, as_kind
 from screwgauge.report.figures.saved import Figure
-from screwgauge.report.folder import write_files
 from screwgauge.report.html import fragment
 from screwgauge.report.pages import run as run_page
 from screwgauge.report.record import values_table
@@ -74,7 +73,7 @@ class Results(Shown, Comparison):
             check_free(file, force=force)
         for name, file in files.items():
             table = values_table(self.solutions[name], self.times, wanted, self.not_unique)
-            write_files(file.parent, with_digest_beside(file, table.to_csv(index=False, lineterminator="\n")))
+            save_file(file, table.to_csv(index=False, lineterminator="\n"), force=force)
         return [*files.values()]
 
     def plot(self) -> Figures:

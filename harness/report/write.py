@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import tempfile
@@ -14,6 +13,7 @@ from typing import Any, Self
 
 from screwgauge.environment import json_text
 from screwgauge.reference.errors import OutputError, ReportError
+from screwgauge.reference.outputs import check_free, replace_file, save_file
 from screwgauge.report.blocks import Block, Picture, as_kind, changed, walk
 from screwgauge.report.folder import PAGES, SAMPLES, check_writable, locked, write_files, written
 from screwgauge.report.html import fragment, page
@@ -80,18 +80,6 @@ def write_report(
     return out
 
 
-def save_page(path: Path, text: str) -> Path:
-    """Writes one page, whatever else is in its folder.
-
-    Raises:
-        OutputError: The file cannot be written.
-    """
-    if os.path.isdir(path):
-        raise OutputError("is a folder", str(path), "name a file, such as report.html, or use `write`")
-    write_files(path.parent, {path.name: text})
-    return path
-
-
 def _named(blocks: Iterable[Block], taken: set[str]) -> list[Block]:
     """The blocks, each picture under a name of its own that no other file has."""
 
@@ -156,20 +144,23 @@ class Shown:
             path: Path = self._report().write(self, Path(out), **writing)
         return path
 
-    def to_html(self, path: str | Path | None = None) -> str | Path:
+    def to_html(self, path: str | Path | None = None, *, force: bool = False) -> str | Path:
         """The report as one page that opens offline.
 
         Args:
-            path: File that it is written to.
+            path: File that it is written to; without one nothing is written.
+            force: A file in the way is replaced, whoever wrote it.
 
         Returns:
             The path, or the text of the page without one.
 
         Raises:
-            OutputError: The file cannot be written.
+            OutputError: The file cannot be written, or is there and was changed or not written here.
         """
+        if path is not None:
+            check_free(Path(path), force=force)
         text = page(self._page())
-        return text if path is None else save_page(Path(path), text)
+        return text if path is None else save_file(path, text, force=force)
 
     def __repr__(self) -> str:
         return screenful(self._screen())
@@ -212,5 +203,4 @@ def print_page(html: Path, pdf: Path) -> None:
             why = f"stopped after {LONGEST:g} s"
         if not made.is_file() or not made.stat().st_size:
             raise OutputError(f"the browser did not print it ({why})", str(pdf), f"print {html.name} from a browser")
-        shutil.copyfile(made, near := pdf.with_name(f".{PDF}"))
-        os.replace(near, pdf)
+        replace_file(pdf, made.read_bytes())

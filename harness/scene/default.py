@@ -29,8 +29,9 @@ from screwgauge.reference.closed.loops import loop_equations
 from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.errors import DescriptionError, OutputError, ScrewgaugeError, check_seed, first_few
 from screwgauge.reference.expressions import vector
-from screwgauge.reference.files import check_free, is_file, is_path, named_file, stamped
+from screwgauge.reference.files import is_file, is_path, named_file
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.outputs import check_free, stamped
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import read_toml
 from screwgauge.scene.motion import Drive, read_drive

@@ -27,9 +27,9 @@ from screwgauge.problem import GivenMotion, ModelFiles, Rows
 from screwgauge.quantities import GIVEN
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.errors import ScrewgaugeError
-from screwgauge.reference.files import replace_file
 from screwgauge.reference.graph import layout
 from screwgauge.reference.mobility import mobility
+from screwgauge.reference.outputs import replace_file
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene

@@ -20,7 +20,7 @@ import tomli_w
 from campaigns.rows import CODE
 
 import screwgauge
-from screwgauge.reference.files import replace_file
+from screwgauge.reference.outputs import replace_file
 from screwgauge.study.runner import InTurn, Task, grow_table
 
 FACTORS = (3.0, 2.0, 1.5)

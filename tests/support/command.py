@@ -7,7 +7,8 @@ import sys
 
 from screwgauge.cli import GROUPS, main
 from screwgauge.cli import _parser as parser
-from screwgauge.reference.files import LIMITS, digest, named_file, read_file, read_json, replace_file
+from screwgauge.reference.files import LIMITS, digest, named_file, read_file, read_json
+from screwgauge.reference.outputs import replace_file
 
 
 def printed_by(code: str) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from textwrap import wrap
 
 from screwgauge.reference.errors import DescriptionError, ReportError, shown
-from screwgauge.reference.files import check_free, replace_file, stamped, with_digest
+from screwgauge.reference.outputs import check_free, save_file
 from screwgauge.report.blocks import Picture
 from screwgauge.report.figures.chart import GAP, Spec, still_parts
 from screwgauge.report.figures.renderer import RENDERER
@@ -67,16 +67,15 @@ class Figure(Picture):
         spec, svg = json.loads(self.chart or "{}"), self.svg
         if {"layer", "facet", "vconcat"} & spec.keys():
             svg = _drawn(spec, in_points(width), _installed(font), size)
-        replace_file(path, picture_file(svg, path.suffix, width, dpi))
-        return path
+        return save_file(path, picture_file(svg, path.suffix, width, dpi), force=force)
 
 
 def picture_file(svg: str, ending: str, width: str, dpi: int) -> str | bytes:
     """Content of an SVG, PDF or PNG file of a width such as ``8.5cm`` with all that is in an SVG."""
     if ending == ".svg":
-        return stamped(sized(svg, in_points(width), "pt"))
+        return sized(svg, in_points(width), "pt")
     call, more = ("svg_to_pdf", {}) if ending == ".pdf" else ("svg_to_png", {"ppi": dpi})
-    return with_digest(bytes(RENDERER.ask(call, sized(svg, in_points(width)), **more)))
+    return bytes(RENDERER.ask(call, sized(svg, in_points(width)), **more))
 
 
 def check_ending(path: Path, known: Iterable[str] = ENDINGS, where: str = "figure") -> None:

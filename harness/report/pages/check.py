@@ -12,7 +12,8 @@ import numpy as np
 
 from screwgauge.judging.residual import JUDGE
 from screwgauge.reference.errors import OutputError, first_few
-from screwgauge.reference.files import replace_file, stamped, why
+from screwgauge.reference.files import why
+from screwgauge.reference.outputs import save_file
 from screwgauge.report.blocks import Banner, Heading, Picture
 from screwgauge.report.figures.run import pair_picture
 from screwgauge.report.layout import Report
@@ -170,6 +171,7 @@ class _Page(Report):
         *,
         junit: Path | None = None,
         baseline: Path | None = None,
+        force: bool = False,
         **writing: Any,
     ) -> Path:
         """Writes ``check.json``, the report and ``environment.json``; JUnit and baseline where they are asked for.
@@ -177,7 +179,7 @@ class _Page(Report):
         The summary of a job is added to the file that `SUMMARY` names.
         """
         if junit is not None:
-            replace_file(junit, stamped(results.junit()))
+            save_file(junit, results.junit(), force=force)
         if summary := os.environ.get(SUMMARY):
             try:
                 with Path(summary).open("a", encoding="utf-8") as file:
@@ -185,9 +187,9 @@ class _Page(Report):
             except OSError as error:
                 what = f"cannot be written ({why(error)})"
                 raise OutputError(what, f"{SUMMARY}, {summary}", "unset it, or name a file") from error
-        super().write(results, out, **writing)
+        super().write(results, out, force=force, **writing)
         if baseline is not None:
-            results.write_baseline(baseline)
+            results.write_baseline(baseline, force=force)
         return out
 
 

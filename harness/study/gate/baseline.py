@@ -13,7 +13,8 @@ from screwgauge.environment import environment, json_text
 from screwgauge.judging.residual import Residual
 from screwgauge.quantities import SOLVED, digits
 from screwgauge.reference.errors import DescriptionError, OutputError, shown
-from screwgauge.reference.files import overwriting, read_json, replace_file
+from screwgauge.reference.files import read_json
+from screwgauge.reference.outputs import check_place, overwriting, replace_file
 from screwgauge.study.gate.items import GateRow
 from screwgauge.study.store import is_record
 
@@ -63,12 +64,13 @@ def state(rows: Iterable[GateRow], smoke: bool) -> dict[str, Any]:
     }
 
 
-def write_baseline(file: Path, rows: Sequence[GateRow], smoke: bool) -> None:
+def write_baseline(file: Path, rows: Sequence[GateRow], smoke: bool, *, force: bool = False) -> None:
     """Makes the state of these rows the known one.
 
     Raises:
-        OutputError: One of them has no numbers, or the file cannot be written; it is then as it was.
+        OutputError: One of them has no numbers, or the file cannot be written or is no baseline; it is then as it was.
     """
+    check_baseline(file, force=force)
     if broken := [row.scene for row in rows if row.status in ("failed", "refused")]:
         what = f"a state in which {', '.join(broken)} cannot be checked is no baseline"
         raise OutputError(what, str(file), "mend that first, or leave out --update")
@@ -109,6 +111,7 @@ def check_baseline(file: Path, *, force: bool = False) -> None:
     Raises:
         OutputError: It is something else.
     """
+    check_place(file)
     if not os.path.lexists(file) or force:
         return
     try:

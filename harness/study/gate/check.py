@@ -82,13 +82,17 @@ class Check:
         if not self.ok:
             raise AssertionError("\n".join(self.faults) or "nothing was checked")
 
-    def write_baseline(self, file: str | Path) -> None:
+    def write_baseline(self, file: str | Path, *, force: bool = False) -> None:
         """Makes this the known state.
+
+        Args:
+            file: A baseline that is there is replaced.
+            force: So is any other file.
 
         Raises:
             OutputError: Something could not be checked, or the file not be written; it is then as it was.
         """
-        write_baseline(Path(file), self.rows, self.smoke)
+        write_baseline(Path(file), self.rows, self.smoke, force=force)
 
     @property
     def record(self) -> dict[str, Any]:
