@@ -200,6 +200,8 @@ def _parser() -> argparse.ArgumentParser:
     meshes = "let MuJoCo compute mass and inertia from meshes in the folder of an MJCF"
     add("--meshes", action="store_true", help=meshes)
     add("--reader", choices=["pinocchio", "mujoco", "yourdfpy"], help="who reads it (default: that of its format)")
+    tensors = "take tensors that no body has, such as wrist.triangle"
+    add("--allow", metavar="A,B", help=tensors)
 
     add = command(
         commands.run, "drive the engines with a scene, compare them, write the report", out="SCENE", epilog=EXIT_STATUS
@@ -211,6 +213,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--seed", type=_whole(0), metavar="N", help="of the exciting motion (0)")
     values = "write times, positions and forces (--quantities) as CSV: of the first engine, or of each in a folder"
     add("--csv", type=_path, metavar="FILE.csv|DIR", help=values)
+    add("--allow", metavar="A,B", help=f"of a URDF or MJCF: {tensors}")
     add("--samples", action="store_true", help="write all samples too (samples.parquet; needs pyarrow)")
     add("--pdf", action="store_true", help="print the report to report.pdf, too (needs Chromium or Chrome)")
     add("--json", action="store_true", help="print the summary as JSON")

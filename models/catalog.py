@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,7 @@ from screwgauge.reference.description import read_mechanism, read_tables
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.files import A_PATH, is_file, is_path, named_file
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.tables import read_toml
+from screwgauge.reference.tables import read_names, read_toml
 
 FOLDER = Path(__file__).parent
 
@@ -21,11 +23,12 @@ def mechanism_names() -> list[str]:
     return sorted(path.parent.name for path in FOLDER.glob("*/*.toml") if path.stem == path.parent.name)
 
 
-def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "") -> Path:
+def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "", allow: Sequence[str] = ()) -> Path:
     """Path of the description of a built-in mechanism, or of what a name means in a folder; a model file is imported.
 
     Args:
         where: What to blame.
+        allow: Tensors that are taken though no body has them, besides those that a description allows.
 
     Raises:
         UnknownNameError: Neither a built-in name nor a file, and nothing that is meant to be one.
@@ -36,10 +39,23 @@ def mechanism_path(name: str | Path, folder: Path = Path(), where: str = "") -> 
     if is_model(path):
         from screwgauge.models.importing.model import imported_file
 
-        return imported_file(path)[0]
+        return imported_file(path, allow)[0]
     if is_path(str(name)) or (where and is_file(path)):
-        return path
+        return _allowing(path, allow)
     raise UnknownNameError("mechanism", str(name), mechanism_names(), where, A_PATH)
+
+
+def _allowing(path: Path, allow: Sequence[str]) -> Path:
+    """A description that allows what another one does not, in a folder that goes away with the process."""
+    own = read_names(read_toml(path).get("allow", []), f"{path}, allow") if allow else ()
+    if {*allow} <= {*own}:
+        return path
+    from screwgauge.models.importing.model import scratch_folder
+
+    file = scratch_folder() / path.name
+    texts = {"extends": str(path.resolve()), "allow": [*own, *allow]}
+    file.write_text("".join(f"{key} = {json.dumps(value)}\n" for key, value in texts.items()), encoding="utf-8")
+    return file
 
 
 def load_mechanism(name: str | Path, *, closed: bool = True) -> Mechanism:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -195,7 +195,7 @@ def _copied(joint: Joint) -> Edge:
 def _link(edge: Edge, mechanism: Mechanism, shares: Counter[str], copied: bool) -> Link:
     name = f"{edge.far}@{edge.joint.name}" if copied else edge.far
     whole, parts = mechanism.body(edge.far), shares[edge.far]
-    share = Body(name, whole.mass / parts, whole.com, whole.inertia / parts, whole.where)
+    share = replace(whole, name=name, mass=whole.mass / parts, inertia=whole.inertia / parts)
     return Link(name, edge.far, share, edge.near, edge.joint, edge.reverse)
 
 

@@ -10,6 +10,7 @@ model.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence, Set
+from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -19,7 +20,7 @@ from screwgauge.models.layout import Closure, Freedom, Link, Tree, lay_out
 from screwgauge.models.shapes import add_contact_pairs, add_geoms, add_sensors
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import UnknownNameError, first_few
-from screwgauge.reference.mechanism import GROUND, SLACK, Body, Frame, Mechanism
+from screwgauge.reference.mechanism import GROUND, SLACK, Body, Frame, Mechanism, triangle_excess
 from screwgauge.reference.rotations import Array
 
 #: The least mass and moment of a moving body that MuJoCo takes [kg, kg m^2]; it stands for none at all.
@@ -39,14 +40,19 @@ def inertial(body: Body) -> dict[str, str]:
     attributes = {"pos": vector_text(body.com), "mass": number_text(body.mass or LEAST)}
     if not body.mass:
         return {**attributes, "diaginertia": vector_text([LEAST] * 3)}
-    return {**attributes, **of_tensor(body.inertia)}
+    return {**attributes, **of_tensor(body.inertia, body.allowed)}
 
 
-def of_tensor(I: Array) -> dict[str, str]:
-    """A tensor in the axes of its body as attributes of an ``<inertial>``. Shape (3, 3)."""
+def of_tensor(I: Array, allowed: bool = False) -> dict[str, str]:
+    """A tensor in the axes of its body as attributes of an ``<inertial>``. Shape (3, 3).
+
+    Args:
+        allowed: One that MuJoCo refuses is written as the next that it takes, see `mass_properties`.
+    """
     least, middle, largest = np.linalg.eigvalsh(I)
     room, excess = max(ROOM * largest, ABOVE), largest - least - middle
-    if min(least, -excess) > room or max(-least, excess) > SLACK * np.trace(I):  # clearly taken, clearly refused
+    refused = max(-least, excess) > SLACK * np.trace(I) and not allowed
+    if min(least, -excess) > room or refused:  # clearly taken, clearly refused
         return {"fullinertia": tensor_text(I)}
     moments, q = principal(I)
     turned = {} if q is None else {"quat": vector_text(q)}
@@ -81,6 +87,27 @@ def without_stand_ins(mass: Array, moments: Array) -> tuple[Array, Array]:
     return np.where((mass <= LEAST) & ~moments.any(axis=1), 0.0, mass), moments
 
 
+#: Name of the numbers of an MJCF that are the principal moments of a body, where MuJoCo refuses these.
+MOMENTS = "screwgauge.moments."
+
+
+def mass_properties(model: Any) -> tuple[Array, Array]:
+    """Masses, shape (n,), and principal moments, (n, 3), as the file of a loaded model means them, see `MOMENTS`."""
+    masses, moments = without_stand_ins(model.body_mass, model.body_inertia)
+    names = {model.body(i).name: i for i in range(model.nbody)}
+    for k in range(model.nnumeric):
+        name, its = model.numeric(k).name, model.numeric(k).data
+        body = names.get(name.removeprefix(MOMENTS)) if name.startswith(MOMENTS) else None
+        if body is not None and its.shape == (3,) and (its >= 0.0).all() and np.isfinite(its).all():
+            moments[body] = its
+    return masses, moments
+
+
+def _refused(body: Body) -> bool:
+    """Whether MuJoCo refuses the tensor of a body."""
+    return bool(body.mass and triangle_excess(body.inertia))
+
+
 def stood_in(names: Sequence[str]) -> Iterator[str]:
     """Sentences: moments of bodies stand for zero and are set to it after loading."""
     if names:
@@ -95,7 +122,15 @@ def stand_ins(mechanism: Mechanism) -> Iterator[str]:
     moments = {body.name: principal(body.inertia)[0] for body in mechanism.bodies if body.mass}
     for sentence in stood_in([name for name, its in moments.items() if _none(its).any()]):
         yield f"MJCF: {sentence}"
+    beyond = [body.name for body in mechanism.bodies if _refused(body)]
+    if beyond:
+        yield (
+            f"MJCF: MuJoCo refuses A + B < C: the largest moment of {first_few(beyond, SHOWN)} is A + B; the engine "
+            f"mujoco sets it to that of the description ({MOMENTS}... of <custom>) after loading, other programs do not"
+        )
     for name, its in moments.items():
+        if name in beyond:
+            continue
         off = float(np.abs(without_stand_ins(np.ones(1), _taken(its)[None])[1] - its).max())
         if off > ROUNDING * float(its.max()):
             yield (
@@ -144,6 +179,7 @@ def write_mjcf(
     bodies = _bodies(ET.SubElement(root, "worldbody"), tree, "limits" in include)
     if "geoms" in include:
         add_geoms(bodies, tree, solid="contacts" in include)
+    _moments(root, [link.body for link in tree.links if _refused(link.body)])
     _closures(root, bodies, tree.closures)
     _couplings(root, mechanism.couplings)
     if "contacts" in include:
@@ -196,6 +232,13 @@ def _bodies(world: ET.Element, tree: Tree, limited: bool) -> dict[str, ET.Elemen
             _joint(element, freedom, link, limited)
         bodies[link.name] = element
     return bodies
+
+
+def _moments(root: ET.Element, bodies: Sequence[Body]) -> None:
+    """Writes the principal moments of bodies whose tensors MuJoCo refuses."""
+    custom = ET.SubElement(root, "custom") if bodies else root
+    for body in bodies:
+        ET.SubElement(custom, "numeric", name=f"{MOMENTS}{body.name}", data=vector_text(principal(body.inertia)[0]))
 
 
 def _place(element: ET.Element, frame: Frame) -> None:

@@ -12,6 +12,7 @@ from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, shown
 from screwgauge.reference.expressions import number, rotation_matrix, unit_vector, vector
 from screwgauge.reference.graph import check_connected
+from screwgauge.reference.inertia import settled
 from screwgauge.reference.left_out import LeftOut, read_left_out
 from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
@@ -23,6 +24,7 @@ from screwgauge.reference.tables import (
     merge,
     read_coefficients,
     read_name,
+    read_names,
     read_table,
     read_text,
     read_toml,
@@ -30,7 +32,7 @@ from screwgauge.reference.tables import (
 )
 
 _TOP = {"name", "title", "source", "group", "extends", "bodies", "joints", "couplings"}
-_TOP |= {"independent", "spherical_axial", "left_out"}
+_TOP |= {"independent", "spherical_axial", "left_out", "allow"}
 _BODY = {"mass", "com", "inertia", "inertia_rotation"}
 _JOINT = {"kind", "parent", "child", "axes", "coordinates", "home", "limits", "actuated"}
 _JOINT |= {"parent_frame", "child_frame"}
@@ -58,17 +60,21 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
     name = read_name(required(data, "name", where), f"{where}, name")
     bodies, joints = read_table(data, "bodies", where), read_table(data, "joints", where)
     read_joints = tuple(read_joint(key, value, f"{where}, joints.{key}") for key, value in joints.items())
+    given = [_body(key, value, f"{where}, bodies.{key}") for key, value in bodies.items()]
+    couplings, allow = read_couplings(data, where), read_names(data.get("allow", []), f"{where}, allow")
+    settled_bodies, remarks = settled(given, read_joints, couplings, allow, where)
     mechanism = Mechanism(
         name=name,
         title=check_text(data.get("title", name), f"{where}, title"),
         source=check_text(data.get("source", ""), f"{where}, source"),
         group=check_text(data.get("group", "others"), f"{where}, group"),
-        bodies=tuple(_body(key, value, f"{where}, bodies.{key}") for key, value in bodies.items()),
+        bodies=settled_bodies,
         joints=read_joints,
         independent=read_table(data, "independent", where),
         axial=read_axial(data.get("spherical_axial"), joints, f"{where}, spherical_axial"),
         where=where,
-        couplings=read_couplings(data, where),
+        couplings=couplings,
+        remarks=remarks,
         left_out=_left_out(data, read_joints, bodies, where),
     )
     _check_names(mechanism, where)
@@ -98,6 +104,7 @@ def _left_out(
 
 
 def _body(name: str, table: Any, where: str) -> Body:
+    """A body whose tensor is not checked yet, see `settled`."""
     read_name(name, where)
     check_keys(table, _BODY, where)
     mass = number(required(table, "mass", where), f"{where}.mass")
@@ -110,7 +117,7 @@ def _body(name: str, table: Any, where: str) -> Body:
     if "inertia_rotation" in table:  # eq. (52): the tensor is given in rotated axes
         tensor = R @ tensor @ R.T
         tensor = 0.5 * (tensor + tensor.T)
-    return Body(name, mass, com, tensor, where)
+    return Body(name, mass, com, tensor, where, allowed=True)
 
 
 def read_joint(name: str, table: Any, where: str) -> Joint:

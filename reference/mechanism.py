@@ -66,6 +66,7 @@ class Body:
         com: Centre of mass in the body frame [m]. Shape (3,).
         inertia: Inertia tensor about the centre of mass, in body axes [kg m^2]. Shape (3, 3). Points and thin
             rods (zero principal moments) are legal.
+        allowed: Whether its principal moments may violate the triangle inequality, see `inertia`.
     """
 
     name: str
@@ -73,6 +74,7 @@ class Body:
     com: Array
     inertia: Array
     where: str = ""
+    allowed: bool = False
 
     def __post_init__(self) -> None:
         where = self.where or self.name
@@ -89,10 +91,20 @@ class Body:
         if moments[0] < -slack:
             what = f"inertia is not positive semidefinite (smallest principal moment {moments[0]:.3g} kg m^2)"
             raise DescriptionError(what, where, "check the signs of the products of inertia")
-        excess = moments[2] - moments[0] - moments[1]
-        if excess > slack:
+        if (excess := triangle_excess(self.inertia)) and not self.allowed:
             what = f"principal moments {moments.tolist()} kg m^2 violate the triangle inequality by {excess:.3g}"
             raise DescriptionError(what, where, "no body of positive mass has them; check the tensor and its axes")
+
+
+def triangle_excess(inertia: Array) -> float:
+    """How much the largest principal moment exceeds the sum of the others [kg m^2]; zero where it does not.
+
+    Args:
+        inertia: Shape (3, 3).
+    """
+    least, middle, largest = np.linalg.eigvalsh(inertia)
+    excess = float(largest - least - middle)
+    return excess if excess > SLACK * max(float(np.trace(inertia)), 0.0) else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -59,7 +59,7 @@ def test_a_bucket_is_moved_by_its_three_motors(tmp_path):
     assert not said(imported)
     forces = held(path, tmp_path, boom=0.0, ram2=0.434, ram3=0.594)
     expected = {"boom": -82215.374, "ram2": -29573.030, "ram3": -6588.948}  # computed apart from this package
-    assert forces == pytest.approx(expected, rel=1e-7)
+    assert forces == pytest.approx(expected, rel=1e-7, abs=0)
 
 
 def test_a_short_stroke_comes_before_a_hinge_that_nothing_drives(write, tmp_path):

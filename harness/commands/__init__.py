@@ -74,7 +74,8 @@ def import_(options: argparse.Namespace) -> int:
     if options.file.suffix == ".toml":
         return _import_description(options, out)
     independent, actuated = _names(options.independent), _names(options.actuated)
-    wanted = Wanted(None if independent is None else dict(zip(independent, independent, strict=True)), actuated)
+    chosen = None if independent is None else dict(zip(independent, independent, strict=True))
+    wanted = Wanted(chosen, actuated, _names(options.allow) or ())
     choice = Options(options.loops, options.reader or "", options.floating, options.meshes, wanted)
     imported_model = import_isolated(options.file, choice)
     written = write_imported(imported_model, out, force=options.force)
@@ -91,7 +92,7 @@ def _import_description(options: argparse.Namespace, out: Path) -> int:
     from screwgauge.models.importing.description import import_description
     from screwgauge.scene.default import write_imported
 
-    for name in ("loops", "independent", "actuated", "floating", "meshes", "reader"):
+    for name in ("loops", "independent", "actuated", "floating", "meshes", "reader", "allow"):
         if getattr(options, name):
             raise DescriptionError(f"--{name} is for model files", "import", "leave it out, and edit the description")
     description, text = import_description(options.file)
@@ -100,15 +101,22 @@ def _import_description(options: argparse.Namespace, out: Path) -> int:
     return 0
 
 
-def imported(name: str) -> None:
-    """Imports a model file that is named in place of a mechanism or scene, and prints notes on it."""
+def imported(name: str, allow: list[str] | None = None) -> None:
+    """Imports a model file that is named in place of a mechanism or scene, and prints notes on it.
+
+    Args:
+        allow: Tensors that are taken though no body has them.
+    """
     if is_model(name):
-        from screwgauge.models.importing.model import keep, notes
+        from screwgauge.models.importing.model import Options, Wanted, keep, notes
         from screwgauge.reference.files import named_file
         from screwgauge.study.loading import import_isolated
 
-        for sentence in notes(keep(path := named_file(Path(), name), import_isolated(path))[1]):
+        choice = Options(wanted=Wanted(allow=allow or ()))
+        for sentence in notes(keep(path := named_file(Path(), name), import_isolated(path, choice))[1]):
             complain(f"screwgauge: {sentence}")
+    elif allow:
+        raise DescriptionError("--allow is for model files", "run", "write allow = [...] into the description")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -120,7 +128,7 @@ def run(options: argparse.Namespace) -> int:
     from screwgauge.report.write import browser
     from screwgauge.scene.read import load_scene
 
-    imported(options.scene)
+    imported(options.scene, _names(options.allow))
     scene = load_scene(options.scene)
     if options.exciting:
         from screwgauge.scene.default import exciting

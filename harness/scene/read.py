@@ -16,6 +16,7 @@ from screwgauge.reference.applied import Applied
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.expressions import number
 from screwgauge.reference.files import A_PATH, is_file, is_path, named_file
+from screwgauge.reference.inertia import TRIANGLE
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import (
@@ -73,7 +74,9 @@ def is_scene(name: str) -> bool:
 def _read(path: Path) -> Scene:
     data, where = read_toml(path), str(path)
     check_keys(data, _KEYS, where)
-    file = mechanism_path(read_text(data, "mechanism", where), path.parent, where)
+    allow = read_names(data.get("allow", []), f"{where}, allow")
+    tensors = [entry for entry in allow if entry.endswith(f".{TRIANGLE}")]
+    file = mechanism_path(read_text(data, "mechanism", where), path.parent, where, tensors)
     mechanism = load_mechanism(file)
     read = _read_simulated if "forward" in data else _read_given
     tolerances = data.get("tolerances", {})
@@ -88,7 +91,7 @@ def _read(path: Path) -> Scene:
         tolerances={key: positive(value, f"{where}, tolerances.{key}") for key, value in tolerances.items()},
         models=read_models(data.get("models", {}), path.parent, f"{where}, models"),
         figures=read_items(data, "figures", where, read_figure),
-        allow=read_names(data.get("allow", []), f"{where}, allow"),
+        allow=allow,
         file=path,
         **read(data, path, mechanism),
     )

@@ -41,8 +41,8 @@ class Scene:
         tolerances: Scaled tolerance by quantity, where the scene changes the default.
         models: Model files that replace the generated ones, by engine.
         figures: What the report draws.
-        allow: What model files may differ in from the description, ``coupler.inertia``, and what may be left unread,
-            ``models.mujoco.unread``.
+        allow: What model files may differ in from the description, ``coupler.inertia``, what may be left unread,
+            ``models.mujoco.unread``, and tensors that no body has, ``wrist.triangle``.
         file: Where it was read from.
         drive: A given motion as a function of time.
         text: The tables ``motion``, ``gravity`` and ``loads`` as they were read, numbers still being text.

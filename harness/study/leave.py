@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 
 from screwgauge.reference.errors import UnknownNameError
+from screwgauge.reference.inertia import TRIANGLE
+from screwgauge.reference.mechanism import triangle_excess
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
 from screwgauge.study.left_out import LeftOutForces
@@ -31,13 +33,15 @@ def check_leave(scene: Scene) -> None:
     joints = [name for joint in mechanism.joints for name in (joint.name, *joint.coordinates)]
     beyond = [each.of.partition(" ")[2] for each in mechanism.left_out]
     things = dict.fromkeys([*(body.name for body in mechanism.bodies), *joints, *beyond, MODEL, LOOPS])
-    properties = (*PROPERTIES, *EVENTS, UNREAD)
+    properties = (*PROPERTIES, *EVENTS, UNREAD, TRIANGLE)
     for entry in scene.allow:
         thing, _, what = entry.rpartition(".")
         if what not in properties:
             raise UnknownNameError("property", what, properties, where)
         if what == UNREAD:
             _check(thing, files_of(scene), "file of the scene", where)
+        elif what == TRIANGLE:
+            _check(thing, [body.name for body in mechanism.bodies], "body", where)
         elif what in PROPERTIES and what not in PARTS and PROPERTIES[what].owner not in _UNNAMED:
             _check(thing, things, "body or joint", where)
 
@@ -62,6 +66,7 @@ def idle_entries(
     """
     found = {each.key for solution in solutions.values() for each in solution.otherwise}
     found |= {*unread, *forces.inertia}
+    found |= {f"{body.name}.{TRIANGLE}" for body in scene.mechanism.bodies if triangle_excess(body.inertia)}
     if {*scene.models} <= {*solutions}:
         for entry in scene.allow:
             if entry not in found:

@@ -10,7 +10,7 @@ import numpy as np
 
 from screwgauge.models.content import kinds
 from screwgauge.models.machine import Machine
-from screwgauge.models.mjcf import without_stand_ins
+from screwgauge.models.mjcf import mass_properties
 from screwgauge.models.readings.compiled import coupled_joints, heard, shares, sites_along
 from screwgauge.models.readings.mujoco import is_disabled, loaded, turn
 from screwgauge.models.readings.read import read_source
@@ -191,7 +191,7 @@ def _of_actuators(model: Any, where: str) -> Iterator[LeftOut]:
 
 def _of_bodies(model: Any, reading: Reading, where: str) -> Iterator[LeftOut]:
     """Weight that is borne, and drag, of every body of the file that moves."""
-    masses, moments = without_stand_ins(model.body_mass, model.body_inertia)
+    masses, moments = mass_properties(model)
     weighs = not is_disabled(model, "GRAVITY")
     density, viscosity = float(model.opt.density), float(model.opt.viscosity)
     for i in range(1, model.nbody):

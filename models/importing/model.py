@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -18,6 +17,7 @@ from screwgauge.models.formats import TENSOR, document, key, lines
 from screwgauge.models.importing.assemble import assemble, choose
 from screwgauge.models.importing.joints import Group, graph_of, groups, joint, left_out, listed, pin_name, springs_of
 from screwgauge.models.importing.left_out import check_whole, kept, left_out_of
+from screwgauge.models.importing.names import TAKEN, accepted, unused
 from screwgauge.models.machine import Body as RigidBody
 from screwgauge.models.machine import Machine
 from screwgauge.models.readings.anchors import points_off_bodies
@@ -31,6 +31,7 @@ from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.files import check_count, digest, files_read, is_file
+from screwgauge.reference.inertia import TRIANGLE, settled
 from screwgauge.reference.left_out import LeftOut, entries
 from screwgauge.reference.lint import implausible
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
@@ -45,7 +46,9 @@ def description(mechanism: Mechanism, remarks: Sequence[str] = ()) -> str:
     """
     out = [f"# {line}" for remark in remarks for line in wrap(remark, 116)]
     head = {"name": mechanism.name, "title": mechanism.title, "source": mechanism.source, "group": mechanism.group}
-    out += lines({name: value for name, value in head.items() if value})
+    out += lines(
+        {name: value for name, value in {**head, "allow": tuple(sorted(_allowed(mechanism)))}.items() if value}
+    )
     parts = [(f"[bodies.{key(body.name)}]", _entries_of_body(body)) for body in mechanism.bodies]
     parts += [(f"[joints.{key(joint.name)}]", _entries_of_joint(joint)) for joint in mechanism.joints]
     left_out = [("[[left_out]]", entries(one)) for one in mechanism.left_out]
@@ -78,8 +81,6 @@ def _entries_of_joint(joint: Joint) -> dict[str, Any]:
 
 #: Of mass and squared length of the model: what merging links leaves of moments of inertia that are zero.
 ROUNDING = 1e-16
-#: Names that are taken: the fixed world of a description, that of MuJoCo, and who exerts loads.
-TAKEN = (GROUND, "world", "environment")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,15 +105,20 @@ class Imported:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What is to be independent (label -> coordinate) and actuated (joints); None leaves it to the file."""
+    """What is to be independent (label -> coordinate) and actuated (joints); None leaves it to the file.
+
+    Attributes:
+        allow: Tensors that no body has and that are taken, such as ``wrist.triangle``.
+    """
 
     independent: Mapping[str, str] | None = None
     actuated: Sequence[str] | None = None
+    allow: Sequence[str] = ()
 
     def otherwise(self, independent: Mapping[str, str], actuated: Sequence[str]) -> Wanted:
         """Choices, with the given ones where nothing was chosen."""
         chosen = independent if self.independent is None else self.independent
-        return Wanted(chosen, actuated if self.actuated is None else self.actuated)
+        return replace(self, independent=chosen, actuated=actuated if self.actuated is None else self.actuated)
 
 
 def describe(
@@ -145,7 +151,7 @@ def describe(
     actuated = _actuated(graph, wanted.actuated, where)
     moved = any(joint.home != own.joints[name].home for name, joint in reading.joints.items())
     known = {} if moved else {one.name: one for one in given}  # their coordinates are those of the file's home
-    mechanism, composites = _mechanism(graph, frozenset(actuated or ()), known, where)
+    mechanism, composites = _mechanism(graph, frozenset(actuated or ()), known, wanted.allow, where)
     names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
     mechanism, odd_choices = choose(mechanism, actuated, wanted.independent, where)
     mechanism = replace(mechanism, left_out=kept(beyond, mechanism, graph, tables, where))
@@ -162,24 +168,27 @@ def describe(
 
 
 def _mechanism(
-    graph: Machine, driven: frozenset[str], known: Mapping[str, Joint], where: str
+    graph: Machine, driven: frozenset[str], known: Mapping[str, Joint], allow: Sequence[str], where: str
 ) -> tuple[Mechanism, list[str]]:
-    """The mechanism, nothing being independent or actuated yet, and which composite joints it cannot hold."""
+    """The mechanism, nothing being independent or actuated yet, and what it cannot hold as it is read, in sentences."""
     reading = graph.reading
     joints, carriers, remarks = _joints(graph, driven, known)
     solid = [_body(name, body, graph.length, where) for name, body in graph.bodies.items() if name != GROUND]
     for count, what in ((len(solid) + len(carriers), "bodies"), (len(joints), "joints")):
         check_count(count, what, where)
     left = {name for link in graph.links for name in link.joints}
+    couplings = tuple(_coupling(n, entry, where) for n, entry in reading.couplings.items() if entry.joint in left)
+    bodies, sentences = settled((*solid, *carriers), joints, couplings, allow, where)
+    remarks += (f"{sentence[0].upper()}{sentence[1:]}." for sentence in sentences)
     mechanism = Mechanism(
-        name=_accepted([reading.name], "model")[reading.name],
-        bodies=(*solid, *carriers),
+        name=accepted([reading.name], "model")[reading.name],
+        bodies=bodies,
         joints=joints,
         independent={},
         title=reading.name,
         group="imported",
         where=where,
-        couplings=tuple(_coupling(n, entry, where) for n, entry in reading.couplings.items() if entry.joint in left),
+        couplings=couplings,
     )
     if not mechanism.mass:
         raise DescriptionError("no body that moves has mass", where, "give mass to one at least")
@@ -188,12 +197,12 @@ def _mechanism(
 
 def _renamed(reading: Reading) -> tuple[Reading, dict[str, dict[str, str]]]:
     """The reading with names that a description accepts, and these: room of a reading -> name -> accepted name."""
-    joints = _accepted(reading.joints, "joint")
+    joints = accepted(reading.joints, "joint")
     names = {
-        "bodies": _accepted(reading.bodies, "body"),
+        "bodies": accepted(reading.bodies, "body"),
         "joints": joints,
-        "closures": _accepted(reading.closures, "loop", (*TAKEN, *joints.values())),
-        "couplings": _accepted(reading.couplings, "coupling"),
+        "closures": accepted(reading.closures, "loop", (*TAKEN, *joints.values())),
+        "couplings": accepted(reading.couplings, "coupling"),
     }
     known = {name: entry for name, entry in reading.couplings.items() if entry.joint in joints}
     return renamed(replace(reading, couplings=known), names), names
@@ -223,12 +232,13 @@ def _coupling(name: str, entry: CouplingReading, where: str) -> Coupling:
 
 
 def _body(name: str, body: RigidBody, length: float, where: str) -> Body:
+    """A body whose tensor is not checked yet, see `settled`."""
     matter = body.local
     if not matter.mass:
         return Body(name, 0.0, np.zeros(3), np.zeros((3, 3)))
     inertia = 0.5 * (matter.inertia + matter.inertia.T)
     inertia[np.abs(inertia) < ROUNDING * matter.mass * length**2] = 0.0
-    return Body(name, matter.mass, matter.com, inertia, f"{where}, body '{name}'")
+    return Body(name, matter.mass, matter.com, inertia, f"{where}, body '{name}'", allowed=True)
 
 
 def _joints(
@@ -248,7 +258,7 @@ def _joints(
             if i < len(steps) - 1:  # has the axes of the body at the end, and its origin in the joint
                 pose = far[1].copy()
                 pose[:3, 3] = group.point
-                far = _unused(f"{next(iter(group.freedoms))}.carrier", names), pose
+                far = unused(f"{next(iter(group.freedoms))}.carrier", names), pose
                 carriers.append(Body(far[0], 0.0, np.zeros(3), np.zeros((3, 3))))
             name = group.name or _joint_name(group, used)
             known = given.get(group.name)  # of closures
@@ -263,30 +273,7 @@ def _joint_name(group: Group, used: set[str]) -> str:
         return next(iter(group.freedoms))
     parts = {name.rpartition(".")[0] for name in group.freedoms}
     whole = parts.pop() if len(parts) == 1 else ""
-    return _unused(whole or "+".join(group.freedoms), used)
-
-
-def _accepted(names: Iterable[str], kind: str, taken: Iterable[str] = TAKEN) -> dict[str, str]:
-    """Each name, or one like it that a description accepts and nothing else has.
-
-    Args:
-        kind: What stands in for a name that has no usable character.
-    """
-    wanted = list(dict.fromkeys(names))
-    fine = {name for name in wanted if re.fullmatch(r"\w[\w.:+-]*", name) and name not in {*taken}}
-    used, result = {*taken, *fine}, {}
-    for name in wanted:
-        result[name] = name if name in fine else _unused(re.sub(r"[^\w.:+-]+", "-", name).strip("-.:+") or kind, used)
-    return result
-
-
-def _unused(name: str, used: set[str]) -> str:
-    """The name, numbered if it is used already; used from now on."""
-    number, base = 2, name
-    while name in used:
-        name, number = f"{base}-{number}", number + 1
-    used.add(name)
-    return name
+    return unused(whole or "+".join(group.freedoms), used)
 
 
 #: Keyframe that users of MJCF call so.
@@ -368,12 +355,21 @@ def scratch_folder() -> Path:
 _imported: dict[Path, tuple[dict[Path, str], tuple[Path, Imported]]] = {}
 
 
-def imported_file(path: Path) -> tuple[Path, Imported]:
-    """A description made from a model file, in a folder that goes away with the process; made once for its content."""
+def imported_file(path: Path, allow: Sequence[str] = ()) -> tuple[Path, Imported]:
+    """A description made from a model file, in a folder that goes away with the process; made once for its content.
+
+    Args:
+        allow: See `Wanted`; empty, it is as the file was imported last.
+    """
     digests, made = _imported.get(path, ({}, None))
-    if made is None or digests != _digests([*digests], path):
-        made = keep(path, import_model(path))
+    if made is None or digests != _digests([*digests], path) or not {*allow} <= _allowed(made[1].mechanism):
+        made = keep(path, import_model(path, Options(wanted=Wanted(allow=allow))))
     return made
+
+
+def _allowed(mechanism: Mechanism) -> set[str]:
+    """Entries of ``allow`` that a mechanism was made with."""
+    return {f"{body.name}.{TRIANGLE}" for body in mechanism.bodies if body.allowed}
 
 
 def keep(path: Path, imported: Imported) -> tuple[Path, Imported]:

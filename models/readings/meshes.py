@@ -12,6 +12,7 @@ from xml.etree import ElementTree as ET
 from screwgauge.models.content import Content, kind_of
 from screwgauge.models.files.parts import inside, joints_in
 from screwgauge.models.formats import vector_text
+from screwgauge.models.mjcf import MOMENTS
 from screwgauge.models.readings.compiled import compiled, warned
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.files import check_count, read_bytes
@@ -21,6 +22,16 @@ _FROM_FILES = ("mesh", "hfield", "sdf")
 _SECTIONS = ("asset", "visual", "sensor", "statistic", "custom", "size")
 #: Elements that read other files without an attribute `file`.
 _READERS = ("skin",)
+
+
+def _without_sections(root: ET.Element) -> None:
+    """Take `_SECTIONS` out of an MJCF, but for principal moments that the file says in numbers of its own."""
+    for section in [section for name in _SECTIONS for section in root.findall(name)]:
+        for each in [*section]:
+            if not each.get("name", "").startswith(MOMENTS):
+                section.remove(each)
+        if not len(section):
+            root.remove(section)
 
 
 def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()) -> list[Content]:
@@ -36,9 +47,7 @@ def without_meshes(root: ET.Element, where: str, *, moving: Collection[str] = ()
         ModelFileError: Mass of a moving body would come from what is taken out.
     """
     content = list[Content]()
-    for name in _SECTIONS:
-        for section in root.findall(name):
-            root.remove(section)
+    _without_sections(root)
     for shape in weighs(root):
         what = f"mass of body {shape.body.get('name', '(unnamed)')}"
         if shape.moves or shape.body.tag in moving:

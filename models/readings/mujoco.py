@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from screwgauge.models.content import Content
-from screwgauge.models.mjcf import POWERS, without_stand_ins
+from screwgauge.models.mjcf import POWERS, mass_properties
 from screwgauge.models.poses import matrix, screw
 from screwgauge.models.readings.assemble import Assembly, assemble
 from screwgauge.models.readings.compiled import (
@@ -109,7 +109,7 @@ def _links(model: Any, data: Any, root: str) -> Iterator[tuple[str, BodyReading]
     names = [root, *(model.body(i).name for i in range(1, model.nbody))]
     if root and root not in names[1:]:
         yield root, BARE
-    masses, moments = without_stand_ins(model.body_mass, model.body_inertia)
+    masses, moments = mass_properties(model)
     for i in range(1, model.nbody):
         R, near, first = turn(model.body_iquat[i]), names[model.body_parentid[i]], model.body_jntadr[i]
         mass = float(masses[i])

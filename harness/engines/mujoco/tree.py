@@ -17,7 +17,7 @@ from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
 from screwgauge.models.files.loops import LoopsFile
 from screwgauge.models.files.parts import check_made
 from screwgauge.models.layout import Closure
-from screwgauge.models.mjcf import LEAST, POWERS, without_stand_ins
+from screwgauge.models.mjcf import LEAST, POWERS, mass_properties
 from screwgauge.models.readings.mujoco import joint_equality, turn
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import ModelFileError
@@ -71,7 +71,7 @@ def prepare(model: mujoco.MjModel) -> None:
     """
     model.opt.disableflags |= _FRICTION
     model.body_gravcomp[:], model.opt.density, model.opt.viscosity = 0.0, 0.0, 0.0
-    model.body_mass[:], model.body_inertia[:] = without_stand_ins(model.body_mass, model.body_inertia)
+    model.body_mass[:], model.body_inertia[:] = mass_properties(model)
     for kind in ("body", "site"):  # frames within 1e-6 m count as one, which small mechanisms do not survive
         getattr(model, f"{kind}_sameframe")[:] = 0
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # sparse ones are wrong in 4.0.0 (issue 3767)

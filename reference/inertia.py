@@ -1,0 +1,114 @@
+"""Inertia tensors that violate the triangle inequality: completed in a plane, allowed, or refused."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from screwgauge.reference.couplings import Coupling
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, first_few
+from screwgauge.reference.mechanism import SLACK, Body, Joint, triangle_excess
+from screwgauge.reference.planar import normals_of_planes
+from screwgauge.reference.rotations import Array
+
+#: Property of a body by which `allow` admits its tensor: ``wrist.triangle``.
+TRIANGLE = "triangle"
+#: Sine below which axes that are not parallel were meant to be.
+MEANT = 1e-3
+#: Bodies that a sentence names.
+SHOWN = 4
+
+
+def settled(
+    bodies: Sequence[Body],
+    joints: Sequence[Joint],
+    couplings: Sequence[Coupling] = (),
+    allow: Collection[str] = (),
+    where: str = "",
+) -> tuple[tuple[Body, ...], tuple[str, ...]]:
+    """Bodies with tensors that they can have, or that are allowed, and sentences on what was completed or allowed.
+
+    Args:
+        bodies: Whose tensors have not been checked (`Body.allowed`).
+        allow: Entries such as ``wrist.triangle``.
+
+    Raises:
+        DescriptionError: A tensor violates the triangle inequality, and that matters and is not allowed.
+        UnknownNameError: An entry of `allow` is of no such body or property.
+    """
+    excused = _excused(bodies, allow, where)
+    excesses = {body.name: excess for body in bodies if (excess := triangle_excess(body.inertia))}
+    normals = normals_of_planes(joints, couplings) if {*excesses} - excused else {}
+    found, completed, sentences = list[Body](), list[str](), list[str]()
+    for body in bodies:
+        tensor = body.inertia
+        if body.name in excesses and body.name in excused:
+            sentences.append(_allowed(body, excesses[body.name]))
+        elif body.name in excesses:
+            tensor = next(_completed(tensor, normals.get(body.name, ())), tensor)
+            if triangle_excess(tensor):
+                raise _refusal(body, excesses[body.name], normals.get(body.name), joints, couplings)
+            completed.append(body.name)
+        found.append(replace(body, inertia=tensor, allowed=body.name in excused))
+    if completed:
+        sentences.append(
+            f"one moment of inertia is enough for {first_few(completed, SHOWN)}, which turn about one direction only, "
+            "as in a planar machine: those across it have no effect, and are raised to the least that a body can have"
+        )
+    sentences += (f"allow names {name}.{TRIANGLE}, which admits nothing" for name in sorted(excused - {*excesses}))
+    return tuple(found), tuple(sentences)
+
+
+def _excused(bodies: Sequence[Body], allow: Collection[str], where: str) -> set[str]:
+    """Names of the bodies that `allow` admits."""
+    known, names = [body.name for body in bodies], set[str]()
+    for entry in allow:
+        name, _, what = entry.rpartition(".")
+        if what != TRIANGLE:
+            raise UnknownNameError("property", what, [TRIANGLE], f"{where}, allow")
+        if name not in known:
+            raise UnknownNameError("body", name, known, f"{where}, allow")
+        names.add(name)
+    return names
+
+
+def _completed(inertia: Array, normals: Sequence[Array] | Array) -> Iterator[Array]:
+    """The tensor with moments across a normal that are the least of what a body can have, normal by normal.
+
+    About the normal n it is as it was, ``I n = J n``; across it, ``I + d (1 - n n^T)`` has the sum J.
+    """
+    size = float(np.trace(inertia))
+    for n in normals:
+        J = float(n @ inertia @ n)
+        if np.abs(inertia @ n - J * n).max() <= SLACK * size:
+            raised = inertia + 0.5 * (2.0 * J - size) * (np.eye(3) - np.outer(n, n))
+            if J > 0.0 and not triangle_excess(raised):
+                yield raised
+
+
+def _allowed(body: Body, excess: float) -> str:
+    """What it means that a tensor is taken though no body has it."""
+    largest = float(np.linalg.eigvalsh(body.inertia)[-1])
+    return (
+        f"allowed: the largest principal moment of {body.name}, {largest:.4g} kg m^2, exceeds the sum of the others by "
+        f"{excess:.3g} ({excess / largest:.2g} of it), which no rigid body has: one of the three is wrong by "
+        f"{excess / 3.0:.2g} kg m^2 at least, torques by that times the angular acceleration"
+    )
+
+
+def _refusal(
+    body: Body, excess: float, normals: Array | None, joints: Sequence[Joint], couplings: Sequence[Coupling]
+) -> DescriptionError:
+    """Why a tensor is refused, and what to do."""
+    moments = np.linalg.eigvalsh(body.inertia).tolist()
+    what = f"principal moments {moments} kg m^2 violate the triangle inequality by {excess:.3g}"
+    if normals is not None:
+        axis = np.round(normals[0], 6) + 0.0
+        remedy = f"it turns about {axis.tolist()} of its axes only, give the moment about that"
+    elif body.name in normals_of_planes(joints, couplings, MEANT):
+        remedy = "one moment is enough where axes are parallel, and those of its joints nearly are; write them in full"
+    else:
+        remedy = "no body of positive mass has them, and it turns about more than one direction; check the tensor"
+    return DescriptionError(what, body.where, f'{remedy}, or allow them: allow = ["{body.name}.{TRIANGLE}"]')

@@ -1,0 +1,98 @@
+"""Bodies that turn about one direction alone, whatever the machine does, as those of a planar machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import numpy as np
+
+from screwgauge.reference.couplings import Coupling
+from screwgauge.reference.mechanism import GROUND, Joint
+from screwgauge.reference.rotations import Array, cross, rotation
+
+#: Sine up to which axes are parallel: their numbers have twelve digits.
+PARALLEL = 1e-11
+#: Direction in one body -> that in a neighbour; None where the joint between may turn it.
+Step = Callable[[Array], Array | None]
+
+
+def normals_of_planes(
+    joints: Sequence[Joint], couplings: Sequence[Coupling], parallel: float = PARALLEL
+) -> dict[str, Array]:
+    """Directions about which alone bodies turn; of those that never turn, all axes.
+
+    A body turns about a direction of ground alone if it hangs on ground by some joints that turn about this direction
+    only; all other joints can but restrain it further. Coordinates that a coupling holds do not turn anything.
+
+    Args:
+        parallel: Sine up to which axes are parallel.
+
+    Returns:
+        Body -> unit vectors in its axes, shape (n, 3). Bodies that turn about more directions are missing.
+    """
+    constants = {one.coordinate: float(one.polynomial[0]) for one in couplings if not one.of}
+    steps: dict[str, list[tuple[str, Step]]] = {}
+    for joint in joints:
+        for near, far, outward in ((joint.parent, joint.child, True), (joint.child, joint.parent, False)):
+            steps.setdefault(near, []).append((far, _step(joint, constants, outward, parallel)))
+    still = _carried({GROUND: np.eye(3)}, steps)
+    found = {name: axes for name, axes in still.items() if name != GROUND}
+    for direction in _directions(still, joints, constants, parallel):
+        for name, axis in _carried({name: axes @ direction for name, axes in still.items()}, steps).items():
+            found.setdefault(name, axis[None])
+    return found
+
+
+def _carried(known: Mapping[str, Array], steps: Mapping[str, Sequence[tuple[str, Step]]]) -> dict[str, Array]:
+    """Directions of ground in the axes of bodies that no joint on some way can turn. Columns of one or of three."""
+    reached, rim = dict(known), [*known]
+    for name in rim:
+        for far, step in steps.get(name, ()):
+            if far not in reached and (beyond := step(reached[name])) is not None:
+                reached[far] = beyond
+                rim.append(far)
+    return reached
+
+
+def _step(joint: Joint, constants: Mapping[str, float], outward: bool, parallel: float) -> Step:
+    """How a joint carries directions from its parent to its child, or back."""
+    near, far = (joint.parent_frame, joint.child_frame)[:: 1 if outward else -1]
+    turns = _turns(joint, constants, outward)
+
+    def step(directions: Array) -> Array | None:
+        u = near.R.T @ directions
+        for axis, angle in turns:
+            if angle is not None:
+                u = rotation(axis, np.array(-angle)) @ u
+            elif u.ndim > 1 or np.linalg.norm(cross(axis, u)) > parallel:
+                return None
+        return np.asarray(far.R @ u)
+
+    return step
+
+
+def _turns(joint: Joint, constants: Mapping[str, float], outward: bool) -> list[tuple[Array, float | None]]:
+    """Axes of a joint as they follow each other outward or back, each with the angle at which it is held, if it is."""
+    sign, turns = 1.0 if outward else -1.0, list[tuple[Array, float | None]]()
+    for name, (turning, axis) in zip(joint.coordinates, joint.freedoms, strict=True):
+        if turning:
+            turns.append((axis, sign * constants[name] if name in constants else None))
+    return turns if outward else turns[::-1]
+
+
+def _directions(
+    still: Mapping[str, Array], joints: Iterable[Joint], constants: Mapping[str, float], parallel: float
+) -> list[Array]:
+    """Directions of ground about which joints on bodies that do not turn may turn others."""
+    found = list[Array]()
+    for joint in joints:
+        for (body, frame), outward in zip(joint.sides, (True, False), strict=True):
+            R = frame.R
+            for axis, angle in _turns(joint, constants, outward) if body in still else ():
+                if angle is None:
+                    direction = np.asarray(still[body].T @ R @ axis)
+                    if all(np.linalg.norm(cross(direction, one)) > parallel for one in found):
+                        found.append(direction)
+                    break
+                R = R @ rotation(axis, np.array(angle))
+    return found
