@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from screwgauge.reference.couplings import Fixing
 from screwgauge.reference.mechanism import Frame, Mechanism
 from screwgauge.reference.rotations import Array, skew
 
@@ -43,14 +44,6 @@ def tensor(entries: Iterable[float]) -> Array:
     for (i, j), entry in zip(TENSOR.values(), entries, strict=True):
         I[i, j] = I[j, i] = entry
     return I
-
-
-def inverse(frame: Frame) -> Frame:
-    return Frame(p=-frame.R.T @ frame.p, R=frame.R.T)
-
-
-def compose(first: Frame, second: Frame) -> Frame:
-    return Frame(p=first.p + first.R @ second.p, R=first.R @ second.R)
 
 
 def rpy(R: Array) -> Array:
@@ -102,6 +95,8 @@ def document(top: Sequence[str], mechanism: Mechanism, parts: Sequence[Table], l
         tables.append(("[spherical_axial]", {"joint": mechanism.axial[0], "direction": mechanism.axial[1]}))
     tables += parts
     for one in mechanism.couplings:
+        if isinstance(one, Fixing):  # as the kind of its joint says
+            continue
         of = {"of": one.of} if one.of else {}
         coupling = {"coordinate": one.coordinate, **of, "polynomial": one.polynomial}
         tables.append((f"[couplings.{key(one.name)}]", coupling))

@@ -15,12 +15,13 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from screwgauge.models.formats import compose, inverse, number_text, quaternion, tensor_text, vector_text
-from screwgauge.models.layout import Closure, Freedom, Link, Tree, lay_out
+from screwgauge.models.formats import number_text, quaternion, tensor_text, vector_text
+from screwgauge.models.layout import Closure, Freedom, Link, Tree, held, lay_out
 from screwgauge.models.shapes import add_contact_pairs, add_geoms, add_sensors
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import UnknownNameError, first_few
 from screwgauge.reference.mechanism import GROUND, SLACK, Body, Frame, Mechanism, triangle_excess
+from screwgauge.reference.rigid import compose, inverse
 from screwgauge.reference.rotations import Array
 
 #: The least mass and moment of a moving body that MuJoCo takes [kg, kg m^2]; it stands for none at all.
@@ -172,7 +173,7 @@ def write_mjcf(
     tree = lay_out(mechanism, cut)
     root = ET.Element("mujoco", model=mechanism.name)
     root.append(ET.Comment(f" {cut} cut; written by screwgauge models "))
-    for sentence in stand_ins(mechanism):
+    for sentence in (*stand_ins(mechanism), *held(mechanism)):
         comment = sentence.removeprefix("MJCF: ").replace("--", "- -")  # which would end a comment
         root.append(ET.Comment(f" {comment} "))
     _settings(root, gravity, include)
@@ -259,7 +260,7 @@ def _joint(element: ET.Element, freedom: Freedom, link: Link, limited: bool) -> 
     if frame.p.any():
         joint.set("pos", vector_text(frame.p))
     joint.set("axis", vector_text(frame.R @ freedom.axis))
-    if limited and np.isfinite(freedom.limits).any():
+    if limited and np.isfinite(freedom.limits).any() and not link.joint.fixed:
         joint.set("limited", "true")
         joint.set("range", vector_text(np.clip(freedom.limits, -FAR, FAR)))
 

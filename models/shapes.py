@@ -207,7 +207,7 @@ def _freedoms(mechanism: Mechanism, unit: float) -> list[tuple[Joint, Array, Arr
     lay, found = layout(mechanism), list[tuple[Joint, Array, Array]]()
     at = pose(lay, mechanism.home[None])
     for joint in mechanism.joints:
-        if joint.constrains:
+        if joint.constrains and not joint.fixed:
             screws = at.S[0, lay.columns[joint.name]] / np.repeat([1.0, unit], 3)
             screws /= np.maximum(np.abs(screws).max(axis=1, keepdims=True), 1e-12) if not joint.angles else 1.0
             basis = np.linalg.qr(screws.T)[0]
@@ -252,6 +252,10 @@ def _joint(joint: Joint, parent: int, child: int, unit: float, cut: bool) -> Ite
     """Axes of a joint, each in the body that carries it, marked where it is driven or cut."""
     colour, name, (body, place) = DRIVEN if joint.actuated else PLAIN, joint.name, mark(joint)
     first, at = parent if body == joint.parent else child, place / unit
+    if joint.fixed:
+        e = JOINT * joint.parent_frame.R[:, 2]
+        yield Shape("joints", "box", first, at - e, at + e, JOINT, colour, name)
+        return
     second = child if joint.angles == 2 else first
     for (turns, axis), i in zip(joint.freedoms, (first, second, child), strict=False):
         frame = joint.parent_frame if i == parent else joint.child_frame

@@ -52,6 +52,11 @@ class Coupling:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Fixing(Coupling):
+    """The coupling that holds the hinge of a fixed joint, by the name of the joint."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class CouplingRows:
     """Couplings as equations in some vector of n_q coordinates, one row each.
 
@@ -117,8 +122,8 @@ def bind(couplings: Sequence[Coupling], coordinates: Sequence[str]) -> CouplingR
 
 
 def component_name(coupling: Coupling) -> str:
-    """Name of the component of ``reaction`` by which a coupling acts along its coordinate."""
-    return f"{coupling.name}.coupling"
+    """Name of the component of ``reaction`` by which a coupling acts along its coordinate: of a fixed joint ``mz``."""
+    return f"{coupling.name}.{'mz' if isinstance(coupling, Fixing) else 'coupling'}"
 
 
 def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -> None:

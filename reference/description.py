@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from screwgauge.reference.couplings import Coupling
-from screwgauge.reference.errors import DescriptionError, shown
+from screwgauge.reference.couplings import Coupling, Fixing
+from screwgauge.reference.errors import DescriptionError, UnknownNameError, shown
 from screwgauge.reference.expressions import number, rotation_matrix, unit_vector, vector
 from screwgauge.reference.graph import check_connected
 from screwgauge.reference.inertia import settled
@@ -36,6 +36,8 @@ _TOP |= {"independent", "spherical_axial", "left_out", "allow"}
 _BODY = {"mass", "com", "inertia", "inertia_rotation"}
 _JOINT = {"kind", "parent", "child", "axes", "coordinates", "home", "limits", "actuated"}
 _JOINT |= {"parent_frame", "child_frame"}
+#: Of a fixed joint, which has neither axes nor coordinates.
+_FIXED = {"kind", "parent", "child", "parent_frame", "child_frame"}
 _COUPLING = ("coordinate", "of", "polynomial")
 #: Default of three axes.
 XYZ = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
@@ -61,7 +63,7 @@ def read_mechanism(path: Path, find: Callable[[str], Path] = Path) -> Mechanism:
     bodies, joints = read_table(data, "bodies", where), read_table(data, "joints", where)
     read_joints = tuple(read_joint(key, value, f"{where}, joints.{key}") for key, value in joints.items())
     given = [_body(key, value, f"{where}, bodies.{key}") for key, value in bodies.items()]
-    couplings, allow = read_couplings(data, where), read_names(data.get("allow", []), f"{where}, allow")
+    couplings, allow = read_couplings(data, read_joints, where), read_names(data.get("allow", []), f"{where}, allow")
     settled_bodies, remarks = settled(given, read_joints, couplings, allow, where)
     mechanism = Mechanism(
         name=name,
@@ -98,7 +100,7 @@ def read_tables(path: Path, find: Callable[[str], Path], seen: tuple[Path, ...] 
 def _left_out(
     data: dict[str, Any], joints: Sequence[Joint], bodies: Collection[str], where: str
 ) -> tuple[LeftOut, ...]:
-    coordinates = [name for joint in joints for name in joint.coordinates]
+    coordinates = [name for joint in joints if not joint.fixed for name in joint.coordinates]
     turning = [joint.name for joint in joints if joint.angles == 3]
     return read_left_out(data, where, coordinates, turning, bodies)
 
@@ -125,6 +127,9 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
     read_name(name, where)
     check_keys(table, _JOINT, where)
     kind = check_name("joint kind", str(required(table, "kind", where)), KINDS, where)
+    if kind == "fixed":
+        check_keys(table, _FIXED, where)
+        table = {**table, "axes": [[0, 0, 1]]}
     n, n_axes = len(KINDS[kind]), max(1, sum(KINDS[kind]))
     axes, at = table.get("axes", XYZ) if n_axes == 3 else required(table, "axes", where), f"{where}.axes"
     check_length(axes, n_axes, f"a {kind} joint has {n_axes} axes", at, "write a list of unit vectors")
@@ -152,10 +157,24 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
     )
 
 
-def read_couplings(data: dict[str, Any], where: str) -> tuple[Coupling, ...]:
-    """Reads ``[couplings]``, also of a loops file; there may be none."""
+def read_couplings(data: dict[str, Any], joints: Sequence[Joint], where: str) -> tuple[Coupling, ...]:
+    """Reads ``[couplings]``, also of a loops file; there may be none. Those that hold fixed joints are added."""
     tables = read_table(data, "couplings", where) if "couplings" in data else {}
-    return tuple(_coupling(name, table, f"{where}, couplings.{name}") for name, table in tables.items())
+    read = tuple(_coupling(name, table, f"{where}, couplings.{name}") for name, table in tables.items())
+    fixed, known = _fixings(joints), [name for joint in joints if not joint.fixed for name in joint.coordinates]
+    for one in read:
+        for held in fixed:
+            if held.coordinate in (one.coordinate, one.of):
+                raise UnknownNameError("coordinate", held.coordinate, known, one.where)
+            if held.name == one.name:
+                raise DescriptionError(f"the fixed joint '{one.name}' has this name", one.where, "rename the coupling")
+    return (*read, *fixed)
+
+
+def _fixings(joints: Iterable[Joint]) -> tuple[Fixing, ...]:
+    """The couplings that hold fixed joints."""
+    fixed = (joint for joint in joints if joint.fixed)
+    return tuple(Fixing(joint.name, joint.coordinates[0], "", np.zeros(1), joint.where) for joint in fixed)
 
 
 def _coupling(name: str, table: Any, where: str) -> Coupling:
@@ -211,6 +230,6 @@ def _check_names(mechanism: Mechanism, where: str) -> None:
             raise DescriptionError(f"two coordinates are called '{name}'", where, "name them apart")
     for label, name in mechanism.independent.items():
         read_name(label, f"{where}, independent")
-        check_name("coordinate", str(name), mechanism.coordinates, f"{where}, independent.{label}")
+        check_name("coordinate", str(name), mechanism.moving, f"{where}, independent.{label}")
     if len(set(mechanism.independent.values())) < len(mechanism.independent):
         raise DescriptionError("one coordinate is named twice", f"{where}, independent", "name different ones")

@@ -150,8 +150,8 @@ def check_connected(mechanism: Mechanism, where: str) -> None:
     tree, coupled = spanning_tree(mechanism), coupled_joints(mechanism)
     for joint in tree.cuts:
         if joint.name in coupled:
-            what = "every joint of the loop that it closes has a coupled coordinate"
-            raise DescriptionError(what, joint.where, "leave one of these couplings out: the loop moves that joint")
+            what = "every joint of the loop that it closes is fixed or has a coupled coordinate"
+            raise DescriptionError(what, joint.where, "leave one of these out")
         if not joint.constrains:
             raise DescriptionError("F joints alone make a loop", joint.where, "remove one of them")
     reached = {GROUND, *(edge.far for edge in tree.edges)}

@@ -209,7 +209,7 @@ def suspicious(mechanism: Mechanism) -> tuple[Suspicion, ...]:
         sentences = [wide.get(body.name, ""), *_masses(body, its, unit, extent)]
         sentences += [_alike(body)] if body.name in wide else []
         suspicions += [Suspicion(body.name, body.com, text) for text in sentences if text]
-        for a, b in combinations([end for end in its if end.joint.angles < 3], 2):
+        for a, b in combinations([end for end in its if end.joint.angles < 3 and not end.joint.fixed], 2):
             if text := _between(a, b, unit, few=len(its) == 2):
                 suspicions.append(Suspicion(body.name, a.frame.p, text))
     return tuple(suspicions)

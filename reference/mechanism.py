@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import DTypeLike
 
-from screwgauge.reference.couplings import Coupling, CouplingRows, bind, check_couplings
+from screwgauge.reference.couplings import Coupling, CouplingRows, Fixing, bind, check_couplings
 from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import Array, across
 
@@ -31,7 +31,8 @@ SLACK = 1e-12
 #: Freedoms of each kind in order: True turns about its axis, False slides along it. Composite joints are serial: each
 #: axis is carried by the freedoms before it, and all axes meet in the joint's origin. E slides in a plane and turns
 #: about its normal. F constrains nothing, it gives a pose coordinates: x, y and z in the parent's frame, then three
-#: angles. The mechanics of each kind is in `equations.joint_types`.
+#: angles. A fixed joint leaves nothing: it is a hinge about axis z of its frame that a `couplings.Fixing` holds. The
+#: mechanics of each kind is in `equations.joint_types`.
 KINDS: dict[str, tuple[bool, ...]] = {
     "R": (True,),
     "P": (False,),
@@ -40,6 +41,7 @@ KINDS: dict[str, tuple[bool, ...]] = {
     "C": (True, False),
     "E": (False, False, True),
     "F": (False, False, False, True, True, True),
+    "fixed": (True,),
 }
 #: Kinds of joint whose loop is closed by points of the two bodies that coincide, and how many.
 POINTS = {"R": 2, "S": 1}
@@ -154,6 +156,11 @@ class Joint:
         return len(KINDS[self.kind]) - self.angles
 
     @property
+    def fixed(self) -> bool:
+        """Whether it leaves no freedom: a coupling holds its only coordinate at zero."""
+        return self.kind == "fixed"
+
+    @property
     def constrains(self) -> bool:
         """Whether it transmits any force: F does not."""
         return len(KINDS[self.kind]) < 6
@@ -175,7 +182,7 @@ class Joint:
 
     def __post_init__(self) -> None:
         where = self.where or self.name
-        if self.actuated and len(self.coordinates) != 1:
+        if self.actuated and (self.fixed or len(self.coordinates) != 1):
             raise DescriptionError(f"a {self.kind} joint cannot be actuated", where, "actuate an R or a P joint")
         if len(self.axes) > 1:
             gram = self.axes @ self.axes.T
@@ -235,6 +242,7 @@ class Mechanism:
         check_couplings(self.couplings, self.coordinates)
 
     def __repr__(self) -> str:
+        told = [coupling for coupling in self.couplings if not isinstance(coupling, Fixing)]
         drives = zip(self.actuator_names, self.actuator_units, strict=True)
         parts: dict[tuple[str, int], list[str]] = {
             ("bodies", len(self.bodies)): [f"{body.name} {body.mass:.4g} kg" for body in self.bodies],
@@ -242,9 +250,7 @@ class Mechanism:
             ("loops", len(self.joints) - len(self.bodies)): [],
             ("freedoms", len(self.independent)): [f"{label} = {name}" for label, name in self.independent.items()],
             ("actuators", len(self.actuators)): [f"{name} [{unit}]" for name, unit in drives],
-            ("couplings", len(self.couplings)): [
-                " of ".join(filter(None, (x.coordinate, x.of))) for x in self.couplings
-            ],
+            ("couplings", len(told)): [" of ".join(filter(None, (x.coordinate, x.of))) for x in told],
         }
         text = [f"Mechanism {self.name}{': ' * bool(self.title)}{self.title}"]
         for (name, count), items in parts.items():
@@ -255,6 +261,11 @@ class Mechanism:
     def coordinates(self) -> tuple[str, ...]:
         """Names of all joint coordinates, in the order of the joints."""
         return tuple(name for joint in self.joints for name in joint.coordinates)
+
+    @cached_property
+    def moving(self) -> tuple[str, ...]:
+        """Names of the coordinates that are not those of fixed joints."""
+        return tuple(name for joint in self.joints if not joint.fixed for name in joint.coordinates)
 
     @cached_property
     def units(self) -> tuple[str, ...]:

@@ -70,7 +70,7 @@ def mobility(lay: Layout, q: Array) -> Mobility:
     freedoms = G.shape[1] - linear.rank(G)
     return Mobility(
         bodies=len(mechanism.bodies),
-        joint_freedoms=len(mechanism.coordinates),
+        joint_freedoms=len(mechanism.moving),
         kutzbach=6 * len(mechanism.bodies) - constraints,
         mobility=freedoms,
         constraints=constraints,

@@ -106,7 +106,7 @@ def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
         inner = [side for side in joint.bodies if side not in ends]
         parts.setdefault(root(group, inner[0]) if inner else joint.name, []).append(joint)
     ways = [part for part in parts.values() if ends <= {*_sides(part)}]
-    kept = coupled_joints(mechanism)
+    kept = coupled_joints(mechanism) - {joint.name for joint in mechanism.joints if joint.fixed}
     return tuple(_leg(part, body, kept) for part in ways if any(joint.constrains for joint in part))
 
 
@@ -131,7 +131,8 @@ def _leg(joints: list[Joint], body: str, kept: frozenset[str]) -> Leg:
     name = groups.pop() if len(groups) == 1 and len(joints) > 1 else ""
     name = name or (ends[0].name if len(joints) == 1 else f"{ends[0].name} to {ends[-1].name}")
     coupled = ", coupled" * any(joint.name in kept for joint in joints)
-    return Leg(name, "".join(joint.kind for joint in ends) + coupled if simple else "", tuple(joints))
+    kinds = "".join(joint.kind for joint in ends if not joint.fixed)
+    return Leg(name, kinds + coupled if simple else "", tuple(joints))
 
 
 def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Array, unit: float = 1.0) -> list[Array]:

@@ -56,7 +56,11 @@ def assembly_of(mechanism: Mechanism, solution: Solution) -> Array | None:
     if solution.assembly is not None:
         return solution.assembly
     given = solution.values.get("joint_position")
-    return None if given is None or given.components != mechanism.coordinates else given.array
+    if given is None or given.components not in (mechanism.coordinates, mechanism.moving):
+        return None
+    q = np.zeros((len(given.array), len(mechanism.coordinates)))  # those of fixed joints may be left out
+    q[:, mechanism.columns(given.components)] = given.array
+    return q
 
 
 def other_assemblies(
@@ -160,14 +164,14 @@ def in_one_chart(mechanism: Mechanism, solutions: Mapping[str, Solution]) -> dic
 
 
 def _has(values: Values, mechanism: Mechanism) -> bool:
-    return {*mechanism.coordinates} <= {*values.components}
+    return {*mechanism.moving} <= {*values.components}
 
 
 def _rewritten(mechanism: Mechanism, reference: Solution, one: Solution) -> Solution:
     """One solution in the chart of the reference."""
     arrays = {name: one.values[name].array.copy() for name in (_POSITION, *_ALONG) if name in one.values}
     place = {name: {c: k for k, c in enumerate(one.values[name].components)} for name in arrays}
-    own, theirs = _coordinates(mechanism, one), reference.values[_POSITION].pick(mechanism.coordinates).array
+    own, theirs = _coordinates(mechanism, one), _coordinates(mechanism, reference)
     notes = list[str]()
     for joint in mechanism.joints:
         names = _angles(joint)

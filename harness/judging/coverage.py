@@ -196,7 +196,8 @@ class _Parts:
         if self.terms[1]:
             names, needed = parameters(now)
             self.parameters = names, [*compared_forces(now, needed, counted)]
-        self.planar = normal_of_plane(unit_twists(now.motion)[0]) is not None
+        twists = unit_twists(now.motion)[0, mechanism.columns(mechanism.moving)]
+        self.planar = normal_of_plane(twists) is not None
 
     def coverage(self, tolerance_of: Callable[[str], float]) -> Coverage:
         """Coverage of the motion; what stays hidden in any other, too, is named."""

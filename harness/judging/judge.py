@@ -14,6 +14,7 @@ from screwgauge.judging.residual import JUDGE_COLUMNS, Residuals, frame
 from screwgauge.judging.trust import Refusal
 from screwgauge.problem import GivenMotion, Problem, Rows
 from screwgauge.quantities import BODY_MOTION, QUANTITIES, SOLVED, arm, integrated_tolerance
+from screwgauge.reference.couplings import component_name
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.solution import Solution, common_rows
 from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
@@ -149,7 +150,7 @@ def closure(answer: Answer, given: GivenMotion | None = None, orders: Sequence[i
             components, columns = [*names], [missing[:, :, part].reshape(len(missing), -1)]
             for k, (coupling, column) in enumerate(zip(mechanism.couplings, tied, strict=True)):
                 if f"{mechanism.units[column]}{per}" == unit:
-                    components.append(f"{coupling.name}.coupling")
+                    components.append(component_name(coupling))
                     columns.append(coupled[:, [k]])
             for k, (label, column) in enumerate(zip(mechanism.independent, mechanism.independent_columns, strict=True)):
                 if y and f"{mechanism.units[column]}{per}" == unit:

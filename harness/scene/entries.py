@@ -136,7 +136,7 @@ def read_spring(mechanism: Mechanism, table: Any, where: str) -> Spring:
     if not (spring.stiffness or spring.damping):
         raise DescriptionError("the spring exerts nothing", where, "give a stiffness or a damping")
     if isinstance(spring, JointSpring):
-        check_name("coordinate", spring.coordinate, mechanism.coordinates, where)
+        check_name("coordinate", spring.coordinate, mechanism.moving, where)
     else:
         for body in (spring.first, spring.second):
             check_name("body", body, mechanism.body_index, where)
@@ -161,7 +161,7 @@ def _ends(table: dict[str, Any], where: str, amounts: dict[str, float]) -> Sprin
 def read_motor(mechanism: Mechanism, table: Any, where: str) -> Motor:
     """A force along a joint coordinate over time, in the terms of a motion."""
     check_keys(table, {"coordinate", "offset", "polynomial", "harmonics"}, where)
-    coordinate = check_name("coordinate", read_text(table, "coordinate", where), mechanism.coordinates, where)
+    coordinate = check_name("coordinate", read_text(table, "coordinate", where), mechanism.moving, where)
     terms = {key: value for key, value in table.items() if key != "coordinate"}
     if not terms:
         raise DescriptionError("the motor exerts nothing", where, "give offset, polynomial or harmonics")

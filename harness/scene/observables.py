@@ -92,7 +92,7 @@ def read_observable(mechanism: Mechanism, table: Any, where: str) -> Observable:
         )
     if "coordinate" in table:
         check_keys(table, {"name", "coordinate"}, where)
-        coordinate = check_name("coordinate", read_text(table, "coordinate", where), mechanism.coordinates, where)
+        coordinate = check_name("coordinate", read_text(table, "coordinate", where), mechanism.moving, where)
         unit = mechanism.units[mechanism.coordinates.index(coordinate)]
         return Observable(name, unit, coordinate=coordinate)
     body, axis = read_text(table, "body", where), read_text(table, "axis", where)

@@ -41,6 +41,7 @@ from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Failure, Solution
 from screwgauge.study.comparison import Comparison, facts, provenance
+from screwgauge.study.fixed import without_fixed
 from screwgauge.study.leave import UNREAD, check_leave, idle_entries
 from screwgauge.study.left_out import LeftOutForces, without_left_out
 from screwgauge.study.methods import left_out, without
@@ -211,7 +212,7 @@ class _RunSteps:
         """Errors by component and by pair, the latter with rows of what is missing."""
         scene, lay, answers = self.scene, self.checked.lay, self.answers
         given = answers if lay is None else observed(scene, lay, answers, self.checked.wanted)
-        self.solutions = in_one_chart(scene.mechanism, given)
+        self.solutions = without_fixed(scene.mechanism, in_one_chart(scene.mechanism, given))
         errors, pairs = self._compared()
         if lay is not None and (unsure := sorted(doubtful(pairs, self.judged.values()) & {*answers})):
             self._estimate_integration(lay, unsure)
@@ -248,7 +249,8 @@ class _RunSteps:
         for name in unsure:
             self.judged[name] = self.judge(self.answers[name], [runs[name] for runs in looser if name in runs])
             runs = {f"{k}": run[name] for k, run in enumerate(seen) if name in run}
-            first, *again = in_one_chart(scene.mechanism, {"": self.solutions[name], **runs}).values()
+            alike = in_one_chart(scene.mechanism, {"": self.solutions[name], **runs})
+            first, *again = without_fixed(scene.mechanism, alike).values()
             self.integration[name] = integrated(first, again)
             self.solutions[name] = replace(first, notes=(*first.notes, integration_note(self.integration[name])))
 

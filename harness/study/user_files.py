@@ -46,6 +46,7 @@ from screwgauge.scene.motion import same_times
 from screwgauge.scene.observables import Header, Recorded, read_header
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values, empty
+from screwgauge.study.fixed import add_fixed
 
 #: An angle that is so close to that of the scene, whole turns aside, is meant to be that [rad].
 NEAR = 0.1
@@ -80,6 +81,7 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
     table, n = scene.tables[name], len(scene.t)
     rows, at = same_times(scene.t, table.t)
     columns = _columns(table, names, wanted)
+    add_fixed(scene.mechanism, columns, len(table.t))
     if not rows.size:
         raise DescriptionError("has none of the times of the scene", table.where, "ask for times that it has")
     values: dict[str, Values] = {}

@@ -89,6 +89,7 @@ HELD = {
     "C": ("across", "across"),
     "E": ("along", "across"),
     "F": ("", ""),
+    "fixed": ("world", "across"),
 }
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from flint import arb, arb_mat
 
+from screwgauge.reference.couplings import Fixing
 from screwgauge.reference.description import XYZ
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
@@ -75,7 +76,7 @@ def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
     """The couplings of a mechanism, their numbers from its tables."""
     place, ties = mechanism.coordinates.index, []
     for one in mechanism.couplings:
-        polynomial = vector(tables["couplings"][one.name]["polynomial"])
+        polynomial = [arb(0)] if isinstance(one, Fixing) else vector(tables["couplings"][one.name]["polynomial"])
         ties.append(Tie(place(one.coordinate), place(one.of) if one.of else None, polynomial))
     return ties
 
@@ -306,7 +307,8 @@ def _move(column: int, sign: int, turns: bool, axis: Vector) -> Move:
 
 
 def _frames(kind: str, table: Mapping[str, Any], rounded: bool) -> Frames:
-    parts = table.get("parent_frame", {}), table.get("child_frame", {}), table.get("axes", XYZ)
+    axes = XYZ[2:] if kind == "fixed" else table.get("axes", XYZ)
+    parts = table.get("parent_frame", {}), table.get("child_frame", {}), axes
     parent, child, axes = (widened(part) for part in parts) if rounded else parts
     turns = [unit_vector(axis) for axis in axes]
     count = KINDS[kind].count(False)  # a single slide is along the axis

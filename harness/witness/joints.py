@@ -48,6 +48,7 @@ JOINT_KINDS = {
     "C": JointKind(("hinge", "slide"), "across", "across"),
     "E": JointKind(("slide", "slide", "hinge"), "along", "across"),
     "F": JointKind(("slide",) * 3 + ("hinge",) * 3, "", ""),
+    "fixed": JointKind(("hinge",), "world", "across"),
 }
 
 

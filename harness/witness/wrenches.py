@@ -10,6 +10,7 @@ from numpy.polynomial.polynomial import polyval
 
 from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied, JointSpring, PointSpring
+from screwgauge.reference.couplings import component_name
 from screwgauge.reference.mechanism import Joint, Mechanism
 from screwgauge.reference.rotations import Array, cross, lanes, rotation, times
 from screwgauge.witness.constraints import coupling_rows
@@ -118,7 +119,7 @@ def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator
         unit = "N m" if mechanism.units[mechanism.columns(names)[0]] == "rad" else "N"
         shares = zip(names, rows[:, k, mechanism.columns(names)].T, strict=True)
         yield UnitWrench(
-            f"{one.name}.coupling", unit, tuple(along_coordinate(tree, motion, q, *share) for share in shares)
+            component_name(one), unit, tuple(along_coordinate(tree, motion, q, *share) for share in shares)
         )
 
 

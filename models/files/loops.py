@@ -80,7 +80,7 @@ def write_loops(mechanism: Mechanism, cut: str) -> str:
 
 
 def _joint_entries(joint: Joint) -> dict[str, Any]:
-    names = ["kind", *_SIDES, "axes", "coordinates", "home"]
+    names = ["kind", *_SIDES, *(() if joint.fixed else ("axes", "coordinates", "home"))]
     if np.isfinite(joint.limits).all():
         names.append("limits")
     if joint.actuated:
@@ -119,7 +119,7 @@ def read_loops(path: Path) -> LoopsFile:
             ),
             independent=_typed(data, "independent", dict, where),
             axial=read_axial(data.get("spherical_axial"), tables, f"{where}, spherical_axial"),
-            couplings=read_couplings(data, where),
+            couplings=read_couplings(data, joints, where),
         )
         _check_names(file, where)
     except ModelFileError:

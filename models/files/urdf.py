@@ -13,13 +13,14 @@ import numpy as np
 
 from screwgauge.models.content import Content
 from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText, number, numbers
-from screwgauge.models.formats import TENSOR, WIDE, inverse, number_text, rpy, tensor, vector_text
-from screwgauge.models.layout import Freedom, Link, lay_out
+from screwgauge.models.formats import TENSOR, WIDE, number_text, rpy, tensor, vector_text
+from screwgauge.models.layout import Freedom, Link, held, lay_out
 from screwgauge.models.matter import NOTHING, Matter
 from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.mechanism import GROUND, Frame, Mechanism
+from screwgauge.reference.rigid import inverse
 from screwgauge.reference.rotations import Array, rotation
 
 #: Part of model files that brings it, see `screwgauge.models.generate`.
@@ -38,6 +39,8 @@ def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset(
     tree = lay_out(mechanism, cut)
     robot = ET.Element("robot", name=mechanism.name)
     robot.append(ET.Comment(f" {cut} cut; loops are closed by the loops file; written by screwgauge models "))
+    for sentence in held(mechanism):
+        robot.append(ET.Comment(f" {sentence} "))
     ET.SubElement(robot, "link", name=GROUND)
     for link in tree.links:
         _add(robot, link, "limits" in include)
@@ -59,7 +62,7 @@ def _add(robot: ET.Element, link: Link, limited: bool) -> None:
     names.append(frame_link(link) if mounted else link.name)
     near, frame = link.near, link.near_frame
     for freedom, far in zip(link.freedoms, names, strict=True):
-        _elementary(robot, freedom, near, far, frame, limited)
+        _elementary(robot, freedom, near, far, frame, limited or link.joint.fixed)
         if far != link.name:
             ET.SubElement(robot, "link", name=far)
         near, frame = far, Frame()
@@ -78,6 +81,7 @@ def frame_link(link: Link) -> str:
 
 
 def _elementary(robot: ET.Element, freedom: Freedom, near: str, far: str, frame: Frame, limited: bool) -> None:
+    """An elementary joint; limits are those of the description, of a fixed joint that of zero, or wide ones."""
     kind = "revolute" if freedom.turns else "prismatic"
     joint = ET.SubElement(robot, "joint", name=freedom.coordinate, type=kind)
     _placement(joint, frame)

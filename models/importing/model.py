@@ -63,7 +63,8 @@ def _entries_of_body(body: Body) -> dict[str, Any]:
 
 
 def _entries_of_joint(joint: Joint) -> dict[str, Any]:
-    entries: dict[str, Any] = {name: getattr(joint, name) for name in ("kind", "parent", "child", "axes")}
+    names = ("kind", "parent", "child", *(() if joint.fixed else ("axes",)))
+    entries: dict[str, Any] = {name: getattr(joint, name) for name in names}
     if joint.coordinates != (joint.name,):
         entries["coordinates"] = joint.coordinates
     if joint.home.any():

@@ -216,6 +216,7 @@ TYPES = {
     "C": JointType(_across, _across, _tilt, _one_angle),
     "E": JointType(_along, _across, _tilt, _one_angle),
     "F": JointType(_none, _none, None, _no_angle),
+    "fixed": JointType(_world, _across, _tilt, _one_angle),
 }
 
 

@@ -35,6 +35,7 @@ MARKS = {
     "U": ("universal", '<path d="M0,-7L7,0L0,7L-7,0Z"/>'),
     "S": ("spherical", '<circle r="7"/><circle r="3.5"/>'),
     "C": ("cylindrical", '<rect x="-9" y="-5" width="18" height="10" rx="5"/>'),
+    "fixed": ("fixed", '<path d="M-6,-6L6,6M-6,6L6,-6"/>'),
     "E": ("planar", '<path d="M-11,6L-4,-6H11L4,6Z"/><circle r="2.5"/>'),
 }
 WORLD = ("#C62828", "#2E7D32", "#1565C0")  # of its axes
@@ -196,8 +197,9 @@ def _joint(joint: Joint, place: Array, seen: Array, towards: float, cut: bool) -
     """The mark of a joint and its last axis: an arrow, or in the mark where it points at the viewer or away."""
     turn = np.degrees(np.arctan2(seen[1], seen[0])) if joint.slides == 1 and np.hypot(*seen) > 0.05 else 0.0
     drive = "" if not joint.actuated else ROUND if joint.angles else ALONG
-    steep = joint.angles == 1 and abs(towards) > 0.95
-    arrow = _line("axis", place, place + 26.0 * seen, arrow=True) if joint.angles == 1 and not steep else ""
+    turns = joint.angles == 1 and not joint.fixed
+    steep = turns and abs(towards) > 0.95
+    arrow = _line("axis", place, place + 26.0 * seen, arrow=True) if turns and not steep else ""
     inner = (TOWARDS if towards > 0 else AWAY) if steep else ""
     marks = f'<g class="mark{" driven" * joint.actuated}">{MARKS[joint.kind][1]}</g>{inner}{drive}{CAGE * cut}'
     return f'{arrow}<g transform="translate({_xy(place)}) rotate({turn:.0f})">{marks}</g>'
@@ -218,7 +220,7 @@ def _legend(mechanism: Mechanism, more: Mapping[str, bool]) -> tuple[str, float]
         more: Entry of `FURTHER` -> whether there is any.
     """
     there = {joint.kind for joint in mechanism.joints}
-    turning = any(joint.angles == 1 for joint in mechanism.joints)
+    turning = any(joint.angles == 1 and not joint.fixed for joint in mechanism.joints)
     items = [(f'<g class="mark">{mark}</g>', name) for kind, (name, mark) in MARKS.items() if kind in there]
     if mechanism.actuators:
         first = mechanism.actuators[0]

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from screwgauge.judging.assembly_modes import assembly_of
 from screwgauge.problem import GivenMotion, Rows, spread
 from screwgauge.reference.applied import Load
 from screwgauge.reference.closed.assembly_mode import positions
@@ -74,9 +75,7 @@ def drawn_motion(scene: Scene, solutions: Mapping[str, Solution]) -> DrawnMotion
     """The motion of a scene by the first engine that knows all joints, else a given motion with its loops closed."""
     lay = layout(scene.mechanism)
     for name, solution in solutions.items():
-        q, given = solution.assembly, solution.values.get("joint_position")
-        if q is None and given is not None and given.components == scene.mechanism.coordinates:
-            q = given.array
+        q = assembly_of(scene.mechanism, solution)
         if q is not None and name != REFERENCE and len(q) == len(scene.t):
             finite = np.flatnonzero(np.isfinite(q).all(axis=1))
             rows = finite[spread(len(finite), FRAMES)]
@@ -126,5 +125,7 @@ def arrows(motion: DrawnMotion) -> list[Arrow]:
                 own = [(columns[f"{joint.name}.{label}"], i) for i, (label, has) in enumerate(labels) if has == unit]
                 part = slice(3, 6) if turns else slice(3)
                 vectors = [size[:, None] * W[:, i, part] for size, i in own]
+                if joint.fixed and turns:  # what holds its hinge
+                    vectors.append(columns[f"{joint.name}.mz"][:, None] * motion.at.joint(joint).last)
                 drawn += [Arrow("reactions", *where, np.sum(vectors, axis=0), turns)] if vectors else []
     return [one for one in drawn if np.isfinite(one.vectors).all() and one.vectors.any()]

@@ -27,8 +27,10 @@ from screwgauge.models.shapes import (
 from screwgauge.problem import spread
 from screwgauge.reference.equations.kinematics import length
 from screwgauge.reference.errors import first_few
+from screwgauge.reference.graph import layout
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.reciprocal import Element, Held, held, idle_forces, normal_of_plane
+from screwgauge.reference.rigid import without_fixed_joints
 from screwgauge.reference.rotations import Array
 from screwgauge.report.blocks import Block, Items, Paragraph, Picture
 from screwgauge.report.stage.drawing import WORLD, drawing
@@ -99,7 +101,8 @@ def data(motion: DrawnMotion, more: Sequence[Shape] = ()) -> dict[str, Any]:
     mechanism, at, unit = motion.lay.mechanism, motion.at, length(motion.lay)
     middle, columns = at.com[0].mean(axis=0), mechanism.independent_columns
     keys, shown, solids = spread(len(motion.t), HELD), arrows(motion), shapes(mechanism)
-    holding = held(motion.lay, motion.q[keys])
+    q = motion.q[:, mechanism.columns(mechanism.moving)]
+    holding = held(layout(without_fixed_joints(mechanism)), q[keys])
     longest, scales = dict[tuple[str, bool], float](), dict[str, str]()
     for one in shown:
         most, which = float(np.linalg.norm(one.vectors, axis=1).max()), (one.group, one.turns)
@@ -219,10 +222,11 @@ def _sentences(motion: DrawnMotion, holding: Sequence[Held], t: Array) -> list[s
     lay, at, first, mechanism = motion.lay, motion.at, holding[0], motion.lay.mechanism
     joints = [joint for joint in mechanism.joints if joint.constrains and joint.angles]
     places = {joint.name: at.joint(joint).p_child[0] for joint in joints}
-    sides = [side for joint in mechanism.joints for side in (joint.parent, joint.child)]
-    tips = sum(sides.count(body.name) == 1 for body in mechanism.bodies)
+    rigid = without_fixed_joints(mechanism)
+    sides = [side for joint in rigid.joints for side in joint.bodies]
+    tips = sum(sides.count(body.name) == 1 for body in rigid.bodies)
     text = [f"An open tree with {tips} ends; {first.body} is the farthest."] if tips > 1 and not lay.cuts else []
-    normal = normal_of_plane(at.S[0])
+    normal = normal_of_plane(at.S[0, mechanism.columns(mechanism.moving)])
     text += filter(None, [_constraints(first, places, normal)])
     text.append(f"Remaining freedoms of {first.body}: {_screws(first.twists, TWISTS, places)}.")
     if (n := first.overconstraints) and normal is not None and n == 3 * (len(first.legs) - 1):

@@ -1,0 +1,79 @@
+"""Bodies that fixed joints hold together, as one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from screwgauge.reference.couplings import Fixing
+from screwgauge.reference.graph import spanning_tree
+from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
+
+#: Body -> the body that it is part of, and its frame in that.
+Places = dict[str, tuple[str, Frame]]
+
+
+def without_fixed_joints(mechanism: Mechanism) -> Mechanism:
+    """The machine without fixed joints: what they join is one body, by the name of the one nearest to ground.
+
+    Its coordinates are `Mechanism.moving`; forces that were left out when it was imported are none of it.
+    """
+    if len(mechanism.moving) == len(mechanism.coordinates):
+        return mechanism
+    places: Places = {GROUND: (GROUND, Frame())}
+    for edge in spanning_tree(mechanism).edges:
+        whole, frame = places[edge.near]
+        near, far = (edge.joint.parent_frame, edge.joint.child_frame)[:: -1 if edge.reverse else 1]
+        held = whole, compose(frame, compose(near, inverse(far)))
+        places[edge.far] = held if edge.joint.fixed else (edge.far, Frame())
+    parts: dict[str, list[Body]] = {}
+    for body in mechanism.bodies:
+        whole, frame = places[body.name]
+        parts.setdefault(whole, []).append(_placed(body, frame))
+    parts.pop(GROUND, None)
+    couplings = tuple(one for one in mechanism.couplings if not isinstance(one, Fixing))
+    axial = mechanism.axial
+    if axial is not None:
+        axial = axial[0], places[mechanism.joint(axial[0]).child][1].R @ axial[1]
+    return replace(
+        mechanism,
+        bodies=tuple(_joined(name, some) for name, some in parts.items()),
+        joints=tuple(_hung(joint, places) for joint in mechanism.joints if not joint.fixed),
+        couplings=couplings,
+        axial=axial,
+        left_out=(),
+    )
+
+
+def compose(first: Frame, second: Frame) -> Frame:
+    """The second placement, given in the first."""
+    return Frame(first.p + first.R @ second.p, first.R @ second.R)
+
+
+def inverse(frame: Frame) -> Frame:
+    """The placement of what a frame is placed in, in the frame."""
+    return Frame(-frame.R.T @ frame.p, frame.R.T)
+
+
+def _hung(joint: Joint, places: Places) -> Joint:
+    (parent, near), (child, far) = places[joint.parent], places[joint.child]
+    near, far = compose(near, joint.parent_frame), compose(far, joint.child_frame)
+    return replace(joint, parent=parent, child=child, parent_frame=near, child_frame=far)
+
+
+def _placed(body: Body, frame: Frame) -> Body:
+    """A body in another frame."""
+    com = frame.p + frame.R @ body.com if body.mass else body.com
+    return replace(body, com=com, inertia=frame.R @ body.inertia @ frame.R.T)
+
+
+def _joined(name: str, parts: list[Body]) -> Body:
+    """Bodies in one frame as one body."""
+    mass = sum(part.mass for part in parts)
+    com = sum((part.mass * part.com for part in parts), np.zeros(3)) / (mass or 1.0)
+    inertia = np.zeros((3, 3))
+    for part in parts:
+        r = part.com - com
+        inertia = inertia + part.inertia + part.mass * ((r @ r) * np.eye(3) - np.outer(r, r))
+    return Body(name, mass, com, inertia, parts[0].where, allowed=True)
