@@ -114,10 +114,10 @@ def _compare_couplings(
 ) -> None:
     if not (expected or actual):
         return
-    for name, want, have in out.both("coupling", expected, actual):
-        out.names(name, "coupling", (want.joint, want.of), (have.joint, have.of))
-        size = max(len(want.polynomial), len(have.polynomial))
-        wanted, other = (np.pad(one.polynomial, (0, size - len(one.polynomial))) for one in (want, have))
+    for name, want, written in out.both("coupling", expected, actual):
+        have = written.solved(want.joint)
+        out.names(name, "coupling", *((each.joint, *sorted(each.function.terms)) for each in (want, have)))
+        wanted, other = want.function.beside(have.function)
         out.numbers(name, "coupling polynomial", wanted, other, float(np.abs(wanted).max()) or 1.0)
 
 

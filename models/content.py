@@ -233,6 +233,9 @@ class _ElementWalk:
 
     def through(self, root: ET.Element) -> Iterator[Extra]:
         """Everything in a file; its elements may be nested deeper than Python's call stack."""
+        bare = {tag: {*names.split()} for tag, names in self.table.get("bare", {}).items()}
+        if any(True for default in root.iter("default") for _ in default.iter("tendon")):
+            bare = {}  # as classes may give it more
         waiting = [(root, ET.Element(""), "")]  # element, what it is in, tag and name of the nearest around with a name
         while waiting:
             element, around, owner = waiting.pop()
@@ -241,7 +244,8 @@ class _ElementWalk:
             first = next((kind for kind, names in kinds.items() if names is not None), "")
             whole = first if kinds.get(first) == [_WITH_ALL_IN_IT] else ""
             if whole or not first:
-                if whole not in ("compared", "nothing", "held") and not self._is_nothing(element):
+                nothing = self._is_nothing(element) or (tag in bare and {*element.attrib} <= bare[tag])
+                if whole not in ("compared", "nothing", "held") and not nothing:
                     what = f"{tag} tendon" if parent == "tendon" else _plain(tag)
                     yield Extra(whole or "unknown", what, f" {name}" if name else owner and f" of {owner}", element)
                 continue

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from screwgauge.reference.couplings import Fixing
+from screwgauge.reference.couplings import Fixing, PolynomialSum
 from screwgauge.reference.mechanism import Frame, Mechanism
 from screwgauge.reference.rotations import Array, skew
 
@@ -95,15 +95,19 @@ def document(top: Sequence[str], mechanism: Mechanism, parts: Sequence[Table], l
         tables.append(("[spherical_axial]", {"joint": mechanism.axial[0], "direction": mechanism.axial[1]}))
     tables += parts
     for one in mechanism.couplings:
-        if isinstance(one, Fixing):  # as the kind of its joint says
-            continue
-        of = {"of": one.of} if one.of else {}
-        coupling = {"coordinate": one.coordinate, **of, "polynomial": one.polynomial}
-        tables.append((f"[couplings.{key(one.name)}]", coupling))
+        if not isinstance(one, Fixing):  # as the kind of its joint says
+            tables.append((f"[couplings.{key(one.name)}]", {"coordinate": one.coordinate, **_law(one.function)}))
     out = [*top]
     for title, entries in (*tables, *last):
         out += ["", title, *lines(entries)]
     return "\n".join(out) + "\n"
+
+
+def _law(function: PolynomialSum) -> dict[str, Any]:
+    """A function of coordinates as a table of ``[couplings]`` has it."""
+    if len(function.terms) > 1:
+        return {"terms": function.polynomials}
+    return {**({"of": function.lead} if function.terms else {}), "polynomial": function.polynomial}
 
 
 def lines(entries: Mapping[str, Any]) -> list[str]:

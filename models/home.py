@@ -162,7 +162,7 @@ def _rank(pose: Home, *, free: bool) -> tuple[Any, ...]:
 
 def _near_turns(loops: Loops, q: Array) -> Array:
     """Coordinates without the whole turns of hinges that lead away from home; those of coupled ones stay."""
-    coupled = {name for one in loops.reading.couplings.values() for name in (one.joint, one.of)}
+    coupled = {name for one in loops.reading.couplings.values() for name in one.named}
     q = q.copy()
     for name, place in loops.tree.places.items():
         joint, near = loops.reading.joints[name], nearest_turn(q[place], loops.home[place])

@@ -16,13 +16,13 @@ from screwgauge.witness.constraints import closure_gaps, stepped
 from screwgauge.witness.kinematics import move
 from screwgauge.witness.tree import (
     COORDINATES,
-    CoupledColumn,
     FixedFrame,
     LoopConstraint,
     MassProperties,
     SpanningTree,
     TreeLink,
     TreeStates,
+    coupled_column,
     stacked,
 )
 
@@ -54,6 +54,7 @@ def plant(reading: Reading) -> ReadingTree:
     """The tree of a reading."""
     number = {name: i for i, name in enumerate(reading.joints, 1)}
     places, freedoms = slices(reading.joints, COORDINATES), reading.freedoms
+    columns = {name: (places[name].start, freedoms[name].start) for name in reading.joints}
     bodies, frames, poses = list(reading.bodies.values()), dict[int, Array](), {0: np.eye(4)}
     links, at = dict[int, TreeLink](), {GROUND: FixedFrame()}
     for name, body in reading.bodies.items():
@@ -85,12 +86,7 @@ def plant(reading: Reading) -> ReadingTree:
             name: LoopConstraint(c.kind, end(c.first, c.first_frame), end(c.second, c.second_frame))
             for name, c in reading.closures.items()
         },
-        couplings={
-            name: CoupledColumn(
-                *_columns(places, freedoms, c.joint), _columns(places, freedoms, c.of) if c.of else None, c.polynomial
-            )
-            for name, c in reading.couplings.items()
-        },
+        couplings={name: coupled_column(columns, c.joint, c.function) for name, c in reading.couplings.items()},
         gravity=downwards(reading),
         weight=np.array([1.0 - body.gravcomp for body in bodies]),
         passive={name: np.repeat([getattr(j, name) for j in reading.joints.values()], wide) for name in _PASSIVE},
@@ -113,10 +109,6 @@ def _fixed(link: int, pose: Array, there: Array) -> FixedFrame:
     """A pose of the world as a frame of a link whose pose is known."""
     R = pose[:3, :3].T
     return FixedFrame(link, R @ there[:3, :3], R @ (there[:3, 3] - pose[:3, 3]))
-
-
-def _columns(places: Mapping[str, slice], freedoms: Mapping[str, slice], joint: str) -> tuple[int, int]:
-    return places[joint].start, freedoms[joint].start
 
 
 def downwards(reading: Reading) -> Array:

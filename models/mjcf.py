@@ -286,22 +286,43 @@ def _closures(root: ET.Element, bodies: dict[str, ET.Element], closures: Sequenc
 
 def left_out(mechanism: Mechanism) -> tuple[str, ...]:
     """Sentences on what the mechanism has and no MJCF can say."""
-    high = (one.name for one in mechanism.couplings if len(one.polynomial) > POWERS)
-    lacks = (f"MJCF lacks coupling '{name}': MuJoCo has no powers above {POWERS - 1}" for name in high)
-    return *lacks, *stand_ins(mechanism)
+    lacks = ((one.name, why_not(one)) for one in mechanism.couplings)
+    return *(f"MJCF lacks coupling '{name}': {lack}" for name, lack in lacks if lack), *stand_ins(mechanism)
+
+
+def why_not(coupling: Coupling) -> str:
+    """Why no MJCF can say a coupling; empty where it can."""
+    function = coupling.function
+    if len(function.terms) > 1:
+        return "" if function.linear else "MuJoCo has no powers in equalities of several joints"
+    return f"MuJoCo has no powers above {POWERS - 1}" if len(function.polynomial) > POWERS else ""
 
 
 def _couplings(root: ET.Element, couplings: Sequence[Coupling]) -> None:
-    """Couplings as joint equalities, in coordinates that are zero at MuJoCo's qpos0 as they are in the description."""
-    equality = root.find("equality")
+    """Couplings as equalities of joints, those of several as equalities of fixed tendons.
+
+    Coordinates are zero at MuJoCo's qpos0 as they are in the description, and so are lengths of tendons.
+    """
     for one in couplings:
-        if len(one.polynomial) > POWERS:
+        if why_not(one):
             continue
-        equality = ET.SubElement(root, "equality") if equality is None else equality
-        row = ET.SubElement(equality, "joint", name=one.name, joint1=one.coordinate)
-        if one.of:
-            row.set("joint2", one.of)
-        row.set("polycoef", vector_text([*one.polynomial, *[0.0] * (POWERS - len(one.polynomial))]))
+        several, function = len(one.function.terms) > 1, one.function
+        if several:
+            tendon = ET.SubElement(_section(root, "tendon"), "fixed", name=one.name)
+            for name, slope in {one.coordinate: -1.0, **function.slopes}.items():
+                ET.SubElement(tendon, "joint", joint=name, coef=number_text(-slope))
+            row = ET.SubElement(_section(root, "equality"), "tendon", name=one.name, tendon1=one.name)
+        else:
+            row = ET.SubElement(_section(root, "equality"), "joint", name=one.name, joint1=one.coordinate)
+        if function.terms and not several:
+            row.set("joint2", function.lead)
+        powers = [function.constant] if several else function.polynomial
+        row.set("polycoef", vector_text([*powers, *[0.0] * (POWERS - len(powers))]))
+
+
+def _section(root: ET.Element, tag: str) -> ET.Element:
+    section = root.find(tag)
+    return ET.SubElement(root, tag) if section is None else section
 
 
 def _site(body: ET.Element, name: str, frame: Frame) -> None:

@@ -1,12 +1,13 @@
-"""Couplings: joint coordinates that are polynomials of others, as in gears, screws and mimic joints."""
+"""Couplings: joint coordinates that are sums of polynomials of others, as in gears, screws, belts and differentials."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import Polynomial, polynomial
 from numpy.typing import NDArray
 
 from screwgauge.reference.errors import DescriptionError, UnknownNameError
@@ -14,41 +15,159 @@ from screwgauge.reference.rotations import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PolynomialSum:
+    """A function of coordinates, ``p0 + sum_k p_k(q_k)``.
+
+    Attributes:
+        constant: p0 [rad or m].
+        terms: Coordinate -> coefficients of its powers from the first on [rad or m, over powers of rad or m].
+    """
+
+    constant: float
+    terms: Mapping[str, Array]
+
+    def __post_init__(self) -> None:
+        for coefficients in self.terms.values():
+            coefficients.setflags(write=False)
+
+    @staticmethod
+    def of(polynomials: Mapping[str, Array]) -> PolynomialSum:
+        """Adds polynomials, coefficients lowest first; that of no coordinate, "", is a constant alone."""
+        constants = [float(p[0]) for p in polynomials.values()]
+        terms = {name: np.array(p[1:], dtype=float) for name, p in polynomials.items() if name}
+        return PolynomialSum(sum(constants[1:], constants[0]), terms)
+
+    @property
+    def polynomials(self) -> dict[str, Array]:
+        """Polynomials that add up to it, lowest coefficient first; the first one has the constant."""
+        if not self.terms:
+            return {"": np.array([self.constant])}
+        constants = [self.constant, *[0.0] * (len(self.terms) - 1)]
+        return {name: np.array([c, *p]) for c, (name, p) in zip(constants, self.terms.items(), strict=True)}
+
+    @property
+    def lead(self) -> str:
+        """The coordinate that it depends on, if that is one; empty where it is constant."""
+        return next(iter(self.terms), "")
+
+    @property
+    def polynomial(self) -> Array:
+        """Coefficients of a function of one coordinate or none, lowest first."""
+        (polynomial,) = self.polynomials.values()
+        return polynomial
+
+    @property
+    def linear(self) -> bool:
+        return not any(p[1:].any() for p in self.terms.values())
+
+    @property
+    def slopes(self) -> dict[str, float]:
+        """Coordinate -> factor of its first power."""
+        return {name: float(p[0]) for name, p in self.terms.items()}
+
+    @property
+    def trimmed(self) -> PolynomialSum:
+        """The same without powers of which nothing is left."""
+        powers = {name: np.trim_zeros(p, "b") for name, p in self.terms.items()}
+        return PolynomialSum(self.constant, {name: p for name, p in powers.items() if len(p)})
+
+    def __call__(self, q: Mapping[str, float]) -> float:
+        """Its value at coordinates [rad or m]."""
+        return self.constant + sum(float(Polynomial([0.0, *p])(q[name])) for name, p in self.terms.items())
+
+    def times(self, factor: float) -> PolynomialSum:
+        return PolynomialSum(factor * self.constant, {name: factor * p for name, p in self.terms.items()})
+
+    def plus(self, constant: float) -> PolynomialSum:
+        return PolynomialSum(self.constant + constant, self.terms)
+
+    def minus(self, other: PolynomialSum) -> PolynomialSum:
+        terms = {name: -p for name, p in other.terms.items()}
+        for name, p in self.terms.items():
+            terms[name] = np.asarray(polynomial.polysub(p, other.terms.get(name, np.zeros(1))), dtype=float)
+        return PolynomialSum(self.constant - other.constant, terms)
+
+    def renamed(self, names: Mapping[str, str]) -> PolynomialSum:
+        """The function of coordinates by other names; those that `names` lacks keep theirs."""
+        return PolynomialSum(self.constant, {names.get(name, name): p for name, p in self.terms.items()})
+
+    def at(self, values: Mapping[str, float]) -> PolynomialSum:
+        """The function of the other coordinates where some are held at values [rad or m]."""
+        held = PolynomialSum(self.constant, {name: p for name, p in self.terms.items() if name in values})
+        return PolynomialSum(held(values), {name: p for name, p in self.terms.items() if name not in values})
+
+    def counted(self, zeros: Mapping[str, float], factors: Mapping[str, float]) -> PolynomialSum:
+        """The function of x, where coordinates are ``q = zero + factor x``; those that a table lacks are 0 and 1."""
+        terms = dict[str, Array]()
+        constant = self.constant
+        for name, p in self.terms.items():
+            inner = Polynomial([zeros.get(name, 0.0), factors.get(name, 1.0)])
+            counted = Polynomial([0.0, *p])(inner).coef if name in zeros or name in factors else np.array([0.0, *p])
+            constant, terms[name] = constant + float(counted[0]), np.array(counted[1:], dtype=float)
+        return PolynomialSum(constant, terms)
+
+    def is_linear_in(self, name: str) -> bool:
+        """Whether it can be solved for a coordinate."""
+        p = self.terms.get(name, np.zeros(1))
+        return bool(p[0]) and not p[1:].any()
+
+    def solved(self, coordinate: str, lead: str) -> PolynomialSum:
+        """The function that one of its coordinates is, in which it is linear, where `coordinate` is its value."""
+        rest = {name: -p for name, p in self.terms.items() if name != lead}
+        return PolynomialSum(-self.constant, {coordinate: np.ones(1), **rest}).times(1.0 / float(self.terms[lead][0]))
+
+    def beside(self, other: PolynomialSum) -> tuple[Array, Array]:
+        """Coefficients of two functions of the same coordinates, as many of each, see `filled`."""
+        names, both = list(self.terms), (self, other)
+        size = max((len(p) for function in both for p in function.terms.values()), default=0)
+        rows = ([np.pad(each.terms[name], (0, size - len(each.terms[name]))) for name in names] for each in both)
+        first, second = (np.concatenate([[each.constant], *row]) for each, row in zip(both, rows, strict=True))
+        return first, second
+
+    def filled(self, coefficients: Array) -> PolynomialSum:
+        """The function of the same coordinates with other coefficients: the constant, then as many powers of each."""
+        powers = np.split(coefficients[1:], len(self.terms)) if self.terms else []
+        return PolynomialSum(float(coefficients[0]), dict(zip(self.terms, powers, strict=True)))
+
+    def equals(self, other: PolynomialSum) -> bool:
+        return {*self.terms} == {*other.terms} and np.array_equal(*self.beside(other))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Coupling:
-    """A joint coordinate that is a polynomial of another one, ``q = p(q')``.
+    """A joint coordinate that is a sum of polynomials of others, ``q = p0 + sum_k p_k(q_k)``.
 
     Attributes:
         coordinate: The joint coordinate that is coupled.
-        of: The one that it is a polynomial of; empty where it is held at a constant.
-        polynomial: Coefficients, lowest first [rad or m, over powers of rad or m]. Shape (m,), one without `of`.
+        function: What it is a function of; constant where it is held.
     """
 
     name: str
     coordinate: str
-    of: str
-    polynomial: Array
+    function: PolynomialSum
     where: str = ""
 
     def __post_init__(self) -> None:
-        where = self.where or self.name
-        if not np.isfinite(self.polynomial).all():
+        where, function = self.where or self.name, self.function
+        if not np.isfinite([function.constant, *(x for p in function.terms.values() for x in p)]).all():
             raise DescriptionError("the polynomial is not finite", where, "give finite numbers")
-        if self.of and not self.polynomial[1:].any():
-            what = f"'{self.coordinate}' does not depend on '{self.of}'"
-            raise DescriptionError(what, where, "give coefficients of its powers, or leave 'of' out")
-        if not self.of and len(self.polynomial) != 1:
-            what = f"a polynomial of {len(self.polynomial)} coefficients, and no coordinate that it is one of"
-            raise DescriptionError(what, where, "name that one: of = ..., or give one number")
-        if self.of == self.coordinate:
-            raise DescriptionError(f"couples '{self.of}' to itself", where, "name two coordinates")
-        self.polynomial.setflags(write=False)
+        for name, coefficients in function.terms.items():
+            if not coefficients.any():
+                what = f"'{self.coordinate}' does not depend on '{name}'"
+                raise DescriptionError(what, where, "give coefficients of its powers, or leave it out")
+        if self.coordinate in function.terms:
+            raise DescriptionError(f"couples '{self.coordinate}' to itself", where, "name other coordinates")
 
-    def derivative(self, order: int) -> Array:
-        """Coefficients of a derivative of the polynomial, lowest first; none where it is zero."""
-        coefficients = self.polynomial.astype(float)
-        for _ in range(order):  # numpy's polyder takes five times as long, in every evaluation of a motion
-            coefficients = coefficients[1:] * np.arange(1, len(coefficients))
-        return coefficients
+    def solved(self, coordinate: str) -> Coupling:
+        """The same coupling as one of another of its coordinates, if it is linear in that; else itself."""
+        if not self.function.is_linear_in(coordinate):
+            return self
+        return Coupling(self.name, coordinate, self.function.solved(self.coordinate, coordinate), self.where)
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """All coordinates that it couples, its own first."""
+        return self.coordinate, *self.function.terms
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,64 +180,74 @@ class CouplingRows:
     """Couplings as equations in some vector of n_q coordinates, one row each.
 
     Attributes:
-        pairs: Column of each coupled coordinate, and of the one that it depends on, None where it is held.
+        columns: Of the coupled coordinates, one a row.
+        leads: Column of each coordinate that a row depends on, with its polynomial, lowest coefficient first; the
+            first has the constant, which is alone, at no column, where the coordinate is held.
     """
 
-    couplings: tuple[Coupling, ...]
-    pairs: tuple[tuple[int, int | None], ...]
+    columns: list[int]
+    leads: tuple[tuple[tuple[int | None, Array], ...], ...]
 
     def __len__(self) -> int:
-        return len(self.couplings)
+        return len(self.columns)
 
-    @property
-    def columns(self) -> list[int]:
-        """Columns of the coupled coordinates, one a row."""
-        return [column for column, _ in self.pairs]
-
-    def derivatives(self, q: NDArray[Any], order: int) -> list[tuple[int, int | None, Any]]:
-        """Columns i and j of each coupling ``q_i = p(q_j)``, and a derivative of p at q_j.
+    def derivatives(self, q: NDArray[Any], order: int) -> list[tuple[int, list[tuple[int | None, Any]]]]:
+        """Column i of each coupling ``q_i = sum_k p_k(q_k)``, and each column k with a derivative of p_k there.
 
         Args:
             q: Coordinates, any numbers. Shape (..., n_q).
         """
-        entries = []
-        for coupling, (i, j) in zip(self.couplings, self.pairs, strict=True):
-            value: Any = 0.0
-            for coefficient in coupling.derivative(order)[::-1].tolist():  # Horner
-                value = coefficient if j is None else value * q[..., j] + coefficient
-            entries.append((i, j, value))
-        return entries
+        return [
+            (i, [(k, _derivative(p, order, None if k is None else q[..., k])) for k, p in terms])
+            for i, terms in zip(self.columns, self.leads, strict=True)
+        ]
 
     def residuals(self, q: Array) -> Array:
-        """``q_i - p(q_j)`` [rad or m]. Shape (n, n_q) -> (n, m)."""
+        """``q_i - sum_k p_k(q_k)`` [rad or m]. Shape (n, n_q) -> (n, m)."""
         out = q[:, self.columns]
-        for row, (_, _, value) in enumerate(self.derivatives(q, 0)):
-            out[:, row] -= value
+        for row, (_, terms) in enumerate(self.derivatives(q, 0)):
+            for _, value in terms:
+                out[:, row] -= value
         return out
 
     def matrix(self, q: Array) -> Array:
-        """Derivative of the residuals, 1 at i and -p' at j. Shape (n, n_q) -> (n, m, n_q)."""
+        """Derivative of the residuals, 1 at i and -p_k' at each k. Shape (n, n_q) -> (n, m, n_q)."""
         out = np.zeros((len(q), len(self), q.shape[1]), dtype=q.dtype)
-        for row, (i, j, slope) in enumerate(self.derivatives(q, 1)):
+        for row, (i, terms) in enumerate(self.derivatives(q, 1)):
             out[:, row, i] = 1.0
-            if j is not None:
-                out[:, row, j] = -slope
+            for k, slope in terms:
+                if k is not None:
+                    out[:, row, k] = -slope
         return out
 
     def bias(self, q: Array, v: Array) -> Array:
-        """Second derivative of the residuals where coordinates have none, ``-p'' v_j^2``. (n, n_q) twice -> (n, m)."""
+        """Second derivative of the residuals where coordinates have none, ``-sum_k p_k'' v_k^2``.
+
+        Shape (n, n_q) twice -> (n, m).
+        """
         out = np.zeros((len(q), len(self)), dtype=q.dtype)
-        for row, (_, j, curvature) in enumerate(self.derivatives(q, 2)):
-            if j is not None:
-                out[:, row] = -curvature * v[:, j] ** 2
+        for row, (_, terms) in enumerate(self.derivatives(q, 2)):
+            for k, curvature in terms:
+                if k is not None:
+                    out[:, row] -= curvature * v[:, k] ** 2
         return out
+
+
+def _derivative(polynomial: Array, order: int, x: Any) -> Any:
+    """A derivative of a polynomial, coefficients lowest first, at x; one of no coordinate has a constant alone."""
+    coefficients, value = polynomial, 0.0
+    for _ in range(order):  # numpy's polyder takes five times as long, in every evaluation of a motion
+        coefficients = coefficients[1:] * np.arange(1, len(coefficients))
+    for coefficient in coefficients[::-1].tolist():  # Horner
+        value = coefficient if x is None else value * x + coefficient
+    return value
 
 
 def bind(couplings: Sequence[Coupling], coordinates: Sequence[str]) -> CouplingRows:
     """The equations of couplings in the vector of some coordinates, which has all that they name."""
     place = {name: i for i, name in enumerate(coordinates)}
-    pairs = tuple((place[one.coordinate], place[one.of] if one.of else None) for one in couplings)
-    return CouplingRows(tuple(couplings), pairs)
+    leads = [[(place.get(name), p) for name, p in one.function.polynomials.items()] for one in couplings]
+    return CouplingRows([place[one.coordinate] for one in couplings], tuple(map(tuple, leads)))
 
 
 def component_name(coupling: Coupling) -> str:
@@ -133,20 +262,30 @@ def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -
         UnknownNameError: There is no such coordinate.
         DescriptionError: One coordinate is coupled twice, or depends on itself.
     """
-    above: dict[str, str] = {}
+    above: dict[str, Coupling] = {}
     for coupling in couplings:
-        for name in filter(None, (coupling.coordinate, coupling.of)):
+        for name in coupling.named:
             if name not in coordinates:
                 raise UnknownNameError("coordinate", name, coordinates, coupling.where)
         if coupling.coordinate in above:
             what = f"'{coupling.coordinate}' is coupled twice"
             raise DescriptionError(what, coupling.where, "couple it once")
-        above[coupling.coordinate] = coupling.of
+        above[coupling.coordinate] = coupling
     for coupling in couplings:
-        name, passed = coupling.of, {coupling.coordinate}
-        while name in above and name not in passed:
-            passed.add(name)
-            name = above[name]
-        if name in passed:
-            what = f"'{name}' depends on itself, over the couplings of {', '.join(sorted(passed))}"
+        if circle := _circle(coupling.coordinate, above):
+            what = f"'{coupling.coordinate}' depends on itself, over the couplings of {', '.join(sorted(circle))}"
             raise DescriptionError(what, coupling.where, "leave one of them out")
+
+
+def _circle(coordinate: str, above: Mapping[str, Coupling]) -> tuple[str, ...]:
+    """Coupled coordinates by which one depends on itself, it among them; none where it does not."""
+    ways, passed = list[tuple[str, ...]]([(coordinate,)]), set[str]()
+    while ways:
+        way = ways.pop()
+        for name in above[way[-1]].function.terms:
+            if name == coordinate:
+                return way
+            if name in above and name not in passed:
+                passed.add(name)
+                ways.append((*way, name))
+    return ()

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from screwgauge.reference.couplings import Coupling, Fixing
+from screwgauge.reference.couplings import Coupling, Fixing, PolynomialSum
 from screwgauge.reference.errors import DescriptionError, UnknownNameError, shown
 from screwgauge.reference.expressions import number, rotation_matrix, unit_vector, vector
 from screwgauge.reference.graph import check_connected
@@ -38,7 +38,7 @@ _JOINT = {"kind", "parent", "child", "axes", "coordinates", "home", "limits", "a
 _JOINT |= {"parent_frame", "child_frame"}
 #: Of a fixed joint, which has neither axes nor coordinates.
 _FIXED = {"kind", "parent", "child", "parent_frame", "child_frame"}
-_COUPLING = ("coordinate", "of", "polynomial")
+_COUPLING = ("coordinate", "of", "polynomial", "terms")
 #: Default of three axes.
 XYZ = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 _TENSOR = ("xx", "xy", "xz", "yy", "yz", "zz")
@@ -164,7 +164,7 @@ def read_couplings(data: dict[str, Any], joints: Sequence[Joint], where: str) ->
     fixed, known = _fixings(joints), [name for joint in joints if not joint.fixed for name in joint.coordinates]
     for one in read:
         for held in fixed:
-            if held.coordinate in (one.coordinate, one.of):
+            if held.coordinate in one.named:
                 raise UnknownNameError("coordinate", held.coordinate, known, one.where)
             if held.name == one.name:
                 raise DescriptionError(f"the fixed joint '{one.name}' has this name", one.where, "rename the coupling")
@@ -174,14 +174,37 @@ def read_couplings(data: dict[str, Any], joints: Sequence[Joint], where: str) ->
 def _fixings(joints: Iterable[Joint]) -> tuple[Fixing, ...]:
     """The couplings that hold fixed joints."""
     fixed = (joint for joint in joints if joint.fixed)
-    return tuple(Fixing(joint.name, joint.coordinates[0], "", np.zeros(1), joint.where) for joint in fixed)
+    return tuple(Fixing(joint.name, joint.coordinates[0], PolynomialSum(0.0, {}), joint.where) for joint in fixed)
 
 
 def _coupling(name: str, table: Any, where: str) -> Coupling:
     read_name(name, where)
     check_keys(table, _COUPLING, where)
-    polynomial = read_coefficients(required(table, "polynomial", where), f"{where}.polynomial")
-    return Coupling(name, read_text(table, "coordinate", where), read_text(table, "of", where, ""), polynomial, where)
+    polynomials = {of: read_coefficients(p, f"{where}.{key}") for key, of, p in written_polynomials(table, where)}
+    return Coupling(name, read_text(table, "coordinate", where), PolynomialSum.of(polynomials), where)
+
+
+def written_polynomials(table: dict[str, Any], where: str) -> list[tuple[str, str, Any]]:
+    """The polynomials of a coupling as its table has them: key, the coordinate that each is one of, coefficients.
+
+    Raises:
+        DescriptionError: There is none, or `terms` stand beside `polynomial` or `of`.
+    """
+    if "terms" not in table:
+        of, polynomial = read_text(table, "of", where, ""), required(table, "polynomial", where)
+        if not of and isinstance(polynomial, list) and len(polynomial) > 1:
+            what = f"a polynomial of {len(polynomial)} coefficients, and no coordinate that it is one of"
+            raise DescriptionError(what, where, "name that one: of = ..., or give one number")
+        return [("polynomial", of, polynomial)]
+    if beside := [key for key in ("of", "polynomial") if key in table]:
+        remedy = "give the polynomials of all coordinates in 'terms', or one by 'of' and 'polynomial'"
+        raise DescriptionError(f"has 'terms' and '{beside[0]}'", where, remedy)
+    terms = read_table(table, "terms", where)
+    for name, polynomial in terms.items():
+        if isinstance(polynomial, dict):
+            what = f"'{check_text(name, f'{where}.terms')}' is followed by a dot"
+            raise DescriptionError(what, f"{where}.terms", "write names that have dots in quotes")
+    return [(f"terms.{name}", check_text(name, f"{where}.terms"), polynomial) for name, polynomial in terms.items()]
 
 
 def _frame(table: Any, where: str) -> Frame:

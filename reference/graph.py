@@ -131,7 +131,7 @@ def root(group: Mapping[str, str], name: str) -> str:
 
 def coupled_joints(mechanism: Mechanism) -> frozenset[str]:
     """Names of the joints of which a coordinate is coupled, or another one depends on it."""
-    named = {name for coupling in mechanism.couplings for name in (coupling.coordinate, coupling.of)}
+    named = {name for coupling in mechanism.couplings for name in coupling.named}
     return frozenset(joint.name for joint in mechanism.joints if named & {*joint.coordinates})
 
 

@@ -173,7 +173,7 @@ def too_wide(body: Solid) -> str:
 
 def hinges(mechanism: Mechanism) -> Iterator[Hinge]:
     """Angles of a mechanism; not those that gears and screws turn, nor those of free bodies."""
-    tied = {name for one in mechanism.couplings for name in (one.coordinate, one.of)}
+    tied = {name for one in mechanism.couplings for name in one.named}
     for joint in mechanism.joints:
         for (turns, _), name, home, (low, high) in zip(
             joint.freedoms, joint.coordinates, joint.home, joint.limits, strict=True

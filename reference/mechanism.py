@@ -220,7 +220,7 @@ class Mechanism:
         axial: Joint and direction (child axes, shape (3,)) along which the rule ``spherical_axial`` wants its
             force (eq. 56), if the mechanism has one.
         group: What it is listed under.
-        couplings: Joint coordinates that are polynomials of others; none of them twice, and none of itself.
+        couplings: Joint coordinates that are sums of polynomials of others; none of them twice, and none of itself.
         left_out: What acts in the model file that it was made from, and is in no engine: a run measures it.
         remarks: What was changed when it was read, a sentence each.
     """
@@ -250,7 +250,9 @@ class Mechanism:
             ("loops", len(self.joints) - len(self.bodies)): [],
             ("freedoms", len(self.independent)): [f"{label} = {name}" for label, name in self.independent.items()],
             ("actuators", len(self.actuators)): [f"{name} [{unit}]" for name, unit in drives],
-            ("couplings", len(told)): [" of ".join(filter(None, (x.coordinate, x.of))) for x in told],
+            ("couplings", len(told)): [
+                " of ".join(filter(None, (x.coordinate, " and ".join(x.function.terms)))) for x in told
+            ],
         }
         text = [f"Mechanism {self.name}{': ' * bool(self.title)}{self.title}"]
         for (name, count), items in parts.items():

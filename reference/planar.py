@@ -30,7 +30,7 @@ def normals_of_planes(
     Returns:
         Body -> unit vectors in its axes, shape (n, 3). Bodies that turn about more directions are missing.
     """
-    constants = {one.coordinate: float(one.polynomial[0]) for one in couplings if not one.of}
+    constants = {one.coordinate: one.function.constant for one in couplings if not one.function.terms}
     steps: dict[str, list[tuple[str, Step]]] = {}
     for joint in joints:
         for near, far, outward in ((joint.parent, joint.child, True), (joint.child, joint.parent, False)):

@@ -97,7 +97,7 @@ def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
     ends, owner = {GROUND, body}, {name: joint for joint in mechanism.joints for name in joint.coordinates}
     group = {one.name: one.name for one in mechanism.bodies}
     ties: list[tuple[Joint, ...]] = [(joint,) for joint in mechanism.joints]
-    ties += [(owner[one.coordinate], owner[one.of]) for one in mechanism.couplings if one.of]
+    ties += [tuple(owner[name] for name in one.named) for one in mechanism.couplings]
     for tie in ties:
         for a, b in pairwise(side for joint in tie for side in joint.bodies if side not in ends):
             group[root(group, a)] = root(group, b)
@@ -145,7 +145,7 @@ def body_twists(mechanism: Mechanism, joints: Sequence[Joint], body: str, q: Arr
     names = {side for joint in joints for side in (joint.parent, joint.child)}
     bodies = tuple(one for one in mechanism.bodies if one.name in names)
     moved = {name for joint in joints for name in joint.coordinates}
-    couplings = tuple(one for one in mechanism.couplings if {one.coordinate, one.of or one.coordinate} <= moved)
+    couplings = tuple(one for one in mechanism.couplings if {*one.named} <= moved)
     few = replace(mechanism, bodies=bodies, joints=tuple(joints), couplings=couplings, independent={}, axial=None)
     at = loop_equations(layout(few)).closed(q[:, mechanism.columns(few.coordinates)])
     columns, sizes = at.loops.columns, at.loops.size[:, None] / np.repeat([1.0, unit], 3)

@@ -12,7 +12,7 @@ from screwgauge import ScrewgaugeError
 from support.coupled import every_kind, geared_five_bar, moving
 from support.engines import ask, model_files
 from support.errors import DescriptionError, ModelFileError
-from support.mechanism import Coupling, load_mechanism
+from support.mechanism import Coupling, PolynomialSum, load_mechanism
 from support.models import check_models, lay_out, read_loops, write_models
 from support.readings import joint_equality
 from support.scene import GIVEN, check_home
@@ -51,7 +51,7 @@ def test_an_entry_that_cannot_be(instead, said, write):
 
 def test_a_polynomial_that_is_not_finite():
     with pytest.raises(DescriptionError, match="not finite"):
-        Coupling("gear", "a", "b", np.array([0.0, np.nan]))
+        Coupling("gear", "a", PolynomialSum.of({"b": np.array([0.0, np.nan])}))
 
 
 def test_a_loop_of_coupled_joints_alone(write):
@@ -60,9 +60,7 @@ def test_a_loop_of_coupled_joints_alone(write):
         for i, name in enumerate(("right", "tip", "left.elbow", "right.elbow"))
     )
     text = GEAR.split("[couplings")[0] + couplings
-    with pytest.raises(
-        DescriptionError, match="every joint of the loop that it closes is fixed or has a coupled"
-    ):
+    with pytest.raises(DescriptionError, match="every joint of the loop that it closes is fixed or has a coupled"):
         load_mechanism(write("geared.toml", text))
 
 
@@ -152,10 +150,10 @@ def test_a_joint_equality_counts_from_the_references_of_its_joints():
     text = f"<mujoco><worldbody>{bodies}</worldbody><equality>{equality}</equality></mujoco>"
     model = mujoco.MjModel.from_xml_string(text)
     coupling = joint_equality(model, 0)
-    assert (coupling.joint, coupling.of) == ("b", "a")
+    assert (coupling.joint, coupling.function.lead) == ("b", "a")
     data = mujoco.MjData(model)
     for x in (-0.4, 0.3, 1.2):
-        data.qpos[:] = x, np.polynomial.polynomial.polyval(x, coupling.polynomial)
+        data.qpos[:] = x, np.polynomial.polynomial.polyval(x, coupling.function.polynomial)
         mujoco.mj_forward(model, data)
         assert abs(data.efc_pos[0]) < FORMULA
 

@@ -11,7 +11,7 @@ import screwgauge
 from screwgauge import stream
 from support.engines import ENGINES
 from support.judging import agreed
-from support.mechanism import Coupling, load_mechanism, same_content
+from support.mechanism import Coupling, PolynomialSum, load_mechanism, same_content
 from support.models import description
 from support.report import verdict
 from support.scene import SOLVED, pose_scene, sampled
@@ -115,7 +115,7 @@ CHANGES = {
     "name": lambda m: replace(m, name="other"),
     "home": lambda m: replace(m, joints=(replace(m.joints[0], home=m.joints[0].home + 1e-9), *m.joints[1:])),
     "independent": lambda m: replace(m, independent={"y": next(iter(m.independent.values()))}),
-    "couplings": lambda m: replace(m, couplings=(Coupling("c", m.coordinates[0], "", np.zeros(1)),)),
+    "couplings": lambda m: replace(m, couplings=(Coupling("c", m.coordinates[0], PolynomialSum(0.0, {})),)),
 }
 
 

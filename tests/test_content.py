@@ -51,11 +51,11 @@ def tied(attributes):
 
 SPATIAL = '<tendon><spatial name="r" stiffness="5"><site site="w"/><site site="s"/></spatial></tendon>'
 SITE = '<site name="w" pos="0 0 1"/>'
-EQUAL = '<equality><tendon tendon1="t"/></equality>'
 TWO = (
     '<tendon><fixed name="t"><joint joint="a" coef="1"/><joint joint="b" coef="1"/><joint joint="c" coef="2"/></fixed>'
     '<fixed name="u"><joint joint="b" coef="2"/></fixed></tendon>'
 )
+BY_POWERS = '<tendon tendon1="u" tendon2="t" polycoef="0 1 1 0 0"/>'
 PAIR = '<contact><pair geom1="g" geom2="h"/></contact>'
 FLEX = (
     '<body name="cloth"><flexcomp name="f" type="grid" count="3 3 1" spacing="0.1 0.1 0.1" dim="2" radius="0.01" '
@@ -129,11 +129,8 @@ CASES: dict[str, dict[str, tuple[str, str, str]]] = {
         "other joint": (".xml", tied('stiffness="3"'), with_(mjcf(), tendon('stiffness="3"', ("a", "c")))),
     },
     "spatial tendons": {"spring": (".xml", with_(mjcf(world=SITE)), with_(mjcf(world=SITE), SPATIAL))},
-    "equalities of fixed tendons": {
-        "three": (".xml", PLAIN, with_(mjcf(), tendon("", ("a", "b", "c"), EQUAL))),
-    },
     "other equalities": {
-        "two": (".xml", PLAIN, with_(mjcf(), f'{TWO}<equality><tendon tendon1="t" tendon2="u"/></equality>'))
+        "powers": (".xml", PLAIN, with_(mjcf(), f"{TWO}<equality>{BY_POWERS}</equality>")),
     },
     "force laws of actuators": {
         "servo": (".xml", PLAIN, PLAIN.replace('<motor name="m"', '<position kp="5" name="m"')),

@@ -19,7 +19,7 @@ from support.mechanics import (
     not_modelled,
     passive_force,
 )
-from support.mechanism import GROUND
+from support.mechanism import GROUND, PolynomialSum
 from support.readings import (
     ClosureReading,
     CouplingReading,
@@ -131,7 +131,7 @@ def test_closed_states_are_closed_and_move_so_to_second_order(zoo):
     """A point between two branches, a whole frame of the ground, and a coupling; the base is free."""
     reading = known(zoo, "mujoco")
     weld = ClosureReading("weld", GROUND, reading.bodies["d"].pose, "d", np.eye(4))
-    bent = CouplingReading("h2", "h", np.array([0.1, 0.7, 0.3]))
+    bent = CouplingReading("h2", PolynomialSum(0.1, {"h": np.array([0.7, 0.3])}))
     tree = plant(replace(reading, closures={"point": reading.closures["point"], "d": weld}, couplings={"bent": bent}))
     states, fits = closed(tree, draw(tree.reading, 12, seed=5))
     assert fits.sum() == len(states.q) >= 4

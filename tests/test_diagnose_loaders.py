@@ -116,4 +116,4 @@ def test_a_fixed_joint_follows_nothing(tmp_path):
 def test_what_follows_a_fixed_joint_is_held(tmp_path, library):
     path = chain(tmp_path / "chain.urdf", "", '<mimic joint="b" offset="0.1" multiplier="2"/>')
     (coupling,) = read(path, library).couplings.values()
-    assert (coupling.joint, coupling.of, coupling.polynomial.tolist()) == ("c", "", [0.1])
+    assert (coupling.joint, coupling.function.lead, coupling.function.polynomial.tolist()) == ("c", "", [0.1])

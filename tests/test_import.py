@@ -146,7 +146,11 @@ def test_a_gripper_closes_its_loop_and_keeps_its_coupling(gripper):
     assert dict(mechanism.independent) == {"driver": "driver"}
     assert [joint.name for joint in mechanism.actuators] == ["driver"]
     (coupling,) = mechanism.couplings
-    assert (coupling.coordinate, coupling.of, coupling.polynomial.tolist()) == ("twin", "driver", [0.0, -1.0])
+    assert (coupling.coordinate, coupling.function.lead, coupling.function.polynomial.tolist()) == (
+        "twin",
+        "driver",
+        [0.0, -1.0],
+    )
     springs = {spring.coordinate: (spring.stiffness, spring.rest, spring.damping) for spring in imported.springs}
     assert springs == {"coupler": (0.0, 0.0, 0.02), "follower": (2.0, 0.5, 0.0)}
     left = " ".join(imported.left_out)

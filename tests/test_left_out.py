@@ -52,9 +52,12 @@ PATH = (
     '<site name="w" pos="0 0.2 1"/><geom name="g" size="0.01" contype="0" conaffinity="0"/>',
 )
 BALL = '<body name="z" pos="0 1 0"><joint name="ball" type="ball" {}/>' + INERTIAL.format(0.8) + "</body>"
+#: A tendon of one joint that a square of the length of another one holds.
+BY_POWERS = """<tendon><fixed name="u"><joint joint="ja" coef="1"/></fixed></tendon>
+<equality><tendon name="e" tendon1="u" tendon2="t" polycoef="0 1 1 0 0"/></equality>"""
 #: File, and what its refusal names.
 REFUSED = {
-    "tendon held": (chain(end=THREE.format("") + '<equality><tendon name="e" tendon1="t"/></equality>'), "equality e"),
+    "powers of a sum": (chain(end=THREE.format("") + BY_POWERS), "equality e"),
     "flex held": (chain(world=FLEX.format("true")), "equality"),
     "flex": (chain(world=FLEX.format("false")), "flexible bodies"),
     "tendon round a geom": (

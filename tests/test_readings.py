@@ -180,8 +180,8 @@ def test_joints_of_one_body_keep_their_names_beside_a_site_of_its_name(write):
 @pytest.mark.parametrize("library", URDF_LIBRARIES)
 def test_a_mimic_joint_is_a_coupling(urdf, library):
     (said,) = read(urdf, library).couplings.values()
-    assert (said.joint, said.of) == ("follow", "turn")
-    assert [*np.trim_zeros(said.polynomial, "b")] == [0.1, -2.0]
+    assert (said.joint, said.function.lead) == ("follow", "turn")
+    assert [*np.trim_zeros(said.function.polynomial, "b")] == [0.1, -2.0]
 
 
 def test_the_base_of_a_urdf_floats_if_asked(urdf):

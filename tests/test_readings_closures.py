@@ -129,12 +129,14 @@ def test_closures_keep_their_names_and_those_without_get_one(write):
 def test_a_coupling_is_a_polynomial_of_coordinates_as_they_count(row, of, value, write):
     path = write("arms.xml", ARMS.replace("@", f"<joint name='k' {row}/>"))
     said = read(path, "mujoco").couplings["k"]
-    assert (said.joint, said.of) == ("d1", of)
+    assert (said.joint, said.function.lead) == ("d1", of)
     x = JOINTS[of] if of else 0.0
     (error,) = residual(path)
-    assert JOINTS["d1"] - np.polynomial.polynomial.polyval(x, said.polynomial) == pytest.approx(error, rel=0, abs=READ)
+    assert JOINTS["d1"] - np.polynomial.polynomial.polyval(x, said.function.polynomial) == pytest.approx(
+        error, rel=0, abs=READ
+    )
     if value is not None:
-        assert said.polynomial == pytest.approx([value], rel=1e-15, abs=0)
+        assert said.function.polynomial == pytest.approx([value], rel=1e-15, abs=0)
 
 
 def test_what_is_not_active_is_no_closure_and_said(write):
@@ -143,39 +145,43 @@ def test_what_is_not_active_is_no_closure_and_said(write):
     assert (reading.closures, "equality e, which is not active" in reading.ignored) == ({}, True)
 
 
-#: Names of joints -> their coefficients, tendon by tendon; the polynomial; who follows whom, if it is a coupling.
+#: Names of joints -> their coefficients, tendon by tendon; the polynomial; who follows whom, none where it is no
+#: coupling.
 TENDONS = {
-    "one": ([{"a1": 0.5}], "0.3 0 0 0 0", ("a1", "")),
+    "one": ([{"a1": 0.5}], "0.3 0 0 0 0", ("a1",)),
     "sum of two": ([{"a1": 0.5, "c1": -2.0}], "0.3 0 0 0 0", ("c1", "a1")),
     "two of one each": ([{"d1": 0.5}, {"a1": 2.0}], "0.1 2 0.5 -0.3 0.7", ("d1", "a1")),
     "two of the same two": ([{"a1": 0.5, "c1": 1.0}, {"c1": 3.0, "a1": 1.0}], "0.1 2 0 0 0", ("c1", "a1")),
     "a joint that cancels": ([{"a1": 1.0, "b1": 1.0}, {"b1": 0.5, "c1": 1.0}], "0 2 0 0 0", ("c1", "a1")),
-    "three": ([{"a1": 0.5, "b1": 1.0, "c1": -2.0}], "0 0 0 0 0", None),
-    "two, by powers": ([{"a1": 0.5, "c1": 1.0}, {"d1": 1.0}], "0 1 1 0 0", None),
+    "three": ([{"a1": 0.5, "b1": 1.0, "c1": -2.0}], "0.4 0 0 0 0", ("a1", "b1", "c1")),
+    "two against two": ([{"a1": 0.5, "b1": 1.0}, {"b1": 3.0, "c1": 1.0}], "0.1 2 0 0 0", ("a1", "b1", "c1")),
+    "two, by powers": ([{"a1": 0.5, "c1": 1.0}, {"d1": 2.0}], "0.1 1 1 0 0", ("a1", "d1", "c1")),
+    "two, by powers of one of them": ([{"a1": 0.5, "d1": 1.0}, {"d1": 2.0}], "0.1 1 1 0 0", ("a1", "d1")),
+    "powers of two": ([{"a1": 0.5}, {"d1": 1.0, "c1": 1.0}], "0 1 1 0 0", ()),
+    "what cancels": ([{"a1": 0.5}, {"a1": 1.0}], "0.1 0.5 0 0 0", ()),
 }
 
 
 @pytest.mark.parametrize("case", TENDONS)
-def test_tendons_of_two_joints_that_are_equal_couple_these(case, write):
-    tendons, powers, pair = TENDONS[case]
+def test_tendons_that_are_equal_couple_their_joints(case, write):
+    tendons, powers, named = TENDONS[case]
     rows = ["".join(f'<joint joint="{joint}" coef="{coef}"/>' for joint, coef in tendon.items()) for tendon in tendons]
     said = "".join(f'<fixed name="t{i + 1}">{row}</fixed>' for i, row in enumerate(rows))
     names = " ".join(f'tendon{i + 1}="t{i + 1}"' for i in range(len(rows)))
     text = ARMS.replace("@", f'<tendon name="e" {names} polycoef="{powers}"/>')
     path = write("arms.xml", text.replace("<equality>", f"<tendon>{said}</tendon><equality>"))
     reading = read(path, "mujoco")
-    assert (pair is None) == any("equality e, which" in phrase for phrase in reading.ignored)
-    if pair is None:
+    assert any("equality e, which" in phrase for phrase in reading.ignored) != bool(named)
+    if not named:
         assert reading.couplings == {}
         return
     coupling = reading.couplings["e"]
-    assert (coupling.joint, coupling.of) == pair
+    assert coupling.named == named
     # the error of the tendons is that of the coupling times what its joint moves them by
-    x, y = JOINTS.get(coupling.of, 0.0), JOINTS[coupling.joint]
     (error,) = residual(path)
     first, second, p = tendons[0], tendons[1] if len(tendons) > 1 else {}, [float(word) for word in powers.split()]
     by = first.get(coupling.joint, 0.0) - p[1] * second.get(coupling.joint, 0.0)
-    gap = y - np.polynomial.polynomial.polyval(x, coupling.polynomial)
+    gap = JOINTS[coupling.joint] - coupling.function(JOINTS)
     assert by * gap == pytest.approx(error, rel=0, abs=READ)
 
 

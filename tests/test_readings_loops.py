@@ -150,7 +150,7 @@ def test_what_depends_on_a_joint_of_another_type_is_told(write):
     )
     reading = read(write("robot.urdf", f"{mimic}</robot>"), "pinocchio")
     held = with_loops(reading, write("robot.yaml", LOOP.format("elbow", "FIXED"))).couplings["grip"]
-    assert (held.joint, held.of, held.polynomial.tolist()) == ("grip", "", [0.3])
+    assert (held.joint, held.function.lead, held.function.polynomial.tolist()) == ("grip", "", [0.3])
     for name, kind in (("grip", "FIXED"), ("elbow", "UJOINT_XY"), ("grip", "SPHERICAL")):
         with pytest.raises(ScrewgaugeError, match=f"'{name}' is coupled to another one, and cannot be made {kind}"):
             with_loops(reading, write("robot.yaml", LOOP.format(name, kind)))

@@ -281,7 +281,7 @@ def _move(file: Opened, target: Reading, elements: Mapping[str, Element]) -> Non
             if getattr(joint, what) != getattr(reading.joints[name], what):
                 file.writer.tell(file.xml, elements[name], what, np.array(getattr(joint, what)))
     for name, coupling in target.couplings.items():
-        if not np.array_equal(coupling.polynomial, reading.couplings[name].polynomial):
+        if not coupling.function.equals(reading.couplings[name].function):
             file.writer.couple(file.xml, elements[coupling.joint], coupling)
     for name, actuator in target.actuators.items():
         if actuator.gear != reading.actuators[name].gear:

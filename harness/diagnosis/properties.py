@@ -70,6 +70,12 @@ def _geared(reading: Reading, name: str, gear: float) -> Reading:
     return replace(reading, actuators={**reading.actuators, name: reading.actuators[name]._replace(gear=gear)})
 
 
+def _coupled(reading: Reading, name: str, coefficients: Array) -> Reading:
+    coupling = reading.couplings[name]
+    new = replace(coupling, function=coupling.function.filled(coefficients))
+    return replace(reading, couplings={**reading.couplings, name: new})
+
+
 def _matter(shape: tuple[int, ...], unit: str, **more: Any) -> Property:
     return Property(owner="body", shape=shape, unit=unit, urdf="inertial", mjcf="inertial", **more)
 
@@ -138,7 +144,9 @@ PROPERTIES: dict[str, Property] = {
     "softness": Property(owner="closure", shape=(-1,), mjcf="equality"),
     "coupling": Property(owner="coupling"),
     "leading joint": Property(owner="coupling"),
-    "polynomial": Property(owner="coupling", shape=(-1,), noun="coupling", urdf="mimic", mjcf="equality"),
+    "polynomial": Property(
+        owner="coupling", shape=(-1,), noun="coupling", urdf="mimic", mjcf="equality", write=_coupled
+    ),
     "gear": Property(owner="actuator", shape=(), scales=True, mjcf="actuator@gear", write=_geared),
     "gravity": Property(
         owner="model",

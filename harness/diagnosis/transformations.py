@@ -6,7 +6,6 @@ from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from screwgauge.models.kinematics import moved
 from screwgauge.models.readings.reading import JointReading, Reading
@@ -50,10 +49,8 @@ def counted_back(reading: Reading, name: str) -> Reading:
     new = replace(joint, screw=-joint.screw, home=-joint.home, limits=(-high, -low), rest=-joint.rest)
     couplings = {}
     for key, coupling in reading.couplings.items():
-        polynomial = -coupling.polynomial if coupling.joint == name else coupling.polynomial
-        if coupling.of == name:
-            polynomial = polynomial * (-1.0) ** np.arange(len(polynomial))
-        couplings[key] = replace(coupling, polynomial=polynomial)
+        function = coupling.function.counted({}, {name: -1.0})
+        couplings[key] = replace(coupling, function=function.times(-1.0) if coupling.joint == name else function)
     return replace(reading, joints={**reading.joints, name: new}, couplings=couplings)
 
 
@@ -65,13 +62,8 @@ def counted_from(reading: Reading, name: str, home: float) -> Reading:
     new = replace(joint, home=home, limits=(low + step, high + step), rest=joint.rest + step)
     couplings = {}
     for key, coupling in reading.couplings.items():
-        polynomial = coupling.polynomial
-        if coupling.of == name:
-            shifted = Polynomial(polynomial)(Polynomial([-step, 1.0])).coef
-            polynomial = np.pad(shifted, (0, len(polynomial) - len(shifted)))
-        if coupling.joint == name:
-            polynomial = polynomial + step * (np.arange(len(polynomial)) == 0)
-        couplings[key] = replace(coupling, polynomial=polynomial)
+        function = coupling.function.counted({name: -step}, {})
+        couplings[key] = replace(coupling, function=function.plus(step) if coupling.joint == name else function)
     return replace(reading, joints={**reading.joints, name: new}, couplings=couplings)
 
 
@@ -100,6 +92,6 @@ def _lacking(reading: Reading, bodies: Collection[str], joints: Collection[str])
         bodies={name: body for name, body in reading.bodies.items() if stays(name)},
         joints={name: joint for name, joint in reading.joints.items() if name not in joints},
         closures={n: c for n, c in reading.closures.items() if stays(c.first) and stays(c.second)},
-        couplings={n: c for n, c in reading.couplings.items() if not {c.joint, c.of} & {*joints}},
+        couplings={n: c for n, c in reading.couplings.items() if not {*c.named} & {*joints}},
         actuators={n: driven for n, driven in reading.actuators.items() if driven.joint not in joints},
     )

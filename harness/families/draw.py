@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 import tomli_w
 
-from screwgauge.families.placements import FAMILIES
+from screwgauge.families.placements import FAMILIES, NAMED
 from screwgauge.families.sketch import Sketch, Tables, described, shuffled, unused
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.quantities import GIVEN, QUANTITIES
@@ -52,7 +52,7 @@ def random(seed: int, family: str | None = None, folder: Path | None = None) -> 
 
     Args:
         seed: Gives the same mechanism again.
-        family: One of `families()`; by default the seed decides.
+        family: One of `families()`; by default the seed decides, among those that all versions have.
         folder: Where description and scene are left as TOML files, which any command reads; by default they go away
             with the process.
 
@@ -61,7 +61,8 @@ def random(seed: int, family: str | None = None, folder: Path | None = None) -> 
     """
     check_seed(seed)
     names = families()
-    family = family or names[np.random.default_rng(seed).integers(len(names))]
+    chosen = [name for name in names if name not in NAMED]
+    family = family or chosen[np.random.default_rng(seed).integers(len(chosen))]
     if family not in FAMILIES:
         raise UnknownNameError("family", family, names)
     folder = Path(_folder().name) if folder is None else folder

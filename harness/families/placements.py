@@ -145,6 +145,21 @@ def _geared_loop(s: Sketch) -> None:
     s.tie(row, of)
 
 
+def _belt_train(s: Sketch) -> None:
+    """An open chain or tree of which two or three coordinates move all others, each by those of two or three."""
+    free = int(s.rng.integers(2, 4))
+    _serial(s, "".join(s.rng.choice(list("RRP"), size=free)) + _drawn(s, "RRRPUC", 2, 6))
+    for row in range(free, s.firsts[-1]):
+        s.tie(row, *s.rng.permutation(row)[: s.rng.integers(2, 4)].tolist())
+
+
+def _belted_loop(s: Sketch) -> None:
+    """A loop of two or three freedoms, and a coupling of three of its R joints, not always side by side."""
+    kinds = str(s.rng.choice(["RRRRRRRR", "RRRRRRRRR", "RUSRR", "RRSCR"]))
+    _loop(s, kinds)
+    s.tie(*s.rng.permutation([s.firsts[i] for i, kind in enumerate(kinds) if kind == "R"])[:3].tolist())
+
+
 # --- platforms on legs
 
 
@@ -224,6 +239,8 @@ def _delta(s: Sketch) -> None:
             s.chain("US", f"arm{k}", "platform", np.array([elbow, head]) + side * hinge)
 
 
+#: Families that a seed alone does not choose: those that it does are the same in all versions.
+NAMED = ("belt-train", "belted-loop")
 #: Family -> what draws it.
 FAMILIES: dict[str, Callable[[Sketch], None]] = {
     **{f"planar-{n}": partial(_planar, n=n) for n in (4, 5, 6)},
@@ -238,6 +255,8 @@ FAMILIES: dict[str, Callable[[Sketch], None]] = {
     "serial": _serial,
     "gear-train": _gear_train,
     "geared-loop": _geared_loop,
+    "belt-train": _belt_train,
+    "belted-loop": _belted_loop,
     "n-ups": _n_ups,
     "6-rus": partial(_legs, n=6, kinds="RUS", driven=0),
     "6-pus": _six_pus,

@@ -73,13 +73,13 @@ class Sketch:
     Attributes:
         rng: Where all chance comes from.
         joints: Those placed so far.
-        ties: Couplings (row, of, slope, bend) about home: coordinate `row` moves by slope x + bend x^2 where coordinate
-            `of` moves by x. Rows count all coordinates, joint by joint.
+        ties: Couplings about home: a coordinate moves by the sum of slope x + bend x^2 where others move by x, row ->
+            {row: (slope, bend)}. Rows count all coordinates, joint by joint.
     """
 
     rng: np.random.Generator
     joints: list[Placed] = field(default_factory=list)
-    ties: list[tuple[int, int, float, float]] = field(default_factory=list)
+    ties: dict[int, dict[int, tuple[float, float]]] = field(default_factory=dict)
 
     @property
     def bodies(self) -> list[str]:
@@ -141,10 +141,13 @@ class Sketch:
         """Row of the first coordinate of each joint, and behind them the number of all coordinates."""
         return [0, *np.cumsum([len(KINDS[joint.kind]) for joint in self.joints]).tolist()]
 
-    def tie(self, row: int, of: int) -> None:
-        """Couples a coordinate to another one, about as fast, in one case of two by a straight line."""
-        slope, bend = self.rng.uniform(0.3, 1.5) * self.rng.choice([-1, 1]), self.rng.choice([0.0, 0.3])
-        self.ties.append((row, of, float(slope), float(bend)))
+    def tie(self, row: int, *leads: int) -> None:
+        """Couples a coordinate to others, about as fast: to several linearly, to one in one case of two."""
+        self.ties[row] = {}
+        for of in leads:
+            slope = self.rng.uniform(0.3, 1.5) * self.rng.choice([-1, 1])
+            bend = 0.0 if len(leads) > 1 else self.rng.choice([0.0, 0.3])
+            self.ties[row][of] = float(slope), float(bend)
 
     def flip(self) -> None:
         """Exchanges parent and child of joints at random."""
@@ -164,8 +167,10 @@ class Sketch:
             ends[i, place.get(joint.a, -1)], ends[i, place.get(joint.b, -1)] = 1.0, -1.0
         A = np.hstack([block_diag(*(screws.T for screws in S)), np.kron(ends[:, :-1], np.eye(6))])
         tied = np.zeros((len(self.ties), A.shape[1]))
-        for equation, (row, of, slope, _) in zip(tied, self.ties, strict=True):
-            equation[row], equation[of] = 1.0, -slope
+        for equation, (row, leads) in zip(tied, self.ties.items(), strict=True):
+            equation[row] = 1.0
+            for of, (slope, _) in leads.items():
+                equation[of] = -slope
         _, s, Vt = np.linalg.svd(np.vstack([A, tied]))
         if ((s > ZERO) & (s < REGULAR)).any():
             return None
@@ -225,10 +230,15 @@ def described(sketch: Sketch, name: str) -> tuple[Tables, list[list[str]]]:
         }
     tables = {"name": name, "bodies": shuffled(rng, bodies), "joints": shuffled(rng, joints)}
     flat, couplings = [name for names_of_joint in coordinates for name in names_of_joint], {}
-    for row, of, slope, bend in sketch.ties:  # in coordinates that are not zero at home
-        x = homes[of]
-        polynomial = [homes[row] - slope * x + bend * x * x, slope - 2.0 * bend * x, bend]
-        couplings[unused(rng, used)] = {"coordinate": flat[row], "of": flat[of], "polynomial": polynomial}
+    for row, leads in sketch.ties.items():  # in coordinates that are not zero at home
+        terms, constant = dict[str, list[float]](), homes[row]
+        for of, (slope, bend) in leads.items():
+            x = homes[of]
+            terms[flat[of]] = [constant - slope * x + bend * x * x, slope - 2.0 * bend * x, bend]
+            constant = 0.0
+        (lead, polynomial), *more = terms.items()
+        law: Tables = {"terms": terms} if more else {"of": lead, "polynomial": polynomial}
+        couplings[unused(rng, used)] = {"coordinate": flat[row], **law}
     if couplings:
         tables["couplings"] = shuffled(rng, couplings)
     return tables, coordinates

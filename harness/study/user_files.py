@@ -250,7 +250,8 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
     reading = read_source(source, reader_of(engine))
     check_whole(reading, source)
     coupled = {coupling.coordinate for coupling in scene.mechanism.couplings}
-    if lost := [each.joint for each in reading.couplings.values() if each.joint not in coupled]:
+    known, said = [{*coupling.named} for coupling in scene.mechanism.couplings], reading.couplings.values()
+    if lost := [each.joint for each in said if each.joint not in coupled and {*each.named} not in known]:
         what = f"joint {first_few(lost, _NAMED)} follows another one or is held, which the description does not say"
         raise ModelFileError(what, str(model), "take its mimic or equality out, or give the description a coupling")
     mechanism, found = scene.mechanism, list[LeftOut]()

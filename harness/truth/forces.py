@@ -148,7 +148,7 @@ def balances(linkage: Linkage, now: State, parts: Sequence[Unknown]) -> list[lis
 
 
 def coupling_balances(linkage: Linkage, now: State) -> list[list[arb]]:
-    """Columns: what each coupling exerts, 1 along its coordinate and minus the slope along the other."""
+    """Columns: what each coupling exerts, 1 along its coordinate and minus the slope along each other one."""
     q, columns = [x[0] for x in now.q], []
     for tie in linkage.ties:
         column = [arb(0)] * (6 * len(linkage.masses))

@@ -13,7 +13,7 @@ from typing import Any
 from flint import arb, arb_mat
 
 from screwgauge.reference.couplings import Fixing
-from screwgauge.reference.description import XYZ
+from screwgauge.reference.description import XYZ, written_polynomials
 from screwgauge.reference.graph import spanning_tree
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
 from screwgauge.truth.exact import (
@@ -40,44 +40,46 @@ from screwgauge.truth.exact import (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tie:
-    """A coupling ``q_i = p(q_j)``.
+    """A coupling ``q_i = sum_k p_k(q_k)``.
 
     Attributes:
-        column, of: i and j; None where q_i is held.
-        polynomial: Coefficients of p, lowest first.
+        column: i.
+        leads: Each k, None where there is no coordinate, and the coefficients of p_k, lowest first.
     """
 
     column: int
-    of: int | None
-    polynomial: Vector
-
-    def _value(self, x: Jet) -> Jet:
-        """Series of the polynomial for that of its coordinate, by Horner."""
-        value = [arb(0) for _ in x]
-        for coefficient in reversed(self.polynomial):
-            value = mul(value, x)
-            value[0] += coefficient
-        return value
+    leads: list[tuple[int | None, Vector]]
 
     def error(self, q: Sequence[Jet]) -> Jet:
-        """Series of ``q_i - p(q_j)``."""
-        x = q[self.column]
-        value = self._value([arb(0) for _ in x] if self.of is None else q[self.of])
-        return [a - b for a, b in zip(x, value, strict=True)]
+        """Series of ``q_i - sum_k p_k(q_k)``."""
+        error = list(q[self.column])
+        for k, polynomial in self.leads:
+            value = _series(polynomial, [arb(0) for _ in error] if k is None else q[k])
+            error = [a - b for a, b in zip(error, value, strict=True)]
+        return error
 
     def shares(self, q: Sequence[arb]) -> list[tuple[int, arb]]:
-        """Derivative of the error: columns and what it is there, 1 and -p'."""
-        if self.of is None:
-            return [(self.column, arb(1))]
-        return [(self.column, arb(1)), (self.of, -self._value([q[self.of], arb(1)])[1])]
+        """Derivative of the error: columns and what it is there, 1 and each -p_k'."""
+        slopes = [(k, -_series(polynomial, [q[k], arb(1)])[1]) for k, polynomial in self.leads if k is not None]
+        return [(self.column, arb(1)), *slopes]
+
+
+def _series(polynomial: Vector, x: Jet) -> Jet:
+    """Series of a polynomial for that of its coordinate, by Horner."""
+    value = [arb(0) for _ in x]
+    for coefficient in reversed(polynomial):
+        value = mul(value, x)
+        value[0] += coefficient
+    return value
 
 
 def read_ties(mechanism: Mechanism, tables: Mapping[str, Any]) -> list[Tie]:
     """The couplings of a mechanism, their numbers from its tables."""
     place, ties = mechanism.coordinates.index, []
     for one in mechanism.couplings:
-        polynomial = [arb(0)] if isinstance(one, Fixing) else vector(tables["couplings"][one.name]["polynomial"])
-        ties.append(Tie(place(one.coordinate), place(one.of) if one.of else None, polynomial))
+        table = {"polynomial": [0]} if isinstance(one, Fixing) else tables["couplings"][one.name]
+        written = written_polynomials(table, one.where)
+        ties.append(Tie(place(one.coordinate), [(place(of) if of else None, vector(p)) for _, of, p in written]))
     return ties
 
 

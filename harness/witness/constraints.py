@@ -60,15 +60,13 @@ def coupling_gaps(tree: SpanningTree, states: TreeStates, order: int = 0) -> Arr
 
 
 def _leads(one: CoupledColumn, states: TreeStates) -> tuple[Array, Array, Array]:
-    """What a coupling makes of the other coordinate, and its two derivatives. Shape (n,) each."""
-    if one.of is None:
-        zero = np.zeros(len(states.q))
-        return zero + one.polynomial[0], zero, zero
-    q, v, a = states.q[:, one.of[0]], states.qd[:, one.of[1]], states.qdd[:, one.of[1]]
-    value, slope, bend = (
-        np.asarray(polynomial.polyval(q, polynomial.polyder(one.polynomial, k)), float) for k in range(3)
-    )
-    return value, slope * v, slope * a + bend * v**2
+    """What a coupling makes of the other coordinates, and its two derivatives. Shape (n,) each."""
+    total, rate, change = (np.full(len(states.q), x) for x in (one.constant, 0.0, 0.0))
+    for column, velocity, p in one.leads:
+        q, v, a = states.q[:, column], states.qd[:, velocity], states.qdd[:, velocity]
+        value, slope, bend = (np.asarray(polynomial.polyval(q, polynomial.polyder(p, k)), float) for k in range(3))
+        total, rate, change = total + value, rate + slope * v, change + slope * a + bend * v**2
+    return total, rate, change
 
 
 def closure_rows(tree: SpanningTree, motion: TreeMotion) -> dict[str, Array]:
@@ -91,8 +89,8 @@ def coupling_rows(tree: SpanningTree, q: Array) -> Array:
     rows = np.zeros((len(q), len(tree.couplings), tree.freedom))
     for k, one in enumerate(tree.couplings.values()):
         rows[:, k, one.velocity] = 1.0
-        if one.of is not None:
-            rows[:, k, one.of[1]] -= polynomial.polyval(q[:, one.of[0]], polynomial.polyder(one.polynomial))
+        for column, velocity, p in one.leads:
+            rows[:, k, velocity] -= polynomial.polyval(q[:, column], polynomial.polyder(p))
     return rows
 
 

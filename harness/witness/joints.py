@@ -16,12 +16,12 @@ from screwgauge.reference.graph import Layout
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.witness.tree import (
-    CoupledColumn,
     FixedFrame,
     LoopConstraint,
     MassProperties,
     SpanningTree,
     TreeLink,
+    coupled_column,
     stacked,
 )
 
@@ -111,10 +111,7 @@ def mechanism_tree(mechanism: Mechanism, graph: Layout, length: float = 1.0) -> 
         bodies=stacked([at[body.name] for body in mechanism.bodies]),
         matter=matter(mechanism),
         closures=closures,
-        couplings={
-            one.name: CoupledColumn(*column[one.coordinate], column.get(one.of), one.polynomial)
-            for one in mechanism.couplings
-        },
+        couplings={one.name: coupled_column(column, one.coordinate, one.function) for one in mechanism.couplings},
         length=length,
         mechanism=mechanism,
         body_frames=at,

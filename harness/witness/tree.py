@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.reference.couplings import PolynomialSum
 from screwgauge.reference.rotations import Array
 
 Rows = NDArray[np.intp]
@@ -81,15 +82,22 @@ class LoopConstraint(NamedTuple):
 
 
 class CoupledColumn(NamedTuple):
-    """A coordinate that is a polynomial of another one; None where it is held. Columns of coordinates and velocities.
+    """A coordinate that is a constant and a sum of polynomials of others. Columns of coordinates and velocities.
 
-    The coefficients are lowest first, shape (m,).
+    Attributes:
+        leads: Columns of each coordinate that it depends on, and coefficients of powers of it, that of 1 first.
     """
 
     column: int
     velocity: int
-    of: tuple[int, int] | None
-    polynomial: Array
+    constant: float
+    leads: tuple[tuple[int, int, Array], ...]
+
+
+def coupled_column(columns: Mapping[str, tuple[int, int]], coordinate: str, function: PolynomialSum) -> CoupledColumn:
+    """A coupling in a tree. `columns`: coordinate -> its column, and that of its velocity."""
+    leads = tuple((*columns[name], np.array([0.0, *p])) for name, p in function.terms.items())
+    return CoupledColumn(*columns[coordinate], function.constant, leads)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

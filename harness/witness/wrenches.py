@@ -36,7 +36,7 @@ class Act:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnitWrench:
-    """A unit force or a unit moment, of one joint or, if it is that of a coupling, of two.
+    """A unit force or a unit moment, of one joint or, if it is that of a coupling, of several.
 
     Attributes:
         name: Of the component of a reaction or an actuator.
@@ -112,10 +112,10 @@ def unit_wrenches(tree: MechanismTree, motion: TreeMotion, q: Array, quantity: s
 
 
 def _of_couplings(tree: MechanismTree, motion: TreeMotion, q: Array) -> Iterator[UnitWrench]:
-    """A coupling has no power: 1 along its own coordinate, minus the polynomial's slope along the other."""
+    """A coupling has no power: 1 along its own coordinate, minus the slope of its polynomial along each other one."""
     rows, mechanism = coupling_rows(tree, q), tree.mechanism
     for k, one in enumerate(mechanism.couplings):
-        names = [one.coordinate, *([one.of] if one.of else [])]
+        names = one.named
         unit = "N m" if mechanism.units[mechanism.columns(names)[0]] == "rad" else "N"
         shares = zip(names, rows[:, k, mechanism.columns(names)].T, strict=True)
         yield UnitWrench(

@@ -229,13 +229,29 @@ def tell_model(xml: XmlText, **settings: ArrayLike) -> None:
 
 
 def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
-    """Gives two coupled joints another polynomial."""
-    for part in xml.root.iter("equality"):
-        for equality in part.children:
-            if equality.tag == "joint" and equality.get("joint1") == coupling.joint:
-                xml.set(equality, polycoef=vector_text(coupling.polynomial))
-                return
+    """Gives coupled joints another function."""
+    function = coupling.function
+    for equality in (each for part in xml.root.iter("equality") for each in part.children):
+        if equality.tag == "joint" and equality.get("joint1") == coupling.joint and len(function.terms) < 2:
+            xml.set(equality, polycoef=vector_text(function.polynomial))
+            return
+        parts = _tendon(xml, equality)
+        if {*parts} == {*coupling.named} and function.linear:
+            (factor,) = numbers(parts[coupling.joint].get("coef"), "nan")
+            for name, slope in function.slopes.items():
+                xml.set(parts[name], coef=number_text(-factor * slope))
+            xml.set(equality, polycoef=vector_text([factor * function.constant, 0.0, 0.0, 0.0, 0.0]))
+            return
     raise UnpatchableError(f"no equality of joint '{coupling.joint}' stands in the file itself")
+
+
+def _tendon(xml: XmlText, equality: Element) -> dict[str, Element]:
+    """Joint -> its part of the one fixed tendon that an equality holds; empty of other equalities."""
+    if equality.tag != "tendon" or equality.get("tendon2"):
+        return {}
+    tendons = (each for part in xml.root.iter("tendon") for each in part.children if each.tag == "fixed")
+    held = (each.children for each in tendons if each.get("name") == equality.get("tendon1"))
+    return {part.get("joint"): part for part in next(held, [])}
 
 
 def drive(xml: XmlText, name: str, gear: float) -> None:

@@ -18,6 +18,7 @@ from screwgauge.models.layout import Freedom, Link, held, lay_out
 from screwgauge.models.matter import NOTHING, Matter
 from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import CouplingReading
+from screwgauge.reference.couplings import PolynomialSum
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
 from screwgauge.reference.mechanism import GROUND, Frame, Mechanism
 from screwgauge.reference.rigid import inverse
@@ -169,7 +170,7 @@ def mimics(root: ET.Element, where: str) -> dict[str, CouplingReading]:
             ratio = np.array([number(mimic, key, default, where) for key, default in _MIMIC])
             leads = mimic.get("joint", "")
             held = leads not in moving
-            couplings[name] = CouplingReading(name, "" if held else leads, ratio[:1] if held else ratio)
+            couplings[name] = CouplingReading(name, PolynomialSum.of({"" if held else leads: ratio}))
     return couplings
 
 
@@ -317,10 +318,11 @@ def tell(xml: XmlText, joint: Element, what: str, value: Array) -> None:
 
 def couple(xml: XmlText, joint: Element, coupling: CouplingReading) -> None:
     """Gives a joint that mimics another one a new rule."""
-    if joint.find("mimic") is None or len(coupling.polynomial) > 2:
-        raise UnpatchableError(f"joint '{coupling.joint}' mimics no other, or not linearly")
-    offset, multiplier = (number_text(number) for number in (*coupling.polynomial, 0.0, 0.0)[:2])
-    xml.set_in(joint, "mimic", offset=offset, multiplier=multiplier)
+    function = coupling.function
+    if joint.find("mimic") is None or len(function.terms) > 1 or not function.linear:
+        raise UnpatchableError(f"joint '{coupling.joint}' mimics no other, or not one alone linearly")
+    multiplier = function.slopes.get(function.lead, 0.0)
+    xml.set_in(joint, "mimic", offset=number_text(function.constant), multiplier=number_text(multiplier))
 
 
 def check_matter(xml: XmlText) -> None:

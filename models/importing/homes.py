@@ -295,7 +295,7 @@ class Loops:
         for closure in self.reading.closures.values():
             out += np.abs(moves.get(closure.second, still) - moves.get(closure.first, still))
         for coupling in self.reading.couplings.values():
-            for joint in filter(None, (coupling.joint, coupling.of)):
+            for joint in coupling.named:
                 out[self.tree.freedoms[joint]] = 1.0
         return np.minimum(out, 1.0) * self.free
 

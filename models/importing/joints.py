@@ -65,9 +65,14 @@ def pruned(machine: Machine, followed: Collection[str]) -> Machine:
             remarks.append(f"'{name}' has no mass and carries nothing; left out with {listed(link.joints)}.")
 
 
+def followed_joints(reading: Reading) -> set[str]:
+    """Joints that others depend on by a coupling."""
+    return {name for coupling in reading.couplings.values() for name in coupling.function.terms}
+
+
 def graph_of(reading: Reading) -> Machine:
     """The bodies and links of a reading whose loops are closed at home; those through crosses without mass are one."""
-    machine = pruned(uncontracted(reading), {entry.of for entry in reading.couplings.values()} - {""})
+    machine = pruned(uncontracted(reading), followed_joints(reading))
     pinned = {machine.part_of(end) for c in reading.closures.values() for end in (c.first, c.second)}
     return contracted(machine, [n for n, body in machine.bodies.items() if not body.local.mass and n not in pinned])
 

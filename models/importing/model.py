@@ -227,9 +227,7 @@ def _actuated(graph: Machine, chosen: Sequence[str] | None, where: str) -> list[
 
 def _coupling(name: str, entry: CouplingReading, where: str) -> Coupling:
     """A coupling; one that depends on nothing that moves holds its joint."""
-    powers = np.trim_zeros(entry.polynomial[1:], "b") if entry.of else np.zeros(0)
-    of = entry.of if len(powers) else ""
-    return Coupling(name, entry.joint, of, np.append(entry.polynomial[:1], powers), f"{where}, coupling '{name}'")
+    return Coupling(name, entry.joint, entry.function.trimmed, f"{where}, coupling '{name}'")
 
 
 def _body(name: str, body: RigidBody, length: float, where: str) -> Body:
@@ -248,7 +246,7 @@ def _joints(
     """All joints, the bodies without mass between those of one link, and which composite joints had to be divided."""
     pins = {pin_name(one.closures) for link in graph.links for one in link.elements if one.closures}
     names = {GROUND, *graph.bodies, *graph.reading.joints, *pins}
-    coupled = {name for entry in graph.reading.couplings.values() for name in (entry.joint, entry.of)}
+    coupled = {name for entry in graph.reading.couplings.values() for name in entry.named}
     used, carriers, joints, remarks = {*graph.reading.joints}, list[Body](), list[Joint](), list[str]()
     for link in graph.links:
         steps, divided = groups(link, graph, driven, coupled)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
-from numpy.polynomial import polynomial
 
 from screwgauge.models.content import Content
 from screwgauge.models.matter import displaced, joined
@@ -134,7 +133,7 @@ def _lost(joint: JointReading, name: str, kind: str) -> Iterator[str]:
 def _check_free(reading: Reading, types: Mapping[str, str], where: str) -> None:
     """Refuses a type for a joint that is coupled; one that is fixed may lead others, which then are held."""
     for coupling in reading.couplings.values():
-        for name in (coupling.joint, coupling.of):
+        for name in coupling.named:
             if name in types and (name == coupling.joint or types[name] != FIXED):
                 what = f"joint '{name}' is coupled to another one, and cannot be made {types[name]}"
                 raise ModelFileError(what, f"{where}, joint_type", "take out its <mimic> or its joint_type")
@@ -182,11 +181,9 @@ def _welded(reading: Reading, names: list[str], where: str) -> Reading:
 
 
 def _held(reading: Reading, coupling: CouplingReading, fixed: Collection[str]) -> CouplingReading:
-    """A coupling when some joints are fixed at home: what follows one of them is held."""
-    if coupling.of not in fixed:
-        return coupling
-    held = polynomial.polyval(reading.joints[coupling.of].home, coupling.polynomial)
-    return replace(coupling, of="", polynomial=np.array([held]))
+    """A coupling when some joints are fixed at home: what follows these alone is held."""
+    homes = {name: reading.joints[name].home for name in coupling.function.terms if name in fixed}
+    return replace(coupling, function=coupling.function.at(homes)) if homes else coupling
 
 
 def _links(reading: Reading) -> Iterator[tuple[str, BodyReading]]:

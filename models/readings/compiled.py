@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from screwgauge.models.content import Content, Kind, Values, kinds, table
 from screwgauge.models.mjcf import POWERS, without_stand_ins
 from screwgauge.models.readings.assemble import Assembly
 from screwgauge.models.readings.reading import CouplingReading
+from screwgauge.reference.couplings import PolynomialSum
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
@@ -202,19 +202,6 @@ def _tendons(model: Any) -> Iterator[Content]:
         yield Content(kind.name, "fixed tendon", name, _along(model, i), _numbers(model, own, i))
 
 
-def other_equality(model: Any, i: int, name: str) -> Content:
-    """An equality that no closure or coupling is: of one fixed tendon with its joints, else by name alone."""
-    import mujoco
-
-    phrase, tendon = f"equality {name}, which is not of bodies or joints", model.eq_obj1id[i]
-    single = model.eq_type[i] == int(mujoco.mjtEq.mjEQ_TENDON) and model.eq_obj2id[i] < 0
-    if not single or shares(model, tendon) is None:
-        return Content("other equalities", phrase)
-    length = float(model.tendon_length0[tendon] + model.eq_data[i, 0])
-    values = (("length", length), *_numbers(model, ("eq_solref", "eq_solimp"), i))
-    return Content("equalities of fixed tendons", phrase, "", _along(model, tendon), values)
-
-
 def single_joint(model: Any, actuator: int) -> int | None:
     """The hinge or slide that an actuator drives."""
     joint = int(model.actuator_trnid[actuator, 0])
@@ -317,16 +304,17 @@ def _moved_from_outside(model: Any) -> Iterator[Content]:
             yield Content("bodies moved from outside", "mocap", f" of body {model.body(i).name}")
 
 
-def coupling_of(model: Any, one: int, other: int, powers: Array) -> CouplingReading:
-    """``y - y0 = P(x - x0)`` in powers of x itself: y of joint `one`; joint `other`, if it is negative, is none."""
-    y0, x0 = (float(model.qpos0[model.jnt_qposadr[joint]]) if joint >= 0 else 0.0 for joint in (one, other))
-    powers = np.array(Polynomial(powers)(Polynomial([-x0, 1.0])).coef if x0 else powers, dtype=float)
-    powers[0] += y0
-    return CouplingReading(model.joint(one).name, model.joint(other).name if other >= 0 else "", powers)
+def coupling_of(model: Any, one: int, polynomials: Mapping[int, Array]) -> CouplingReading:
+    """``y - y0 = sum P(x - x0)`` in powers of each x itself: y of joint `one`; a negative joint is none."""
+    zeros = {joint: float(model.qpos0[model.jnt_qposadr[joint]]) for joint in {one, *polynomials} if joint >= 0}
+    names = {joint: model.joint(joint).name for joint in zeros}
+    function = PolynomialSum.of({names.get(joint, ""): p for joint, p in polynomials.items()})
+    shifts = {names[joint]: -zero for joint, zero in zeros.items() if zero and joint != one}
+    return CouplingReading(names[one], function.counted(shifts, {}).plus(zeros[one]))
 
 
 def tendon_equality(model: Any, i: int) -> CouplingReading | None:
-    """``L1 - L10 = P(L2 - L20)`` of lengths that are sums of coordinates, if two joints are all that is left in it."""
+    """``L1 - L10 = P(L2 - L20)`` of lengths that are sums of coordinates, if P is linear or of one joint."""
     first, second = (shares(model, tendon) for tendon in (model.eq_obj1id[i], model.eq_obj2id[i]))
     p = model.eq_data[i, : POWERS if model.eq_obj2id[i] >= 0 else 1]
     if first is None or second is None:
@@ -335,13 +323,16 @@ def tendon_equality(model: Any, i: int) -> CouplingReading | None:
         slope = float(p[1]) if len(p) > 1 else 0.0
         both = {joint: first.get(joint, 0.0) - slope * second.get(joint, 0.0) for joint in {**first, **second}}
         moved = [joint for joint, share in both.items() if share]
-        if len(moved) == 1:
-            (y,) = moved
-            return coupling_of(model, y, -1, np.array([p[0] / both[y]]))
-        if len(moved) == 2:
-            x, y = moved
-            return coupling_of(model, y, x, np.array([p[0], -both[x]]) / both[y])
-    elif len(first) == len(second) == 1 and {*first} != {*second}:
-        ((y, by),), ((x, per),) = first.items(), second.items()
-        return coupling_of(model, y, x, p * per ** np.arange(len(p)) / by)
-    return None
+        if not moved:
+            return None
+        y = moved[-1] if len(moved) == 2 else moved[0]
+        slopes = {x: np.array([0.0, -both[x] / both[y]]) for x in moved if x != y}
+        return coupling_of(model, y, {**slopes, -1: np.array([p[0] / both[y]])})
+    if len(second) != 1 or {*first} <= {*second}:
+        return None
+    ((x, per),) = second.items()
+    y = next(joint for joint in first if joint != x)
+    slopes = {joint: np.array([0.0, -share / first[y]]) for joint, share in first.items() if joint != y}
+    curve = p * per ** np.arange(len(p)) / first[y]
+    curve[1] += slopes.pop(x, np.zeros(2))[1]
+    return coupling_of(model, y, {x: curve, **slopes})

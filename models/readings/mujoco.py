@@ -18,7 +18,6 @@ from screwgauge.models.readings.compiled import (
     content,
     coupling_of,
     heard,
-    other_equality,
     single_joint,
     tendon_equality,
 )
@@ -164,9 +163,7 @@ def _equalities(
         name, kind = model.equality(i).name or model.joint(model.eq_obj1id[i]).name, int(model.eq_type[i])
         if off or not model.eq_active0[i]:
             unread.append(Content("inactive equalities", f"equality {name}, which is not active"))
-        elif kind == _JOINT:
-            couplings[name] = replace(joint_equality(model, i), softness=_softness(model, i))
-        elif kind == _TENDON and (coupling := tendon_equality(model, i)):
+        elif coupling := coupling_reading(model, i):
             couplings[name] = replace(coupling, softness=_softness(model, i))
         elif kind in (_CONNECT, _WELD):
             sides = _sides(model, i, assembly)
@@ -174,7 +171,8 @@ def _equalities(
             derived = kind == _CONNECT and model.eq_objtype[i] == _BODY
             closures[name] = ClosureReading(joint, *sides[0], *sides[1], _softness(model, i), derived)
         else:
-            unread.append(other_equality(model, i, name))
+            what = f"equality {name}, which is not of bodies, nor a sum of polynomials of joints"
+            unread.append(Content("other equalities", what))
     return closures, couplings
 
 
@@ -207,10 +205,17 @@ def _sides(model: Any, i: int, assembly: Assembly) -> list[tuple[str, Array]]:
     return sides
 
 
+def coupling_reading(model: Any, i: int) -> CouplingReading | None:
+    """An equality of joints or fixed tendons as a coupling; None if it is none."""
+    if int(model.eq_type[i]) == _TENDON:
+        return tendon_equality(model, i)
+    return joint_equality(model, i) if int(model.eq_type[i]) == _JOINT else None
+
+
 def joint_equality(model: Any, i: int) -> CouplingReading:
     """``y - y0 = P(x - x0)``, with the coordinates at qpos0."""
-    one, other = model.eq_obj1id[i], model.eq_obj2id[i]
-    return coupling_of(model, one, other, model.eq_data[i, : POWERS if other >= 0 else 1])
+    one, other = (int(joints[i]) for joints in (model.eq_obj1id, model.eq_obj2id))
+    return coupling_of(model, one, {other: model.eq_data[i, : POWERS if other >= 0 else 1]})
 
 
 def _actuators(model: Any) -> dict[str, ActuatorReading]:

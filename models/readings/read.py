@@ -214,7 +214,7 @@ def _solids(reading: Reading) -> Iterator[Solid]:
 
 
 def _hinges(reading: Reading) -> Iterator[Hinge]:
-    tied = {name for one in reading.couplings.values() for name in (one.joint, one.of)}
+    tied = {name for one in reading.couplings.values() for name in one.named}
     for name, joint in reading.joints.items():
         if joint.kind == "hinge" and name not in tied:
             yield Hinge(name, joint.home, joint.limits)

@@ -18,7 +18,7 @@ import numpy as np
 
 from screwgauge.models.content import Content, phrases
 from screwgauge.models.matter import Matter
-from screwgauge.reference.couplings import Coupling
+from screwgauge.reference.couplings import Coupling, PolynomialSum
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 from screwgauge.witness.tree import FREEDOMS as FREEDOMS
@@ -117,18 +117,28 @@ class ClosureReading:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CouplingReading:
-    """A joint whose coordinate is a polynomial of another's: mimic joints, gears, screws.
+    """A joint whose coordinate is a sum of polynomials of others': mimic joints, gears, screws, belts.
 
     Attributes:
-        joint, of: Names of hinges or slides; `of` is empty where the joint is held.
-        polynomial: Coefficients, lowest first, of coordinates as the file counts them. Shape (m,).
+        joint: Name of a hinge or slide.
+        function: Of coordinates of hinges and slides as the file counts them; constant where the joint is held.
         softness: As that of a `ClosureReading`.
     """
 
     joint: str
-    of: str
-    polynomial: Array
+    function: PolynomialSum
     softness: tuple[float, ...] = ()
+
+    def solved(self, joint: str) -> CouplingReading:
+        """The same coupling as one of another of its joints, if it is linear in that; else itself."""
+        if not self.function.is_linear_in(joint):
+            return self
+        return replace(self, joint=joint, function=self.function.solved(self.joint, joint))
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """All joints that it couples, its own first."""
+        return self.joint, *self.function.terms
 
 
 class ActuatorReading(NamedTuple):
@@ -239,7 +249,7 @@ def slices(joints: Mapping[str, JointReading], sizes: Mapping[str, int]) -> dict
 
 def couplings_of(couplings: Iterable[Coupling]) -> dict[str, CouplingReading]:
     """Couplings of a description as readings of them, by name."""
-    return {one.name: CouplingReading(one.coordinate, one.of, one.polynomial) for one in couplings}
+    return {one.name: CouplingReading(one.coordinate, one.function) for one in couplings}
 
 
 def collapsed(reading: Reading, keep: Collection[str] = ()) -> Reading:
@@ -296,7 +306,7 @@ def renamed(reading: Reading, names: Mapping[str, Mapping[str, str]]) -> Reading
             for name, c in reading.closures.items()
         },
         couplings={
-            couplings[name]: replace(c, joint=joints[c.joint], of=joints.get(c.of, ""))
+            couplings[name]: replace(c, joint=joints[c.joint], function=c.function.renamed(joints))
             for name, c in reading.couplings.items()
         },
         actuators={actuators[n]: a._replace(joint=joints.get(a.joint, a.joint)) for n, a in reading.actuators.items()},

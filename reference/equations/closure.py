@@ -9,7 +9,8 @@ are closed over a motion is in the package `closed`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, reduce
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -112,10 +113,11 @@ class Closed:
         blocks: list[Block] = [
             (slice(loops.ends[j], loops.ends[j + 1]), *self.rates_around(j, cut.W)) for j, cut in enumerate(self.cuts)
         ]
-        for row, (i, of, slope) in enumerate(loops.couplings.derivatives(self.q, 1), loops.ends[-1]):
+        for row, (i, terms) in enumerate(loops.couplings.derivatives(self.q, 1), loops.ends[-1]):
             blocks.append((slice(row, row + 1), [loops.place[i]], one))
-            if of is not None:
-                blocks.append((slice(row, row + 1), [loops.place[of]], -np.asarray(slope)[..., None, None]))
+            for of, slope in terms:
+                if of is not None:
+                    blocks.append((slice(row, row + 1), [loops.place[of]], -np.asarray(slope)[..., None, None]))
         for row, column in enumerate(loops.y_columns, loops.given.start):
             blocks.append((slice(row, row + 1), *self.reading(column)))
         return blocks
@@ -129,7 +131,9 @@ class Closed:
     def residual(self, y: Array) -> Array:
         """Residuals of cut joints, couplings and given coordinates. Shape (..., m) [m or rad]."""
         rows = [closure_residual(cut.at) for cut in self.cuts]
-        rows += [np.asarray(self.q[..., i] - p)[..., None] for i, _, p in self.loops.couplings.derivatives(self.q, 0)]
+        for i, terms in self.loops.couplings.derivatives(self.q, 0):
+            gap = reduce(lambda rest, term: rest - term[1], terms, self.q[..., i])
+            rows.append(np.asarray(gap)[..., None])
         rows += [np.asarray(self._off(column, y[..., k]))[..., None] for k, column in enumerate(self.loops.y_columns)]
         return join(*rows)
 
@@ -245,8 +249,9 @@ class Motion(Closed):
         above, given, w = list[Array](), ydd + 0.0, self.w
         for cut in self.cuts:
             above.append(-cut.bias(self.V, self.bias))
-        for _, j, curvature in self.loops.couplings.derivatives(self.q, 2):
-            above.append(np.asarray(0.0 * w[..., 0] if j is None else curvature * w[..., j] * w[..., j])[..., None])
+        for _, terms in self.loops.couplings.derivatives(self.q, 2):
+            bent = [curvature * w[..., j] * w[..., j] for j, curvature in terms if j is not None]
+            above.append(np.asarray(reduce(add, bent) if bent else 0.0 * w[..., 0])[..., None])
         for k, column in enumerate(self.loops.y_columns):
             if column in self.loops.owner:
                 j, i = self.loops.owner[column]

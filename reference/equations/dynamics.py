@@ -207,10 +207,11 @@ class Dynamics(Motion):
         """Residual of the balance along the coordinates of the tree. Shape (..., n)."""
         _, transmitted, x = self.constraint_forces(self.actuator_force)
         residual = self.axis_moment - transmitted
-        for row, (i, of, slope) in enumerate(self.loops.couplings.derivatives(self.q, 1), self.loops.ends[-1]):
+        for row, (i, terms) in enumerate(self.loops.couplings.derivatives(self.q, 1), self.loops.ends[-1]):
             residual[..., i] = residual[..., i] + x[..., row]
-            if of is not None:
-                residual[..., of] = residual[..., of] - slope * x[..., row]
+            for of, slope in terms:
+                if of is not None:
+                    residual[..., of] = residual[..., of] - slope * x[..., row]
         return residual[..., self.loops.columns]
 
     @cached_property

@@ -160,7 +160,7 @@ def force_matrix(at: TreePose, q: Array, S: Array) -> Array:
     """The matrix c of eq. (57): what each unknown exerts on each body, see `balances`.
 
     Unknowns are the reaction components, in the order of `reaction_names`, then the actuator forces. A coupling
-    ``q_i = p(q_j)`` acts along both of its coordinates, by 1 along q_i and -p' along q_j, so that it has no power.
+    ``q_i = sum_k p_k(q_k)`` acts along its coordinates, by 1 along q_i and -p_k' along q_k, so that it has no power.
 
     Args:
         q, S: Coordinates and unit screws of all joints. Shapes (n, n_q), (n, n_q, 6).

@@ -221,7 +221,7 @@ beside the largest of the whole. Passive forces alone are `✓ AGREE, but` and e
 and judged without: what was taken off is said, and whatever is wrong besides is found as ever.
 
 A file is refused, and what acts is named, where it can be neither held nor measured: an equality that is not read
-(of a flex, of a fixed tendon over more than two joints, of two tendons over other than two joints in all) leaves
+(of a flex, of a spatial tendon, by powers of a sum of joints) leaves
 other freedoms; so do flexible bodies. Springs that yield, tendons that pull over geoms or pulleys, fluid shapes of
 geoms, and plugins of bodies are refused, too. What is not active (`active="false"`) is not.
 

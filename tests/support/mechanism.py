@@ -14,7 +14,7 @@ from screwgauge.models.catalog import (
     mechanism_tables,
 )
 from screwgauge.models.home import at_closed_home
-from screwgauge.reference.couplings import Coupling
+from screwgauge.reference.couplings import Coupling, PolynomialSum
 from screwgauge.reference.description import read_mechanism, read_tables
 from screwgauge.reference.graph import serial_chains, spanning_tree
 from screwgauge.reference.lint import Solid, all_too_wide, implausible, suspicious, too_wide

@@ -1,4 +1,4 @@
-"""Facts of couplings, as polynomials of A's coordinates: followed joints, held ones, and gauges that nothing shows."""
+"""Facts of couplings, as functions of A's coordinates: followed joints, held ones, and gauges that nothing shows."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from screwgauge.models.machine import Element, Link, Machine
 from screwgauge.models.matter import displaced
 from screwgauge.models.poses import exponential
 from screwgauge.models.readings.reading import CouplingReading
+from screwgauge.reference.couplings import PolynomialSum
+from screwgauge.reference.linear import rank
 from screwgauge.reference.rotations import Array
 
 #: Couplings that differ by less over a unit range are one [rad or m]; features that a turn leaves in place are round.
@@ -22,12 +24,16 @@ SAME, ROUND = 1e-8, 1e-6
 
 
 def coupling_facts(pair: Pair) -> Iterator[Fact]:
-    """Compare couplings by the joint that follows; a round body may be turned so that they agree."""
+    """Compare couplings by the joint that follows; a round body may be turned so that they agree.
+
+    Linear ones that leave the same motions are the same, whichever joints follow.
+    """
+    if _leave_the_same(pair):
+        return
     a, b, partners = pair.a.reading.couplings, pair.b.reading.couplings, coupling_partners(pair)
-    back = pair.back
     # what follows joints that one side alone has is told of these joints
-    ours = {name for name, each in a.items() if {each.joint, each.of} - {""} <= pair.joints.keys()}
-    theirs = {name for name, each in b.items() if {each.joint, each.of} - {""} <= back.keys()}
+    ours = {name for name, each in a.items() if {*each.named} <= pair.joints.keys()}
+    theirs = {name for name, each in b.items() if {*each.named} <= pair.back.keys()}
     yield from (_alone(pair, name, each, "A") for name, each in a.items() if name in ours - partners.keys())
     yield from (_alone(pair, name, each, "B") for name, each in b.items() if name in theirs - {*partners.values()})
     free = _free_zeros(pair.a, pair)
@@ -36,14 +42,18 @@ def coupling_facts(pair: Pair) -> Iterator[Fact]:
 
 
 def _alone(pair: Pair, name: str, coupling: CouplingReading, side: str) -> Fact:
-    """A joint that follows another one, or is held, on one side only."""
+    """A joint that follows others, or is held, on one side only."""
     back = pair.back if side == "B" else {}
-    joint = back.get(coupling.joint, coupling.joint)
-    held = not coupling.of
-    value = np.asarray(coupling.polynomial[0]) if held else back.get(coupling.of, coupling.of)
+    joint, function = back.get(coupling.joint, coupling.joint), coupling.function.renamed(back)
+    held = not function.terms
+    value = np.asarray(function.constant) if held else _leads(function)
     a, b = (value, None) if side == "A" else (None, value)
     unit = unit_of("zero", pair.a.reading.joints.get(joint)) if held else ""
     return Fact(joint, "held" if held else "coupling", a, b, unit, more=(name,))
+
+
+def _leads(function: PolynomialSum) -> str:
+    return " and ".join(function.terms)
 
 
 def _followed(pair: Pair, name: str, one: CouplingReading, other: CouplingReading, free: set[str]) -> Iterator[Fact]:
@@ -52,48 +62,66 @@ def _followed(pair: Pair, name: str, one: CouplingReading, other: CouplingReadin
     Args:
         free: Joints whose zero nothing shows; one that a coupling fixes is taken out.
     """
-    joint, lead = one.joint, pair.back.get(other.of, other.of)
-    follower, leader = pair.partner(joint), pair.partner(lead)
-    theirs = follower.sign * (
-        Polynomial(other.polynomial)(Polynomial([leader.zero, leader.sign]) if other.of else 0.0) - follower.zero
-    )
-    theirs = theirs if isinstance(theirs, Polynomial) else Polynomial([float(theirs)])
-    ours = Polynomial(one.polynomial)
-    if lead != one.of:
-        yield _fact(pair, name, ours, theirs, of=one.of, more=(one.of, lead))
+    ours, joint, follower = one.function, one.joint, pair.partner(one.joint)
+    other = other.solved(follower.name)
+    if pair.back.get(other.joint, other.joint) != joint:
+        yield from (_alone(pair, name, one, "A"), _alone(pair, name, other, "B"))
         return
-    step = ours - theirs
+    own, theirs = other.function.renamed(pair.back), _in_a(pair, other)
+    if {*own.terms} != {*ours.terms}:
+        a, b = (np.concatenate([*each.polynomials.values()]) for each in (ours, theirs))
+        size, more = _size(ours.minus(theirs)), (_leads(ours), _leads(own))
+        yield Fact(joint, "leading joint", a, b, "", size, of=more[0], more=more)
+        return
     # what turns freely is turned so that the two agree
-    if abs(step.coef[0]) > SAME and not {joint, lead}.isdisjoint(free):
-        free.discard(joint if joint in free else lead)
-        theirs = theirs + step.coef[0]
+    if abs(step := ours.constant - theirs.constant) > SAME and (turning := free & {joint, *own.terms}):
+        free.discard(joint if joint in free else min(turning))
+        theirs = theirs.plus(step)
     # a joint that sits turned about its own axis takes its coupling along
-    plain = ours - follower.sign * Polynomial(other.polynomial)(Polynomial([0.0, leader.sign]))
-    along = (follower.zero or leader.zero) and np.abs(plain.coef).max() < SAME
-    if not along and _size(ours - theirs) > SAME:
-        yield _fact(pair, name, ours, theirs, of=one.of, own=other.polynomial)
+    plain = ours.beside(_in_a(pair, other, zeros=False))
+    along = any(pair.partner(n).zero for n in one.named) and np.abs(np.subtract(*plain)).max() < SAME
+    if not along and (size := _size(ours.minus(theirs))) > SAME:
+        changes = (Change(name, "polynomial", ours.beside(own)[1]),)
+        yield Fact(joint, "polynomial", *ours.beside(theirs), "", size, changes=changes, of=_leads(ours))
 
 
-def _size(polynomial: Polynomial) -> float:
-    return float(np.abs(polynomial(np.linspace(-1.0, 1.0, 7))).max())
+def _in_a(pair: Pair, coupling: CouplingReading, *, zeros: bool = True) -> PolynomialSum:
+    """The function of a coupling of B as the joints of A count.
+
+    Args:
+        zeros: Whether joints start where those of A do.
+    """
+    function, back = coupling.function.renamed(pair.back), pair.back
+    partners = {name: pair.partner(name) for name in (*function.terms, back.get(coupling.joint, coupling.joint))}
+    starts = {name: each.zero if zeros else 0.0 for name, each in partners.items()}
+    joint, follower = partners.popitem()
+    signs = {name: each.sign for name, each in partners.items()}
+    return function.counted(starts, signs).plus(-starts[joint]).times(follower.sign)
 
 
-def _fact(
-    pair: Pair,
-    name: str,
-    ours: Polynomial,
-    theirs: Polynomial,
-    of: str,
-    more: tuple[str, ...] = (),
-    own: Array | None = None,
-) -> Fact:
-    """Args: own: B's polynomial as its joints count, zeros and senses being changed before."""
-    n = max(len(ours.coef), len(theirs.coef))
-    a, b = (np.pad(np.asarray(each.coef, float), (0, n - len(each.coef))) for each in (ours, theirs))
-    joint = pair.a.reading.couplings[name].joint
-    changes = () if own is None else (Change(name, "polynomial", np.pad(own, (0, max(0, n - len(own))))),)
-    size, what = _size(ours - theirs), "leading joint" if more else "polynomial"
-    return Fact(joint, what, a, b, "", size, changes=changes, of=of, more=more)
+def _leave_the_same(pair: Pair) -> bool:
+    """Whether all couplings are linear and leave the same motions."""
+    a, b = ([*machine.reading.couplings.values()] for machine in (pair.a, pair.b))
+    if not a or len(a) != len(b) or not all(each.function.linear for each in (*a, *b)):
+        return False
+    ours = [{each.joint: -1.0, **each.function.slopes, "": each.function.constant} for each in a]
+    theirs = []
+    for each in b:
+        function = _in_a(pair, each)
+        theirs.append({pair.back.get(each.joint, each.joint): -1.0, **function.slopes, "": function.constant})
+    columns = list(dict.fromkeys(name for row in (*ours, *theirs) for name in row))
+    A, B = (np.array([[row.get(name, 0.0) for name in columns] for row in rows]) for rows in (ours, theirs))
+    A, B = (rows / np.linalg.norm(rows, axis=1, keepdims=True) for rows in (A, B))
+    base = np.linalg.qr(A.T)[0]
+    return bool(np.abs(B.T - base @ (base.T @ B.T)).max() < SAME) and rank(A) == rank(B) == len(a)
+
+
+def _size(function: PolynomialSum) -> float:
+    """The largest value where each coordinate is between -1 and 1."""
+    x = np.linspace(-1.0, 1.0, 7)
+    values = [Polynomial([0.0, *p])(x) for p in function.terms.values()]
+    ends = (sum((float(end(each)) for each in values), function.constant) for end in (np.min, np.max))
+    return max(map(abs, ends))
 
 
 def _free_zeros(machine: Machine, pair: Pair) -> set[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 
 import numpy as np
 
@@ -150,8 +150,12 @@ def _closure_partners(pair: Pair) -> dict[str, str]:
 
 
 def coupling_partners(pair: Pair) -> dict[str, str]:
-    """Couplings of A with those of B, by the joint that follows."""
-    back = pair.back
-    theirs = {back.get(each.joint, each.joint): name for name, each in pair.b.reading.couplings.items()}
-    ours = pair.a.reading.couplings.items()
-    return {name: theirs[each.joint] for name, each in ours if each.joint in theirs}
+    """Couplings of A with those of B, by the joint that follows, else by all joints that they couple."""
+    a, b, back, found = pair.a.reading.couplings, pair.b.reading.couplings, pair.back, dict[str, str]()
+    named = {name: [back.get(joint, joint) for joint in each.named] for name, each in b.items()}
+    keys: tuple[Callable[[Sequence[str]], Hashable], ...] = (lambda joints: joints[0], frozenset)
+    for key in keys:
+        theirs = {key(joints): name for name, joints in named.items() if name not in found.values()}
+        ours = {name: key(each.named) for name, each in a.items() if name not in found}
+        found |= {name: theirs[each] for name, each in ours.items() if each in theirs}
+    return found

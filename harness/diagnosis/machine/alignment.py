@@ -85,8 +85,8 @@ def assignment(cost: Array) -> list[tuple[int, int]]:
 
 def _roles(reading: Reading, link: Link) -> tuple[bool, bool]:
     """Whether joints of a link lead others by a coupling, and whether they follow."""
-    pairs = [(coupling.of in link.joints, coupling.joint in link.joints) for coupling in reading.couplings.values()]
-    return any(leads for leads, _ in pairs), any(follows for _, follows in pairs)
+    joints, couplings = {*link.joints}, reading.couplings.values()
+    return any(joints & {*each.function.terms} for each in couplings), any(each.joint in joints for each in couplings)
 
 
 def _behind(machine: Machine, link: Link) -> list[Link]:

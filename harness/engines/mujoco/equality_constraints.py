@@ -22,7 +22,7 @@ _KIND = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 
 def curved(couplings: Sequence[Coupling]) -> list[Coupling]:
     """Couplings whose second derivative is not zero."""
-    return [one for one in couplings if one.polynomial[2:].any()]
+    return [one for one in couplings if not one.function.linear]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,6 +92,8 @@ def harden(model: mujoco.MjModel) -> None:
     model.body_invweight0[:] /= HARDER
     if (model.eq_type == mujoco.mjtEq.mjEQ_JOINT).any():  # a screw of 10 mm lead is softer by 1e4 than a gear
         model.dof_invweight0[:] /= HARDER
+    if (model.eq_type == mujoco.mjtEq.mjEQ_TENDON).any():
+        model.tendon_invweight0[:] /= HARDER
     model.eq_solref[:] = 0.0
 
 

@@ -17,8 +17,8 @@ from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
 from screwgauge.models.files.loops import LoopsFile
 from screwgauge.models.files.parts import check_made
 from screwgauge.models.layout import Closure
-from screwgauge.models.mjcf import LEAST, POWERS, mass_properties
-from screwgauge.models.readings.mujoco import joint_equality, turn
+from screwgauge.models.mjcf import LEAST, mass_properties, why_not
+from screwgauge.models.readings.mujoco import coupling_reading, turn
 from screwgauge.reference.couplings import Coupling
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Frame
@@ -141,11 +141,11 @@ class MujocoTree(OpenTree):
                 raise ModelFileError(
                     f"its equality constraint {e} is switched off", f"MJCF of {file.mechanism}", "switch it on"
                 )
-            if self.model.eq_type[e] == mujoco.mjtEq.mjEQ_JOINT:
+            if coupling_reading(self.model, e):
                 continue
             where = f"MJCF of {file.mechanism}, equality constraint {e}"
             if self.model.eq_type[e] not in _CLOSING:
-                what = "is none of bodies or joints: without it the freedoms would differ"
+                what = "is none of bodies, joints or fixed tendons that is read: without it the freedoms would differ"
                 raise ModelFileError(what, where, 'state it by connect, weld or a joint equality, or active="false"')
             if self.model.eq_objtype[e] != _SITE:
                 raise ModelFileError("joins no sites", where, "use site1, site2")
@@ -158,19 +158,20 @@ class MujocoTree(OpenTree):
         return tuple(c.facing(joints[c.joint]) if c.joint in joints else c for c in closures)
 
     def _couplings(self, file: LoopsFile) -> tuple[Coupling, ...]:
-        """Couplings as the joint equalities of the file have them."""
+        """Couplings as the equalities of the file have them, each as that of the loops file of the coordinate that this
+        one names, if it says the same of it."""
         where = f"MJCF of {file.mechanism}"
-        model = self.model
-        rows = [i for i in range(model.neq) if model.eq_type[i] == mujoco.mjtEq.mjEQ_JOINT]
-        equalities = {model.equality(i).name: joint_equality(model, i) for i in rows}
+        readings = {self.model.equality(i).name: coupling_reading(self.model, i) for i in range(self.model.neq)}
+        coordinates = {one.name: one.coordinate for one in file.couplings}
         for coupling in file.couplings:
-            if coupling.name not in equalities and len(coupling.polynomial) > POWERS:
-                what = f"lacks coupling '{coupling.name}': MuJoCo has no powers above {POWERS - 1}"
-                raise ModelFileError(what, where, "run other engines")
-        return tuple(
-            Coupling(name, one.joint, one.of, one.polynomial, f"{where}, joint equality '{name}'")
-            for name, one in equalities.items()
+            if (lack := why_not(coupling)) and coupling.name not in readings:
+                raise ModelFileError(f"lacks coupling '{coupling.name}': {lack}", where, "run other engines")
+        couplings = (
+            Coupling(name, one.joint, one.function, f"{where}, equality '{name}'")
+            for name, one in readings.items()
+            if one
         )
+        return tuple(one.solved(coordinates.get(one.name, "")) for one in couplings)
 
     def _closure(self, joint: str, pairs: list[tuple[int, int]], kind: int) -> Closure:
         model, weld = self.model, kind == mujoco.mjtEq.mjEQ_WELD
