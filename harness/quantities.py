@@ -24,7 +24,7 @@ class Quantity:
     Attributes:
         of: What has a component each: ``joint`` coordinates, axes of each ``body``, coordinates of the ``tree``,
             ``independent`` coordinates, ``pair`` of these, ``actuator``, ``reaction`` components, ``axis`` of a joint
-            coordinate, ``observable``.
+            coordinate, ``resistance`` of one, ``observable``.
         needs: What has to be known before: ``q``, ``v``, ``a`` (positions, rates, accelerations) or ``f`` (forces).
         tolerance: Scaled error up to which two engines agree.
         ruled: Whether a rule fixes what redundant actuation leaves open.
@@ -77,11 +77,19 @@ QUANTITIES = {
         ),
         Quantity(
             "axis_moment",
-            "moment about each joint's own axes (slides: force along): actuator, springs, dampers, motors",
+            "moment about each joint's own axes (slides: force along): actuator, springs, dampers, motors, resistance",
             "axis",
             "f",
             SOLVED,
             ruled=True,
+            named=True,
+        ),
+        Quantity(
+            "resistance",
+            "what rotor, damping and dry friction of each joint take of the force along it, one by one",
+            "resistance",
+            "a",
+            SOLVED,
             named=True,
         ),
         Quantity("mass_matrix", "inertia that the independent coordinates have", "pair", "v", SOLVED, named=True),

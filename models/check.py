@@ -17,6 +17,7 @@ from screwgauge.models.layout import CUTS, Closure, Link, Tree, lay_out, length_
 from screwgauge.models.poses import matrix, screw
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import (
+    FREE,
     ActuatorReading,
     BodyReading,
     ClosureReading,
@@ -341,8 +342,10 @@ def _joints(link: Link, poses: dict[str, Array]) -> dict[str, JointReading]:
     joint = link.joint
     sign = -1.0 if link.reverse else 1.0
     T, joints = poses[link.name if link.reverse else link.near] @ _matrix(joint.parent_frame), {}
-    for name, value, (turns, axis) in zip(joint.coordinates, joint.home, joint.freedoms, strict=True):
-        S = sign * screw(turns, T[:3, :3] @ axis, T[:3, 3])
-        joints[name] = JointReading("hinge" if turns else "slide", S, T[:3, 3], float(value))
+    numbers = joint.coordinates, joint.home, joint.freedoms, joint.rotor, joint.damping, joint.friction
+    for name, value, (turns, axis), rotor, damping, friction in zip(*numbers, strict=True):
+        S, kind = sign * screw(turns, T[:3, :3] @ axis, T[:3, 3]), "hinge" if turns else "slide"
+        amounts = float(rotor), float(damping), float(friction)
+        joints[name] = JointReading(kind, S, T[:3, 3], float(value), FREE, *amounts)
         T = T @ _step(float(value), turns, axis)
     return joints

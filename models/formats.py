@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from screwgauge.reference.couplings import Fixing, PolynomialSum
-from screwgauge.reference.mechanism import Frame, Mechanism
+from screwgauge.reference.mechanism import Body, Frame, Joint, Mechanism
+from screwgauge.reference.resistance import RESISTS
 from screwgauge.reference.rotations import Array, skew
 
 #: Limits of a joint that has none. URDF wants some; "continuous" would do without, but Pinocchio then uses
@@ -134,3 +135,31 @@ def value_text(value: Any) -> str:
 def key(name: str) -> str:
     """A name as a key."""
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else value_text(name)
+
+
+def body_entries(body: Body) -> dict[str, Any]:
+    """Entries of a body of a description, without what is zero."""
+    if not body.mass:
+        return {"mass": 0.0}
+    tensor = {name: body.inertia[place] for name, place in TENSOR.items() if body.inertia[place]}
+    return {"mass": body.mass, **({"com": body.com} if body.com.any() else {}), "inertia": tensor}
+
+
+def joint_entries(joint: Joint) -> dict[str, Any]:
+    """Entries of a joint of a description, without what it has by default."""
+    names = ("kind", "parent", "child", *(() if joint.fixed else ("axes",)))
+    entries: dict[str, Any] = {name: getattr(joint, name) for name in names}
+    if joint.coordinates != (joint.name,):
+        entries["coordinates"] = joint.coordinates
+    if joint.home.any():
+        entries["home"] = joint.home
+    if np.isfinite(joint.limits).any():
+        entries["limits"] = np.nan_to_num(joint.limits, posinf=1e10, neginf=-1e10)
+    if joint.actuated:
+        entries["actuated"] = True
+    entries |= {name: getattr(joint, name) for name in RESISTS if getattr(joint, name).any()}
+    for name in ("parent_frame", "child_frame"):
+        frame: Frame = getattr(joint, name)
+        if not frame.is_identity:
+            entries[name] = frame
+    return entries

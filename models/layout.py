@@ -15,7 +15,7 @@ from screwgauge.reference.rotations import Array
 
 #: minimal: the smallest tree, its left-out joints closed by points. full: every joint is in the tree; a joint
 #: that closes a loop leads to a copy of its body, welded to the body itself, as does in the minimal cut one that points
-#: cannot close, or that is actuated.
+#: cannot close, that is actuated or has a rotor, which no engine could hold outside its tree.
 CUTS = ("minimal", "full")
 
 
@@ -25,13 +25,22 @@ SHOWN = 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Freedom:
-    """One elementary joint. `axis` is in the joint frame, shape (3,); `limits` [rad or m], shape (2,)."""
+    """One elementary joint.
+
+    Attributes:
+        axis: In the joint frame. Shape (3,).
+        limits: [rad or m]. Shape (2,).
+        rotor, damping, friction: As those of a `Joint`.
+    """
 
     coordinate: str
     turns: bool
     axis: Array
     home: float
     limits: Array
+    rotor: float
+    damping: float
+    friction: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,11 +77,10 @@ class Link:
         """The joint's freedoms as walked from ground; coordinates keep their names and values."""
         joint, sign = self.joint, -1.0 if self.reverse else 1.0
         bounds = np.zeros_like(joint.limits) if joint.fixed else joint.limits
+        numbers = joint.coordinates, joint.freedoms, joint.home, bounds, joint.rotor, joint.damping, joint.friction
         declared = tuple(
-            Freedom(coordinate, turns, sign * axis, float(home), limits)
-            for coordinate, (turns, axis), home, limits in zip(
-                joint.coordinates, joint.freedoms, joint.home, bounds, strict=True
-            )
+            Freedom(coordinate, turns, sign * axis, float(home), limits, *map(float, resists))
+            for coordinate, (turns, axis), home, limits, *resists in zip(*numbers, strict=True)
         )
         return declared[::-1] if self.reverse else declared
 
@@ -154,7 +162,7 @@ def lay_out(mechanism: Mechanism, cut: str) -> Tree:
         raise UnknownNameError("cut", cut, CUTS)
     spanning = spanning_tree(mechanism)
     cuts = spanning.cuts
-    copies = [_copied(j) for j in cuts if cut == "full" or j.actuated or j.kind not in POINTS]
+    copies = [_copied(j) for j in cuts if cut == "full" or j.actuated or j.rotor.any() or j.kind not in POINTS]
     edges = [*spanning.edges, *copies]
     shares = Counter(edge.far for edge in edges)
     links = [_link(edge, mechanism, shares, edge in copies) for edge in edges]

@@ -260,6 +260,9 @@ def _joint(element: ET.Element, freedom: Freedom, link: Link, limited: bool) -> 
     if frame.p.any():
         joint.set("pos", vector_text(frame.p))
     joint.set("axis", vector_text(frame.R @ freedom.axis))
+    for name, amount in (("armature", freedom.rotor), ("damping", freedom.damping), ("frictionloss", freedom.friction)):
+        if amount:
+            joint.set(name, number_text(amount))
     if limited and np.isfinite(freedom.limits).any() and not link.joint.fixed:
         joint.set("limited", "true")
         joint.set("range", vector_text(np.clip(freedom.limits, -FAR, FAR)))

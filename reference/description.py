@@ -15,6 +15,7 @@ from screwgauge.reference.graph import check_connected
 from screwgauge.reference.inertia import settled
 from screwgauge.reference.left_out import LeftOut, read_left_out
 from screwgauge.reference.mechanism import GROUND, KINDS, Body, Frame, Joint, Mechanism
+from screwgauge.reference.resistance import RESISTS
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import (
     check_keys,
@@ -35,7 +36,7 @@ _TOP = {"name", "title", "source", "group", "extends", "bodies", "joints", "coup
 _TOP |= {"independent", "spherical_axial", "left_out", "allow"}
 _BODY = {"mass", "com", "inertia", "inertia_rotation"}
 _JOINT = {"kind", "parent", "child", "axes", "coordinates", "home", "limits", "actuated"}
-_JOINT |= {"parent_frame", "child_frame"}
+_JOINT |= {"parent_frame", "child_frame", *RESISTS}
 #: Of a fixed joint, which has neither axes nor coordinates.
 _FIXED = {"kind", "parent", "child", "parent_frame", "child_frame"}
 _COUPLING = ("coordinate", "of", "polynomial", "terms")
@@ -154,7 +155,13 @@ def read_joint(name: str, table: Any, where: str) -> Joint:
         child_frame=_frame(table.get("child_frame", {}), f"{where}.child_frame"),
         actuated=actuated,
         where=where,
+        **{key: _amounts(table[key], n, f"{where}.{key}") for key in RESISTS if key in table},
     )
+
+
+def _amounts(value: Any, n: int, where: str) -> Array:
+    """A number for each of n coordinates; of one coordinate it may stand without brackets."""
+    return vector(value if isinstance(value, list) else [value], where, n)
 
 
 def read_couplings(data: dict[str, Any], joints: Sequence[Joint], where: str) -> tuple[Coupling, ...]:

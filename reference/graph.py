@@ -99,8 +99,8 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
     """The tree that leaves out, where the graph allows it, S and else R joints without actuator: points close these.
 
     Kruskal's algorithm: F joints, which close no loop, those with coupled coordinates, which have to be unknowns, those
-    asked for, actuated ones, kinds that points cannot close, then few freedoms first, by name: the order in the
-    description does not matter.
+    asked for, those with an actuator or a rotor, kinds that points cannot close, then few freedoms first, by name: the
+    order in the description does not matter.
 
     Args:
         keep: Names of joints that are cut only where they close a loop among themselves.
@@ -109,7 +109,8 @@ def spanning_tree(mechanism: Mechanism, keep: Collection[str] = ()) -> Layout:
     coupled = coupled_joints(mechanism)
 
     def rank(joint: Joint) -> tuple[bool | int | str, ...]:
-        first = not joint.constrains, joint.name in coupled, joint.name in keep, joint.actuated
+        drives = joint.actuated, bool(joint.rotor.any())
+        first = not joint.constrains, joint.name in coupled, joint.name in keep, *drives
         return *(not each for each in first), joint.kind in POINTS, len(joint.coordinates), joint.name
 
     kept = []

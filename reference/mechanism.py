@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from copy import copy
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property, lru_cache
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import DTypeLike
 
 from screwgauge.reference.couplings import Coupling, CouplingRows, Fixing, bind, check_couplings
 from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.resistance import RESISTS, Resistance, amounts, resistances
 from screwgauge.reference.rotations import Array, across
 
 if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
     from screwgauge.reference.left_out import LeftOut
 
 
@@ -122,6 +119,10 @@ class Joint:
         coordinates: Names of its coordinates, in the order of its freedoms.
         home: Their values at the home pose [rad or m]. Shape (n,).
         limits: Their bounds [rad or m], infinite where free. Shape (n, 2).
+        rotor: Inertia behind each: that of a motor times the square of its gear [kg m^2 or kg]. Shape (n,); like the
+            next two zero where nothing is given.
+        damping: Viscous resistance of each [N m s/rad or N s/m]. Shape (n,).
+        friction: Dry friction of each [N m or N]. Shape (n,).
     """
 
     name: str
@@ -136,6 +137,9 @@ class Joint:
     child_frame: Frame = field(default_factory=Frame)
     actuated: bool = False
     where: str = ""
+    rotor: Array = field(default_factory=lambda: np.zeros(0))
+    damping: Array = field(default_factory=lambda: np.zeros(0))
+    friction: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def freedoms(self) -> tuple[tuple[bool, Array], ...]:
@@ -182,6 +186,8 @@ class Joint:
 
     def __post_init__(self) -> None:
         where = self.where or self.name
+        for what in RESISTS:
+            object.__setattr__(self, what, amounts(what, getattr(self, what), len(self.coordinates), where))
         if self.actuated and (self.fixed or len(self.coordinates) != 1):
             raise DescriptionError(f"a {self.kind} joint cannot be actuated", where, "actuate an R or a P joint")
         if len(self.axes) > 1:
@@ -313,6 +319,16 @@ class Mechanism:
         return self.columns(joint.coordinates[0] for joint in self.actuators)
 
     @cached_property
+    def rotors(self) -> Array:
+        """Rotor inertia of each joint coordinate [kg m^2 or kg]. Shape (n_q,)."""
+        return np.concatenate([joint.rotor for joint in self.joints])
+
+    @cached_property
+    def resistances(self) -> tuple[Resistance, ...]:
+        """Rotors, damping and dry friction of all coordinates."""
+        return resistances(self.joints)
+
+    @cached_property
     def coupling_rows(self) -> CouplingRows:
         """The couplings as equations in the vector of all joint coordinates."""
         return bind(self.couplings, self.coordinates)
@@ -372,29 +388,3 @@ def same_content(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         return np.array_equal(a, b)
     return bool(a == b)
-
-
-T = TypeVar("T", bound="DataclassInstance")
-
-
-def in_precision(mechanism: Mechanism, dtype: DTypeLike) -> Mechanism:
-    """The mechanism with every array rounded to `dtype`; the solver then computes in it throughout.
-
-    The checks of the description are not repeated: rounding may tilt two axes by more than they allow.
-    """
-    bodies = tuple(rounded(body, dtype) for body in mechanism.bodies)
-    joints = tuple(rounded(joint, dtype) for joint in mechanism.joints)
-    axial = None if mechanism.axial is None else (mechanism.axial[0], mechanism.axial[1].astype(dtype))
-    return replace(mechanism, bodies=bodies, joints=joints, axial=axial)
-
-
-def rounded(item: T, dtype: DTypeLike) -> T:
-    """A dataclass with its arrays, those of its frames too, rounded to `dtype`; checks of its class are not made."""
-    changed = copy(item)
-    for one in fields(item):
-        value = getattr(item, one.name)
-        if isinstance(value, np.ndarray):
-            object.__setattr__(changed, one.name, value.astype(dtype))
-        elif isinstance(value, Frame):
-            object.__setattr__(changed, one.name, rounded(value, dtype))
-    return changed

@@ -149,7 +149,7 @@ def test_springs_of_mujoco_are_ours():
     applied = Applied(np.zeros(3), springs=springs_of_the_governor())
     file = read_loops(files.loops)
     tree = MujocoTree(files.model, file)
-    model, left = sprung_model(files.model, applied, tree)
+    model, left, _ = sprung_model(files.model, applied, (), tree)
     assert (left.springs, left.motors, left.loads) == ((), (), ())
     forces, mover = TreeForces(close_tree(tree, file), applied, np.zeros(4)), MujocoMover(tree)
     data, tau = mujoco.MjData(model), np.zeros(4)

@@ -13,6 +13,7 @@ from screwgauge.quantities import BODY_UNITS, FORCE, OF_JOINTS, OF_MOTION, QUANT
 from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.errors import ClosureError, ModelFileError
 from screwgauge.reference.mechanism import KINDS, Joint, Mechanism
+from screwgauge.reference.resistance import resistances
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock, Cost, Solution, Timing, Values
 
@@ -71,7 +72,7 @@ def component_names(
     """
     unit = joint_units(joints)
     axes = tuple(f"{body}.{axis}" for body in bodies for axis in "xyz")
-    driven = [joint.coordinates[0] for joint in joints if joint.actuated]
+    driven, resist = [joint.coordinates[0] for joint in joints if joint.actuated], resistances(tuple(joints))
     along = {
         "tree": (tuple(tree), tree),
         "independent": (tuple(independent), independent.values()),
@@ -87,6 +88,8 @@ def component_names(
             return axes, (BODY_UNITS[quantity.body],) * len(axes)
         if quantity.of == "pair":
             return pairs({label: unit[c] for label, c in independent.items()})
+        if quantity.of == "resistance":
+            return tuple(one.name for one in resist), tuple(one.unit for one in resist)
         return reactions if quantity.of == "reaction" else forces[quantity.of]
 
     return {name: components(QUANTITIES[name]) for name in OF_MOTION}

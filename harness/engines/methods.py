@@ -1,13 +1,17 @@
-"""Integrators of scipy, and how a step is retried whose accelerations proved unreliable."""
+"""Integrators of scipy, how a step is retried whose accelerations proved unreliable, and where dry friction holds."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sized
+from collections.abc import Callable, Sequence, Sized
 
+import numpy as np
 from scipy.integrate import BDF, DOP853, DenseOutput, OdeSolver, Radau
+from scipy.optimize import brentq
 
 from screwgauge.reference.errors import check_choice
+from screwgauge.reference.mechanism import Joint
+from screwgauge.reference.resistance import REST, resistances
 from screwgauge.reference.rotations import Array
 
 #: DOP853 for smooth motion, the others for stiff springs and dampers.
@@ -42,6 +46,71 @@ class Pace:
         """Takes the time that a step has reached [s]: whether steps as those before it would never reach the end."""
         self.times.append(t)
         return len(self.times) == self.window and (t - self.times[0]) * ENDLESS < (self.end - t) * self.window
+
+
+#: Rates to both sides of rest at which friction is looked at [rad/s or m/s], and the share of a second over which rates
+#: change to tell their accelerations.
+BESIDE, MOMENT = 1e3 * REST, 1e-6
+
+State = tuple[float, Array]
+"""Time, and coordinates, their rates and the work. Shape (2 n + 1,)."""
+
+
+def straight(before: State, after: State) -> Callable[[float], Array]:
+    """States of a step on the straight line between its ends."""
+    (begin, first), (end, last) = before, after
+    return lambda t: first + (t - begin) / (end - begin) * (last - first)
+
+
+class DryFriction:
+    """Sees where a joint comes to rest and its dry friction holds it: the law of rates says nothing of what follows.
+
+    Friction holds where it stops the joint from either side of rest.
+    """
+
+    def __init__(
+        self, joints: tuple[Joint, ...], rates: Callable[[Array, Sequence[str]], Array], slope: Callable[..., Array]
+    ) -> None:
+        """Looks at the coordinates with dry friction.
+
+        Args:
+            rates: Of named coordinates in a state. Shape (m,).
+            slope: Derivative of a state at a time. Shape (2 n + 1,).
+        """
+        self.names = [one.coordinate for one in resistances(joints) if one.what == "friction"]
+        self._rates, self._slope = rates, slope
+
+    def holds(self, before: State, after: State, between: Callable[[float], Array]) -> str:
+        """Why the motion cannot be followed over a step, empty where it can.
+
+        Args:
+            between: State at a time of the step.
+        """
+        if not self.names:
+            return ""
+        ends = [self._rates(state, self.names) for _, state in (before, after)]
+        signs = [np.sign(rates) * (np.abs(rates) > REST) for rates in ends]
+        for c in np.flatnonzero(signs[0] != signs[1]).tolist():
+            end = int(abs(ends[1][c]) > abs(ends[0][c]))
+            t = (before, after)[1 - end][0]
+            if signs[0][c] * signs[1][c] < 0:
+                t = float(brentq(lambda t, c=c: self._rates(between(t), self.names)[c], before[0], after[0]))
+            way = (before, after)[end][1] / ends[end][c]
+            if all(side * self._acceleration(t, self._beside(between(t), side * way), c) <= 0 for side in (1, -1)):
+                return f"'{self.names[c]}' comes to rest at {t:.6g} s, and its dry friction holds it there"
+        return ""
+
+    @staticmethod
+    def _beside(state: Array, way: Array) -> Array:
+        """A state whose rates are a little further on a way."""
+        moved, n = state.copy(), len(state) // 2
+        moved[n:-1] += BESIDE * way[n:-1]
+        return moved
+
+    def _acceleration(self, t: float, state: Array, c: int) -> float:
+        change = MOMENT * self._slope(t, state)
+        later, earlier = (self._rates(state + sign * change, self.names)[c] for sign in (1.0, -1.0))
+        return float(later - earlier) / (2.0 * MOMENT)
 
 
 def check_method(name: str) -> type[OdeSolver]:

@@ -126,7 +126,7 @@ _TRUTH = "ball arithmetic with rigorous radii, on request (needs python-flint)"
 _OPEN = dict.fromkeys(("tree_force", "tree_force_soft"), "the open tree has nothing to certify that RNEA does not know")
 _LEFT = {
     "mass_matrix": "its Newton-Euler equations are solved whole",
-    "axis_moment": "without springs and motors this is the actuator force, which it certifies",
+    "axis_moment": "without springs, motors and resistance this is the actuator force, which it certifies",
 }
 ENGINES: dict[str, Engine] = {
     engine.name: engine

@@ -6,7 +6,7 @@ Wrenches on bodies are force over moment about the centre of mass, in p cases of
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +20,7 @@ from screwgauge.reference.applied import Applied
 from screwgauge.reference.graph import layout, spanning_tree
 from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.mobility import Mobility
+from screwgauge.reference.resistance import RESISTS, Resistance
 from screwgauge.reference.rotations import Array, across_direction, cross, times
 from screwgauge.witness.constraints import AdmissibleMotion, admissible_motion, residual
 from screwgauge.witness.dynamics import along, momentum, newton_euler
@@ -116,7 +117,8 @@ class Needed:
 
     Attributes:
         own: What the bodies themselves need.
-        applied: What loads, springs and motors make of it, which the forces of an open tree leave out.
+        applied: What loads, springs, motors, rotors and friction make of it, which the forces of an open tree leave
+            out, but for rotors.
     """
 
     own: Array
@@ -198,19 +200,24 @@ def terms(now: CoveredMotion) -> tuple[tuple[str, ...], Needed]:
     def inertial(angular: Array, linear: Array) -> Array:
         return np.concatenate([matter.mass[:, None] * linear, momentum(matter, com.R, angular)], axis=2)
 
-    def exerted(applied: Applied) -> Array:
-        return -exerted_on_bodies(now.tree, now.motion, now.states, now.t, applied)
-
     own = {"gravity": nothing.copy(), "inertial": split.inertial, "gyroscopic": nothing.copy()}
     own["gravity"][..., :3], own["gyroscopic"][..., 3:] = split.gravity, split.gyroscopic
     own |= {term: inertial(lost.angular, lost.com) for term, lost in now.lost.items()}
     outside = dict[str, Array]()
     if applied.loads:
-        outside["loads"] = exerted(Applied(loads=applied.loads))
+        outside["loads"] = _exerted(now, Applied(loads=applied.loads))
     if applied.springs or applied.motors:
-        outside["springs and motors"] = exerted(Applied(springs=applied.springs, motors=applied.motors))
+        outside["springs and motors"] = _exerted(now, Applied(springs=applied.springs, motors=applied.motors))
+    for what in RESISTS:
+        if resist := [one for one in now.mechanism.resistances if one.what == what]:
+            outside[what] = _exerted(now, Applied(), resist)
     names = tuple(dict.fromkeys([*own, *outside]))
     return names, Needed(*(np.stack([part.get(name, nothing) for name in names]) for part in (own, outside)))
+
+
+def _exerted(now: CoveredMotion, applied: Applied, resist: Sequence[Resistance] = ()) -> Array:
+    """What bodies need for what is exerted on them. Shape (n, n_body, 6)."""
+    return -exerted_on_bodies(now.tree, now.motion, now.states, now.t, applied, resist)
 
 
 _AXES = "xyz"
@@ -221,18 +228,21 @@ _Column = tuple[str, int, _Wrench, _Wrench]
 
 
 def parameters(now: CoveredMotion) -> tuple[tuple[str, ...], Needed]:
-    """Names of the inertial parameters and load points, and the derivatives of what bodies need by each.
+    """Names of inertial parameters, load points, rotors and friction, and derivatives of what bodies need by each.
 
     By mass, centre of mass and inertia about it, all else of the description being kept, each as large as the
     body's own: its mass (that of the mechanism where it has none), the length of the mechanism, its largest moment of
     inertia. A body without mass has neither centre nor inertia.
     """
-    columns = [*_of_bodies(now), *_of_loads(now)]
-    parts = np.zeros((2, len(columns), *now.motion.com.p.shape[:2], 6))
+    columns, resist = [*_of_bodies(now), *_of_loads(now)], now.mechanism.resistances
+    parts = np.zeros((2, len(columns) + len(resist), *now.motion.com.p.shape[:2], 6))
+    for column, one in enumerate(resist, len(columns)):
+        parts[1, column] = _exerted(now, Applied(), [one])
     for column, (_, body, *wrenches) in enumerate(columns):
         for part, (force, moment) in zip(parts, wrenches, strict=True):
             part[column, :, body, :3], part[column, :, body, 3:] = force, moment
-    return tuple(name for name, *_ in columns), Needed(*parts)
+    names = (*(name for name, *_ in columns), *(f"{one.what} of {one.coordinate}" for one in resist))
+    return names, Needed(*parts)
 
 
 def _of_bodies(now: CoveredMotion) -> Iterator[_Column]:

@@ -181,7 +181,7 @@ def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
     mechanism, partial, length = answer.mechanism, admissible.partial, answer.scales["m"]
     labels = zip(mechanism.independent, mechanism.independent_columns, strict=True)
     names, units = pairs({label: mechanism.units[column] for label, column in labels})
-    M = partial.swapaxes(1, 2) @ inertia(answer.motion) @ partial
+    M = partial.swapaxes(1, 2) @ (inertia(answer.motion) + np.diag(mechanism.rotors)) @ partial
     right = M[(..., *np.triu_indices(M.shape[-1]))]
     missing = answer.values["mass_matrix"].pick(names).array - right
     load = largest(right / [arm(unit, length) for unit in units])
@@ -233,7 +233,8 @@ def _required(answer: Answer, graph: Layout, joints: Collection[str]) -> tuple[A
     still = np.zeros_like(answer.q)
     required, sizes = required_wrenches(answer, loaded=False)
     wrenches, load = required[:, bodies] * shares[:, None], largest(levelled(sizes, answer.scales["m"])[:, 0])
-    return along(move(tree, TreeStates(answer.q, still, still)), wrenches), load
+    rotors = answer.mechanism.rotors * answer.states.qdd
+    return along(move(tree, TreeStates(answer.q, still, still)), wrenches) + rotors, load
 
 
 def _ruled(answer: Answer) -> bool:
@@ -337,7 +338,8 @@ def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Residuals:
 def _balance(answer: Answer) -> tuple[Array, float] | None:
     """What is missing in the balance of energy at each sample, shape (n, 1), and the largest of its parts [J]."""
     applied, work = answer.applied, answer.work
-    if not (applied.motors or applied.loads or any(spring.damping for spring in applied.springs)):
+    resists = {one.what for one in answer.mechanism.resistances} - {"rotor"}
+    if not (applied.motors or applied.loads or resists or any(spring.damping for spring in applied.springs)):
         work = np.zeros(len(answer.t))
     if not answer.has("joint_velocity") or work is None or np.isnan(work).all():
         return None
@@ -352,4 +354,5 @@ def energies(answer: Answer) -> tuple[Array, Array, Array]:
     """Kinetic, of gravity, of springs [J]. Shape (n,) each."""
     gravity = -(answer.motion.com.p @ answer.applied.g) @ answer.tree.matter.mass
     springs = spring_energy(answer.tree, answer.motion, answer.q, answer.applied)
-    return kinetic_energy(answer.motion), gravity, springs
+    rotors = 0.5 * answer.states.qd**2 @ answer.mechanism.rotors
+    return kinetic_energy(answer.motion) + rotors, gravity, springs

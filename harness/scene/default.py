@@ -264,7 +264,7 @@ def default_scene(
         out += ["", f"[motion.{key(label)}]", f"offset = {table['offset']}", f"harmonics = [{rows}]"]
     for spring in springs:
         entries = {"coordinate": spring.coordinate, "stiffness": spring.stiffness, "rest": spring.rest}
-        out += ["", "[[springs]]", *lines({**entries, "damping": spring.damping})]
+        out += ["", "[[springs]]", *lines(entries)]
     return "\n".join(out) + "\n"
 
 

@@ -149,7 +149,7 @@ def _read_simulated(data: dict[str, Any], path: Path, mechanism: Mechanism) -> d
     task = _read_start(data["forward"], mechanism, t, f"{where}, forward")
     check_order(t, task.since)
     applied = _applied(data, mechanism, where)
-    if not _acts(applied):
+    if not (_acts(applied) or mechanism.resistances):
         remedy = "add gravity, [[loads]], [[springs]] or [[motors]]"
         raise DescriptionError("nothing exerts a force in this forward scene", where, remedy)
     return {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from screwgauge.problem import InitialValue
@@ -9,7 +11,7 @@ from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.assembly_mode import Branch, positions
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.errors import DescriptionError, JointLimitError, ScrewgaugeError
-from screwgauge.reference.graph import Layout
+from screwgauge.reference.graph import Layout, layout
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.preflight import FARTHEST, beyond_limits, check_home, check_regular
 from screwgauge.scene.scene import Scene
@@ -70,7 +72,12 @@ def eigenvalues(lay: Layout, applied: Applied, start: Array, yd: Array, t: float
 
 
 def stiffness(lay: Layout, applied: Applied, task: InitialValue) -> complex:
-    """The fastest eigenvalue at the start [1/s]; 0 where poses next to the start do not exist."""
+    """The fastest eigenvalue at the start [1/s]; 0 where poses next to the start do not exist.
+
+    Dry friction, which jumps at rest, has none.
+    """
+    smooth = tuple(replace(joint, friction=0.0 * joint.friction) for joint in lay.mechanism.joints)
+    lay = layout(replace(lay.mechanism, joints=smooth))
     try:
         fastest = complex(max(eigenvalues(lay, applied, task.start, task.rates, task.since), key=abs))
     except ScrewgaugeError:

@@ -6,13 +6,14 @@ velocity appears. Route 2 balances force and moment of each body and solves for 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from flint import arb, arb_mat
 
 from screwgauge.reference.mechanism import Joint, by_role
+from screwgauge.reference.resistance import REST
 from screwgauge.truth.exact import Vector, cross, difference, dot, normalized, solve, unit_vector
 from screwgauge.truth.kinematics import NotCertified, State, floats, independent_rows, point, spin
 from screwgauge.truth.linkage import AXES, Linkage, split
@@ -57,8 +58,26 @@ def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequ
             T = virtual[load.body]
             at = linkage.masses[load.body - 1].com if load.point is None else load.point
             Q -= dot(load.force, point(T[1], at)) + dot(load.torque, spin(T, 1))
+        Q += sum((force * now.partial[column, j] for column, force in taken(linkage, now)), arb(0))
         forces.append(Q)
     return forces
+
+
+def taken(linkage: Linkage, now: State) -> Iterator[tuple[int, arb]]:
+    """Coordinate and force along it that each rotor, damper and dry friction takes.
+
+    Raises:
+        NotCertified: The sign of a rate, against which friction acts, is not certain.
+    """
+    for one in linkage.mechanism.resistances:
+        _, rate, half = now.q[one.column]  # coefficients of a series in time
+        if one.what != "friction":
+            yield one.column, arb(one.amount) * (2 * half if one.what == "rotor" else rate)
+        elif abs(rate) > REST:
+            yield one.column, arb(one.amount) * (1 if rate > 0 else -1)
+        else:
+            what = f"'{one.coordinate}' rests, where its dry friction has no direction"
+            raise NotCertified(what, "", "keep the motion away from this pose")
 
 
 def _trace(A: arb_mat, B: arb_mat) -> arb:
@@ -177,6 +196,10 @@ def required(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[Ball
                     arm = point(T[0], difference(load.point, mass.com), 0)
                     M = difference(M, cross(arm, load.force))
         right += [*F, *M]
+    for column, force in taken(linkage, now):
+        joint, turns, direction, spot = linkage.along(column, now.q, now.bodies)
+        (one,) = balances(linkage, now, [Unknown("", "", joint, not turns, direction, spot)])
+        right = [a + force * b for a, b in zip(right, one, strict=True)]
     return right
 
 

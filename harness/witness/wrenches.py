@@ -12,6 +12,7 @@ from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied, JointSpring, PointSpring
 from screwgauge.reference.couplings import component_name
 from screwgauge.reference.mechanism import Joint, Mechanism
+from screwgauge.reference.resistance import REST, Resistance
 from screwgauge.reference.rotations import Array, cross, lanes, rotation, times
 from screwgauge.witness.constraints import coupling_rows
 from screwgauge.witness.joints import JOINT_KINDS, MechanismTree, across, freedoms
@@ -192,9 +193,17 @@ def _directions(what: str, joint: Joint, near: Array, far: Array) -> dict[str, A
 
 
 def exerted_wrenches(
-    tree: MechanismTree, motion: TreeMotion, states: TreeStates, t: Array, applied: Applied
+    tree: MechanismTree,
+    motion: TreeMotion,
+    states: TreeStates,
+    t: Array,
+    applied: Applied,
+    resist: Sequence[Resistance] | None = None,
 ) -> Iterator[tuple[int, Array, Array, Array]]:
-    """What loads, springs, dampers and motors exert, one by one.
+    """What loads, springs, dampers and motors exert, and rotors and friction of joints, one by one.
+
+    Args:
+        resist: Rotors, damping and dry friction that count, by default all of the mechanism.
 
     Yields:
         Body, without ground; force and moment, shape (n, 3) or (3,); and where the force acts, from the centre of mass,
@@ -205,8 +214,9 @@ def exerted_wrenches(
         i = index[load.body] - 1
         point = mechanism.bodies[i].com if load.point is None else load.point
         yield i, load.force, load.torque, times(com.R[:, i], point - mechanism.bodies[i].com)
-    acts = [along_coordinate(tree, motion, states.q, *each) for each in _joint_forces(mechanism, states, t, applied)]
-    for act in acts:
+    resisting = ((one.coordinate, -taken(one, states)) for one in (mechanism.resistances if resist is None else resist))
+    for each in (*_joint_forces(mechanism, states, t, applied), *resisting):
+        act = along_coordinate(tree, motion, states.q, *each)
         for side, sign in ((act.joint.child, 1.0), (act.joint.parent, -1.0)):
             if (i := index[side] - 1) >= 0:
                 yield i, sign * act.force, sign * act.moment, act.point - com.p[:, i]
@@ -215,10 +225,17 @@ def exerted_wrenches(
             yield from _pull(spring, tree, motion, t)
 
 
-def exerted_on_bodies(tree: MechanismTree, motion: TreeMotion, states: TreeStates, t: Array, applied: Applied) -> Array:
+def exerted_on_bodies(
+    tree: MechanismTree,
+    motion: TreeMotion,
+    states: TreeStates,
+    t: Array,
+    applied: Applied,
+    resist: Sequence[Resistance] | None = None,
+) -> Array:
     """The sum of `exerted_wrenches`, moments about the centres of mass. Shape (n, n_body, 6)."""
     total = np.zeros((len(t), len(tree.matter.mass), 6))
-    for body, force, moment, arm in exerted_wrenches(tree, motion, states, t, applied):
+    for body, force, moment, arm in exerted_wrenches(tree, motion, states, t, applied, resist):
         total[:, body, :3] += force
         total[:, body, 3:] += moment + cross(arm, np.broadcast_to(force, arm.shape))
     return total
@@ -237,9 +254,19 @@ def _joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: A
             yield spring.coordinate, -force
 
 
+def taken(one: Resistance, states: TreeStates) -> Array:
+    """Force that a rotor, a damper or dry friction takes along its coordinate [N or N m]. Shape (n,)."""
+    rate = states.qd[:, one.column]
+    if one.what == "friction":
+        return np.where(np.abs(rate) > REST, np.copysign(one.amount, rate), 0.0)
+    return np.asarray(one.amount * (states.qdd[:, one.column] if one.what == "rotor" else rate))
+
+
 def joint_forces(mechanism: Mechanism, states: TreeStates, t: Array, applied: Applied) -> Array:
-    """What springs, dampers and motors exert along joint coordinates [N or N m]. Shape (n, n_q)."""
+    """What springs, dampers, motors, rotors and friction exert along joint coordinates [N or N m]. Shape (n, n_q)."""
     total = np.zeros_like(states.q)
+    for one in mechanism.resistances:
+        total[:, one.column] -= taken(one, states)
     for coordinate, force in _joint_forces(mechanism, states, t, applied):
         total[:, mechanism.coordinates.index(coordinate)] += force
     return total

@@ -19,6 +19,7 @@ from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, Unknown
 from screwgauge.reference.expressions import rotation_matrix, vector
 from screwgauge.reference.files import LIMITS, check_count
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
+from screwgauge.reference.resistance import RESISTS, resistances
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_keys, check_name, read_toml, required
 
@@ -85,6 +86,7 @@ def _joint_entries(joint: Joint) -> dict[str, Any]:
         names.append("limits")
     if joint.actuated:
         names.append("actuated")
+    names += [name for name in RESISTS if getattr(joint, name).any()]
     return {name: getattr(joint, name) for name in (*names, "parent_frame", "child_frame")}
 
 
@@ -212,8 +214,11 @@ def with_loops_file(reading: Reading, path: Path) -> Reading:
         second, T2 = place_in(reading, one.second, path)
         closures[name] = ClosureReading(one.kind, first, T1 @ one.first_frame, second, T2 @ one.second_frame)
     driven = {joint.name: joint.coordinates[0] for joint in file.joints if joint.actuated}
+    rotors = {one.coordinate: one.amount for one in resistances(file.joints) if one.what == "rotor"}
+    joints = {n: replace(j, armature=rotors[n]) if n in rotors else j for n, j in reading.joints.items()}
     couplings = {**reading.couplings, **couplings_of(file.couplings)}
-    return replace(reading, closures=closures, couplings=couplings, actuators=motors(reading, driven, path))
+    motor = motors(reading, driven, path)
+    return replace(reading, joints=joints, closures=closures, couplings=couplings, actuators=motor)
 
 
 def place_in(reading: Reading, name: str, path: Path) -> tuple[str, Array]:

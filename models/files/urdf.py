@@ -91,6 +91,9 @@ def _elementary(robot: ET.Element, freedom: Freedom, near: str, far: str, frame:
     low, high = np.clip(freedom.limits, -WIDE, WIDE) if limited else (-WIDE, WIDE)
     bounds = {"lower": low, "upper": high, "effort": STRONG, "velocity": STRONG}
     ET.SubElement(joint, "limit", {key: number_text(value) for key, value in bounds.items()})
+    if freedom.damping or freedom.friction:
+        both = {"damping": freedom.damping, "friction": freedom.friction}
+        ET.SubElement(joint, "dynamics", {key: number_text(value) for key, value in both.items()})
 
 
 def _ends(joint: ET.Element, near: str, far: str) -> None:

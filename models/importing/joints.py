@@ -268,23 +268,21 @@ SHOWN = 6
 
 
 def springs_of(reading: Reading, mechanism: Mechanism) -> tuple[JointSpring, ...]:
-    """Stiffness and damping of hinges and slides."""
+    """Springs of hinges and slides."""
     return tuple(
-        JointSpring(name, joint.stiffness, joint.rest if joint.stiffness else 0.0, joint.damping)
+        JointSpring(name, joint.stiffness, joint.rest)
         for name, joint in reading.joints.items()
-        if name in mechanism.coordinates and (joint.stiffness > 0.0 or joint.damping > 0.0)
+        if name in mechanism.coordinates and joint.stiffness > 0.0
     )
 
 
 def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
     """Phrases, each with the names that it is about."""
-    joints, springs = reading.joints.items(), {spring.coordinate for spring in springs_of(reading, mechanism)}
+    gone = {n: joint for n, joint in reading.joints.items() if n not in mechanism.coordinates}
     names_by = {
-        "armature of": [name for name, joint in joints if joint.armature],
-        "friction of": [name for name, joint in joints if joint.friction],
-        "stiffness and damping of": [
-            n for n, joint in joints if (joint.stiffness or joint.damping) and n not in springs
-        ],
+        f"{what} of": [name for name, joint in gone.items() if getattr(joint, what)]
+        for what in ("armature", "friction", "stiffness", "damping")
+    } | {
         "compensated gravity of": [name for name, body in reading.bodies.items() if body.gravcomp],
         "inertia of what has no mass:": [
             n for n, body in reading.bodies.items() if body.inertia.any() and not body.mass

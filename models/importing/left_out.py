@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +14,7 @@ from screwgauge.models.mjcf import mass_properties
 from screwgauge.models.readings.compiled import coupled_joints, heard, shares, sites_along
 from screwgauge.models.readings.mujoco import is_disabled, loaded, turn
 from screwgauge.models.readings.read import read_source
-from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
+from screwgauge.models.readings.reading import FREEDOMS, ActuatorReading, JointReading, Reading
 from screwgauge.models.readings.source import Source
 from screwgauge.reference.errors import ModelFileError, first_few
 from screwgauge.reference.left_out import (
@@ -25,7 +25,8 @@ from screwgauge.reference.left_out import (
     Resistance,
     TurnResistance,
 )
-from screwgauge.reference.mechanism import GROUND, Frame, Mechanism
+from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
+from screwgauge.reference.resistance import RESISTS
 from screwgauge.reference.rotations import Array
 
 #: Things of a kind that a sentence names.
@@ -257,6 +258,46 @@ def kept(
         else:
             found += _along_coordinates(one, names["joints"], mechanism, graph, where)
     return tuple(found)
+
+
+def with_resistance(
+    mechanism: Mechanism, left_out: Sequence[LeftOut], actuators: Mapping[str, ActuatorReading]
+) -> tuple[Mechanism, list[str]]:
+    """The mechanism whose joints have what acts along one coordinate by a law of theirs; all else is still left out.
+
+    Args:
+        left_out: See `kept`.
+        actuators: Of the file.
+
+    Returns:
+        It, and a sentence on each rotor that is behind a gear.
+    """
+    amounts = {name: dict.fromkeys(RESISTS, 0.0) for name in mechanism.coordinates}
+    rest, gears = list[LeftOut](), list[str]()
+    for one in left_out:
+        if not isinstance(one, Resistance) or len(one.along) != 1:
+            rest.append(one)
+            continue
+        ((name, share),) = one.along.items()
+        linear = len(one.damping) <= 1
+        taken = {"rotor": share**2 * one.armature, "friction": abs(share) * one.friction}
+        taken["damping"] = share**2 * sum(one.damping) if linear else 0.0
+        amounts[name] = {what: amounts[name][what] + taken[what] for what in RESISTS}
+        if one.stiffness or not linear:
+            rest.append(replace(one, armature=0.0, friction=0.0, damping=() if linear else one.damping))
+        actuator = actuators.get(one.of.removeprefix("actuator "))
+        if one.armature and one.of.startswith("actuator ") and actuator:
+            own = f"{one.armature / actuator.gear**2:g} of {one.of} times the square of its gear {actuator.gear:g}"
+            unit = mechanism.units[mechanism.coordinates.index(name)]
+            gears.append(f"Rotor of {name}: {taken['rotor']:g} {'kg m^2' if unit == 'rad' else 'kg'}, {own}.")
+    joints = (_resisting(joint, amounts) for joint in mechanism.joints)
+    return replace(mechanism, joints=tuple(joints), left_out=tuple(rest)), gears
+
+
+def _resisting(joint: Joint, amounts: Mapping[str, Mapping[str, float]]) -> Joint:
+    """A joint with further amounts of its coordinates."""
+    more = {what: np.array([amounts[name][what] for name in joint.coordinates]) for what in RESISTS}
+    return replace(joint, **{what: getattr(joint, what) + added for what, added in more.items()})
 
 
 def _of_turning_joint(one: TurnResistance, name: str, mechanism: Mechanism) -> Iterator[LeftOut]:

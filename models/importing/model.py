@@ -8,15 +8,14 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from textwrap import wrap
-from typing import Any
 
 import numpy as np
 
 from screwgauge.models.files.loops import OWN, read_loops
-from screwgauge.models.formats import TENSOR, document, key, lines
+from screwgauge.models.formats import body_entries, document, joint_entries, key, lines
 from screwgauge.models.importing.assemble import assemble, choose
 from screwgauge.models.importing.joints import Group, graph_of, groups, joint, left_out, listed, pin_name, springs_of
-from screwgauge.models.importing.left_out import check_whole, kept, left_out_of
+from screwgauge.models.importing.left_out import check_whole, kept, left_out_of, with_resistance
 from screwgauge.models.importing.names import TAKEN, accepted, unused
 from screwgauge.models.machine import Body as RigidBody
 from screwgauge.models.machine import Machine
@@ -34,7 +33,7 @@ from screwgauge.reference.files import check_count, digest, files_read, is_file
 from screwgauge.reference.inertia import TRIANGLE, settled
 from screwgauge.reference.left_out import LeftOut, entries
 from screwgauge.reference.lint import implausible
-from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
+from screwgauge.reference.mechanism import GROUND, Body, Joint, Mechanism
 from screwgauge.reference.rotations import Array
 
 
@@ -49,35 +48,10 @@ def description(mechanism: Mechanism, remarks: Sequence[str] = ()) -> str:
     out += lines(
         {name: value for name, value in {**head, "allow": tuple(sorted(_allowed(mechanism)))}.items() if value}
     )
-    parts = [(f"[bodies.{key(body.name)}]", _entries_of_body(body)) for body in mechanism.bodies]
-    parts += [(f"[joints.{key(joint.name)}]", _entries_of_joint(joint)) for joint in mechanism.joints]
+    parts = [(f"[bodies.{key(body.name)}]", body_entries(body)) for body in mechanism.bodies]
+    parts += [(f"[joints.{key(joint.name)}]", joint_entries(joint)) for joint in mechanism.joints]
     left_out = [("[[left_out]]", entries(one)) for one in mechanism.left_out]
     return document(out, mechanism, parts, left_out)
-
-
-def _entries_of_body(body: Body) -> dict[str, Any]:
-    if not body.mass:
-        return {"mass": 0.0}
-    tensor = {name: body.inertia[place] for name, place in TENSOR.items() if body.inertia[place]}
-    return {"mass": body.mass, **({"com": body.com} if body.com.any() else {}), "inertia": tensor}
-
-
-def _entries_of_joint(joint: Joint) -> dict[str, Any]:
-    names = ("kind", "parent", "child", *(() if joint.fixed else ("axes",)))
-    entries: dict[str, Any] = {name: getattr(joint, name) for name in names}
-    if joint.coordinates != (joint.name,):
-        entries["coordinates"] = joint.coordinates
-    if joint.home.any():
-        entries["home"] = joint.home
-    if np.isfinite(joint.limits).any():
-        entries["limits"] = np.nan_to_num(joint.limits, posinf=1e10, neginf=-1e10)
-    if joint.actuated:
-        entries["actuated"] = True
-    for name in ("parent_frame", "child_frame"):
-        frame: Frame = getattr(joint, name)
-        if not frame.is_identity:
-            entries[name] = frame
-    return entries
 
 
 #: Of mass and squared length of the model: what merging links leaves of moments of inertia that are zero.
@@ -89,7 +63,7 @@ class Imported:
     """A mechanism made from a reading.
 
     Attributes:
-        springs: Stiffness and damping of its joints, which a scene holds.
+        springs: Those of its joints, which a scene holds.
         gravity: World axes [m/s^2], shape (3,); None where the file does not say it.
         names: Name in the file -> name in the description, where they differ.
         remarks: How it was made, a sentence each.
@@ -155,9 +129,9 @@ def describe(
     mechanism, composites = _mechanism(graph, frozenset(actuated or ()), known, wanted.allow, where)
     names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
     mechanism, odd_choices = choose(mechanism, actuated, wanted.independent, where)
-    mechanism = replace(mechanism, left_out=kept(beyond, mechanism, graph, tables, where))
+    mechanism, gears = with_resistance(mechanism, kept(beyond, mechanism, graph, tables, where), reading.actuators)
     odd = (f"Check this: {sentence}." for sentence in implausible(mechanism))
-    remarks = [*moves, *graph.remarks, *composites, *odd_choices, *odd]
+    remarks = [*moves, *graph.remarks, *composites, *odd_choices, *gears, *odd]
     if not reading.actuators and wanted.actuated is None:
         open_chain = "every hinge and slide of the open chain that follows no other"
         rule = "every independent coordinate that is a hinge or slide" if reading.closures else open_chain
@@ -313,8 +287,8 @@ def import_model(path: Path, options: Options | None = None) -> Imported:
     if lost := dropped(source, reading):
         raise ModelFileError("; ".join(each.sentence for each in lost), str(path), "let another library read it")
     check_whole(reading, source)
-    beyond = left_out_of(source, reading)
     reading = reading if loops is None else with_loops(reading, loops)
+    beyond = left_out_of(source, reading)
     wanted, given = options.wanted, own.joints if own else ()
     if own is not None:
         wanted = wanted.otherwise(own.independent, [joint.coordinates[0] for joint in own.joints if joint.actuated])

@@ -61,6 +61,8 @@ class BodyReading(Matter):
         return replace(self, mass=matter.mass, com=matter.com, inertia=matter.inertia)
 
 
+#: Limits of a coordinate that has none.
+FREE = (-math.inf, math.inf)
 #: A link without mass, fixed to the world.
 BARE = BodyReading(0.0, np.zeros(3), np.zeros((3, 3)), "", (), np.eye(4))
 
@@ -83,7 +85,7 @@ class JointReading:
     screw: Array
     centre: Array
     home: float = 0.0
-    limits: tuple[float, float] = (-math.inf, math.inf)
+    limits: tuple[float, float] = FREE
     armature: float = 0.0
     damping: float = 0.0
     friction: float = 0.0

@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from screwgauge.reference import linear
 from screwgauge.reference.applied import Applied, JointSpring, Load, Motor, PointSpring, Spring
 from screwgauge.reference.equations.kinematics import zeros
 from screwgauge.reference.equations.recursion import wrench
 from screwgauge.reference.equations.screws import Array, dot, scale, times, velocity_at
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.resistance import REST, Resistance
 
 if TYPE_CHECKING:
     from screwgauge.reference.equations.dynamics import Dynamics
@@ -49,6 +51,9 @@ def exerted(at: Dynamics) -> Exerted:
     for motor in at.applied.motors:
         c = coordinates.index(motor.coordinate)
         along[..., c] = along[..., c] + motor_force(at, motor)
+    for one in at.mechanism.resistances:
+        if one.what != "rotor":
+            along[..., one.column] = along[..., one.column] - resisting_force(at, one)
     return Exerted(W, along if at.given_forces is None else along + at.given_forces)
 
 
@@ -104,6 +109,21 @@ def stretch_rate(at: Dynamics, spring: Spring) -> Any:
 def tension(at: Dynamics, spring: Spring) -> Any:
     """Pull of a spring and damper, ``k (l - l0) + c ld``; of one at a joint against its coordinate. Shape (...)."""
     return spring.pull(spring_length(at, spring), stretch_rate(at, spring))
+
+
+def resisting_force(at: Dynamics, one: Resistance) -> Any:
+    """Force that a rotor, a damper or dry friction takes along its coordinate. Shape (...)."""
+    if one.what == "rotor":
+        return one.amount * at.joint_acceleration[..., one.column]
+    rate = at.joint_rate(one.coordinate)
+    return one.amount * (rate if one.what == "damping" else sign(at, rate))
+
+
+def sign(at: Dynamics, rate: Any) -> Any:
+    """-1, 0 or 1: the sign of a rate, 0 at `REST`, from the functions that every kind of number has. Shape (...)."""
+    size = at.ops.sqrt(rate * rate)
+    moves = -at.ops.maximum(-at.ops.maximum((size / REST - 1.0) / linear.EPS, 0.0), -1.0)
+    return moves * rate / at.ops.maximum(size, REST)
 
 
 def motor_force(at: Dynamics, motor: Motor) -> Any:

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from screwgauge.reference.applied import Applied
-from screwgauge.reference.equations.applied_forces import Exerted, exerted
+from screwgauge.reference.equations.applied_forces import Exerted, exerted, resisting_force
 from screwgauge.reference.equations.closure import Loops, Motion
 from screwgauge.reference.equations.joint_types import reaction_components, reaction_names
 from screwgauge.reference.equations.kinematics import Coordinates, zeros
 from screwgauge.reference.equations.ops import Ops, System, absent
-from screwgauge.reference.equations.recursion import at_origin, inward, on_child, wrench
+from screwgauge.reference.equations.recursion import Accelerations, at_origin, inward, on_child, wrench
 from screwgauge.reference.equations.screws import (
     Array,
     join,
@@ -78,19 +78,39 @@ class Dynamics(Motion):
                 tau[..., places] = tau[..., places] + scale(along[..., column], row[..., 0, :])
         return tau
 
-    def demand(self, need: Array) -> Array:
+    def demand(self, need: Array, acting: Array) -> Array:
         """Forces along the tree that actuators and constraints have to make up. Shape (..., n).
 
         Args:
             need: Wrenches that bodies need for their motion, see `required`. Shape (..., b, 6).
+            acting: Forces along all coordinates, see `acting`. Shape (..., n_q).
         """
         along = inward(self.pose, need - self.exerted.wrenches)[0]
-        return along[..., self.loops.columns] - self.along_tree(self.exerted.along)
+        return along[..., self.loops.columns] - self.along_tree(acting)
+
+    def acting(self, beta: Array, moved: Accelerations) -> Array:
+        """What acts along all coordinates beside the actuators: exerted forces less what rotors need. (..., n_q).
+
+        A rotor of inertia I, behind a gear or not, takes ``I qdd`` of the force along its coordinate.
+
+        Args:
+            beta: Second derivatives of the tree's coordinates. Shape (..., n_q).
+            moved: Accelerations of the bodies.
+        """
+        rotors = self.mechanism.rotors
+        if not rotors.any():
+            return self.exerted.along
+        return self.exerted.along - rotors * self.accelerations_of_joints(beta, moved)
+
+    @cached_property
+    def along(self) -> Array:
+        """`acting` in this motion. Shape (..., n_q)."""
+        return self.acting(self.beta, self.moved)
 
     @cached_property
     def tau(self) -> Array:
         """Forces along the tree that actuators and constraints have to make up in this motion. Shape (..., n)."""
-        return self.demand(self.required)
+        return self.demand(self.required, self.along)
 
     def virtual_power(self, tau: Array) -> Array:
         """Forces along the tree projected on y, ``K^T tau``: good next to constraint singularities, too. (..., k)."""
@@ -149,11 +169,18 @@ class Dynamics(Motion):
 
     @cached_property
     def axis_moment(self) -> Array:
-        """Forces along all coordinates that their joints transmit: actuators, springs, dampers, motors. (..., n_q).
+        """Forces along all coordinates between the two bodies of their joints. Shape (..., n_q).
 
-        Couplings, whose forces are components of `reaction`, are not among them.
+        Actuators, springs, dampers, motors, resistance, less what rotors take. Couplings, whose forces are components
+        of `reaction`, are not among them.
         """
-        return self.along_joints(self.actuator_force) + self.exerted.along
+        return self.along_joints(self.actuator_force) + self.along
+
+    @property
+    def resistance(self) -> Array:
+        """What rotors, damping and dry friction take along coordinates, one by one. Shape (..., n)."""
+        taken = [resisting_force(self, one) for one in self.mechanism.resistances]
+        return np.stack(np.broadcast_arrays(*taken), axis=-1) if taken else zeros(self.q, 0)
 
     @cached_property
     def line(self) -> tuple[Array, Array] | None:
@@ -193,7 +220,7 @@ class Dynamics(Motion):
         along = self.along_joints(f)
         tau, need = -self.along_tree(along), 0.0 * self.required
         if not idle:
-            tau, need, along = tau + self.tau, self.required - self.exerted.wrenches, along + self.exerted.along
+            tau, need, along = tau + self.tau, self.required - self.exerted.wrenches, along + self.along
         x = self.system.solve_transposed(tau)
         if null := self._redundant:
             N = np.stack(np.broadcast_arrays(*(scaled for _, scaled in null)), axis=-2)
@@ -261,7 +288,8 @@ class Dynamics(Motion):
         along, elsewhere = inward(self.pose, self.required)[0], shares - self.loops.lay.path[1:]
         if elsewhere.any():
             along = along + power(transpose(elsewhere) @ at_origin(self.pose, self.required)[..., 1:, :], self.screws)
-        return along
+        rotors = self.mechanism.rotors
+        return along + rotors * self.joint_acceleration if rotors.any() else along
 
 
 QUANTITIES: Mapping[str, Any] = {
@@ -275,6 +303,7 @@ QUANTITIES: Mapping[str, Any] = {
     "actuator_force": lambda at: at.actuator_force,
     "reaction": lambda at: at.reaction,
     "axis_moment": lambda at: at.axis_moment,
+    "resistance": lambda at: at.resistance,
 }
 
 

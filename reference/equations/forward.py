@@ -13,7 +13,13 @@ from typing import Any
 import numpy as np
 
 from screwgauge.reference import linear
-from screwgauge.reference.equations.applied_forces import load_power, motor_force, stretch, stretch_rate
+from screwgauge.reference.equations.applied_forces import (
+    load_power,
+    motor_force,
+    resisting_force,
+    stretch,
+    stretch_rate,
+)
 from screwgauge.reference.equations.dynamics import Dynamics
 from screwgauge.reference.equations.joint_types import constraint_wrenches, dual_wrenches, reaction_names
 from screwgauge.reference.equations.kinematics import TreePose, zeros
@@ -49,6 +55,9 @@ class Forward(Dynamics):
             for j in range(i + 1):
                 pair = dot(mv[..., i, :, :], v[..., j, :, :]) + dot(Jw[..., i, :, :], w[..., j, :, :])
                 M[..., i, j] = M[..., j, i] = pair.sum(-1)
+        for c in np.flatnonzero(mechanism.rotors):
+            row = self.joint_map[..., c, :]
+            M = M + mechanism.rotors[c] * row[..., :, None] * row[..., None, :]
         return M
 
     @property
@@ -59,8 +68,9 @@ class Forward(Dynamics):
     @cached_property
     def response(self) -> Array:
         """Second derivatives of the independent coordinates under all forces, ``M^-1 (Q - h)``. Shape (..., k)."""
-        moved = outward(self.pose, self.w, self.accelerations(0.0 * self.yd))
-        tau = self.demand(moved.needs(self.applied.g))
+        still = self.accelerations(0.0 * self.yd)
+        moved = outward(self.pose, self.w, still)
+        tau = self.demand(moved.needs(self.applied.g), self.acting(still, moved))
         return self._masses.solve(-self.virtual_power(tau) / self._sizes) / self._sizes
 
     @cached_property
@@ -113,6 +123,9 @@ class Forward(Dynamics):
         for spring in self.applied.springs:
             rate = stretch_rate(self, spring)
             total = total - spring.damping * rate * rate
+        for one in self.mechanism.resistances:
+            if one.what != "rotor":
+                total = total - resisting_force(self, one) * self.joint_rate(one.coordinate)
         return total if self.given_forces is None else total + dot(self.given_forces, self.joint_velocity)
 
 

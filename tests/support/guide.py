@@ -209,12 +209,14 @@ has it. *Measured*: no engine has it, and the run measures what it adds. *Refuse
 *Idle*: it exerts nothing along a motion within limits and off contacts.
 
 What acts in a file and is not in a description stays with it as `[[left_out]]`, with the numbers of the file, so
-that a run can measure it when the file is gone: armature of joints, tendons and actuators (with their gear),
-damping, dry friction, springs (those of hinges and slides are `[[springs]]` of the scene that `import` writes; in a
+that a run can measure it when the file is gone: armature, damping and dry friction of tendons and balls (those of
+hinges and slides, and of actuators that drive one, are [entries of
+joints](../../models/README.md#rotors-damping-and-dry-friction)), higher powers of damping, springs (those of hinges
+and slides are `[[springs]]` of the scene that `import` writes; in a
 scene without them they are measured, too), weight that nothing exerts (gravcomp), drag of a medium. The forces are
 those of MuJoCo: of `mj_inverse` without constraints to the last digits, dry friction by the sign of the rate.
 
-The first sentence of a verdict says so: `the file has more: armature of 2 joints, up to 6.4 of 7.4 N·m`, the largest
+The first sentence of a verdict says so: `the file has more: armature of tendon t, up to 6.4 of 7.4 N·m`, the largest
 force that it adds to one of the actuators (along an independent coordinate, where these do not drive all freedoms)
 beside the largest of the whole. Passive forces alone are `✓ AGREE, but` and exit status 0; inertia is
 `✗ INERTIA LEFT OUT` and 1. A table, or an engine on a file of your own, whose numbers contain some of it is compared

@@ -22,7 +22,8 @@ from screwgauge.reference.equations.joint_types import reaction_names
 from screwgauge.reference.equations.kinematics import coordinates
 from screwgauge.reference.equations.ops import NUMPY, TRACE, Ops, Sparse, each
 from screwgauge.reference.graph import Layout, coupled_joints, layout, spanning_tree
-from screwgauge.reference.mechanism import Mechanism, in_precision, rounded
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.precision import in_precision, rounded
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.traced.program import Lanes, Program, program
 from screwgauge.reference.traced.trace import OPERATIONS, Trace

@@ -27,7 +27,8 @@ from screwgauge.reference.closed_motion import ClosedMotion, motion_at
 from screwgauge.reference.equations.forward import NewtonEuler, force_matrix
 from screwgauge.reference.equations.kinematics import gaps, joint_bias, length, pose
 from screwgauge.reference.graph import Edge, Layout, layout
-from screwgauge.reference.mechanism import Mechanism, in_precision
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.precision import in_precision
 from screwgauge.reference.rotations import Array
 from screwgauge.study.cases.singular import WholeSystem, wide_force_matrix
 

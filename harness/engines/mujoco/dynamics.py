@@ -9,6 +9,7 @@ and loads at centres of mass are set once; all else is set at the start of every
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,6 +32,7 @@ from screwgauge.engines.tree.applied_forces import TreeForces
 from screwgauge.reference.applied import Applied, JointSpring, PointSpring
 from screwgauge.reference.errors import DescriptionError, SingularPoseError, UnknownNameError, check_choice
 from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.resistance import Resistance
 from screwgauge.reference.rotations import Array
 
 #: Integrators by MuJoCo's name; ``discrete`` needs 4.0.
@@ -186,8 +188,10 @@ class MujocoSettings:
         return f"solimp {solimp}, {f'{most}{self.passes} refinements' if self.passes else 'raw'}"
 
 
-def sprung_model(mjcf: Path, applied: Applied, tree: MujocoTree) -> tuple[mujoco.MjModel, Applied]:
-    """Puts springs into a model: exact equivalents, which the implicit integrators see.
+def sprung_model(
+    mjcf: Path, applied: Applied, resist: Sequence[Resistance], tree: MujocoTree
+) -> tuple[mujoco.MjModel, Applied, list[Resistance]]:
+    """Puts springs and dampers into a model: exact equivalents, which the implicit integrators see.
 
     Returns:
         The model, and what is left to be applied in every step.
@@ -209,7 +213,13 @@ def sprung_model(mjcf: Path, applied: Applied, tree: MujocoTree) -> tuple[mujoco
     joints = (spring for spring in applied.springs if isinstance(spring, JointSpring))
     springs = tuple(spring for spring in joints if not joint_spring(model, spring, tree))
     motors = tuple(m for m in applied.motors if not (m.coordinate in tree.coordinates and m.constant))
-    return model, Applied(applied.gravity, loads, springs, motors)
+    left = list[Resistance]()
+    for one in resist:
+        if one.what == "damping" and one.coordinate in tree.coordinates:
+            model.dof_damping[model.jnt_dofadr[tree.coordinates.index(one.coordinate)]] += one.amount
+        else:
+            left.append(one)
+    return model, Applied(applied.gravity, loads, springs, motors), left
 
 
 def joint_spring(model: mujoco.MjModel, spring: JointSpring, tree: MujocoTree) -> bool:

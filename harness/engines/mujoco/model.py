@@ -15,7 +15,7 @@ import numpy as np
 from screwgauge.engines.mujoco.dynamics import MujocoMover, MujocoSettings, MujocoStepper, joint_spring, sprung_model
 from screwgauge.engines.mujoco.equality_constraints import EXACT, curvature_notes, refine
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
-from screwgauge.engines.tree.applied_forces import TreeForces, spring_pull
+from screwgauge.engines.tree.applied_forces import TreeForces, resisting, spring_pull
 from screwgauge.engines.tree.closed_tree import ClosedTree, close_tree
 from screwgauge.engines.tree.model import TreeModel, loops_file
 from screwgauge.engines.tree.protocol import Accelerations, TreeDynamics
@@ -76,8 +76,8 @@ class MujocoDynamics(TreeDynamics):
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> MujocoStepper:
         applied = problem.applied
         TreeForces(closed, applied, task.start)  # refuses wrong names before MuJoCo does
-        model, left = sprung_model(self.mjcf, applied, self.tree)
-        held = TreeForces(closed, left, task.start)
+        model, left, resist = sprung_model(self.mjcf, applied, resisting(closed), self.tree)
+        held = TreeForces(closed, left, task.start, resist)
         return MujocoStepper(model, self.tree, applied, held, self.settings)
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:

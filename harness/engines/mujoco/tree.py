@@ -67,9 +67,11 @@ def prepare(model: mujoco.MjModel) -> None:
     """Undoes what the compiler does to every model: small masses that it insists on, frames that it takes for one.
 
     Switched off is what a user's model may have and MuJoCo has in some of its forces only: dry friction, which inverse
-    dynamics take from the acceleration, not the rate; borne weight and drag, which forces between bodies lack.
+    dynamics take from the acceleration, not the rate; borne weight and drag, which forces between bodies lack; damping,
+    which is among the forces that all tree engines are given, see `applied_forces`.
     """
     model.opt.disableflags |= _FRICTION
+    model.dof_damping[:] = 0.0
     model.body_gravcomp[:], model.opt.density, model.opt.viscosity = 0.0, 0.0, 0.0
     model.body_mass[:], model.body_inertia[:] = mass_properties(model)
     for kind in ("body", "site"):  # frames within 1e-6 m count as one, which small mechanisms do not survive

@@ -19,6 +19,7 @@ from screwgauge.reference.couplings import bind
 from screwgauge.reference.errors import LoaderError, ModelFileError, SingularPoseError
 from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.resistance import resistances
 from screwgauge.reference.rotations import Array, cross
 
 #: Singular values below this share of the largest are those of couplings that the loops keep already.
@@ -58,6 +59,8 @@ class PinocchioTree(OpenTree):
         self.version = pin.__version__
         columns = sorted(range(1, self.model.njoints), key=lambda j: self.model.joints[j].idx_v)
         self.coordinates = tuple(self.model.names[j] for j in columns)
+        rotors = {one.coordinate: one.amount for one in resistances(file.joints) if one.what == "rotor"}
+        self.model.armature[:] = [rotors.get(name, 0.0) for name in self.coordinates]  # a URDF has no word for them
         self.closures, self.couplings = file.closures, file.couplings
         wanted = {*file.bodies, *(side for c in file.closures for side in (c.parent, c.child))}
         frames = [i for i, f in enumerate(self.model.frames) if f.type == pin.FrameType.BODY and f.name in wanted]

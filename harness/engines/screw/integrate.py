@@ -5,13 +5,14 @@ Traced programs of the same equations answer most states; those that they leave 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.integrate import DOP853, OdeSolver
 
-from screwgauge.engines.methods import MOST, SIZES, check_method, keep_passed
+from screwgauge.engines.methods import MOST, SIZES, DryFriction, check_method, keep_passed
 from screwgauge.engines.screw.forward import TracedForward
 from screwgauge.problem import InitialValue, Progress, quiet
 from screwgauge.reference.applied import Applied
@@ -91,6 +92,12 @@ class _Run:
         self.wanted: list[int] = []
         self.work: list[float] = []
         self.clock = Stopwatch()
+        self.friction = DryFriction(lay.mechanism.joints, self.joint_rates, self.slope)
+
+    def joint_rates(self, state: Array, names: Sequence[str]) -> Array:
+        """Rates of named coordinates in a state. Shape (m,)."""
+        columns = self.lay.mechanism.columns(names)
+        return np.asarray(self.rates(0.0, state[None], None).joint_velocity[0, columns])
 
     def rates(self, t: float, states: Array, q: Array | None) -> ClosedMotion:
         """Closed poses and rates of states, shape (n, 2 k + 1), by the branch where `q` of the tree is not known."""
@@ -173,10 +180,13 @@ class _Run:
                 continue
             if solver.status == "failed":
                 return f"t = {solver.t:.6g} s: {message}"
-            self.taken, tries, safe = self.taken + 1, 0, (solver.t, solver.y)
+            before, safe = safe, (solver.t, solver.y)
+            self.taken, tries = self.taken + 1, 0
             progress(float((solver.t - times[0]) / (times[-1] - times[0])))
             try:
                 with self.clock.aside():
+                    if self.friction.names and (held := self.friction.holds(before, safe, solver.dense_output())):
+                        return f"t = {before[0]:.6g} s: {held}"
                     if between is not None:
                         keep_passed(solver, between, times, self.work, self.keep)
                     self.reach(*safe)

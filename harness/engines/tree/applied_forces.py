@@ -6,7 +6,7 @@ becomes wrenches on bodies (`applied_wrenches`) or forces along the coordinates 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +20,7 @@ from screwgauge.reference.equations.kinematics import coordinates, joint_screws,
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import Joint
+from screwgauge.reference.resistance import REST, Resistance, resistances
 from screwgauge.reference.rotations import Array, cross, times
 
 BodyMotion = Callable[[int], tuple[Array, Array, Array]]
@@ -44,8 +45,20 @@ class ActingForces:
     power: Array | float = 0.0
 
 
-def exerted(closed: ClosedTree, applied: Applied, t: Array | float, body: BodyMotion, read: Coordinate) -> ActingForces:
-    """Forces of loads, springs, dampers and motors.
+def resisting(closed: ClosedTree) -> tuple[Resistance, ...]:
+    """Damping and dry friction of joints; rotors the engine has itself."""
+    return tuple(one for one in resistances(closed.file.joints) if one.what != "rotor")
+
+
+def exerted(
+    closed: ClosedTree,
+    applied: Applied,
+    resist: Sequence[Resistance],
+    t: Array | float,
+    body: BodyMotion,
+    read: Coordinate,
+) -> ActingForces:
+    """Forces of loads, springs, dampers and motors, and of joints that resist.
 
     Args:
         t: Times [s]. Shape (...).
@@ -55,6 +68,11 @@ def exerted(closed: ClosedTree, applied: Applied, t: Array | float, body: BodyMo
         force = motor.force(t)
         out.along.append((motor.coordinate, force))
         out.power = out.power + force * read(motor.coordinate)[1]
+    for one in resist:
+        moved = np.asarray(read(one.coordinate)[1])
+        resisted = taken(one, moved)
+        out.along.append((one.coordinate, -resisted))
+        out.power = out.power - resisted * moved
     for load in applied.loads:
         i = index[load.body]
         R, _, V = body(i)
@@ -69,6 +87,13 @@ def exerted(closed: ClosedTree, applied: Applied, t: Array | float, body: BodyMo
             rate = _pull(spring, t, [(index[name], *body(index[name]), point) for name, point in spring.ends], out)
         out.power = out.power - spring.damping * rate * rate
     return out
+
+
+def taken(one: Resistance, rate: Array, acceleration: Array | float = 0.0) -> Array:
+    """Force that a rotor, a damper or dry friction takes along its coordinate [N or N m]. Shape (...)."""
+    if one.what == "friction":
+        return one.amount * np.sign(rate) * (np.abs(rate) > REST)
+    return one.amount * np.asarray(rate if one.what == "damping" else acceleration)
 
 
 def _pull(
@@ -110,6 +135,7 @@ def applied_wrenches(
     acting = exerted(
         closed,
         applied,
+        resisting(closed),
         t,
         lambda i: (at.R[:, i], at.p[:, i], V[:, i]),
         lambda name: (q[:, column[name]], v[:, column[name]]),
@@ -151,18 +177,22 @@ class TreeForces:
         stores_only: Its springs are without dampers, and nothing else acts.
     """
 
-    def __init__(self, closed: ClosedTree, applied: Applied, start: Array) -> None:
+    def __init__(
+        self, closed: ClosedTree, applied: Applied, start: Array, resist: Sequence[Resistance] | None = None
+    ) -> None:
         """Binds what acts to the bodies and coordinates of a tree.
 
         Args:
             start: Independent coordinates at the start, from which angles of cut joints are followed. Shape (k,).
+            resist: What resists, by default all of `resisting`.
 
         Raises:
             UnknownNameError: There is no such body or coordinate.
         """
         self.closed, self.applied, springs = closed, applied, applied.springs
-        self.acts = bool(applied.motors or applied.loads or springs)
-        self.stores_only = not (applied.motors or applied.loads or any(spring.damping for spring in springs))
+        self.resist = resisting(closed) if resist is None else resist
+        takes = bool(applied.motors or applied.loads or self.resist)
+        self.acts, self.stores_only = takes or bool(springs), not (takes or any(spring.damping for spring in springs))
         bodies = [load.body for load in applied.loads]
         bodies += [name for spring in springs if isinstance(spring, PointSpring) for name, _ in spring.ends]
         for name in bodies:
@@ -170,7 +200,9 @@ class TreeForces:
                 raise UnknownNameError("body", name, closed.loops.index, "load or spring")
         along = [motor.coordinate for motor in applied.motors]
         along += [spring.coordinate for spring in springs if isinstance(spring, JointSpring)]
-        self.readers = {name: _reader(closed, name, start) for name in along}
+        self.readers = {
+            name: _reader(closed, name, start) for name in (*along, *(one.coordinate for one in self.resist))
+        }
 
     def act(self, t: float, q: Array, v: Array, body: BodyAt, tau: Array) -> float:
         """Writes the force along the coordinates into `tau`, shape (n_v,); returns the power put in [W]."""
@@ -187,7 +219,7 @@ class TreeForces:
             value, rows[name] = self.readers[name](q, body)
             return value, float(rows[name] @ v)
 
-        acting = exerted(self.closed, self.applied, t, motion, read)
+        acting = exerted(self.closed, self.applied, self.resist, t, motion, read)
         for i, force, moment in acting.wrenches:
             tau += force @ jacobians[i][3:] + moment @ jacobians[i][:3]
         for name, amount in acting.along:

@@ -12,7 +12,7 @@ import numpy as np
 
 from screwgauge.engines.chunks import Names, assemble, component_names, stages
 from screwgauge.engines.error_estimate import Part, Trust, examined
-from screwgauge.engines.tree.applied_forces import applied_wrenches
+from screwgauge.engines.tree.applied_forces import applied_wrenches, taken
 from screwgauge.engines.tree.closed_forces import closed_forces
 from screwgauge.engines.tree.closed_tree import Charts, ClosedTree
 from screwgauge.engines.tree.cut_joints import unwrapped
@@ -20,6 +20,7 @@ from screwgauge.engines.tree.protocol import BodyPoses
 from screwgauge.problem import GivenMotion, Problem, Progress, Rows
 from screwgauge.reference import linear
 from screwgauge.reference.closed.continuation import Continuation
+from screwgauge.reference.resistance import resistances
 from screwgauge.reference.rotations import Array, cross
 from screwgauge.solution import SOFTNESS, Clock, Error, Solution
 
@@ -43,7 +44,9 @@ def _softened(error: Error, softness: float) -> Error:
 
 
 #: Quantities for which the accelerations of all bodies are needed.
-_MOVED = frozenset({"joint_acceleration", "body_angular_acceleration", "com_acceleration", "tree_force_soft"})
+_MOVED = frozenset(
+    {"joint_acceleration", "body_angular_acceleration", "com_acceleration", "tree_force_soft", "resistance"}
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,7 +158,8 @@ class _Pass:
         self.work, self.closed, self.poses = work, work.closed, poses
         self.wanted, self.sizes, self.clock = work.problem.wanted, work.closed.sizes, work.clock
         self.values = {"joint_position": self.closed.joints(poses.q, poses.cut)}
-        self.sprung = bool(work.problem.applied.springs or work.problem.applied.motors)
+        applied = work.problem.applied
+        self.sprung = bool(applied.springs or applied.motors or resistances(self.closed.file.joints))
         self.conditions: dict[str, Array] = {}
         self.speed: Array | float = 0.0
         self.rush: Array | float = 0.0
@@ -223,6 +227,10 @@ class _Pass:
         cut_a = closed.cut_accelerations(poses.charts, self.cut_v, self.V, A)
         self.values["joint_acceleration"] = closed.joints(self.a, unlocked(poses.charts, cut_a))
         self.values["body_angular_acceleration"] = A[:, closed.bodies, :3].reshape(n, -1)
+        if "resistance" in self.wanted:
+            rates, changes = self.values["joint_velocity"], self.values["joint_acceleration"]
+            each = [taken(one, rates[:, one.column], changes[:, one.column]) for one in resistances(closed.file.joints)]
+            self.values["resistance"] = np.stack(each, axis=1) if each else np.zeros((n, 0))
         if "tree_force_soft" in self.wanted:
             self._measure(A)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.engines.chunks import joint_units
-from screwgauge.engines.tree.applied_forces import TreeForces, applied_wrenches
+from screwgauge.engines.tree.applied_forces import TreeForces, applied_wrenches, resisting
 from screwgauge.engines.tree.closed_forces import min_norm
 from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.inverse import solve_motion
@@ -67,7 +67,8 @@ class TreeModel:
             self._check_mass()
         if not isinstance(task, InitialValue):
             return solve_states(closed, dynamics, problem, task)
-        from screwgauge.engines.tree.simulation import ProjectedStepper, simulate, step_through
+        from screwgauge.engines.tree.projected_stepper import ProjectedStepper
+        from screwgauge.engines.tree.simulation import simulate, step_through
 
         if dynamics.dt is None:
             return simulate(closed, dynamics.mover(), problem, task, progress)
@@ -123,6 +124,12 @@ def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, t
     if set(task.coordinates) != set(tree.coordinates) or (task.a is None) == (task.tau is None):
         what = "takes states of its own tree coordinates, with either accelerations or forces"
         raise ModelFileError(what, f"model of {tree.engine}", "give q, v and one of a, tau")
+    if resisting(closed):
+        what, remedy = (
+            "states take no damping or dry friction of joints",
+            "add these to the forces along the coordinates",
+        )
+        raise DescriptionError(what, f"model of {tree.engine}", remedy)
     into = [task.coordinates.index(name) for name in tree.coordinates]
     out = [tree.coordinates.index(name) for name in task.coordinates]
     q, v = task.q[:, into], task.v[:, into]

@@ -169,7 +169,7 @@ class OpenTree(Protocol):
         """
 
 
-#: Methods at a fixed step on an engine's accelerations, see `simulation.ProjectedStepper`.
+#: Methods at a fixed step on an engine's accelerations, see `projected_stepper.ProjectedStepper`.
 INTEGRATORS = ("Euler", "RK4")
 
 BodyAt = Callable[[int], tuple[Array, Array, Array]]
@@ -281,7 +281,7 @@ class TreeDynamics(Protocol):
         """Accelerations of the engine, made as exact as it can."""
 
     def stepper(self, closed: ClosedTree, problem: Problem, task: InitialValue) -> Stepper | None:
-        """Engine's integrator for a problem; by default none: `simulation.ProjectedStepper` on its accelerations."""
+        """Engine's integrator for a problem; by default none, see `projected_stepper.ProjectedStepper`."""
         return None
 
     def accelerate(self, q: Array, v: Array, tau: Array, springs: Sequence[JointSpring]) -> Accelerations:

@@ -9,6 +9,7 @@ accelerations.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -16,7 +17,17 @@ from typing import Any
 import numpy as np
 
 from screwgauge.engines.chunks import Simulated
-from screwgauge.engines.methods import METHODS, MOST, SIZES, Pace, check_method, keep_passed
+from screwgauge.engines.methods import (
+    METHODS,
+    MOST,
+    SIZES,
+    DryFriction,
+    Pace,
+    State,
+    check_method,
+    keep_passed,
+    straight,
+)
 from screwgauge.engines.tree.applied_forces import TreeForces
 from screwgauge.engines.tree.closed_states import Path, project, read_path
 from screwgauge.engines.tree.closed_tree import ClosedTree
@@ -26,7 +37,7 @@ from screwgauge.problem import GivenMotion, InitialValue, Problem, Progress, qui
 from screwgauge.reference.applied import Applied
 from screwgauge.reference.closed.continuation import PathEnd
 from screwgauge.reference.closed.newton import OPEN
-from screwgauge.reference.errors import ClosureError, DescriptionError, SingularPoseError
+from screwgauge.reference.errors import ClosureError, DescriptionError, ScrewgaugeError, SingularPoseError
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Cost, Solution, Stopwatch, empty
 
@@ -50,6 +61,25 @@ class _TreeRun:
         self.drift = [0.0, 0.0]
         self.path = Path()
         self.work: list[float] = []
+        self.friction = DryFriction(forces.closed.file.joints, self.rates, self.slope)
+
+    def rates(self, state: Array, names: Sequence[str]) -> Array:
+        """Rates of named joint coordinates in a state. Shape (m,)."""
+        q, v = state[: self.n], state[self.n : -1]
+        self.mover.place(q, v)
+        return np.array([self.forces.readers[name](q, self.mover.body)[1] @ v for name in names])
+
+    def check_moving(self, before: State, after: State, between: Callable[[float], Array] | None = None) -> None:
+        """Refuses a step in which a joint comes to rest and its dry friction holds it.
+
+        Args:
+            between: State at a time of the step, by default on the straight line.
+
+        Raises:
+            ScrewgaugeError: One does.
+        """
+        if held := self.friction.holds(before, after, between or straight(before, after)):
+            raise ScrewgaugeError(held, self.mover.tree.engine, "end the motion before")
 
     def slope(self, t: float, state: Array) -> Array:
         """Derivative of a state, with the accelerations that it has on the closed loops. Shape (2 n_v + 1,).
@@ -190,7 +220,7 @@ class _Steps:
                     back, self.over = back + 1, self.over + 1
                     run.forget(far[0])
                     continue
-                self._keep_passed(solver, clock)
+                self._keep_passed(solver, safe, clock)
             except SingularPoseError as error:
                 if tries == len(SIZES) or self.over == MOST:
                     message = f"no step leads on; {error}"
@@ -198,8 +228,8 @@ class _Steps:
                 size = min(max(recent, default=solver.h_abs) * SIZES[tries], times[-1] - safe[0])
                 tries, self.over = tries + 1, self.over + 1
                 continue
-            except ClosureError as error:
-                message = str(error)
+            except ScrewgaugeError as error:
+                message = str(error).rstrip(".")
                 break
             taken, tries, size, safe = taken + 1, 0, None, (solver.t, solver.y)
             recent.append(solver.step_size)
@@ -211,11 +241,13 @@ class _Steps:
         self.cost = clock.cost(steps=taken)
         return "" if len(work) == len(times) else f"t = {safe[0]:.6g} s: {message}"
 
-    def _keep_passed(self, solver: Any, clock: Stopwatch) -> None:
+    def _keep_passed(self, solver: Any, before: State, clock: Stopwatch) -> None:
         """Brings the state back onto the loops, and keeps the wanted states that the step has passed."""
         run, times = self.run, self.times
         with clock.aside():
-            between = solver.dense_output() if times[len(run.work)] <= solver.t else None
+            between = solver.dense_output() if run.friction.names or times[len(run.work)] <= solver.t else None
+            if between is not None:
+                run.check_moving(before, (solver.t, solver.y), between)
         if self.back and solver.status == "running":
             solver.y = run.back(solver.y)
             solver.f = run.slope(solver.t, solver.y)
@@ -275,6 +307,7 @@ def step_through(
         where the steps are better than that rule, or where it is not wanted.
     """
     times, forces = task.grid, TreeForces(closed, problem.applied, task.start)
+    run = _TreeRun(stepper.mover, forces)
     # every step is looked at where something does work that is not stored
     known = stepper.work and (forces.stores_only or stepper.order < KNOWN)
     often = 0.0 if known and not forces.stores_only else OFTEN
@@ -297,16 +330,19 @@ def step_through(
         try:
             while done < n:
                 count = min(block, n - done)
-                q, v = stepper.walk(begin + done * h, h, count)
+                before = begin + done * h, np.concatenate([q, v, [0.0]])
+                q, v = stepper.walk(before[0], h, count)
                 done, steps = done + count, steps + count
+                with clock.aside():
+                    run.check_moving(before, (begin + done * h, np.concatenate([q, v, [0.0]])))
                 progress(float((begin + done * h - times[0]) / (times[-1] - times[0])))
                 if not (np.isfinite(q).all() and np.isfinite(v).all()):
                     raise SingularPoseError("the state is no longer finite", closed.tree.engine, "take smaller steps")
                 if done < n:
                     path.add(begin + done * h, q, v)
             keep(end, q, v)
-        except SingularPoseError as error:
-            stopped = f"t = {begin + done * h:.6g} s: {error}"
+        except ScrewgaugeError as error:
+            stopped = f"t = {begin + done * h:.6g} s: {error}".rstrip(".")
             break
     cost = clock.cost(steps, steps * (KNOWN if stepper.order == KNOWN else 1))
     wanted = "reaction" in problem.wanted and bool(stepper.closing)
@@ -332,55 +368,3 @@ def _work(stepper: Stepper, forces: TreeForces, path: Path) -> Array:
         power[i] = forces.act(t, q, v, mover.body, tau)
     added = 0.5 * np.diff(path.t) * (power[1:] + power[:-1])
     return np.concatenate([[0.0], np.cumsum(added)])[path.wanted]
-
-
-class ProjectedStepper:
-    """Semi-implicit Euler or RK4 on an engine's accelerations, projected onto the closed loops after each step.
-
-    See `screwgauge.engines.tree.protocol.Stepper`.
-    """
-
-    work = True
-    closing: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-
-    def __init__(self, mover: Mover, forces: TreeForces, integrator: str, dt: float) -> None:
-        """`integrator`: one of `INTEGRATORS`."""
-        name = "semi-implicit Euler" if integrator == "Euler" else integrator
-        self.mover, self.forces, self.setting = mover, forces, f"{name} with projection, dt {dt:g} s"
-        self.order = 1 if integrator == "Euler" else 4
-        self.once = self._euler if integrator == "Euler" else self._rk4
-        self.q = self.v = self.tau = np.zeros(len(mover.tree.coordinates))
-
-    def begin(self, t: float, q: Array, v: Array) -> None:
-        self.q, self.v, self.tau = q, v, np.zeros_like(q)
-
-    def walk(self, t: float, h: float, n: int) -> tuple[Array, Array]:
-        for i in range(n):
-            closed = project(self.mover, *self.once(t + i * h, h))
-            self.q, self.v = closed.q, closed.v
-        return self.q.copy(), self.v.copy()
-
-    def accelerations(self, t: float) -> tuple[Array, Array]:
-        return self._slope(t, self.q, self.v), np.zeros(0)
-
-    def _slope(self, t: float, q: Array, v: Array) -> Array:
-        """Accelerations on the closed loops: off them redundant rows contradict each other."""
-        closed = project(self.mover, q, v)
-        self.forces.act(t, closed.q, closed.v, self.mover.body, self.tau)
-        return self.mover.accelerate(self.tau)
-
-    def _euler(self, t: float, h: float) -> tuple[Array, Array]:
-        v = self.v + h * self._slope(t, self.q, self.v)
-        return self.q + h * v, v
-
-    def _rk4(self, t: float, h: float) -> tuple[Array, Array]:
-        q, v, half = self.q, self.v, 0.5 * h
-        a1 = self._slope(t, q, v)
-        v2 = v + half * a1
-        a2 = self._slope(t + half, q + half * v, v2)
-        v3 = v + half * a2
-        a3 = self._slope(t + half, q + half * v2, v3)
-        v4 = v + h * a3
-        a4 = self._slope(t + h, q + h * v3, v4)
-        return q + h / 6.0 * (v + 2.0 * (v2 + v3) + v4), v + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4)

@@ -27,7 +27,7 @@ from screwgauge.reference.equations.dynamics import QUANTITIES
 from screwgauge.reference.equations.kinematics import gaps, twists
 from screwgauge.reference.errors import ClosureError, DescriptionError, check_choice
 from screwgauge.reference.graph import Layout, layout
-from screwgauge.reference.mechanism import in_precision, rounded
+from screwgauge.reference.precision import in_precision, rounded
 from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values, empty
 from screwgauge.study.bench.scheme import integrate

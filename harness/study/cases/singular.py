@@ -23,7 +23,7 @@ from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.equations.forward import NewtonEuler, force_matrix
 from screwgauge.reference.equations.kinematics import gaps, pose
 from screwgauge.reference.graph import Layout, layout
-from screwgauge.reference.mechanism import in_precision
+from screwgauge.reference.precision import in_precision
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.read import load_scene
 from screwgauge.scene.scene import Scene

@@ -1,0 +1,40 @@
+"""Mechanisms in other precisions of floating-point numbers."""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from screwgauge.reference.mechanism import Frame, Mechanism
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
+
+
+def in_precision(mechanism: Mechanism, dtype: DTypeLike) -> Mechanism:
+    """The mechanism with every array rounded to `dtype`; the solver then computes in it throughout.
+
+    The checks of the description are not repeated: rounding may tilt two axes by more than they allow.
+    """
+    bodies = tuple(rounded(body, dtype) for body in mechanism.bodies)
+    joints = tuple(rounded(joint, dtype) for joint in mechanism.joints)
+    axial = None if mechanism.axial is None else (mechanism.axial[0], mechanism.axial[1].astype(dtype))
+    return replace(mechanism, bodies=bodies, joints=joints, axial=axial)
+
+
+def rounded(item: T, dtype: DTypeLike) -> T:
+    """A dataclass with its arrays, those of its frames too, rounded to `dtype`; checks of its class are not made."""
+    changed = copy(item)
+    for one in fields(item):
+        value = getattr(item, one.name)
+        if isinstance(value, np.ndarray):
+            object.__setattr__(changed, one.name, value.astype(dtype))
+        elif isinstance(value, Frame):
+            object.__setattr__(changed, one.name, rounded(value, dtype))
+    return changed

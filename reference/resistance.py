@@ -1,0 +1,69 @@
+"""What joints have of each of their coordinates besides a place: rotor inertia, damping, dry friction.
+
+A rotor is that of the armature model: inertia along the coordinate alone. It leaves out what a real rotor behind a gear
+does besides, gyroscopic moments and its part in the acceleration of the body that carries it.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from screwgauge.reference.errors import DescriptionError
+from screwgauge.reference.rotations import Array
+
+if TYPE_CHECKING:
+    from screwgauge.reference.mechanism import Joint
+
+#: Names of these numbers.
+RESISTS = ("rotor", "damping", "friction")
+#: A rate below this counts as rest, where dry friction has no direction [rad/s or m/s]; rounding leaves less.
+REST = 1e-9
+
+
+class Resistance(NamedTuple):
+    """What a joint coordinate has to overcome by itself.
+
+    Attributes:
+        column: Of the coordinate among those of all joints.
+        what: One of `RESISTS`: it takes ``rotor qdd``, ``damping qd`` or ``friction sign(qd)`` of the force along the
+            coordinate. At rest dry friction counts as none, while it may be anything up to its size.
+        unit: Of the force.
+    """
+
+    column: int
+    coordinate: str
+    what: str
+    amount: float
+    unit: str
+
+    @property
+    def name(self) -> str:
+        """The coordinate and what it is."""
+        return f"{self.coordinate}.{self.what}"
+
+
+@lru_cache(maxsize=256)
+def resistances(joints: tuple[Joint, ...]) -> tuple[Resistance, ...]:
+    """All that is not zero, coordinate after coordinate."""
+    each = ((joint, i) for joint in joints for i in range(len(joint.coordinates)))
+    return tuple(
+        Resistance(column, joint.coordinates[i], what, amount, "N m" if joint.freedoms[i][0] else "N")
+        for column, (joint, i) in enumerate(each)
+        for what in RESISTS
+        if (amount := float(getattr(joint, what)[i]))
+    )
+
+
+def amounts(what: str, given: Array, n: int, where: str) -> Array:
+    """Amounts of n coordinates, zero where none are given. Shape (n,).
+
+    Raises:
+        DescriptionError: One is below zero, or no number.
+    """
+    each = given if len(given) else np.zeros(n)
+    if len(each) != n or not (np.isfinite(each) & (each >= 0.0)).all():
+        raise DescriptionError(f"{what} is {each.tolist()}", where, f"give {n} finite numbers, zero or more")
+    return each
