@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -13,6 +15,7 @@ from xml.etree import ElementTree
 import pytest
 
 import screwgauge
+from support import robots
 from support.browser import Opened, open_page
 from support.errors import OutputError
 from support.pages import Heading, Paragraph, Picture, three_js
@@ -39,6 +42,16 @@ def opened(report: list[Any], tmp_path_factory: pytest.TempPathFactory) -> Itera
     path.write_text(page_of(report), encoding="utf-8")
     with open_page(path, 1280, 800) as shown:
         yield shown
+
+
+@pytest.fixture(scope="module")
+def differing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The page of a diagnosis."""
+    folder = tmp_path_factory.mktemp("diagnosis")
+    one, two = robots.write(folder)
+    text = two.read_text(encoding="utf-8")
+    two.write_text(re.sub(r' mass="', ' mass="1', text), encoding="utf-8")
+    return screwgauge.diagnose(one, two).write(folder / "out") / "report.html"
 
 
 @pytest.mark.slow
@@ -182,6 +195,38 @@ def test_a_phone_shows_every_table_whole(opened: Opened) -> None:
           .map(e => e.textContent.slice(0, 80))"""
     )
     assert cut == []
+
+
+def test_a_phone_shows_every_chart_whole(opened: Opened) -> None:
+    with opened.beside(opened.path, 390, 844) as phone:
+        phone.ask("document.querySelectorAll('details').forEach(fold => { fold.open = true; })")
+        for figure in phone.page.locator("figure").all():
+            figure.scroll_into_view_if_needed()
+            figure.locator(".moving").wait_for()
+        assert phone.page.locator("figure > .chart").count() > 2
+        assert (
+            phone.ask("Math.max(...[...document.querySelectorAll('figure')].map(e => e.scrollWidth - e.clientWidth))")
+            <= 1
+        )
+        heights = "[...document.querySelectorAll('.chart text')].map(e => e.getBoundingClientRect().height)"
+        assert min(filter(None, phone.ask(heights))) > 8  # letters that can be read [pixels]
+        phone.check_quiet()
+
+
+def test_causes_come_before_the_machine_and_both_sketches_fit_a_phone(opened: Opened, differing: Path) -> None:
+    with opened.beside(differing, 1280, 900) as shown:
+        causes, record = (
+            shown.ask(f"document.querySelector('.front {place}').getBoundingClientRect().bottom")
+            for place in (".scroll:not(.facts)", ".facts")
+        )
+        assert causes < min(record, 900)
+        shown.at(390, 844)
+        width = shown.ask("document.querySelector('svg.two').parentElement.getBoundingClientRect().right")
+        parts = "[...document.querySelectorAll('svg.two > g')].map(e => e.getBoundingClientRect())"
+        boxes = shown.ask(f"{parts}.map(box => [box.left, box.right, box.top, box.bottom])")
+        assert len(boxes) == 3
+        assert all(left >= 0.0 and right <= width for left, right, _, _ in boxes)
+        assert all(above[3] <= below[2] for above, below in pairwise(boxes))
 
 
 #: Words in tables that more than one line has a part of; digests may, which are no words.

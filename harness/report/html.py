@@ -29,6 +29,7 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline'{}; style-src 'unsafe-in
 WIDE = 8  # columns from which a table is set tighter
 #: Letters side by side on a phone, of a column of text that reads well, and of a table that has room twice on paper.
 PHONE, LEGIBLE, SLIM = 50, 30, 40
+SENTENCE = 80  # letters of a cell that is no name and no number
 UNTOUCHED = ("svg", "a", "code", "h1", "h2", "dl")  # elements in which words are no links
 STAGE = Path(__file__).with_name("stage") / "stage.js"
 #: three.js within trimesh's viewer: from the head of its licence to the end of the function that defines it.
@@ -170,13 +171,20 @@ def _room(block: b.Front | b.Appendix | b.Folded) -> str:
 
 
 def _front(blocks: tuple[Block, ...]) -> str:
-    """Banners over all of the page; the rest at the left of a picture, or below two."""
+    """Banners over all of the page; the rest at the left of a picture, and below it from a table of sentences on."""
     banners = fragment(block for block in blocks if isinstance(block, b.Banner))
     pictures = [block for block in blocks if isinstance(block, b.Picture)]
-    text = f"<div>{fragment(x for x in blocks if not isinstance(x, (b.Banner, b.Picture)))}</div>"
+    others = [block for block in blocks if not isinstance(block, (b.Banner, b.Picture))]
+    cut = next((i for i, block in enumerate(others) if i and pictures and _has_sentences(block)), len(others))
+    text = f"<div>{fragment(others[:cut])}</div>"
     parts = [fragment(pictures), text] if len(pictures) > 1 else [text, fragment(pictures)]
+    parts += [f'<div class="rest">{fragment(others[cut:])}</div>'] if others[cut:] else []
     kind = ("plain", "beside", "below")[len(pictures)]
     return "\n".join([f'<div class="front {kind}">', banners, *parts, "</div>"])
+
+
+def _has_sentences(block: Block) -> bool:
+    return isinstance(block, b.Table) and max((len(cell) for row in block.body for cell in row), default=0) > SENTENCE
 
 
 def _folded_sections(body: str) -> str:
@@ -224,9 +232,11 @@ def _table(block: b.Table) -> str:
     """A table: tight where it has many columns; on a phone one block a row where columns have no room side by side."""
     named, right = any(block.head), block.right
     columns = [*zip(block.head, *block.body, strict=True)]
+    longest = [min(max(map(len, cells)), LEGIBLE) for cells in columns]
     widths = [max(_longest(x[:1]), *map(len, x[1:])) if i in right else _longest(x) for i, x in enumerate(columns)]
     letters = sum(widths) + len(widths)
-    crowded = named and (letters > PHONE or sum(min(max(map(len, cells)), LEGIBLE) for cells in columns) > 2 * PHONE)
+    cramped = any(letters - width + most > 1.2 * PHONE for width, most in zip(widths, longest, strict=True))
+    crowded = named and (letters > PHONE or cramped or sum(longest) > 2 * PHONE)
     heads = [f' data-head="{escape(plain(head))}"' if crowded else "" for head in block.head]
     marks = [' class="right"' if i in right else "" for i in range(len(block.head))]
 

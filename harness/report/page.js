@@ -13,18 +13,40 @@
     document.head.append(script);
   }
 
+  // Of panels in a line, of an axis beside them, of a letter, of a name at an axis, of a screen that is no phone [pixels].
+  const WIDE = 560, AXIS = 70, LETTER = 6.5, NAME = 120, PHONE = 500;
+
+  const lines = (text, room) => [text].flat().join(" ").match(new RegExp(`.{1,${Math.floor(room / LETTER)}}(\\s|$)`, "g"));
+
+  // Makes a chart as narrow as a phone: fewer panels and entries of a legend in a line, shorter lines of text.
+  function narrow(node, room) {
+    const inside = room - AXIS, { title } = node;
+    if (node.facet && node.spec) {
+      node.columns = Math.min(node.columns ?? 1, 2);
+      node.spec.width = (room - AXIS * node.columns) / node.columns;
+    } else if (node.columns > 1) node.columns = Math.max(1, Math.floor(node.columns * inside / WIDE));
+    if (node.width > inside) node.width = inside;
+    if (node.axis?.labelFontSize) node.axis.labelLimit = NAME; // in the configuration
+    if (typeof title === "string") node.title = lines(title, inside);
+    for (const part of ["text", "subtitle"]) if (title?.[part]?.length) title[part] = lines(title[part], room);
+    for (const [name, part] of Object.entries(node))
+      if (part && typeof part === "object" && !["data", "from", "values"].includes(name)) narrow(part, room);
+  }
+
   // Puts what moves in place of the still picture, which stays for print and for whatever fails.
   async function bring(figure, kind, json) {
     const element = document.createElement("div");
     element.className = `moving ${kind}`;
     load(kind);
     figure.querySelector(":scope > svg").after(element);
-    const room = figure.clientWidth; // one panel gets as narrow as its place; several, or on a phone, scroll
-    if (json.width + 90 > room && room > 500)
+    const room = figure.clientWidth; // one panel gets as narrow as its place
+    if (kind === "chart" && room < PHONE) narrow(json, room);
+    if (json.height?.step) json.width = Math.min(json.width, room - NAME - 50); // vega-lite fits no such chart
+    else if (json.width + 90 > room)
       Object.assign(json, { width: room, autosize: { type: "fit-x", contains: "padding" } });
     try {
       if (kind === "stage") element.shown = await window.screwgaugeStage(element, json);
-      else element.shown = await window.vegaEmbed(element, json, { actions: false, ast: true, renderer: "svg" });
+      else element.shown = await window.vegaEmbed(element, json, { actions: false, ast: true, renderer: "svg", logLevel: 1 });
       figure.classList.add("live");
     } catch (error) {
       element.remove();

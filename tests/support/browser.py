@@ -33,6 +33,13 @@ class Opened:
         self.page.set_viewport_size({"width": width, "height": height})
         self.page.emulate_media(**{"media": "screen", "color_scheme": "light", **media})
 
+    @contextmanager
+    def beside(self, path: Path, width: int, height: int) -> Iterator[Opened]:
+        """Another page in the same browser."""
+        page = self.page.context.browser.new_page(viewport={"width": width, "height": height})
+        yield _shown(page, path)
+        page.close()
+
     def check_quiet(self) -> None:
         """Fails where it wrote to its console or asked for anything."""
         assert self.said == []
@@ -49,12 +56,17 @@ def open_page(path: Path, width: int, height: int) -> Iterator[Opened]:
         pytest.skip(str(error))
     with playwright.sync_playwright() as driver:
         window = driver.chromium.launch(executable_path=program, args=FLAGS)
-        shown = Opened(window.new_page(viewport={"width": width, "height": height}), path)
-        shown.page.set_default_timeout(SHOWN)
-        shown.page.on("console", lambda message: shown.said.append(message.text))
-        shown.page.on("pageerror", lambda error: shown.said.append(str(error)))
-        shown.page.on("request", lambda request: shown.asked.append(request.url))
-        shown.page.goto(path.as_uri())
+        shown = _shown(window.new_page(viewport={"width": width, "height": height}), path)
         shown.page.wait_for_selector(".stage canvas")
         yield shown
         window.close()
+
+
+def _shown(page: Any, path: Path) -> Opened:
+    shown = Opened(page, path)
+    page.set_default_timeout(SHOWN)
+    page.on("console", lambda message: shown.said.append(message.text))
+    page.on("pageerror", lambda error: shown.said.append(str(error)))
+    page.on("request", lambda request: shown.asked.append(request.url))
+    page.goto(path.as_uri())
+    return shown

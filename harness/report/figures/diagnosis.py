@@ -40,7 +40,11 @@ def make_plots(diagnosis: Diagnosis) -> list[Picture]:
     points: list[Spec] = [{"joint": name, "x": max(float(change), FLOOR)} for name, change in largest]
     joints = chart.filled("joints", points=points, **chart.logarithm("x", [p["x"] for p in points]))
     shown = shown[: max(FEWEST, sum(abs(cause.share) >= LEAST for cause in shown))]
-    bars = [{"cause": cause.name, "x": 100.0 * cause.share, "text": share_text(cause)} for cause in shown]
+    numbers = {id(cause): k for k, cause in enumerate(diagnosis.causes, 1)}  # as in the table of causes
+    bars = [
+        {"cause": f"{numbers[id(cause)]}: {cause.name}", "x": 100.0 * cause.share, "text": share_text(cause)}
+        for cause in shown
+    ]
     shares = chart.filled("shares", bars=bars)
     return [
         *pictures,

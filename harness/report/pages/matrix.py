@@ -2,29 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import pandas as pd
 
-from screwgauge.report.blocks import Banner, Block, Folded, Items
+from screwgauge.report.blocks import Banner
 from screwgauge.report.layout import Report
-from screwgauge.study.formatting import listed, rows
+from screwgauge.study.formatting import Row, listed, rows
 from screwgauge.study.matrix import COLUMNS
 
 PACKAGES = "pin", "mujoco"
 
 
 def _banner(table: pd.DataFrame) -> Banner:
-    bad = ["pin {pin} with mujoco {mujoco}".format(**row) for row in rows(table) if row["status"] != "agree"]
-    count, lost = f"{len(table) - len(bad)} of {len(table)}", f" Not on {listed(bad)}." * bool(bad)
+    bad = [row for row in rows(table) if row["status"] != "agree"]
+    count, lost = f"{len(table) - len(bad)} of {len(table)}", f" Not on {_pairs(bad)}." * bool(bad)
     text = f"On {count} pairs of versions all built-in scenes pass.{lost}"
     return Banner.of(text, not bad)
 
 
-def _reasons(table: pd.DataFrame) -> list[Block]:
-    """What does not pass, in how many scenes which quantities differ."""
-    where, amount = "pin {pin} with mujoco {mujoco}: ", "scenes out of tolerance in {differing}; the first: "
-    bad = [row for row in rows(table) if row["reason"]]
-    reasons = tuple((where + amount * bool(row["differing"]) + "{reason}").format(**row) for row in bad)
-    return [Folded("What does not pass", (Items(reasons),))] if reasons else []
+def _pairs(some: Iterable[Row]) -> str:
+    """Pairs of versions, those of Pinocchio with one MuJoCo together."""
+    grouped: dict[str, list[str]] = {}
+    for row in some:
+        grouped.setdefault(row["mujoco"], []).append(row["pin"])
+    return listed([f"pin {listed(pins)} with mujoco {mujoco}" for mujoco, pins in grouped.items()])
+
+
+def _reasons(table: pd.DataFrame) -> list[str]:
+    """Sentences on what does not pass: in how many scenes which quantities differ. Pairs with one reason share it."""
+    amount, grouped = "scenes out of tolerance in {differing}; the first: ", dict[str, list[Row]]()
+    for row in rows(table):
+        if row["reason"]:
+            grouped.setdefault((amount * bool(row["differing"]) + "{reason}").format(**row), []).append(row)
+    return [f"{_pairs(some)}: {reason}" for reason, some in grouped.items()]
 
 
 PAGE = Report(

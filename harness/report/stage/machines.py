@@ -105,9 +105,11 @@ def machines(diagnosis: Diagnosis) -> Picture:
     out = []
     for k, side in enumerate(sides):
         shift = np.array([k * SIDE + (SIDE - scale * size[0]) / 2.0, HEAD + EDGE]) - scale * low
-        out.append(_drawn(side, scale * view, shift, heaviest, tall - CORNER, k * SIDE))
-    out += [corner(view, scale, tall), _legend(2 * SIDE - 300.0, tall - 16.0)]
+        drawn = _drawn(side, scale * view, shift, heaviest, tall - CORNER, k * SIDE)
+        out.append(f'<g class="{("first", "second")[k]}">{drawn}</g>')
+    out.append(f'<g class="foot">{corner(view, scale, tall)}{_legend(2 * SIDE - 300.0, tall - 16.0)}</g>')
     size_text = f'viewBox="0 0 {2 * SIDE:.0f} {tall:.0f}" width="{2 * SIDE:.0f}" height="{tall:.0f}"'
+    size_text += f' style="--below:{tall - CORNER:.0f}"'  # how far page.css moves B down on a phone
     svg = (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="two" {size_text}><style>{LOOK}</style>'
         f'<rect width="100%" height="100%" fill="#fff"/>{"".join(out)}</svg>\n'
@@ -144,7 +146,8 @@ def _legend(x: float, y: float) -> str:
         '<path class="differs" d="M-12,0H6"/><text x="12" y="4">what differs</text>',
     )
     places = zip((0.0, 120.0, 190.0), marks, strict=True)
-    return "".join(f'<g transform="translate({x + dx:.0f} {y:.0f})">{mark}</g>' for dx, mark in places)
+    drawn = (f'<g transform="translate({x + dx:.0f} {y:.0f})">{mark}</g>' for dx, mark in places)
+    return f'<g class="legend">{"".join(drawn)}</g>'
 
 
 def _seen(points: Array, sides: Sequence[DrawnMachine]) -> Array:

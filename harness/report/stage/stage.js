@@ -211,6 +211,7 @@ function screwgaugeStage(element, data) {
   });
   renderer.domElement.style.display = "block";
   const corner = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  corner.setAttribute("class", "links"); // as bright as names in the dark
   corner.setAttribute("style", "position:absolute;inset:0;width:100%;height:100%;pointer-events:none;font-size:12px");
   pane.append(renderer.domElement, overlay, corner);
   const bar = last ? make("div", {}, ROW, button, slider, readout) : readout;
@@ -234,6 +235,8 @@ function screwgaugeStage(element, data) {
     });
     const marks = spots.filter(([label]) => label.mark); // joints stay free
     const taken = marks.map(([, x, y]) => ({left: x - 7, right: x + 7, top: y - 5, bottom: y + 5}));
+    const foot = pane.clientHeight; // world axes and scale bar
+    taken.push({left: 0, right: 78, top: foot - 70, bottom: foot}, {left: 84, right: 206, top: foot - 34, bottom: foot});
     for (const [label, x, y] of spots) placeLabel(label, x, y, taken);
   }
   const SPOTS = [[10, -13], [10, 13], [-10, -13], [-10, 13], [14, 0], [-14, 0], [12, -28], [12, 28], [-12, -28], [-12, 28]];
@@ -244,7 +247,7 @@ function screwgaugeStage(element, data) {
       const left = x + dx - (dx < 0 ? label.width : 0), top = y + dy - label.height / 2;
       return {left, top, right: left + label.width, bottom: top + label.height};
     };
-    const isFree = one => one.left >= 0 && one.right <= pane.clientWidth && taken.every(other =>
+    const isFree = one => one.left >= 0 && one.right <= pane.clientWidth && one.top >= 0 && taken.every(other =>
       one.right < other.left || one.left > other.right || one.bottom < other.top || one.top > other.bottom);
     label.spot = [label.spot || SPOTS[0], ...SPOTS].find(spot => isFree(boxAt(spot)));
     label.text.style.visibility = label.spot ? "" : "hidden";
@@ -292,7 +295,7 @@ function screwgaugeStage(element, data) {
     for (let k = 0; k <= last; k += Math.max(1, Math.round(last / 20))) {
       pose(k);
       for (const shape of data.shapes)
-        if (shape.g === "springs" || (["links", "joints", "other"].includes(shape.g) && shape.k !== "slide"))
+        if (shape.g === "springs" || (["links", "joints", "axes", "other"].includes(shape.g) && shape.k !== "slide"))
           points.push(inWorld(shape.i, vector(shape.a)), inWorld(shape.k === "slide" ? shape.j : shape.i, vector(shape.b)));
     }
     new THREE.Box3().setFromPoints(points).getCenter(target);
