@@ -265,3 +265,15 @@ def test_models_and_descriptions_keep_rotors_and_friction(write, tmp_path):
 def test_wrong_amounts_are_refused(bad, write):
     with pytest.raises(DescriptionError, match=r"joints\.a"):
         load_mechanism(write("linkage.toml", parallelogram(a=bad)))
+
+
+@pytest.mark.parametrize(
+    ("what", "said"), [("rotor", "rotors"), ("damping", "damping of joints"), ("friction", "dry friction")]
+)
+def test_a_log_of_a_machine_without_them_is_told_so(what, said, torque, write):
+    plain, motion = torque(("screw",))
+    write("linkage.toml", parallelogram(a=f"{what} = [0.4]", c=f"{what} = [0.2]"))
+    scene = screwgauge.load_scene(write("move.toml", MOTION.format("linkage.toml")))
+    review = screwgauge.review(screwgauge.Recorded(motion.t, {"a": plain["screw"]}), scene, ["actuator_force"])
+    assert {(fault.kind, fault.of) for column in review.columns for fault in column.faults} == {("missing", said)}
+    assert review.explained

@@ -13,7 +13,7 @@ import pandas as pd
 from screwgauge.judging.compare import reference_scale
 from screwgauge.problem import Rows
 from screwgauge.quantities import QUANTITIES, natural_scales
-from screwgauge.reference.applied import Applied, Load, Motor, PointSpring, Spring
+from screwgauge.reference.applied import Load, Motor, PointSpring, Spring
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import Sampled, same_times
 from screwgauge.scene.observables import read_header
@@ -194,18 +194,22 @@ def _expected(scene: Scene, quantity: str, right: Values, t: Array) -> Expected:
     )
     times = np.union1d(t, dense)
 
-    def solved(applied: Applied) -> Array:
-        changed = replace(scene, applied=applied, models={}, tables={}).at(times)
+    def solved(changed: Scene) -> Array:
+        changed = replace(changed, models={}, tables={}).at(times)
         return solve(changed, [STANDIN], [quantity])[0][STANDIN].values[quantity].pick(right.components).array
 
-    base = solved(scene.applied)
-    parts = _parts(scene.applied) if QUANTITIES[quantity].needs == "f" else {}
-    less = {name: solved(applied) - base for name, applied in parts.items()}
+    base = solved(scene)
+    parts = _parts(scene) if QUANTITIES[quantity].needs == "f" else {}
+    less = {name: solved(changed) - base for name, changed in parts.items()}
     changes: dict[tuple[Fault, ...], Array] = {
         (): 0.0 * base,
         **{(Fault("missing", name),): change for name, change in less.items()},
     }
-    changes |= {(Fault("reversed", name),): 2.0 * less[name] for name in less if not name.startswith("spring")}
+    changes |= {
+        (Fault("reversed", name),): 2.0 * less[name]
+        for name in less
+        if not name.startswith(("spring", *_RESISTS.values()))
+    }
     for two in combinations(less, 2) if len(less) <= PAIRED else ():
         changes[tuple(Fault("missing", name) for name in two)] = less[two[0]] + less[two[1]]
     faults = [faults for faults in changes for _ in right.components]
@@ -215,16 +219,24 @@ def _expected(scene: Scene, quantity: str, right: Values, t: Array) -> Expected:
     return Expected(right.components * m, faults, t, arrays, moved)
 
 
-def _parts(applied: Applied) -> dict[str, Applied]:
-    """Everything that acts, by name, with all that acts besides."""
-    parts = {"gravity": replace(applied, gravity=np.zeros(3))} if applied.g.any() else {}
+#: What joints have, and what it is called where a table lacks it.
+_RESISTS = {"rotor": "rotors", "damping": "damping of joints", "friction": "dry friction"}
+
+
+def _parts(scene: Scene) -> dict[str, Scene]:
+    """Everything that acts, by name, with the scene without it."""
+    applied, mechanism = scene.applied, scene.mechanism
+    parts = {"gravity": replace(scene, applied=replace(applied, gravity=np.zeros(3)))} if applied.g.any() else {}
     for field in ("loads", "springs", "motors"):
         some: tuple[Any, ...] = getattr(applied, field)
         for k, one in enumerate(some):
             name = _name(one)
             name = f"{name} ({k + 1})" if name in parts else name
             without: dict[str, Any] = {field: (*some[:k], *some[k + 1 :])}
-            parts[name] = replace(applied, **without)
+            parts[name] = replace(scene, applied=replace(applied, **without))
+    for what in dict.fromkeys(one.what for one in mechanism.resistances):
+        joints = tuple(replace(joint, **{what: 0.0 * getattr(joint, what)}) for joint in mechanism.joints)
+        parts[_RESISTS[what]] = replace(scene, mechanism=replace(mechanism, joints=joints))
     return parts
 
 
