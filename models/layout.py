@@ -109,9 +109,12 @@ class Closure:
     @property
     def pairs(self) -> list[tuple[str, Frame, Frame]]:
         """Frames of parent and child that a weld makes one, else of which the origins coincide; two are numbered."""
-        if self.type != "points":
+        if self.type == "weld":
             return [("", self.parent_frame, self.child_frame)]
-        points = zip(self.parent_points, self.child_points, strict=True)
+        points = [*zip(self.parent_points, self.child_points, strict=True)]
+        if self.type == "point":
+            near, far = points[0]
+            return [("", replace(self.parent_frame, p=near), replace(self.child_frame, p=far))]
         return [(str(i), Frame(near), Frame(far)) for i, (near, far) in enumerate(points, 1)]
 
     def frames(self) -> Iterator[tuple[tuple[str, str, Frame], tuple[str, str, Frame]]]:

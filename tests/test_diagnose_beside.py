@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import screwgauge
@@ -56,6 +57,21 @@ def test_the_loops_file_beside_a_urdf_is_read(folders):
         assert found.found.mobility == (2, 2)
         side = "AB"[(a, b).index(urdf(folders[0]))]
         assert f"{side}: {NAME}.loops.toml beside it says what closes the loops" in found.notes
+
+
+@pytest.mark.parametrize(("side", "body"), [("parent", "leg2.upper"), ("child", "platform")])
+def test_points_of_a_loops_file_close_the_loop(side, body, tmp_path):
+    """One point is where the list of points has it, as each of two is."""
+    write_models(load_mechanism("3ups-upu-s"), tmp_path)
+    given = tmp_path / "3ups-upu-s.urdf"
+    loops = given.with_suffix(".loops.toml")
+    text = loops.read_text(encoding="utf-8")
+    at = text.index(f"{side}_points = [[", text.index('joint = "leg2.wrist"')) + len(f"{side}_points = [[")
+    moved, end = tmp_path / "moved.loops.toml", text.index(",", at)
+    moved.write_text(f"{text[:at]}{float(text[at:end]) + 0.01}{text[end:]}", encoding="utf-8")
+    (fact,) = screwgauge.diagnose(given, given, loops=(loops, moved)).found.facts
+    assert (fact.part, fact.what, fact.of) == ("leg2.wrist", "end", body)
+    assert float(np.linalg.norm(fact.b)) == pytest.approx(0.01)
 
 
 @pytest.mark.slow
