@@ -10,7 +10,7 @@ from screwgauge.diagnosis.properties import PROPERTIES
 from screwgauge.diagnosis.words import EVENTS, Speaker
 
 #: Words of ", and 12 more causes", and what changes are of and no facts.
-ROOM, CHANGES = 4, {"pose", "centre", "first_frame", "second_frame", "medium", "body", "closure"}
+ROOM, CHANGES = 4, {"pose", "centre", "seat", "first_frame", "second_frame", "medium", "body", "closure"}
 
 
 def test_the_sentences_are_those_that_were_kept():

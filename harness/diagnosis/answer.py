@@ -29,7 +29,7 @@ _FAMILIES = {
     "spring": ("stiffness", "rest"),
     "actuator": ("actuator", "driven joint", "gear"),
     "limit": ("limits",),
-    "loop": ("coupling", "end", "held", "leading joint", "polynomial", "softness"),
+    "loop": ("coupling", "held", "leading joint", "polynomial", "softness"),
     "environment": ("density", "gravity", "viscosity"),
 }
 FAMILIES = {what: family for family, whats in _FAMILIES.items() for what in whats}

@@ -7,7 +7,7 @@ import re
 import shutil
 import tempfile
 from bisect import bisect
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -25,6 +25,7 @@ from screwgauge.models.content import FORMATS
 from screwgauge.models.formats import number_text
 from screwgauge.models.kinematics import rehomed
 from screwgauge.models.mjcf import LEAST
+from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import Reading
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import OutputError, ScrewgaugeError
@@ -129,26 +130,31 @@ def _bodies(pair: Pair) -> dict[str, str]:
 def _as_written(changes: Iterable[Change], written: Reading, posed: Reading) -> list[Change]:
     """Changes in the pose of the file, where they are known in another one."""
     q = {name: joint.home for name, joint in posed.joints.items() if written.joints[name].home != joint.home}
-    _, before, _ = rehomed(written, q)
-    at_home = [_at_home(change, before.get(change.item, np.eye(4)), written, posed) for change in changes]
+    _, before, after = rehomed(written, q)
+    at_home = [_at_home(change, _carrier(change, written, before, after), written, posed) for change in changes]
     return [*at_home, *_derived(applied(written, at_home))]
+
+
+def _carrier(change: Change, written: Reading, before: Mapping[str, Array], after: Mapping[str, Array]) -> Array:
+    """How the body is displaced that a change of a joint is on: the one before it, or that which is seated on it."""
+    if change.what == "seat":
+        return after[written.moved_by(change.item)]
+    return before.get(change.item, np.eye(4))
 
 
 def _derived(target: Reading) -> Iterator[Change]:
     """Second ends of closures that a file derives from the first ones, where the bodies are now."""
-    poses = target.poses
     for name, closure in target.closures.items():
-        there = np.linalg.inv(poses[closure.second]) @ poses[closure.first] @ closure.first_frame
-        if closure.derived and np.abs(there[:3, 3] - closure.second_frame[:3, 3]).max() > DERIVED:
-            frame = closure.second_frame.copy()
-            frame[:3, 3] = there[:3, 3]
-            yield Change(name, "second_frame", frame)
+        (_, one), (_, other) = target.ends(name)
+        way = other[:3, :3].T @ (one - other)[:3, 3]
+        if closure.derived and np.abs(way).max() > DERIVED:
+            yield Change(name, "second_frame", closure.second_frame @ matrix(way, np.eye(3)))
 
 
 def _at_home(change: Change, X: Array, written: Reading, posed: Reading) -> Change:
-    """A change of a joint whose parent is displaced by X, shape (4, 4), from the pose of the file."""
+    """A change of a joint on a body that is displaced by X, shape (4, 4), from the pose of the file."""
     value = change.value
-    if change.what == "placement":
+    if change.what in ("placement", "seat"):
         value = np.linalg.inv(X) @ value @ X
     elif change.what == "axis":
         value = X[:3, :3].T @ value

@@ -12,7 +12,7 @@ _NOUNS = {
     "base": "joints of the base",
     "branch": "subtree",
     "coupling": "coupling",
-    "end": "place of a point",
+    "end": "place of an end",
     "fixed": "freedom",
     "held": "freedom",
     "kind": "kind of joint",

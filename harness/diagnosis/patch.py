@@ -290,8 +290,7 @@ def _move(file: Opened, target: Reading, elements: Mapping[str, Element]) -> Non
 
 def _close(file: Opened, frames: Sequence[Array], target: Reading) -> None:
     """Writes closures, and how soft constraints are."""
-    at = target.poses
-    ends = {n: (at[c.first] @ c.first_frame, at[c.second] @ c.second_frame) for n, c in target.closures.items()}
+    ends = {name: tuple(frame for _, frame in target.ends(name)) for name in target.closures}
     for name, closure in target.closures.items():
         old = file.reading.closures[name]
         if closure.first_frame is not old.first_frame or closure.second_frame is not old.second_frame:

@@ -6,7 +6,15 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-from screwgauge.diagnosis.transformations import carried, counted_back, counted_from, spliced, turned, without
+from screwgauge.diagnosis.transformations import (
+    carried,
+    counted_back,
+    counted_from,
+    seated,
+    spliced,
+    turned,
+    without,
+)
 from screwgauge.models.readings.reading import JointReading, Reading
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.rotations import Array
@@ -97,9 +105,10 @@ def _hanging(less: Callable[[Reading, str], Reading]) -> Property:
 
 #: Name -> property. Poses, axes and points are those in the world at home, as everywhere in a reading.
 #: ``pose`` of a body is that of its own frame alone, its matter with it; ``placement`` of a joint is the displacement
-#: of the joint and of all beyond it; ``axis`` and ``centre`` move the screw alone; ``zero`` is the coordinate at
-#: home; ``sign`` -1 counts the coordinate the other way, limits and rest with it; ``branch`` 0 takes a joint away and
-#: all beyond it, ``link`` 0 a joint and the body that it moves: what hangs on that hangs on its parent.
+#: of the joint and of all beyond it, ``seat`` of all beyond it alone; ``axis`` and ``centre`` move the screw alone;
+#: ``zero`` is the coordinate at home; ``sign`` -1 counts the coordinate the other way, limits and rest with it;
+#: ``branch`` 0 takes a joint away and all beyond it, ``link`` 0 a joint and the body that it moves: what hangs on that
+#: hangs on its parent.
 #: ``inertia`` is about the centre of mass in the axes of the body. ``softness`` is also that of a coupling.
 PROPERTIES: dict[str, Property] = {
     "mass": _matter((), "kg", scales=True),
@@ -116,6 +125,7 @@ PROPERTIES: dict[str, Property] = {
     ),
     "pose": Property(owner="body", shape=(4, 4), unit="m", urdf="origin", mjcf="body"),
     "placement": _place((4, 4), "m", "body", write=carried),
+    "seat": _place((4, 4), "m", "body", write=seated),
     "axis": _place((3,), write=lambda reading, name, axis_: _turned(reading, name, axis_, None)),
     "centre": _place((3,), "m", write=lambda reading, name, centre: _turned(reading, name, None, centre)),
     "zero": _place((), "rad|m", "joint@ref", write=counted_from, entry="home"),
@@ -202,7 +212,7 @@ class Change:
 
 
 #: Changes of places, of which outer ones are made before those that carry them; and what takes parts away, last.
-_FIRST, _LAST = ("placement", "axis", "centre", "zero", "sign"), ("branch", "link")
+_FIRST, _LAST = ("placement", "seat", "axis", "centre", "zero", "sign"), ("branch", "link")
 
 
 def sequence(several: Iterable[Any]) -> list[Change]:

@@ -42,6 +42,12 @@ def carried(reading: Reading, joint: str, T: Array) -> Reading:
     )
 
 
+def seated(reading: Reading, joint: str, T: Array) -> Reading:
+    """A reading with all that a joint carries displaced on it, the joint left where it is. T: shape (4, 4)."""
+    moved_ = carried(reading, joint, T)
+    return replace(moved_, joints={**moved_.joints, joint: reading.joints[joint]})
+
+
 def counted_back(reading: Reading, name: str) -> Reading:
     """A joint that counts the other way, and so do the couplings with it."""
     joint = reading.joints[name]

@@ -201,10 +201,9 @@ def _solids(reading: Reading) -> Iterator[Solid]:
         places[name] += at[-1:]
         if body.near in places:
             places[body.near] += at[:1]
-    for closure in reading.closures.values():
-        for side, frame in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):
-            if side in places:
-                places[side].append((reading.bodies[side].pose @ frame)[:3, 3])
+    for side, frame in (end for name in reading.closures for end in reading.ends(name)):
+        if side in places:
+            places[side].append(frame[:3, 3])
     heavy = {name: body.centre for name, body in reading.bodies.items() if body.mass > 0.0}
     extent = widest([*joints.values(), *heavy.values()])
     for name, centre in heavy.items():

@@ -222,6 +222,11 @@ class Reading:
         """Frames of the ground and of all bodies in the world. Shape (4, 4) each."""
         return {GROUND: np.eye(4), **{name: body.pose for name, body in self.bodies.items()}}
 
+    def ends(self, closure: str) -> tuple[tuple[str, Array], tuple[str, Array]]:
+        """The two bodies of a closure, each with the frame there in the world. Shape (4, 4)."""
+        one, poses = self.closures[closure], self.poses
+        return (one.first, poses[one.first] @ one.first_frame), (one.second, poses[one.second] @ one.second_frame)
+
     @property
     def roots(self) -> list[str]:
         """Bodies that hang on the ground."""

@@ -122,7 +122,7 @@ def _coordinates(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
     ways = _ways(one, D, a.length, [j.home - s * k.home for s, (j, k) in zip(senses, joints, strict=True)])
     E, size = _rest(one, D, ways, a.length)
     if moved := size > SUM * TOLERANCE:
-        yield _placement(pair, one, other, E if one.elements[0].turned else np.asarray(np.linalg.inv(E)), size)
+        yield _displaced(pair, one, other, D, np.asarray(np.linalg.inv(E)))
     for x, y, sense, way, (j, k) in zip(one.elements, other.elements, senses, ways, joints, strict=True):
         zero = k.home - sense * j.home + sense * way  # B's coordinate = sense * A's + zero
         zero = math.remainder(zero, math.tau) if x.kind == "hinge" else zero
@@ -177,19 +177,31 @@ def _rest(link: Link, D: Array, ways: Sequence[float] | Array, length: float) ->
     return E, float(np.abs(_entries(E, length)).max())
 
 
-def _placement(pair: Pair, one: Link, other: Link, X: Array, size: float) -> Fact:
-    joint = one.joints[0]
-    step = step_of(X, pair.a.bodies[one.far].pose[:3, 3])
+def _displaced(pair: Pair, one: Link, other: Link, D: Array, X: Array) -> Fact:
+    """Tell on which of its bodies a link sits elsewhere: on the near one, if the far one does not say otherwise.
+
+    Args:
+        D: Displacement of the near body of B against that of A, seen from the far ones; `X`: what of it is left of the
+            far ones where the link does not move. Shape (4, 4) each.
+    """
+    far = {body for body, *_ in _shifted(pair, one, other)} == {one.far}
+    body, carried, element = (one.far, one.near, one.elements[-1]) if far else (one.near, one.far, one.elements[0])
+    X = np.asarray(D @ np.linalg.inv(X) @ np.linalg.inv(D)) if far else X
+    if hangs := element.turned == far:  # the file hangs what is behind the joint on this side of it
+        value, point = X, pair.a.bodies[carried].pose[:3, 3]
+    else:
+        value, point = np.linalg.inv(X), element.centre
+    change = Change(element.joint, "placement" if hangs else "seat", value)
     return Fact(
         "/".join(one.joints),
-        "placement",
+        "placement" if hangs else "end",
         np.zeros((2, 3)),
-        step,
+        step_of(X, point),
         "m",
-        size,
-        changes=(Change(joint, "placement", X),),
+        float(np.abs(_entries(X, pair.a.length)).max()),
+        changes=(change,),
         partner="/".join(other.joints),
-        of=one.near,
+        of=body,
     )
 
 
@@ -316,38 +328,28 @@ def closure_names(pair: Pair, x: Element, y: Element) -> dict[str, str]:
 
 def _first_end(machine: Machine, name: str) -> tuple[str, Array]:
     """The first body of a closure, and its point in the world. Shape (3,)."""
-    closure = machine.reading.closures[name]
-    return closure.first, (machine.reading.poses[closure.first] @ closure.first_frame)[:3, 3]
+    (body, frame), _ = machine.reading.ends(name)
+    return body, frame[:3, 3]
 
 
 def _ends(pair: Pair, name: str, partner: str) -> Iterator[Fact]:
     """Ends of a closure that lie elsewhere on their bodies; one that the file derives from the other follows it."""
-    a, b = pair.a.reading.closures[name], pair.b.reading.closures[partner]
-    known = {pair.a.part_of(end): end for end in (a.first, a.second)}
-    for k, (end, frame) in enumerate(((b.first, b.first_frame), (b.second, b.second_frame))):
+    a, b = pair.a.reading, pair.b.reading
+    known = {pair.a.part_of(end): (end, frame) for end, frame in a.ends(name)}
+    derived = a.closures[name].derived and b.closures[partner].derived
+    for k, (end, frame) in enumerate(b.ends(partner)):
         body = next((n for n, o in pair.alignment.bodies.items() if o == pair.b.part_of(end)), "")
-        if body not in known or (k == 1 and a.derived and b.derived):
+        if body not in known or (k == 1 and derived):
             continue
-        own = known[body]
-        what = "first_frame" if own == a.first else "second_frame"
-        ours, theirs = (m.reading.poses[n] for m, n in ((pair.a, own), (pair.b, end)))
-        there = pair.alignment.placed[body] @ theirs @ frame
-        way = there[:3, 3] - (ours @ getattr(a, what))[:3, 3]
+        own, here = known[body]
+        there = pair.alignment.placed[body] @ frame
+        way = there[:3, 3] - here[:3, 3]
         size = float(np.linalg.norm(way)) / pair.a.length
         if size > SUM * TOLERANCE:
-            value = np.asarray(np.linalg.inv(ours) @ there)
+            what = "first_frame" if own == a.closures[name].first else "second_frame"
+            change = Change(name, what, np.asarray(np.linalg.inv(a.poses[own]) @ there))
             step = np.array([np.zeros(3), way])
-            yield Fact(
-                name,
-                "end",
-                np.zeros((2, 3)),
-                step,
-                "m",
-                size,
-                changes=(Change(name, what, value),),
-                partner=partner,
-                of=body,
-            )
+            yield Fact(name, "end", np.zeros((2, 3)), step, "m", size, changes=(change,), partner=partner, of=body)
 
 
 def _shifted(pair: Pair, one: Link, other: Link) -> Iterator[tuple[str, Feature, Feature, float]]:

@@ -54,10 +54,8 @@ class DrawnMachine:
 
     def closures(self) -> Iterator[tuple[str, Array]]:
         """Bodies that closures join, each with the point where it is held."""
-        poses = self.reading.poses
-        for closure in self.reading.closures.values():
-            for name, frame in ((closure.first, closure.first_frame), (closure.second, closure.second_frame)):
-                yield name, self.point((poses[name] @ frame)[:3, 3])
+        for name, frame in (end for closure in self.reading.closures for end in self.reading.ends(closure)):
+            yield name, self.point(frame[:3, 3])
 
     def links(self) -> Iterator[tuple[str, Array, Array]]:
         """Lines of bodies: from the joint that moves each to those on it and where loops close, or to its mass."""
