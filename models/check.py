@@ -15,6 +15,7 @@ from screwgauge.models.files.loops import LoopsFile, closure_readings, loops_of,
 from screwgauge.models.generate import stem
 from screwgauge.models.layout import CUTS, Closure, Link, Tree, lay_out, length_scale
 from screwgauge.models.poses import matrix, screw
+from screwgauge.models.readings.assemble import assemble
 from screwgauge.models.readings.read import read
 from screwgauge.models.readings.reading import (
     FREE,
@@ -95,7 +96,7 @@ def compare_readings(out: ModelComparison, expected: Reading, actual: Reading, m
     actual = collapsed(actual, keep=expected.bodies)  # joints of several freedoms are several joints in a URDF
     bodies = out.both("body", expected.bodies, actual.bodies)
     joints = out.both("coordinate", expected.joints, actual.joints)
-    out.numbers("", "total mass", np.array([mechanism.mass]), np.array([actual.mass]), mechanism.mass)
+    out.numbers("", "total mass", np.array([expected.mass]), np.array([actual.mass]), mechanism.mass)
     _compare_bodies(out, bodies, length, mechanism.mass)
     for name, want, have in joints:
         scale = np.repeat([1.0, length], 3) if want.screw[:3].any() else np.ones(6)
@@ -285,22 +286,43 @@ def expected_reading(mechanism: Mechanism, cut: str, gravity: Sequence[float] | 
     bodies: dict[str, BodyReading] = {}
     joints: dict[str, JointReading] = {}
     for link in tree.links:
-        names, body = tuple(freedom.coordinate for freedom in link.freedoms), link.body
+        names, body = tuple(freedom.coordinate for freedom in link.moves), link.body
         copy_of = link.original if link.name != link.original else ""
         matter = body.mass, body.com, body.inertia
         bodies[link.name] = BodyReading(*matter, link.near, names, poses[link.name], copy_of=copy_of)
-        joints |= _joints(link, poses)
+        joints |= {} if link.joint.fixed else _joints(link, poses)
     driven = zip(mechanism.actuator_names, mechanism.actuators, strict=True)
+    bodies, fixed, closures = _as_merged(mechanism, bodies, closure_readings(tree.closures))
     return Reading(
         name=mechanism.name,
         library="screwgauge",
         bodies=bodies,
         joints=joints,
-        closures=closure_readings(tree.closures),
+        fixed=fixed,
+        closures=closures,
         couplings=couplings_of(mechanism.couplings),
         actuators={name: ActuatorReading(joint.coordinates[0]) for name, joint in driven},
         gravity=np.asarray(gravity, dtype=float),
     )
+
+
+def _as_merged(
+    mechanism: Mechanism, links: dict[str, BodyReading], closures: dict[str, ClosureReading]
+) -> tuple[dict[str, BodyReading], dict[str, Array], dict[str, ClosureReading]]:
+    """Links as bodies, those of fixed joints as parts of others; what is fixed to ground; closures of the bodies."""
+    if len(mechanism.moving) == len(mechanism.coordinates):
+        return links, {}, closures
+    assembly = assemble(
+        {name: replace(link, near=link.near if link.near != GROUND else "") for name, link in links.items()},
+        mechanism.where,
+    )
+    places = {GROUND: (GROUND, np.eye(4)), **assembly.places}
+    moved = {}
+    for name, one in closures.items():
+        (first, T1), (second, T2) = places[one.first], places[one.second]
+        A, B = T1 @ one.first_frame, T2 @ one.second_frame
+        moved[name] = replace(one, first=first, second=second, first_frame=A, second_frame=B)
+    return assembly.bodies, assembly.fixed, moved
 
 
 def limited(reading: Reading, mechanism: Mechanism) -> Reading:

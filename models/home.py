@@ -181,8 +181,10 @@ def _places(loops: Loops, q: Array) -> Array:
 
 def _home(mechanism: Mechanism, loops: Loops, q: Array) -> Array:
     """Coordinates of a mechanism by those of its reading; what is held, or on no loop, is as it was. Shape (n_q,)."""
-    names = [*loops.tree.places]
-    return np.where(loops.closing, q, loops.home)[[names.index(name) for name in mechanism.coordinates]]
+    names, moved = [*loops.tree.places], mechanism.home.copy()
+    values = np.where(loops.closing, q, loops.home)
+    moved[mechanism.columns(mechanism.moving)] = values[[names.index(name) for name in mechanism.moving]]
+    return moved
 
 
 def _placed(mechanism: Mechanism, q: Array) -> Mechanism:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from screwgauge.reference.errors import DescriptionError, UnknownNameError, first_few
+from screwgauge.reference.errors import DescriptionError, UnknownNameError
 from screwgauge.reference.graph import Edge, Layout, spanning_tree
 from screwgauge.reference.mechanism import GROUND, POINTS, Body, Frame, Joint, Mechanism
 from screwgauge.reference.rotations import Array
@@ -17,10 +17,6 @@ from screwgauge.reference.rotations import Array
 #: that closes a loop leads to a copy of its body, welded to the body itself, as does in the minimal cut one that points
 #: cannot close, that is actuated or has a rotor, which no engine could hold outside its tree.
 CUTS = ("minimal", "full")
-
-
-#: Joints that a sentence names.
-SHOWN = 6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,6 +59,11 @@ class Link:
     reverse: bool
 
     @property
+    def moves(self) -> tuple[Freedom, ...]:
+        """Its freedoms in a model file, where a fixed joint has none."""
+        return () if self.joint.fixed else self.freedoms
+
+    @property
     def near_frame(self) -> Frame:
         """The joint's frame in `near`."""
         return self.joint.child_frame if self.reverse else self.joint.parent_frame
@@ -76,11 +77,11 @@ class Link:
     def freedoms(self) -> tuple[Freedom, ...]:
         """The joint's freedoms as walked from ground; coordinates keep their names and values."""
         joint, sign = self.joint, -1.0 if self.reverse else 1.0
-        bounds = np.zeros_like(joint.limits) if joint.fixed else joint.limits
-        numbers = joint.coordinates, joint.freedoms, joint.home, bounds, joint.rotor, joint.damping, joint.friction
+        resists = joint.rotor, joint.damping, joint.friction
+        numbers = joint.coordinates, joint.freedoms, joint.home, joint.limits, *resists
         declared = tuple(
-            Freedom(coordinate, turns, sign * axis, float(home), limits, *map(float, resists))
-            for coordinate, (turns, axis), home, limits, *resists in zip(*numbers, strict=True)
+            Freedom(coordinate, turns, sign * axis, float(home), limits, *map(float, more))
+            for coordinate, (turns, axis), home, limits, *more in zip(*numbers, strict=True)
         )
         return declared[::-1] if self.reverse else declared
 
@@ -175,15 +176,6 @@ def lay_out(mechanism: Mechanism, cut: str) -> Tree:
     closures = tuple(welds.get(joint.name) or _points(joint, half) for joint in cuts)
     _check_couplings(mechanism, closures)
     return Tree(mechanism, cut, tuple(_depth_first(links, mechanism)), closures)
-
-
-def held(mechanism: Mechanism) -> Iterator[str]:
-    """A sentence on the fixed joints of a mechanism, which its model files have as hinges, if there are any."""
-    if names := [joint.name for joint in mechanism.joints if joint.fixed]:
-        yield (
-            f"fixed: {first_few(names, SHOWN)}; a hinge that an equality, or the loops file, holds at zero stands for "
-            "each, so that every engine knows its reaction"
-        )
 
 
 def open_tree(lay: Layout) -> tuple[Array, list[int]]:

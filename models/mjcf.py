@@ -16,9 +16,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from screwgauge.models.formats import number_text, quaternion, tensor_text, vector_text
-from screwgauge.models.layout import Closure, Freedom, Link, Tree, held, lay_out
+from screwgauge.models.layout import Closure, Freedom, Link, Tree, lay_out
 from screwgauge.models.shapes import add_contact_pairs, add_geoms, add_sensors
-from screwgauge.reference.couplings import Coupling
+from screwgauge.reference.couplings import Coupling, Fixing
 from screwgauge.reference.errors import UnknownNameError, first_few
 from screwgauge.reference.mechanism import GROUND, SLACK, Body, Frame, Mechanism, triangle_excess
 from screwgauge.reference.rigid import compose, inverse
@@ -173,7 +173,7 @@ def write_mjcf(
     tree = lay_out(mechanism, cut)
     root = ET.Element("mujoco", model=mechanism.name)
     root.append(ET.Comment(f" {cut} cut; written by screwgauge models "))
-    for sentence in (*stand_ins(mechanism), *held(mechanism)):
+    for sentence in stand_ins(mechanism):
         comment = sentence.removeprefix("MJCF: ").replace("--", "- -")  # which would end a comment
         root.append(ET.Comment(f" {comment} "))
     _settings(root, gravity, include)
@@ -189,7 +189,7 @@ def write_mjcf(
     if "sensors" in include:
         add_sensors(root, tree)
     if tree.links:
-        home = vector_text([freedom.home for freedom in tree.freedoms])
+        home = vector_text([freedom.home for link in tree.links for freedom in link.moves])
         ET.SubElement(ET.SubElement(root, "keyframe"), "key", name="home", qpos=home)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
@@ -229,7 +229,7 @@ def _bodies(world: ET.Element, tree: Tree, limited: bool) -> dict[str, ET.Elemen
         element = ET.SubElement(bodies[link.near], "body", name=link.name)
         _place(element, compose(link.near_frame, inverse(link.far_frame)))
         ET.SubElement(element, "inertial", inertial(link.body))
-        for freedom in link.freedoms:
+        for freedom in link.moves:
             _joint(element, freedom, link, limited)
         bodies[link.name] = element
     return bodies
@@ -263,7 +263,7 @@ def _joint(element: ET.Element, freedom: Freedom, link: Link, limited: bool) -> 
     for name, amount in (("armature", freedom.rotor), ("damping", freedom.damping), ("frictionloss", freedom.friction)):
         if amount:
             joint.set(name, number_text(amount))
-    if limited and np.isfinite(freedom.limits).any() and not link.joint.fixed:
+    if limited and np.isfinite(freedom.limits).any():
         joint.set("limited", "true")
         joint.set("range", vector_text(np.clip(freedom.limits, -FAR, FAR)))
 
@@ -307,7 +307,7 @@ def _couplings(root: ET.Element, couplings: Sequence[Coupling]) -> None:
     Coordinates are zero at MuJoCo's qpos0 as they are in the description, and so are lengths of tendons.
     """
     for one in couplings:
-        if why_not(one):
+        if why_not(one) or isinstance(one, Fixing):
             continue
         several, function = len(one.function.terms) > 1, one.function
         if several:

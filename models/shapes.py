@@ -390,6 +390,6 @@ def add_sensors(root: ET.Element, tree: Tree) -> None:
     for link in tree.links:
         for kind in ("framepos", "framequat"):
             ET.SubElement(sensor, kind, name=f"{link.name}.{kind}", objtype="xbody", objname=link.name)
-    for name in tree.coordinates:
+    for name in (freedom.coordinate for link in tree.links for freedom in link.moves):
         for kind in ("jointpos", "jointvel"):
             ET.SubElement(sensor, kind, name=f"{name}.{kind}", joint=name)

@@ -12,7 +12,7 @@ from screwgauge.reference.reciprocal import end_body
 from screwgauge.reference.rigid import without_fixed_joints
 from support.errors import DescriptionError
 from support.mechanism import Mechanism, load_mechanism
-from support.models import CUTS, check_models, description, loops_of, read_loops, write_models
+from support.models import CUTS, check_models, description, lay_out, loops_of, read_loops, write_models
 from support.scene import load_scene
 
 G = np.array([0.0, 0.0, -9.81])
@@ -298,6 +298,54 @@ def test_it_is_written_as_it_is_read(arm, write, tmp_path):
         assert [joint.kind for joint in file.joints] == ["R", "fixed"]
         assert len(file.couplings) == len(loops_of(arm, cut).couplings) == 1
     assert all(row.ok for row in check_models(arm, tmp_path))
+
+
+@pytest.mark.parametrize("text", [ARM + HOLD, ARM + BACK, LOOP], ids=["on the arm", "from the load", "in a loop"])
+def test_other_programs_read_it_as_fixed(text, write, tmp_path):
+    pinocchio, mujoco = pytest.importorskip("pinocchio"), pytest.importorskip("mujoco")
+    mechanism = load_mechanism(write("machine.toml", text))
+    write_models(mechanism, tmp_path, include=frozenset({"sensors", "limits", "geoms", "contacts"}))
+    moving = len(lay_out(mechanism, "minimal").coordinates) - sum(joint.fixed for joint in mechanism.joints)
+    assert pinocchio.buildModelFromUrdf(str(tmp_path / f"{mechanism.name}.urdf")).nv == moving
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / f"{mechanism.name}.xml"))
+    assert model.nv == moving
+    assert model.body_mass.sum() == pytest.approx(mechanism.mass, rel=1e-15, abs=0)
+    assert all(row.ok for row in check_models(mechanism, tmp_path))
+
+
+def test_files_of_ones_own_may_hold_it(write, tmp_path):
+    arm = load_mechanism(write("arm.toml", ARM + HOLD))
+    write_models(arm, tmp_path)
+    own = 'models.mujoco = "arm.xml"\nmodels.pinocchio = "arm.urdf"\n'
+    scene = write("own.toml", SCENE + own)
+    results = screwgauge.run(load_scene(scene))
+    assert results.ok
+    assert {f"hold.{each}" for each in COMPONENTS} <= {*results.components("reaction", engine="mujoco")}
+    file = tmp_path / "arm.xml"
+    file.write_text(file.read_text(encoding="utf-8").replace('mass="0.5"', 'mass="0.6"'), encoding="utf-8")
+    heavier = screwgauge.run(load_scene(scene))
+    assert not heavier.ok
+    assert "arm.mass" in heavier.mismatches
+
+
+def test_a_fixed_joint_that_stands_elsewhere_in_a_urdf_is_refused(write, tmp_path):
+    arm = load_mechanism(write("arm.toml", ARM + HOLD))
+    write_models(arm, tmp_path)
+    text = (tmp_path / "arm.urdf").read_text(encoding="utf-8")
+    text = text.replace('<child link="load@hold.frame" />', '<child link="load" />', 1)
+    start, end = text.index('<link name="load@hold.frame" />'), text.index('<link name="load">')
+    (tmp_path / "arm.urdf").write_text(text[:start] + text[end:], encoding="utf-8")
+    scene = load_scene(write("own.toml", f'{SCENE}models.pinocchio = "arm.urdf"\n'))
+    with pytest.raises(screwgauge.ScrewgaugeError, match="'hold' is not where"):
+        screwgauge.run(scene, engines=["screw", "pinocchio"])
+
+
+def test_a_description_and_its_files_are_the_same_machine(write, tmp_path, command):
+    path = write("loop.toml", LOOP)
+    write_models(load_mechanism(path), tmp_path)
+    for ending in ("urdf", "xml"):
+        said = command("diagnose", path, tmp_path / f"loop.{ending}", "--out", tmp_path / ending)
+        assert "SAME" in said.out
 
 
 def test_pictures_and_reports_show_it_as_fixed(write, tmp_path, inside, command):

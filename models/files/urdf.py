@@ -6,7 +6,7 @@ have no inertial. Loops are closed by a file beside it: see `files.loops`.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Set
+from collections.abc import Collection, Iterable, Set
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -14,13 +14,13 @@ import numpy as np
 from screwgauge.models.content import Content
 from screwgauge.models.files.xml import Element, TextLink, UnpatchableError, XmlText, number, numbers
 from screwgauge.models.formats import TENSOR, WIDE, number_text, rpy, tensor, vector_text
-from screwgauge.models.layout import Freedom, Link, held, lay_out
+from screwgauge.models.layout import Freedom, Link, lay_out
 from screwgauge.models.matter import NOTHING, Matter
 from screwgauge.models.poses import matrix
 from screwgauge.models.readings.reading import CouplingReading
 from screwgauge.reference.couplings import PolynomialSum
 from screwgauge.reference.errors import DescriptionError, ModelFileError, UnknownNameError
-from screwgauge.reference.mechanism import GROUND, Frame, Mechanism
+from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
 from screwgauge.reference.rigid import inverse
 from screwgauge.reference.rotations import Array, rotation
 
@@ -40,8 +40,6 @@ def write_urdf(mechanism: Mechanism, cut: str, *, include: Set[str] = frozenset(
     tree = lay_out(mechanism, cut)
     robot = ET.Element("robot", name=mechanism.name)
     robot.append(ET.Comment(f" {cut} cut; loops are closed by the loops file; written by screwgauge models "))
-    for sentence in held(mechanism):
-        robot.append(ET.Comment(f" {sentence} "))
     ET.SubElement(robot, "link", name=GROUND)
     for link in tree.links:
         _add(robot, link, "limits" in include)
@@ -63,7 +61,12 @@ def _add(robot: ET.Element, link: Link, limited: bool) -> None:
     names.append(frame_link(link) if mounted else link.name)
     near, frame = link.near, link.near_frame
     for freedom, far in zip(link.freedoms, names, strict=True):
-        _elementary(robot, freedom, near, far, frame, limited or link.joint.fixed)
+        if link.joint.fixed:
+            fixed = ET.SubElement(robot, "joint", name=freedom.coordinate, type="fixed")
+            _placement(fixed, frame)
+            _ends(fixed, near, far)
+        else:
+            _elementary(robot, freedom, near, far, frame, limited)
         if far != link.name:
             ET.SubElement(robot, "link", name=far)
         near, frame = far, Frame()
@@ -82,7 +85,6 @@ def frame_link(link: Link) -> str:
 
 
 def _elementary(robot: ET.Element, freedom: Freedom, near: str, far: str, frame: Frame, limited: bool) -> None:
-    """An elementary joint; limits are those of the description, of a fixed joint that of zero, or wide ones."""
     kind = "revolute" if freedom.turns else "prismatic"
     joint = ET.SubElement(robot, "joint", name=freedom.coordinate, type=kind)
     _placement(joint, frame)
@@ -175,6 +177,33 @@ def mimics(root: ET.Element, where: str) -> dict[str, CouplingReading]:
             held = leads not in moving
             couplings[name] = CouplingReading(name, PolynomialSum.of({"" if held else leads: ratio}))
     return couplings
+
+
+def with_hinges(text: str, joints: Iterable[Joint], where: str) -> str:
+    """A URDF with a hinge in place of each fixed joint of a description, about the axis z of that.
+
+    A coupling of the description holds it.
+
+    Raises:
+        ModelFileError: A fixed joint stands elsewhere on the link that it carries than the description says.
+    """
+    fixed = {joint.name: joint for joint in joints if joint.fixed}
+    if not fixed:
+        return text
+    root = ET.fromstring(text)
+    for element in root.iterfind("joint[@type='fixed']"):
+        if (joint := fixed.get(element.get("name", ""))) is None:
+            continue
+        link, (name, _, mounted) = carried_link(element), carried_link(element).partition("@")
+        frame, sign = (joint.parent_frame, -1.0) if name == joint.parent else (joint.child_frame, 1.0)
+        if not mounted and frame.p.any():
+            what = f"its fixed joint '{joint.name}' is not where the description has it on link {link}"
+            raise ModelFileError(what, where, "write the models again, and start from these")
+        element.set("type", "revolute")
+        ET.SubElement(element, "axis", xyz=vector_text(sign * (frame.R[:, 2] if not mounted else np.eye(3)[2])))
+        bounds = {"lower": -WIDE, "upper": WIDE, "effort": STRONG, "velocity": STRONG}
+        ET.SubElement(element, "limit", {key: number_text(value) for key, value in bounds.items()})
+    return ET.tostring(root, encoding="unicode")
 
 
 def fixed_joints(root: ET.Element) -> dict[str, str]:

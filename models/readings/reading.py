@@ -18,7 +18,7 @@ import numpy as np
 
 from screwgauge.models.content import Content, phrases
 from screwgauge.models.matter import Matter
-from screwgauge.reference.couplings import Coupling, PolynomialSum
+from screwgauge.reference.couplings import Coupling, Fixing, PolynomialSum
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 from screwgauge.witness.tree import FREEDOMS as FREEDOMS
@@ -256,7 +256,8 @@ def slices(joints: Mapping[str, JointReading], sizes: Mapping[str, int]) -> dict
 
 def couplings_of(couplings: Iterable[Coupling]) -> dict[str, CouplingReading]:
     """Couplings of a description as readings of them, by name."""
-    return {one.name: CouplingReading(one.coordinate, one.function) for one in couplings}
+    read = (one for one in couplings if not isinstance(one, Fixing))  # whose joint is none of a reading
+    return {one.name: CouplingReading(one.coordinate, one.function) for one in read}
 
 
 def collapsed(reading: Reading, keep: Collection[str] = ()) -> Reading:

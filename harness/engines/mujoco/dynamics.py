@@ -27,6 +27,7 @@ from screwgauge.engines.mujoco.equality_constraints import (
     harden,
     refine,
 )
+from screwgauge.engines.mujoco.fixed import editable
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
 from screwgauge.engines.tree.applied_forces import TreeForces
 from screwgauge.reference.applied import Applied, JointSpring, PointSpring
@@ -196,7 +197,7 @@ def sprung_model(
     Returns:
         The model, and what is left to be applied in every step.
     """
-    spec = mujoco.MjSpec.from_file(str(mjcf))
+    spec = editable(mjcf, tree.fixed)
     tendons = {f"spring {i}": s for i, s in enumerate(applied.springs) if isinstance(s, PointSpring)}
     for name, spring in tendons.items():
         tendon = spec.add_tendon(name=name)

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree as ET
 
 import mujoco
 import numpy as np
 
 from screwgauge.engines.mujoco.dynamics import MujocoMover, MujocoSettings, MujocoStepper, joint_spring, sprung_model
 from screwgauge.engines.mujoco.equality_constraints import EXACT, curvature_notes, refine
+from screwgauge.engines.mujoco.fixed import editable
 from screwgauge.engines.mujoco.tree import MujocoTree, prepare
 from screwgauge.engines.tree.applied_forces import TreeForces, resisting, spring_pull
 from screwgauge.engines.tree.closed_tree import ClosedTree, close_tree
@@ -112,15 +112,13 @@ class MujocoDynamics(TreeDynamics):
 
 def _welded(mjcf: Path, tree: MujocoTree) -> mujoco.MjModel:
     """The model with every closure a weld of the frames of its cut joint."""
-    root = ET.parse(mjcf).getroot()
-    equality = root.find("equality")
-    if equality is not None:
-        for row in [row for row in equality if row.tag != "joint"]:
-            equality.remove(row)
-        for closure in tree.closures:
-            sides = {"site1": f"{closure.joint}@parent", "site2": f"{closure.joint}@child"}
-            ET.SubElement(equality, "weld", {"name": closure.joint, **sides})
-    model = mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+    spec, kinds = editable(mjcf, tree.fixed), mujoco.mjtEq
+    for row in [row for row in spec.equalities if row.type != kinds.mjEQ_JOINT]:
+        spec.delete(row)
+    for closure in tree.closures:
+        sides = {"name1": f"{closure.joint}@parent", "name2": f"{closure.joint}@child"}
+        spec.add_equality(name=closure.joint, type=kinds.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_SITE, **sides)
+    model = spec.compile()
     prepare(model)
     return model
 

@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from screwgauge.engines.mujoco.equality_constraints import DISABLED, VELOCITY_STAGE, curvature
+from screwgauge.engines.mujoco.fixed import editable
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
 from screwgauge.models.files.loops import LoopsFile
 from screwgauge.models.files.parts import check_made
@@ -83,9 +84,10 @@ class MujocoTree(OpenTree):
     """A loaded MJCF. See `screwgauge.engines.tree.protocol.OpenTree` for shapes."""
 
     def __init__(self, mjcf: Path, file: LoopsFile) -> None:
+        self.fixed = tuple(joint for joint in file.joints if joint.fixed)
         check_made(mjcf)  # what MuJoCo chokes on; it opens the file itself, for what that includes
         try:
-            self.model = mujoco.MjModel.from_xml_path(str(mjcf))
+            self.model = editable(mjcf, self.fixed).compile() if self.fixed else mujoco.MjModel.from_xml_path(str(mjcf))
         except ValueError as error:
             small = "mass and inertia" in str(error) or "eigenvalues" in str(error)
             more = f"give every mass and moment of inertia more than {LEAST:g} kg and kg m^2, or zero"

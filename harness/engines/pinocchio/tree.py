@@ -6,6 +6,7 @@ the joint's own frame; LOCAL_WORLD_ALIGNED gives velocities and accelerations of
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,12 @@ import pinocchio as pin
 
 from screwgauge.engines.tree.protocol import BodyPoses, OpenTree, shifted
 from screwgauge.models.files.loops import LoopsFile
+from screwgauge.models.files.urdf import with_hinges
 from screwgauge.models.readings.pinocchio import overheard
 from screwgauge.reference.couplings import bind
 from screwgauge.reference.errors import LoaderError, ModelFileError, SingularPoseError
 from screwgauge.reference.files import read_model
-from screwgauge.reference.mechanism import GROUND
+from screwgauge.reference.mechanism import GROUND, Joint
 from screwgauge.reference.resistance import resistances
 from screwgauge.reference.rotations import Array, cross
 
@@ -32,9 +34,12 @@ ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 ANGULAR_FIRST = [3, 4, 5, 0, 1, 2]
 
 
-def _load(urdf: Path) -> pin.Model:
-    """Loads a URDF. Its parser reports errors on stderr only, and goes on with half of the file."""
-    text, reason = read_model(urdf), ""
+def _load(urdf: Path, joints: Sequence[Joint]) -> pin.Model:
+    """Loads a URDF, in which fixed joints of the description become hinges.
+
+    Its parser reports errors on stderr only, and goes on with half of the file.
+    """
+    text, reason = with_hinges(read_model(urdf), joints, str(urdf)), ""
     with overheard() as messages:
         try:
             model = pin.buildModelFromXML(text)
@@ -50,7 +55,7 @@ class PinocchioTree(OpenTree):
     """A loaded URDF. See `screwgauge.engines.tree.protocol.OpenTree` for shapes."""
 
     def __init__(self, urdf: Path, file: LoopsFile) -> None:
-        self.model = _load(urdf)
+        self.model = _load(urdf, file.joints)
         if self.model.nq != self.model.nv:
             raise ModelFileError("has continuous joints", str(urdf), "use revolute joints with wide limits")
         self.gravity = self.model.gravity.linear.copy()  # the usual one: a URDF has none

@@ -1,0 +1,36 @@
+"""Fixed joints of a description, whose bodies an MJCF nests: hinges that an equality holds stand for them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import mujoco
+
+from screwgauge.reference.errors import ModelFileError
+from screwgauge.reference.mechanism import Joint
+
+
+def editable(mjcf: Path, joints: Sequence[Joint]) -> mujoco.MjSpec:
+    """The model before it is compiled, with a hinge about the axis z of each fixed joint, and what holds it.
+
+    Keyframes, which lack its coordinate, are gone.
+
+    Raises:
+        ModelFileError: The bodies of a fixed joint do not carry each other.
+    """
+    spec, fixed = mujoco.MjSpec.from_file(str(mjcf)), [joint for joint in joints if joint.fixed]
+    held = {each.name for each in spec.joints}
+    for joint in (joint for joint in fixed if joint.name not in held):
+        near, far = spec.body(joint.parent) or spec.worldbody, spec.body(joint.child) or spec.worldbody
+        reverse = near.parent is not None and near.parent.name == far.name
+        if not reverse and (far.parent is None or far.parent.name != near.name):
+            what = f"bodies {joint.parent} and {joint.child}, which joint '{joint.name}' holds together, are apart"
+            raise ModelFileError(what, str(mjcf), "let one of them carry the other")
+        (body, frame), sign = ((near, joint.parent_frame), -1.0) if reverse else ((far, joint.child_frame), 1.0)
+        body.add_joint(name=joint.name, type=mujoco.mjtJoint.mjJNT_HINGE, pos=frame.p, axis=sign * frame.R[:, 2])
+        objects = {"objtype": mujoco.mjtObj.mjOBJ_JOINT, "name1": joint.name}
+        spec.add_equality(name=joint.name, type=mujoco.mjtEq.mjEQ_JOINT, **objects)
+    for key in [*spec.keys] if fixed else ():
+        spec.delete(key)
+    return spec
