@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -262,7 +262,7 @@ def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -
         UnknownNameError: There is no such coordinate.
         DescriptionError: One coordinate is coupled twice, or depends on itself.
     """
-    above: dict[str, Coupling] = {}
+    above: dict[str, Collection[str]] = {}
     for coupling in couplings:
         for name in coupling.named:
             if name not in coordinates:
@@ -270,19 +270,23 @@ def check_couplings(couplings: Sequence[Coupling], coordinates: Sequence[str]) -
         if coupling.coordinate in above:
             what = f"'{coupling.coordinate}' is coupled twice"
             raise DescriptionError(what, coupling.where, "couple it once")
-        above[coupling.coordinate] = coupling
+        above[coupling.coordinate] = coupling.function.terms
     for coupling in couplings:
-        if circle := _circle(coupling.coordinate, above):
-            what = f"'{coupling.coordinate}' depends on itself, over the couplings of {', '.join(sorted(circle))}"
+        if around := circle(coupling.coordinate, above):
+            what = f"'{coupling.coordinate}' depends on itself, over the couplings of {', '.join(sorted(around))}"
             raise DescriptionError(what, coupling.where, "leave one of them out")
 
 
-def _circle(coordinate: str, above: Mapping[str, Coupling]) -> tuple[str, ...]:
-    """Coupled coordinates by which one depends on itself, it among them; none where it does not."""
+def circle(coordinate: str, above: Mapping[str, Collection[str]]) -> tuple[str, ...]:
+    """Coupled coordinates by which one depends on itself, it among them; none where it does not.
+
+    Args:
+        above: Coupled coordinate -> those that it is a function of.
+    """
     ways, passed = list[tuple[str, ...]]([(coordinate,)]), set[str]()
     while ways:
         way = ways.pop()
-        for name in above[way[-1]].function.terms:
+        for name in above[way[-1]]:
             if name == coordinate:
                 return way
             if name in above and name not in passed:

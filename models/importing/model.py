@@ -14,6 +14,7 @@ import numpy as np
 from screwgauge.models.files.loops import OWN, read_loops
 from screwgauge.models.formats import body_entries, document, joint_entries, key, lines
 from screwgauge.models.importing.assemble import assemble, choose
+from screwgauge.models.importing.couplings import solved
 from screwgauge.models.importing.joints import Group, graph_of, groups, joint, left_out, listed, pin_name, springs_of
 from screwgauge.models.importing.left_out import check_whole, kept, left_out_of, with_resistance
 from screwgauge.models.importing.names import TAKEN, accepted, unused
@@ -125,13 +126,16 @@ def describe(
         raise DescriptionError(f"has no degree of freedom ({said})", where, "give mass to what moves, or free a joint")
     actuated = _actuated(graph, wanted.actuated, where)
     moved = any(joint.home != own.joints[name].home for name, joint in reading.joints.items())
+    leading = {*(actuated or ()), *(wanted.independent or {}).values()}
+    couplings, followers = solved(graph.reading.couplings, leading)
+    graph = replace(graph, reading=replace(graph.reading, couplings=couplings))
     known = {} if moved else {one.name: one for one in given}  # their coordinates are those of the file's home
     mechanism, composites = _mechanism(graph, frozenset(actuated or ()), known, wanted.allow, where)
     names |= {reading.name: mechanism.name} if reading.name != mechanism.name else {}
     mechanism, odd_choices = choose(mechanism, actuated, wanted.independent, where)
     mechanism, gears = with_resistance(mechanism, kept(beyond, mechanism, graph, tables, where), reading.actuators)
     odd = (f"Check this: {sentence}." for sentence in implausible(mechanism))
-    remarks = [*moves, *graph.remarks, *composites, *odd_choices, *gears, *odd]
+    remarks = [*moves, *graph.remarks, *followers, *composites, *odd_choices, *gears, *odd]
     if not reading.actuators and wanted.actuated is None:
         open_chain = "every hinge and slide of the open chain that follows no other"
         rule = "every independent coordinate that is a hinge or slide" if reading.closures else open_chain

@@ -102,7 +102,7 @@ def _in_a(pair: Pair, coupling: CouplingReading, *, zeros: bool = True) -> Polyn
 def _leave_the_same(pair: Pair) -> bool:
     """Whether all couplings are linear and leave the same motions."""
     a, b = ([*machine.reading.couplings.values()] for machine in (pair.a, pair.b))
-    if not a or len(a) != len(b) or not all(each.function.linear for each in (*a, *b)):
+    if not (a and b) or not all(each.function.linear for each in (*a, *b)):
         return False
     ours = [{each.joint: -1.0, **each.function.slopes, "": each.function.constant} for each in a]
     theirs = []
@@ -112,8 +112,7 @@ def _leave_the_same(pair: Pair) -> bool:
     columns = list(dict.fromkeys(name for row in (*ours, *theirs) for name in row))
     A, B = (np.array([[row.get(name, 0.0) for name in columns] for row in rows]) for rows in (ours, theirs))
     A, B = (rows / np.linalg.norm(rows, axis=1, keepdims=True) for rows in (A, B))
-    base = np.linalg.qr(A.T)[0]
-    return bool(np.abs(B.T - base @ (base.T @ B.T)).max() < SAME) and rank(A) == rank(B) == len(a)
+    return len({rank(rows, SAME) for rows in (A, B, np.vstack([A, B]))}) == 1
 
 
 def _size(function: PolynomialSum) -> float:

@@ -1,0 +1,108 @@
+"""Which joint follows in each coupling of a file: none that is driven, none in two couplings, and none itself."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from screwgauge.models.importing.joints import listed
+from screwgauge.models.readings.reading import CouplingReading
+from screwgauge.reference.couplings import PolynomialSum, circle
+from screwgauge.reference.rotations import Array
+
+Couplings = Mapping[str, CouplingReading]
+#: Costs of a joint that follows: another one than the file names, one that leads the machine, one that cannot.
+_OTHER, _LEADS, _CANNOT = 1.0, 1e3, 1e9
+#: Coefficients below this share of the largest are what rounding leaves of nothing.
+_NOTHING = 1e-12
+
+
+def solved(couplings: Couplings, leading: Collection[str]) -> tuple[Couplings, list[str]]:
+    """Couplings in which other joints follow, where the file's own cannot or lead the machine, and a sentence on these.
+
+    Args:
+        leading: Joints that should not follow: driven and independent ones.
+    """
+    if not couplings:
+        return couplings, []
+    new = _each_by_itself(couplings, leading)
+    if new is None or any(circle(one.joint, _leads(new)) for one in new.values()):
+        new = _together(couplings, leading)
+    other = [one.joint for name, one in new.items() if one.joint != couplings[name].joint]
+    sentences = [f"Couplings are solved for {listed(other)}: driven and independent joints lead."] if other else []
+    if gone := [name for name in couplings if name not in new]:
+        sentences.append(f"Couplings that follow from others are left out: {listed(gone)}.")
+    return new, sentences
+
+
+def _leads(couplings: Couplings) -> dict[str, Collection[str]]:
+    return {one.joint: one.function.terms for one in couplings.values()}
+
+
+def _each_by_itself(couplings: Couplings, leading: Collection[str]) -> Couplings | None:
+    """Each coupling solved for one of its joints, of which none follows twice; None where this cannot be."""
+    from scipy.optimize import linear_sum_assignment
+
+    joints = list(dict.fromkeys(joint for one in couplings.values() for joint in one.named))
+    cost = np.full((len(couplings), len(joints)), _CANNOT)
+    for row, one in zip(cost, couplings.values(), strict=True):
+        for joint in one.named:
+            if joint == one.joint or one.function.is_linear_in(joint):
+                row[joints.index(joint)] = _OTHER * (joint != one.joint) + _LEADS * (joint in leading)
+    if len(joints) < len(couplings):
+        return None
+    rows, columns = linear_sum_assignment(cost)
+    if cost[rows, columns].max() >= _CANNOT:
+        return None
+    follow = [joints[column] for column in columns.tolist()]
+    return {name: one.solved(joint) for (name, one), joint in zip(couplings.items(), follow, strict=True)}
+
+
+def _together(couplings: Couplings, leading: Collection[str]) -> Couplings:
+    """Linear couplings as functions of joints of which none follows; those that follow from others are left out."""
+    linear = [name for name, one in couplings.items() if one.function.linear]
+    kept = {one.joint for one in couplings.values() if not one.function.linear}
+    joints = list(dict.fromkeys(joint for name in linear for joint in couplings[name].named))
+    system = np.zeros((len(linear), len(joints) + 1))  # of each coupling joint = function, less constants in the end
+    for row, name in zip(system, linear, strict=True):
+        one = couplings[name]
+        for joint, share in {one.joint: -1.0, **one.function.slopes}.items():
+            row[joints.index(joint)] = share
+        row[-1] = one.function.constant
+    pivots = _reduced(system, [[joint not in kept, joint not in leading] for joint in joints])
+    new = dict(couplings)
+    for name, row, pivot in zip(linear, system, pivots, strict=True):
+        if pivot < 0:
+            del new[name]
+            continue
+        terms = {joint: np.array([-row[k]]) for k, joint in enumerate(joints) if row[k] and k != pivot}
+        new[name] = replace(couplings[name], joint=joints[pivot], function=PolynomialSum(float(-row[-1]), terms))
+    return new
+
+
+def _reduced(system: Array, ranks: Sequence[Sequence[bool]]) -> list[int]:
+    """Brings rows to reduced echelon form in place, the largest of the highest rank being the pivot of each.
+
+    Args:
+        system: Equations, the last column a constant. Shape (m, n + 1).
+        ranks: Of each column but the last.
+
+    Returns:
+        Column of each row's pivot; -1 where nothing is left of the row.
+    """
+    pivots = []
+    sizes = np.abs(system[:, :-1]).max(axis=1)
+    for i, row in enumerate(system):
+        row[np.abs(row) < _NOTHING * sizes[i]] = 0.0
+        places = np.flatnonzero(row[:-1]).tolist()
+        pivots.append(max(places, key=lambda k: (*ranks[k], abs(row[k])), default=-1))
+        if places:
+            row /= row[pivots[-1]]
+            others = [j for j in range(len(system)) if j != i]
+            system[others] -= np.outer(system[others, pivots[-1]], row)
+            system[others, pivots[-1]] = 0.0
+    shares = system[:, :-1]
+    shares[np.abs(shares) < _NOTHING * np.abs(shares).max(axis=1, keepdims=True)] = 0.0
+    return pivots
