@@ -82,7 +82,7 @@ def test_a_motor_beyond_the_freedoms_is_named_with_those_that_it_follows(write):
     assert len(independent) == 2
     (other,) = {"pivot", "ram"} - independent
     (leader,) = {"pivot", "ram"} & independent
-    assert f"'{other}' (it follows from '{leader}')" in said(imported)
+    assert f"'{other}' (determined by '{leader}')" in said(imported)
 
 
 def test_who_chooses_hears_nothing_of_it(write):

@@ -184,12 +184,13 @@ def pick(K: Array, tiers: Sequence[Sequence[int]]) -> list[int]:
 
 def _passed_over(K: Array, driven: Sequence[int], chosen: Sequence[int], names: Sequence[str]) -> str:
     """A sentence on the driven coordinates that are not independent, and why; empty if all are."""
-    reasons = list[str]()
+    followers: dict[str, list[str]] = {}
     for row in sorted({*driven} - {*chosen}):
+        reason = "at a dead centre at home"
         if np.linalg.norm(K[row]) > DEAD:
             shares = np.linalg.solve(K[chosen].T, K[row]) * np.linalg.norm(K[chosen], axis=1)
             leads = [names[i] for i, share in zip(chosen, np.abs(shares), strict=True) if share > DEAD]
-            reasons.append(f"'{names[row]}' (it follows from {listed(leads)})")
-        else:
-            reasons.append(f"'{names[row]}' (it is at a dead centre at home)")
+            reason = f"determined by {listed(leads)}"
+        followers.setdefault(reason, []).append(names[row])
+    reasons = [f"{listed(some)} ({reason})" for reason, some in followers.items()]
     return f"Driven, but not independent: {first_few(reasons, SHOWN)}." if reasons else ""
