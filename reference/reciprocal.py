@@ -95,16 +95,15 @@ def end_body(mechanism: Mechanism) -> tuple[str, tuple[Leg, ...]]:
 def legs(mechanism: Mechanism, body: str) -> tuple[Leg, ...]:
     """The legs of a body; those that a coupling ties together are one. A joint that constrains nothing is none."""
     ends, owner = {GROUND, body}, {name: joint for joint in mechanism.joints for name in joint.coordinates}
-    group = {one.name: one.name for one in mechanism.bodies}
-    ties: list[tuple[Joint, ...]] = [(joint,) for joint in mechanism.joints]
-    ties += [tuple(owner[name] for name in one.named) for one in mechanism.couplings]
-    for tie in ties:
-        for a, b in pairwise(side for joint in tie for side in joint.bodies if side not in ends):
-            group[root(group, a)] = root(group, b)
+    names = {joint: f"joint {joint.name}" for joint in mechanism.joints}  # no body has a space in its name
+    group = {name: name for name in (*(one.name for one in mechanism.bodies), *names.values())}
+    ties = [[names[joint], *(side for side in joint.bodies if side not in ends)] for joint in mechanism.joints]
+    ties += [[names[owner[name]] for name in one.named] for one in mechanism.couplings]
+    for a, b in (pair for tie in ties for pair in pairwise(tie)):
+        group[root(group, a)] = root(group, b)
     parts: dict[str, list[Joint]] = {}
-    for joint in mechanism.joints:
-        inner = [side for side in joint.bodies if side not in ends]
-        parts.setdefault(root(group, inner[0]) if inner else joint.name, []).append(joint)
+    for joint, name in names.items():
+        parts.setdefault(root(group, name), []).append(joint)
     ways = [part for part in parts.values() if ends <= {*_sides(part)}]
     kept = coupled_joints(mechanism) - {joint.name for joint in mechanism.joints if joint.fixed}
     return tuple(_leg(part, body, kept) for part in ways if any(joint.constrains for joint in part))

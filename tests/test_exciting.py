@@ -29,6 +29,7 @@ TESTED = {
     "3ups-upu-s": (93, 93),
     "3ups-upu-s-offset": (93, 93),
     "arm7": (67, 70),
+    "belt-leg": (48, 63),
     "bennett": (23, 30),
     "delta": (89, 100),
     "double-cardan": (20, 30),

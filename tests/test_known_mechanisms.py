@@ -21,6 +21,7 @@ FALLING = 1e-9  # what rounding makes of a momentum that is the difference of tw
 NAMES = [
     *("slider-crank", "five-bar", "bennett", "sarrus", "rccc", "3-rrr", "3-rps", "3-upu"),
     *("stewart", "stewart-legs", "delta", "double-cardan", "arm7", "planetary-gear", "screw-press", "ruse"),
+    "belt-leg",
 ]
 
 
@@ -245,6 +246,20 @@ def relative(found, wanted) -> float:
 def by_name(name: str, quantity: str) -> dict[str, np.ndarray]:
     results = solved(name)
     return dict(zip(results.components(quantity), results.values(quantity).T, strict=True))
+
+
+def test_belt_leg():
+    q, _, _ = moved("belt-leg")
+    assert q["hip"] + q["knee"] == pytest.approx(q["motor"] + np.pi / 20, abs=CLOSED)
+    assert q["hip"] + q["knee"] + q["pitch"] == pytest.approx((q["left"] + q["right"]) / 2, abs=CLOSED)
+    assert q["roll"] == pytest.approx((q["left"] - q["right"]) / 2, abs=CLOSED)
+    a, pulls = by_name("belt-leg", "joint_acceleration"), by_name("belt-leg", "reaction")
+    torques = by_name("belt-leg", "actuator_force")
+    belt, pitch, roll = (pulls[f"{name}.coupling"] for name in ("belt", "sum", "difference"))
+    assert relative(torques["left"], 1.5e-4 * a["left"] + (pitch + roll) / 2) < LINEAR
+    assert relative(torques["right"], 1.5e-4 * a["right"] + (pitch - roll) / 2) < LINEAR
+    balance = 3.5e-4 * a["motor"] + 0.3 * (0.002**2 * a["motor"] - 9.81 * 0.002 * np.cos(q["motor"]))
+    assert relative(torques["motor"], balance + belt) < LINEAR
 
 
 def test_planetary_gear():

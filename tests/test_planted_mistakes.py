@@ -14,6 +14,6 @@ def test_a_mistake_can_be_planted(mistake):
     assert ast.dump(ast.parse(mistake.mutant.source())) != ast.dump(ast.parse(mistake.file.read_bytes()))
 
 
-def test_thirty_are_in_what_computes_and_ten_in_what_reads():
+def test_most_are_in_what_computes_and_some_in_what_reads():
     rooms = Counter(mistake.room == FILES for mistake in mistakes())
-    assert rooms == {False: 30, True: 10}
+    assert rooms == {False: 34, True: 12}

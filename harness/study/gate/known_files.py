@@ -27,8 +27,9 @@ PLANTED = {"damping": ("slide", 'damping="0.5"', 'damping="0.505"'), "mass": ("r
 #: Share by which these differ, and how exactly a diagnosis has to say so. B less A is A less B, but for states,
 #: at which each file closes its own loops.
 SIZE, EXACTLY, ALIKE = 1e-2, 0.02, 1e-3
-#: A mechanism with loops, couplings of degree two and turned inertias, at a home of which no coordinate is zero.
-IMPORTED = "ruse"
+#: Mechanisms with loops, couplings of degree two and turned inertias, at a home of which no coordinate is zero, and
+#: with couplings of several coordinates.
+IMPORTED = ("ruse", "belt-leg")
 
 
 def known_item() -> Item:
@@ -52,7 +53,8 @@ def _wrong() -> Iterator[str]:
             file = folder / f"{what}.xml"
             file.write_text(text.replace(here, there), encoding="utf-8")
             yield from _unseen(what, item, diagnose(urdf, file), diagnose(file, urdf))
-        yield from _imported(folder)
+        for built_in in IMPORTED:
+            yield from _imported(folder, built_in)
 
 
 def _unseen(what: str, item: str, found: Diagnosis, back: Diagnosis) -> Iterator[str]:
@@ -70,14 +72,14 @@ def _unseen(what: str, item: str, found: Diagnosis, back: Diagnosis) -> Iterator
         yield f"torques that differ by a planted difference, {planted}, do so by {one:.3g} or {other:.3g}"
 
 
-def _imported(folder: Path) -> Iterator[str]:
-    """How the description that MuJoCo's reading becomes differs from what Pinocchio reads."""
-    texts = model_texts(load_mechanism(IMPORTED))
+def _imported(folder: Path, name: str) -> Iterator[str]:
+    """How the description that MuJoCo's reading of a mechanism becomes differs from what Pinocchio reads."""
+    texts = model_texts(load_mechanism(name))
     for ending in (".urdf", ".loops.toml", ".xml"):
-        (folder / f"{IMPORTED}{ending}").write_text(texts[f"{IMPORTED}{ending}"], encoding="utf-8")
-    imported = import_model(folder / f"{IMPORTED}.xml")
-    file = folder / f"{IMPORTED}.toml"
+        (folder / f"{name}{ending}").write_text(texts[f"{name}{ending}"], encoding="utf-8")
+    imported = import_model(folder / f"{name}.xml")
+    file = folder / f"{name}.toml"
     file.write_text(description(imported.mechanism), encoding="utf-8")
-    again = diagnose(file, folder / f"{IMPORTED}.urdf")
+    again = diagnose(file, folder / f"{name}.urdf")
     if not again.same:
-        yield f"what is imported of {IMPORTED}.xml is not what {IMPORTED}.urdf says: {again.headline}"
+        yield f"what is imported of {name}.xml is not what {name}.urdf says: {again.headline}"
