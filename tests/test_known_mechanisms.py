@@ -22,6 +22,7 @@ NAMES = [
     *("slider-crank", "five-bar", "bennett", "sarrus", "rccc", "3-rrr", "3-rps", "3-upu"),
     *("stewart", "stewart-legs", "delta", "double-cardan", "arm7", "planetary-gear", "screw-press", "ruse"),
     "belt-leg",
+    "geared-five-bar",
 ]
 
 
@@ -274,6 +275,53 @@ def test_planetary_gear():
     assert relative(by_name("planetary-gear", "actuator_force")["sun"], torque) < LINEAR
     assert relative(pulls["planet3.coupling"], 1.8e-4 * planet * k * s) < LINEAR
     assert relative(pulls["carrier.coupling"], (torque - 6e-5 * s) / k) < LINEAR
+
+
+def elbows(left, right) -> np.ndarray:
+    """Angles of both elbows and the tip of the five-bar, where two circles meet. Shape (3, n)."""
+    first = -0.15 - 0.2 * np.sin(left), 0.2 * np.cos(left)
+    second = 0.15 - 0.2 * np.sin(right), 0.2 * np.cos(right)
+    x, y = second[0] - first[0], second[1] - first[1]
+    up = np.sqrt(0.3**2 / (x * x + y * y) - 0.25)
+    along = np.arctan(-(0.5 * x - up * y) / (0.5 * y + up * x))  # rods from the vertical
+    back = np.arctan(-(-0.5 * x - up * y) / (-0.5 * y + up * x))
+    return np.array([along - left, back - right, back - along])
+
+
+def test_geared_five_bar(write):
+    masses, centres = np.array([0.4, 0.3]), np.array([[0, 0.14, 0.005], [0.03, 0.1, 0.02]])
+    com = masses @ centres / masses.sum()
+    arms = centres - com
+    J = np.diag([0.003 + 1e-4, 0.0002 + 2e-4, 0.0031 + 2e-4])
+    J = J + sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, arms, strict=True))
+    tensor = ", ".join(f"{a}{b} = {J[i, j]}" for i, a in enumerate("xyz") for j, b in enumerate("xyz") if i <= j)
+    body = f"mass = 0.7\ncom = {com.tolist()}\ninertia = {{ {tensor} }}\n"
+    write("rigid.toml", f'extends = "five-bar"\nname = "rigid"\n[bodies."left.rod"]\n{body}')
+    scene = screwgauge.load_scene("geared-five-bar")
+    text = "mechanism = 'rigid.toml'\nmotion.left.harmonics = [[3, 0, 0.4]]\nmotion.right.offset = 0.3\n"
+    text += "motion.right.harmonics = [[4, -0.3, 0.2]]\ntime = { duration = 2, step = 0.01 }\n"
+    rigid = screwgauge.load_scene(write("move.toml", text)).at(scene.t[:: len(scene.t) // 6])
+    torques = screwgauge.run(rigid, ["screw"], ["actuator_force"]).values("actuator_force")
+    (left, right), rates = rigid.motion.y.T, rigid.motion.yd
+    q, speed, acceleration = (
+        by_name("geared-five-bar", f"joint_{of}") for of in ("position", "velocity", "acceleration")
+    )
+    slopes = np.moveaxis([elbows(left + 1e-30j, right).imag, elbows(left, right + 1e-30j).imag], 0, 2) / 1e-30
+    cranks = {"left": [1.0, 0.0], "right": [0.0, 1.0], "wheel": [0.5, 0.5]}
+    maps = {name: np.tile(slope, (len(rates), 1)) for name, slope in cranks.items()}
+    for name, angle, slope in zip(("left.elbow", "right.elbow", "tip"), elbows(left, right), slopes, strict=True):
+        assert q[name] == pytest.approx(angle, abs=CLOSED)
+        maps[name] = slope
+    rotor = {"left": 0.3e-4 * 12**2, "right": 0.3e-4 * 12**2, "left.elbow": 1e-4, "tip": 2e-4, "wheel": 1e-3 + 2e-4}
+    damping = {"left": 0.02, "right": 0.02, "left.elbow": 4e-3, "right.elbow": 4e-3, "tip": 3e-3}
+    friction = {"left": 0.05, "right": 0.05, "left.elbow": 0.01, "right.elbow": 0.01, "tip": 8e-3}
+    for name, slope in maps.items():
+        rate = np.einsum("nk,nk->n", slope, rates)
+        assert speed[name] == pytest.approx(rate, abs=1e-11)
+        taken = rotor.get(name, 0.0) * acceleration[name] + damping.get(name, 0.0) * rate
+        torques = torques + (taken + friction.get(name, 0.0) * np.sign(rate))[:, None] * slope
+    found = np.stack([by_name("geared-five-bar", "actuator_force")[name] for name in ("left", "right")], axis=1)
+    assert relative(found, torques) < LINEAR
 
 
 def test_screw_press():

@@ -190,6 +190,7 @@ def test_the_shares_are_told_apart_and_sum_up(write):
     wanted = ("actuator_force", "resistance", "axis_moment", "mass_matrix", "joint_acceleration", "joint_velocity")
     results = screwgauge.run(scene, ENGINES, wanted)
     assert results.ok, repr(results)
+    assert screwgauge.run(scene, ("screw", "truth"), ("resistance",)).ok
     shares = results.quantity("resistance")
     assert [*shares.components] == ["a.rotor", "a.damping", "d.friction"]
     w, b = scene.motion.yd[:, 0], scene.motion.ydd[:, 0]

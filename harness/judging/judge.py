@@ -107,6 +107,8 @@ def _beyond(whole: Answer, some: Answer, motion: GivenMotion) -> Residuals:
     yield from body_motions(whole)
     if forces:
         yield from _forces(whole, some, admissible)
+    if whole.has("resistance"):
+        yield from residuals.resistance(whole)
     if some.has("mass_matrix"):
         yield from residuals.mass_matrix(some, admitted_by(some))
     if tree:

@@ -30,6 +30,7 @@ from screwgauge.witness.wrenches import (
     exerted_wrenches,
     joint_forces,
     spring_energy,
+    taken,
     unit_wrenches,
     wrench_columns,
 )
@@ -189,6 +190,17 @@ def mass_matrix(answer: Answer, admissible: AdmissibleMotion) -> Residuals:
         columns = [i for i, has in enumerate(units) if has == unit]
         some, size = [names[i] for i in columns], load * arm(unit, length)
         yield answer.residual("mass_matrix", unit, some, missing[:, columns], size, ("mass_matrix",))
+
+
+def resistance(answer: Answer) -> Residuals:
+    """Reported shares less what rotors, damping and dry friction take at the rates and accelerations of the joints."""
+    reported = answer.values["resistance"]
+    for unit in dict.fromkeys(reported.units):
+        some = [one for one in answer.mechanism.resistances if one.unit == unit]
+        names, right = [one.name for one in some], np.stack([taken(one, answer.states) for one in some], axis=1)
+        yield answer.residual(
+            "resistance", unit, names, reported.pick(names).array - right, largest(right), ("resistance",)
+        )
 
 
 TREE_FORCES = ("tree_force", "tree_force_soft")

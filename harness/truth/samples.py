@@ -19,7 +19,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.solution import Clock
 from screwgauge.truth import cache
 from screwgauge.truth.exact import Jet, MatrixJet, Vector, drive, number, read_terms, samples, vector
-from screwgauge.truth.forces import BallLoad, RoutesDisagree, generalized_force, min_norm, newton_euler
+from screwgauge.truth.forces import BallLoad, RoutesDisagree, generalized_force, min_norm, newton_euler, taken
 from screwgauge.truth.kinematics import (
     Certifier,
     LoopsOpen,
@@ -58,7 +58,7 @@ class Sampler:
         self.linkage, self.depth, self.clock, self.redundant = linkage, depth, clock, redundant
         self.certifier, self.bits, motion = Certifier(linkage), ctx.prec, problem.wording.motion
         self.terms = None if motion is None else read_terms(motion, list(linkage.mechanism.independent))
-        self.ruled = ruled(problem)
+        self.ruled, self.resistance = ruled(problem), "resistance" in problem.wanted
         self.axial = problem.rule == "spherical_axial"
         if problem.applied.gravity is None:
             self.gravity = [arb(0), arb(0), number("-9.81")]
@@ -96,6 +96,8 @@ class Sampler:
             now = state(self.certifier, y, start)
             self._check_closed(now.q, now.bodies)
         out = _motion(self.linkage, now)
+        if self.resistance:
+            out["resistance"] = [force for _, force in taken(self.linkage, now)]
         if self.depth == "f":
             out |= self._forces(now)
         return out
