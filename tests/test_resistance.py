@@ -278,3 +278,9 @@ def test_a_log_of_a_machine_without_them_is_told_so(what, said, torque, write):
     review = screwgauge.review(screwgauge.Recorded(motion.t, {"a": plain["screw"]}), scene, ["actuator_force"])
     assert {(fault.kind, fault.of) for column in review.columns for fault in column.faults} == {("missing", said)}
     assert review.explained
+
+
+@pytest.mark.parametrize("ending", [".urdf", "-full.urdf", ".xml", "-full.xml"])
+def test_model_files_are_the_same_as_their_description(ending, tmp_path):
+    write_models(load_mechanism("geared-five-bar"), tmp_path)
+    assert screwgauge.diagnose("geared-five-bar", tmp_path / f"geared-five-bar{ending}").same

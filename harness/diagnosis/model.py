@@ -53,7 +53,7 @@ class Model:
         own: The user's file, where `file` is a copy of it with mass and inertia of meshes.
         as_read: What the library itself has of the file, without these and without joints of which a file beside it
             changes the types; None where that is the reading.
-        retyped: Whether a file beside it changes types of joints, of which the library knows nothing.
+        retyped: Whether a file beside it changes types of joints, or adds rotors, of which the library knows nothing.
         open_by: How far its loops are open at home as written, in words; empty where they are closed.
         never_closed: Which loops close from no start, in words; empty where all do.
         says_closures: Whether its files can hold closures; a URDF alone cannot.
@@ -153,13 +153,14 @@ def loaded(given: str | Path | Weighed, load: Read = in_process, loops: Path | N
     if (loops := loops_for(own, loops)) is None:
         return replace(model, says_closures=form != "urdf")
     reading = with_loops(model.reading, loops)
-    retyped = _kinds(reading) != _kinds(model.reading)
+    retyped = _joints(reading) != _joints(model.reading)
     model = replace(model, as_read=model.reading if retyped else None, retyped=retyped)
     return replace(model, loops=loops, reading=reading, loops_sha256=_digest(read_file(loops)))
 
 
-def _kinds(reading: Reading) -> dict[str, str]:
-    return {name: joint.kind for name, joint in reading.joints.items()}
+def _joints(reading: Reading) -> dict[str, tuple[str, float]]:
+    """Kinds and rotors of all joints."""
+    return {name: (joint.kind, joint.armature) for name, joint in reading.joints.items()}
 
 
 def each_loops(
