@@ -74,6 +74,17 @@ def test_whole_table_is_compared_and_judged_like_an_engine(scene, right):
     assert any("gives no tree_force" in note for note in results.solutions["mine"].notes)
 
 
+@pytest.mark.parametrize(("header", "factor"), [("time", 1.0), ("t [ms]", 1e3), ("time [us]", 1e6)])
+def test_times_have_the_name_and_unit_of_a_log(header, factor, scene, right):
+    table = forces(right)
+    table[header] = factor * table.pop("t")
+    results = screwgauge.run(scene(table), quantities=["actuator_force"])
+    assert {*results.pairs["quantity"]} == {"actuator_force"}
+    assert results.ok
+    said = [note for note in results.solutions["mine"].notes if header in note]
+    assert bool(said) is (factor != 1.0)
+
+
 def test_bare_names_will_do_where_only_one_quantity_has_them(scene, right):
     table = forces(right).rename(columns=lambda name: name.removeprefix("actuator_force/"))
     assert screwgauge.run(scene(table), quantities=["actuator_force", "com_acceleration"]).ok
@@ -216,7 +227,7 @@ BAD = {
     ),
     "another unit": ("t,actuator_force/right [lbf m]\n0,1\n", "column 'actuator_force/right [lbf m]' is in N m"),
     "a unit of something else": ("t,actuator_force/right [mm]\n0,1\n", "column 'actuator_force/right [mm]' is in N m"),
-    "times in ms": ("t [ms],actuator_force/right\n0,1\n", "column 't [ms]' is in s"),
+    "times in hours": ("t [h],actuator_force/right\n0,1\n", "column 't [h]' is in s"),
     "times beyond the scene": ("t,actuator_force/right\n0,1\n500,1\n", "t = 500 s is not within the scene, 0 to 1 s"),
 }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -35,7 +36,14 @@ def check_clear(results) -> None:
 
 def test_a_slider_crank_with_its_mass_on_the_line_of_its_slide(write):
     text = slider_crank([Bar(0.2), Bar(0.7), Bar(0.0, mass=3.0)], 0.6)
-    check_clear(screwgauge.run(moving(write, text, [0.6, 0.9, 1.4], 3.0)))
+    results = screwgauge.run(moving(write, text, [0.6, 0.9, 1.4], 3.0))
+    check_clear(results)
+    zero = results.pairs[results.pairs["reason"].str.startswith("zero within")]
+    assert {*zip(zero["quantity"], zero["unit"], strict=True)} == {("reaction", "N m")}
+    (apart,) = re.findall(r"apart from (.*?)\. ", " ".join(repr(results).split()))
+    assert "reaction in N·m" in apart  # which the digits of the headline are not of
+    page = results.to_html()
+    assert "reaction" not in re.findall(r"worst numbers.*?</table>", page, re.DOTALL)[0]
 
 
 def test_a_slider_crank_at_its_dead_centre(write):

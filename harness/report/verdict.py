@@ -220,7 +220,7 @@ def _integrated(pairs: list[Row]) -> list[str]:
 
 def _fewest(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
     """How many digits agree, and the quantities of the open tree that have the fewest."""
-    counted = [row for row in agree if not row["reason"] or simulated] or agree  # zero within rounding has no digits
+    counted = [row for row in agree if not has_excuse(row, simulated)] or agree
     asked = [row for row in counted if row["quantity"] not in OPEN_TREE] or counted
     least = max(asked, key=lambda row: row["max_scaled"])
     errors = dict[str, float]()
@@ -228,9 +228,17 @@ def _fewest(agree: list[Row], simulated: bool) -> tuple[str, list[str]]:
         if row["max_scaled"] > least["max_scaled"]:
             errors[row["quantity"]] = max(row["max_scaled"], errors.get(row["quantity"], 0.0))
     text = f"to {digits_text(least['max_scaled'])} digits or more (fewest in {least['quantity']})"
-    but = listed(f"{name} ({digits_text(error)})" for name, error in errors.items())
+    others = [f"{name} ({digits_text(error)})" for name, error in errors.items()]
+    excused = {(row["quantity"], row["unit"]): row["reason"] for row in agree if row not in counted}
+    others += [f"{name} in {unit_text(unit)} ({reason})" for (name, unit), reason in excused.items()]
+    but = listed(others)
     open_tree = [*errors] or [name for name in OPEN_TREE if name == least["quantity"]]
     return f"{text}, apart from {but}" if but else text, open_tree
+
+
+def has_excuse(row: Row, simulated: bool) -> bool:
+    """Whether a pair agrees for a reason of its own, as what is zero within rounding: it has few digits or none."""
+    return bool(row["ok"] and row["reason"] and not simulated)
 
 
 def _agreement(results: Comparison) -> list[str]:

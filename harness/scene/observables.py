@@ -168,7 +168,10 @@ CONVERTED = {
     "mm": ("m", 1e-3),
     "cm": ("m", 1e-2),
     "kN": ("N", 1e3),
+    "ms": ("s", 1e-3),
+    **dict.fromkeys(("us", "µs", "μs"), ("s", 1e-6)),
 }
+TIMES = ("t", "time")  # names of the column of times
 _UNIT = re.compile(r"([^\W\d_]+|°)(?:\^(\d))?")
 
 
@@ -221,6 +224,7 @@ class Recorded:
         columns: Name, as in a file (see ``harness/scenes/README.md``) -> values. Shape (n,) each.
         error: Quantity -> what its values may be off by [its units], beyond the tolerances of the scene.
         file: Where it was read from.
+        header: Name of the column of times in it.
 
     Raises:
         DescriptionError: A number is missing, or the times do not increase.
@@ -230,6 +234,7 @@ class Recorded:
     columns: Mapping[str, Array]
     error: Mapping[str, float] = field(default_factory=dict)
     file: Path | None = None
+    header: str = TIMES[0]
 
     def __post_init__(self) -> None:
         if np.ndim(self.t) != 1:
@@ -249,6 +254,11 @@ class Recorded:
     def where(self) -> str:
         """Place for error messages."""
         return str(self.file or "arrays")
+
+    @property
+    def converted(self) -> list[str]:
+        """Names of columns whose numbers were not in SI units."""
+        return [name for name in (self.header, *self.columns) if read_header(name).factor != 1.0]
 
     def _column(self, name: str) -> Array:
         values = self.columns[name]
@@ -287,11 +297,17 @@ def read_recorded(path: Path, error: Any = None) -> Recorded:
         DescriptionError: It is no table.
     """
     columns = read_columns(path)
-    times = [header for header in map(read_header, columns) if header.component == "t" and not header.quantity]
+    headers = [read_header(text) for text in columns]
+    found = ([header for header in headers if (header.quantity, header.component) == ("", name)] for name in TIMES)
+    times = next(filter(None, found), [])
     if len(times) != 1:
-        raise DescriptionError("column 't' is missing", str(path), "give one column t with the times in s")
-    times[0].check_unit("s", str(path))
-    return Recorded(columns.pop(times[0].text), columns, {} if error is None else error, path)
+        what = "times are there twice" if times else "column 't' is missing"
+        raise DescriptionError(what, str(path), "give one column t with the times in s")
+    (time,) = times
+    if not time.of("", "s"):
+        raise DescriptionError(f"column '{time.text}' is in s here", str(path), "give it in s, ms or us")
+    t = columns.pop(time.text) * time.factor
+    return Recorded(t, columns, {} if error is None else error, path, time.text)
 
 
 def merged(t: Array, tables: Iterable[Recorded]) -> Array:

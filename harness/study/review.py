@@ -116,9 +116,8 @@ def reviews(
             if engine := next((one for one in engines if quantity in one.values), None):
                 pair = errors[(errors["quantity"] == quantity) & errors["a"].isin(both := {name, engine.engine})]
                 columns += _reviewed(scene, quantity, engine, (solutions[name], table), pair[pair["b"].isin(both)])
-        recorded = scene.tables[name]
-        converted = tuple(text for text in recorded.columns if read_header(text).factor != 1.0)
-        found[name] = TableReview(name, engines[0].engine, even_step(recorded.t), tuple(columns), converted)
+        step, converted = even_step(scene.tables[name].t), tuple(scene.tables[name].converted)
+        found[name] = TableReview(name, engines[0].engine, step, tuple(columns), converted)
     return found
 
 

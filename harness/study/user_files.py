@@ -100,9 +100,7 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
     unused = [f"gives {quantity}, which is not compared" for quantity in columns if quantity not in wanted]
     if skipped := len(table.t) - len(np.unique(at)):
         unused.append(f"{skipped} of its {len(table.t)} times are not compared: the scene has others")
-    unused += [
-        f"{header.text} is converted to SI units" for header in map(read_header, table.columns) if header.factor != 1.0
-    ]
+    unused += [f"{name} is converted to SI units" for name in table.converted]
     return Solution(
         engine=name,
         version=table.file.name if table.file else table.where,

@@ -22,7 +22,7 @@ from screwgauge.report.layout import Report, Value
 from screwgauge.report.left_out import left_out_rows
 from screwgauge.report.record import about, forces, judged, samples, samples_table, short, summary, timings
 from screwgauge.report.stage.picture import stage
-from screwgauge.report.verdict import compared, conclusion, verdict
+from screwgauge.report.verdict import compared, conclusion, has_excuse, verdict
 from screwgauge.scene.observables import Published
 from screwgauge.solution import REFERENCE, Timing
 from screwgauge.study.comparison import Comparison
@@ -68,7 +68,8 @@ def _shown(errors: Iterable[Row]) -> list[Row]:
 
 def _worst_three(results: Comparison) -> list[Row]:
     """What comes nearest to its tolerance, or goes beyond it farthest."""
-    errors = [{**row, "what": words(row["quantity"]), "who": row["pair"]} for row in compared(results)]
+    pairs = [row for row in compared(results) if not has_excuse(row, results.scene.simulated)]
+    errors = [{**row, "what": words(row["quantity"]), "who": row["pair"]} for row in pairs]
     judged = (row for row in rows(results.judge) if row["engine"] not in results.failures)
     errors += [{**row, "what": f"judge: {words(row['residual'])}", "who": row["engine"]} for row in judged]
     groups = dict[str, list[Row]]()
