@@ -12,7 +12,7 @@ from screwgauge.diagnosis.amounts import WORLD, Axes, both, in_axes, percent, sh
 from screwgauge.diagnosis.causes.causes import Cause
 from screwgauge.diagnosis.causes.groups import factor_of, sideless
 from screwgauge.diagnosis.facts.digits import AXES
-from screwgauge.diagnosis.facts.fact import Fact
+from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact
 from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.nouns import counted, listed, noun, other
 from screwgauge.diagnosis.properties import PROPERTIES, ROOMS
@@ -305,7 +305,16 @@ def _polynomial(speaker: Speaker, fact: Fact) -> str:
     a, b = np.asarray(fact.a, float), np.asarray(fact.b, float)
     if not fact.of:
         return f"{fact.part} is held at {both('zero', a[0], b[0], '')}"
-    return _of(fact, f"its coupling to {fact.of} has the coefficients {both('polynomial', a, b, '')}")
+    if not fact.more:
+        return _of(fact, f"its coupling to {fact.of} has the coefficients {both('polynomial', a, b, '')}")
+    parts = [np.split(each[1:], len(fact.more)) for each in (a, b)]
+    told = [f"the constant {both('polynomial', a[0], b[0], '')}"] if abs(a[0] - b[0]) > TOLERANCE else []
+    for name, ours, theirs in zip(fact.more, *parts, strict=True):
+        if np.abs(ours - theirs).max() > TOLERANCE:
+            several = len(ours) > 1
+            values = both("polynomial", *((ours, theirs) if several else (ours[0], theirs[0])), "")
+            told.append(f"the coefficient{'s' * several} of {name} {values}")
+    return _of(fact, f"its coupling to {fact.of} has {', '.join(told)}")
 
 
 def _leads(speaker: Speaker, fact: Fact) -> str:

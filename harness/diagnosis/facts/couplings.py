@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.polynomial import Polynomial
 from screwgauge.diagnosis.facts.fact import Fact, Pair
 from screwgauge.diagnosis.facts.structure import coupling_partners
 from screwgauge.diagnosis.machine.features import features, gap
+from screwgauge.diagnosis.nouns import listed
 from screwgauge.diagnosis.properties import Change, unit_of
 from screwgauge.models.machine import Element, Link, Machine
 from screwgauge.models.matter import displaced
@@ -36,7 +38,8 @@ def coupling_facts(pair: Pair) -> Iterator[Fact]:
     theirs = {name for name, each in b.items() if {*each.named} <= pair.back.keys()}
     yield from (_alone(pair, name, each, "A") for name, each in a.items() if name in ours - partners.keys())
     yield from (_alone(pair, name, each, "B") for name, each in b.items() if name in theirs - {*partners.values()})
-    free = _free_zeros(pair.a, pair)
+    counts = Counter(name for each in a.values() for name in each.named)
+    free = {name for name in _free_zeros(pair.a, pair) if counts[name] == 1}  # others cannot be turned for one alone
     for name, other in partners.items():
         yield from _followed(pair, name, a[name], b[other], free)
 
@@ -53,7 +56,7 @@ def _alone(pair: Pair, name: str, coupling: CouplingReading, side: str) -> Fact:
 
 
 def _leads(function: PolynomialSum) -> str:
-    return " and ".join(function.terms)
+    return listed([*function.terms]) if function.terms else ""
 
 
 def _followed(pair: Pair, name: str, one: CouplingReading, other: CouplingReading, free: set[str]) -> Iterator[Fact]:
@@ -82,7 +85,9 @@ def _followed(pair: Pair, name: str, one: CouplingReading, other: CouplingReadin
     along = any(pair.partner(n).zero for n in one.named) and np.abs(np.subtract(*plain)).max() < SAME
     if not along and (size := _size(ours.minus(theirs))) > SAME:
         changes = (Change(name, "polynomial", ours.beside(own)[1]),)
-        yield Fact(joint, "polynomial", *ours.beside(theirs), "", size, changes=changes, of=_leads(ours))
+        several = tuple(ours.terms) if len(ours.terms) > 1 else ()
+        a, b = ours.beside(theirs)
+        yield Fact(joint, "polynomial", a, b, "", size, changes=changes, of=_leads(ours), more=several)
 
 
 def _in_a(pair: Pair, coupling: CouplingReading, *, zeros: bool = True) -> PolynomialSum:
