@@ -197,7 +197,7 @@ def resistance(answer: Answer) -> Residuals:
     reported = answer.values["resistance"]
     for unit in dict.fromkeys(reported.units):
         some = [one for one in answer.mechanism.resistances if one.unit == unit]
-        names, right = [one.name for one in some], np.stack([taken(one, answer.states) for one in some], axis=1)
+        names, right = tuple(one.name for one in some), np.stack([taken(one, answer.states) for one in some], axis=1)
         yield answer.residual(
             "resistance", unit, names, reported.pick(names).array - right, largest(right), ("resistance",)
         )
