@@ -14,8 +14,8 @@ import numpy as np
 
 from screwgauge.models.kinematics import home, length_of, plant, rehomed, residual_at_home
 from screwgauge.models.matter import NOTHING, Matter, combined, displaced
-from screwgauge.models.poses import relative
-from screwgauge.models.readings.reading import FREEDOMS, ClosureReading, JointReading, Reading
+from screwgauge.models.poses import matrix, relative, shortest_turn
+from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
 from screwgauge.reference.mechanism import GROUND
 from screwgauge.reference.rotations import Array
 from screwgauge.witness.constraints import closed
@@ -36,7 +36,6 @@ class Element:
         centre: A point of it in the world. Shape (3,).
         joint: Its name; empty of closures, which `closures` names.
         turned: Whether the joint of the reading leads from far to near.
-        points: Of closures, one or two, in the world; None of a joint. Shape (n, 3).
     """
 
     kind: str
@@ -45,7 +44,6 @@ class Element:
     joint: str = ""
     closures: tuple[str, ...] = ()
     turned: bool = False
-    points: Array | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -61,6 +59,12 @@ class Element:
         """The element seen from its other side."""
         return replace(self, screw=-self.screw, turned=not self.turned)
 
+    def placed(self, T: Array) -> Element:
+        """The element displaced in the world. T: shape (4, 4)."""
+        R, p = T[:3, :3], T[:3, 3]
+        way = R @ self.screw[:3]
+        return replace(self, screw=np.append(way, R @ self.screw[3:] + np.cross(p, way)), centre=R @ self.centre + p)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Link:
@@ -71,6 +75,7 @@ class Link:
         elements: Its freedoms, from the near body outwards.
         kind: R, P, C, U, S or F; else the letters of its freedoms.
         centre: Where the axes of a U or S meet [m], shape (3,); None of all others.
+        step: Displacement of its end on the far body, where loops that are open leave it elsewhere. Shape (4, 4).
     """
 
     near: str
@@ -78,6 +83,7 @@ class Link:
     elements: tuple[Element, ...]
     kind: str
     centre: Array | None = None
+    step: Array | None = None
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -100,8 +106,22 @@ class Link:
 
     def reversed(self) -> Link:
         """The link seen from its other body."""
-        elements = tuple(each.reversed() for each in self.elements[::-1])
-        return replace(self, near=self.far, far=self.near, elements=elements)
+        link = self if self.step is None else self.placed(self.step)
+        elements = tuple(each.reversed() for each in link.elements[::-1])
+        back = None if self.step is None else np.asarray(np.linalg.inv(self.step))
+        return replace(link, near=self.far, far=self.near, elements=elements, step=back)
+
+    def placed(self, T: Array) -> Link:
+        """The link displaced in the world, `step` as it is. T: shape (4, 4)."""
+        centre = None if self.centre is None else T[:3, :3] @ self.centre + T[:3, 3]
+        return replace(self, elements=tuple(each.placed(T) for each in self.elements), centre=centre)
+
+    def on(self, other: Link) -> Link:
+        """This link and another one that goes on from its far body, as one."""
+        steps = [each for each in (other.step, self.step) if each is not None]
+        behind = other if self.step is None else other.placed(np.asarray(np.linalg.inv(self.step)))
+        step = np.asarray(np.linalg.multi_dot([*steps, np.eye(4)])) if steps else None
+        return Link(self.near, other.far, self.elements + behind.elements, "", step=step)
 
     def of(self, body: str) -> Link:
         """The link seen from one of its bodies."""
@@ -194,71 +214,107 @@ def uncontracted(reading: Reading) -> Machine:
     """Bodies and links at the home of a reading, bodies without mass among them; links have no kind yet."""
     length = length_of(reading)
     rigid, pins = _sorted_closures(reading, length)
-    owner, remarks = {name: name for name in (GROUND, *reading.bodies)}, list[str]()
-    for first, second in rigid:
-        a, b = owner[first], owner[second]
-        a, b = (b, a) if b == GROUND else (a, b)
-        owner = {name: a if root == b else root for name, root in owner.items()}
-        if a != b:
-            remarks.append(f"'{b}' is one body with '{a}', as closures keep them together.")
+    owner, shift, remarks = _owners([GROUND, *reading.bodies], rigid)
     links = list[Link]()
     for name, body in reading.bodies.items():
         near, far = owner[body.near], owner[name]
         if near != far:
-            links.append(Link(near, far, tuple(_element(joint, reading.joints[joint]) for joint in body.joints), ""))
+            elements = tuple(_element(joint, reading.joints[joint]) for joint in body.joints)
+            links.append(_between(Link(body.near, name, elements, ""), owner, shift))
             continue
         remarks += [f"Joint '{joint}' is held by closures, and left out." for joint in body.joints]
-    links += [
-        replace(pin, near=owner[pin.near], far=owner[pin.far]) for pin in pins if owner[pin.near] != owner[pin.far]
-    ]
-    bodies = {name: _body(reading, owner, name) for name, root in owner.items() if name == root}
+    links += [_between(pin, owner, shift) for pin in pins if owner[pin.near] != owner[pin.far]]
+    bodies = {name: _body(reading, owner, shift, name) for name, root in owner.items() if name == root}
     return Machine(reading, bodies, tuple(links), length, tuple(remarks))
 
 
-def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, str]], list[Link]]:
-    """Pairs of bodies that closures make one, and links by a point, or two of an axis, that others have in common."""
-    rigid, points = [], dict[tuple[str, str], dict[str, Array]]()
+def _owners(
+    bodies: Sequence[str], rigid: Iterable[tuple[str, str, Array | None]]
+) -> tuple[dict[str, str], dict[str, Array], list[str]]:
+    """Body -> the one that it is part of; -> its displacement there, where loops are open, (4, 4); and remarks.
+
+    Args:
+        rigid: Pairs of bodies that are one, each with the displacement of the second one that makes them so.
+    """
+    owner, shift, remarks = {name: name for name in bodies}, dict.fromkeys(bodies, np.eye(4)), list[str]()
+    for first, second, step in rigid:
+        a, b = owner[first], owner[second]
+        if a == b:
+            continue
+        onto = np.eye(4) if step is None else step
+        if b == GROUND:
+            a, b, first, second, onto = b, a, second, first, np.asarray(np.linalg.inv(onto))
+        if step is not None or shift[first] is not shift[second]:
+            onto = shift[first] @ onto @ np.linalg.inv(shift[second])
+            shift |= {name: onto @ shift[name] for name, root in owner.items() if root == b}
+        owner = {name: a if root == b else root for name, root in owner.items()}
+        remarks.append(f"'{b}' is one body with '{a}', as closures keep them together.")
+    return owner, shift, remarks
+
+
+def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, str, Array | None]], list[Link]]:
+    """Pairs of bodies that closures make one, and links by a point, or two of an axis, that others have in common.
+
+    Returns:
+        Of each pair the displacement that closes it, of the second body, shape (4, 4), None where it is closed; links.
+    """
+    rigid, points = list[tuple[str, str, Array | None]](), dict[tuple[str, str], dict[str, Array]]()
     for name, closure in reading.closures.items():
+        (one, T1), (other, T2) = reading.ends(name)
         if closure.kind == "weld":
-            rigid.append((closure.first, closure.second))
+            open_ = np.abs(T1 - T2).max() > CLOSED * length
+            rigid.append((one, other, np.asarray(T1 @ np.linalg.inv(T2)) if open_ else None))
         else:
-            pair = min(closure.first, closure.second), max(closure.first, closure.second)
-            points.setdefault(pair, {})[name] = _point(reading, closure)
+            at = (one, T1[:3, 3]), (other, T2[:3, 3])
+            near, far = sorted(at, key=lambda end: end[0])
+            points.setdefault((near[0], far[0]), {})[name] = np.array([near[1], far[1]])
     pins = list[Link]()
     for (first, second), named in points.items():
-        cloud = np.array([*named.values()])
-        _, s, Vt = np.linalg.svd(cloud - cloud.mean(axis=0))
+        clouds = np.array([*named.values()]).swapaxes(0, 1)  # of the first body, of the second one
+        _, s, Vt = np.linalg.svd(clouds[0] - clouds[0].mean(axis=0))
         spread = int(np.sum(s > SAME * length))
         if spread >= 2:
-            rigid.append((first, second))
+            rigid.append((first, second, None))
             continue
-        along = (cloud - cloud[0]) @ Vt[0]
-        ends = cloud[[int(np.argmin(along)), int(np.argmax(along))]] if spread else cloud[:1]
-        pins.append(Link(first, second, (_pin(ends, tuple(named)),), ""))
+        along = (clouds[0] - clouds[0, 0]) @ Vt[0]
+        chosen = [int(np.argmin(along)), int(np.argmax(along))] if spread else [0]
+        open_ = np.abs(clouds[0] - clouds[1]).max() > CLOSED * length
+        here, there = (_pin(cloud[chosen], tuple(named)) for cloud in clouds)
+        pins.append(Link(first, second, (here,), "", step=_onto(here, there) if open_ else None))
     return rigid, pins
-
-
-def _point(reading: Reading, closure: ClosureReading) -> Array:
-    """Position of a closure at home, on its first body."""
-    pose = np.eye(4) if closure.first == GROUND else reading.bodies[closure.first].pose
-    return np.asarray((pose @ closure.first_frame)[:3, 3])
 
 
 def _pin(points: Array, closures: tuple[str, ...]) -> Element:
     """A ball of one point, or a hinge of two."""
     centre = points.mean(axis=0)
     if len(points) == 1:
-        return Element("ball", np.zeros(6), centre, "", closures, points=points)
+        return Element("ball", np.zeros(6), centre, "", closures)
     along = points[1] - points[0]
-    along = along / np.linalg.norm(along)
-    return Element("hinge", np.append(along, np.cross(centre, along)), centre, "", closures, points=points)
+    along = along / (np.linalg.norm(along) or 1.0)
+    return Element("hinge", np.append(along, np.cross(centre, along)), centre, "", closures)
+
+
+def _onto(one: Element, other: Element) -> Array:
+    """The shortest displacement of one element onto another one. Shape (4, 4)."""
+    R = shortest_turn(one.direction, other.direction)
+    return matrix(other.centre - R @ one.centre, R)
+
+
+def _between(link: Link, owner: Mapping[str, str], shift: Mapping[str, Array]) -> Link:
+    """A link of bodies of the reading as one of those that they are part of, which stand elsewhere by `shift`."""
+    near, far = shift[link.near], shift[link.far]
+    found = replace(link, near=owner[link.near], far=owner[link.far])
+    if near is far and link.step is None:
+        return found
+    step = far @ (np.eye(4) if link.step is None else link.step) @ np.linalg.inv(near)
+    return replace(found.placed(near), step=np.asarray(step))
 
 
 def _element(name: str, joint: JointReading) -> Element:
     return Element(joint.kind, joint.screw, joint.centre, name)
 
 
-def _body(reading: Reading, owner: Mapping[str, str], name: str) -> Body:
+def _body(reading: Reading, owner: Mapping[str, str], shift: Mapping[str, Array], name: str) -> Body:
     members = tuple(member for member, root in owner.items() if root == name)
     frames = {GROUND: np.eye(4), **reading.fixed} if name == GROUND else {}
     pose, local = (np.eye(4), NOTHING) if name == GROUND else (reading.bodies[name].pose, reading.bodies[name])
@@ -266,9 +322,10 @@ def _body(reading: Reading, owner: Mapping[str, str], name: str) -> Body:
         if member == GROUND:
             continue
         body = reading.bodies[member]
-        frames |= {member: body.pose, **{link: body.pose @ T for link, T in body.fixed.items()}}
+        there = shift[member] @ body.pose
+        frames |= {member: there, **{link: there @ T for link, T in body.fixed.items()}}
         if member != name:
-            local = combined(local, displaced(body, relative(pose, body.pose)))
+            local = combined(local, displaced(body, relative(pose, there)))
     return Body(members, pose, local, displaced(local, pose), frames)
 
 
@@ -286,7 +343,7 @@ def contracted(machine: Machine, carriers: Iterable[str]) -> Machine:
         one, two = held[0].of(name).reversed(), held[1].of(name)
         if one.near == two.far or len(one.elements) + len(two.elements) > max(FREEDOMS.values()):
             continue
-        links[links.index(held[0])] = Link(one.near, two.far, one.elements + two.elements, "")
+        links[links.index(held[0])] = one.on(two)
         links.remove(held[1])
         del bodies[name]
     return replace(machine, bodies=bodies, links=tuple(_classed(link, machine.length) for link in links))

@@ -113,7 +113,7 @@ def _base(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
 def _coordinates(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
     """Split the displacement of the far body into what the joints do and what is left."""
     a, b = pair.a, pair.b
-    D = pair.displacement(one.near, one.far)
+    D = _moved(pair, one, other)
     joints = [
         (a.reading.joints[x.joint], b.reading.joints[y.joint])
         for x, y in zip(one.elements, other.elements, strict=True)
@@ -130,6 +130,17 @@ def _coordinates(pair: Pair, one: Link, other: Link) -> Iterator[Fact]:
         yield from _counting(pair, x, j)
         yield from _passive(pair, x.joint)
     yield from _places(pair, one, other, moved=moved)
+
+
+def _moved(pair: Pair, one: Link, other: Link) -> Array:
+    """How the far body of B stands against that of A, seen from the near ones, with open loops closed at the link."""
+    D = pair.displacement(one.near, one.far)
+    D = (
+        D
+        if other.step is None
+        else pair.alignment.placed[one.far] @ other.step @ np.linalg.inv(pair.alignment.placed[one.near])
+    )
+    return D if one.step is None else np.asarray(np.linalg.inv(one.step) @ D)
 
 
 def _senses(pair: Pair, one: Link, other: Link) -> list[float]:
@@ -178,19 +189,20 @@ def _rest(link: Link, D: Array, ways: Sequence[float] | Array, length: float) ->
 
 
 def _displaced(pair: Pair, one: Link, other: Link, D: Array, X: Array) -> Fact:
-    """Tell on which of its bodies a link sits elsewhere: on the near one, if the far one does not say otherwise.
+    """Tell on which of its bodies a link sits elsewhere.
 
     Args:
         D: Displacement of the near body of B against that of A, seen from the far ones; `X`: what of it is left of the
             far ones where the link does not move. Shape (4, 4) each.
     """
-    far = {body for body, *_ in _shifted(pair, one, other)} == {one.far}
+    ends = {body for body, *_ in _shifted(pair, one, other)}
+    far = ends == {one.far} if ends else one.elements[0].turned  # shifted along its axis it shows on neither
     body, carried, element = (one.far, one.near, one.elements[-1]) if far else (one.near, one.far, one.elements[0])
     X = np.asarray(D @ np.linalg.inv(X) @ np.linalg.inv(D)) if far else X
     if hangs := element.turned == far:  # the file hangs what is behind the joint on this side of it
         value, point = X, pair.a.bodies[carried].pose[:3, 3]
     else:
-        value, point = np.linalg.inv(X), element.centre
+        value, point = np.asarray(np.linalg.inv(X)), element.centre
     change = Change(element.joint, "placement" if hangs else "seat", value)
     return Fact(
         "/".join(one.joints),

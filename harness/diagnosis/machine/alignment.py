@@ -158,7 +158,7 @@ class _Walk:
     def _once(self, pairs: list[tuple[Link, Link]]) -> list[tuple[Link, Link]]:
         """Each link in one pair, the likeliest first: slides in one direction lie on each other."""
         chosen = list[tuple[Link, Link]]()
-        for one, other in sorted(pairs, key=lambda pair: self._cost(*pair)):
+        for one, other in sorted(filter(self._may_meet, pairs), key=lambda pair: self._cost(*pair)):
             if all(one is not x and other is not y for x, y in chosen):
                 chosen.append((one, other))
         return chosen
@@ -182,9 +182,14 @@ class _Walk:
         pairs = sorted(assignment(cost), key=lambda pair: cost[pair])
         for i, j in pairs:
             one, other = ours[i], theirs[j]
-            fresh = one.far not in self.bodies and other.far not in self.bodies.values()
-            if cost[i, j] <= MOST and (fresh or self.bodies.get(one.far) == other.far):
+            if cost[i, j] <= MOST and self._may_meet((one, other)):
                 yield one, other
+
+    def _may_meet(self, pair: tuple[Link, Link]) -> bool:
+        """Whether the far bodies of two links are partners, or have none."""
+        one, other = pair
+        fresh = one.far not in self.bodies and other.far not in self.bodies.values()
+        return fresh or self.bodies.get(one.far) == other.far
 
     def _cost(self, one: Link, other: Link) -> float:
         """How unlike two links and their descendants are; names that are the same weigh more than all else."""

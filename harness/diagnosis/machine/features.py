@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,6 +34,8 @@ def features(link: Link, body: str) -> list[Feature]:
     """Features of a link on one of its bodies; none of a free one."""
     if link.kind == "F":
         return []
+    if body != link.near and link.step is not None:
+        return [each.placed(link.step) for each in features(replace(link, step=None), body)]
     if link.kind == "S" and link.centre is not None:
         return [Feature("S", link.centre, np.zeros(3))]
     return [feature(link.elements[0 if body == link.near else -1])]
