@@ -41,17 +41,20 @@ def settled(
     excused = _excused(bodies, allow, where)
     excesses = {body.name: excess for body in bodies if (excess := triangle_excess(body.inertia))}
     normals = normals_of_planes(joints, couplings) if {*excesses} - excused else {}
-    found, completed, sentences = list[Body](), list[str](), list[str]()
+    found, completed, refused, sentences = list[Body](), list[str](), list[Body](), list[str]()
     for body in bodies:
-        tensor = body.inertia
+        tensor: Array | None = body.inertia
         if body.name in excesses and body.name in excused:
             sentences.append(_allowed(body, excesses[body.name]))
         elif body.name in excesses:
-            tensor = next(_completed(tensor, normals.get(body.name, ())), tensor)
-            if triangle_excess(tensor):
-                raise _refusal(body, excesses[body.name], normals.get(body.name), joints, couplings)
-            completed.append(body.name)
-        found.append(replace(body, inertia=tensor, allowed=body.name in excused))
+            tensor = next(_completed(body.inertia, normals.get(body.name, ())), None)
+            if tensor is None:
+                refused.append(body)
+            else:
+                completed.append(body.name)
+        found.append(body if tensor is None else replace(body, inertia=tensor, allowed=body.name in excused))
+    if refused:
+        raise _refusal(refused, normals.get(refused[0].name), joints, couplings)
     if completed:
         sentences.append(
             f"one moment of inertia is enough for {first_few(completed, SHOWN)}, which turn about one direction only, "
@@ -75,17 +78,17 @@ def _excused(bodies: Sequence[Body], allow: Collection[str], where: str) -> set[
 
 
 def _completed(inertia: Array, normals: Sequence[Array] | Array) -> Iterator[Array]:
-    """The tensor with moments across a normal that are the least of what a body can have, normal by normal.
+    """The tensor with the least moments across a normal that a body can have, normal by normal.
 
-    About the normal n it is as it was, ``I n = J n``; across it, ``I + d (1 - n n^T)`` has the sum J.
+    About the normal n it stays as it is, ``I n = J n``; across it, ``I + d (1 - n n^T)`` has the sum J. Moments across
+    that no body has whatever J is are not mended: they are more likely wrong than left out.
     """
     size = float(np.trace(inertia))
     for n in normals:
         J = float(n @ inertia @ n)
-        if np.abs(inertia @ n - J * n).max() <= SLACK * size:
-            raised = inertia + 0.5 * (2.0 * J - size) * (np.eye(3) - np.outer(n, n))
-            if J > 0.0 and not triangle_excess(raised):
-                yield raised
+        raised = inertia + 0.5 * (2.0 * J - size) * (np.eye(3) - np.outer(n, n))
+        if J > 0.0 and np.abs(inertia @ n - J * n).max() <= SLACK * size and not triangle_excess(raised):
+            yield raised
 
 
 def _allowed(body: Body, excess: float) -> str:
@@ -99,16 +102,22 @@ def _allowed(body: Body, excess: float) -> str:
 
 
 def _refusal(
-    body: Body, excess: float, normals: Array | None, joints: Sequence[Joint], couplings: Sequence[Coupling]
+    bodies: Sequence[Body], normals: Array | None, joints: Sequence[Joint], couplings: Sequence[Coupling]
 ) -> DescriptionError:
-    """Why a tensor is refused, and what to do."""
+    """Why the tensor of the first of some bodies is refused, and what to do with all.
+
+    Args:
+        normals: Of the first, as far as it has any.
+    """
+    body, names = bodies[0], ", ".join(f'"{body.name}.{TRIANGLE}"' for body in bodies)
     moments = np.linalg.eigvalsh(body.inertia).tolist()
+    excess = triangle_excess(body.inertia)
     what = f"principal moments {moments} kg m^2 violate the triangle inequality by {excess:.3g}"
     if normals is not None:
         axis = np.round(normals[0], 6) + 0.0
-        remedy = f"it turns about {axis.tolist()} of its axes only, give the moment about that"
+        remedy = f"it turns about {axis.tolist()} of its axes only, give the moment about that alone"
     elif body.name in normals_of_planes(joints, couplings, MEANT):
         remedy = "one moment is enough where axes are parallel, and those of its joints nearly are; write them in full"
     else:
         remedy = "no body of positive mass has them, and it turns about more than one direction; check the tensor"
-    return DescriptionError(what, body.where, f'{remedy}, or allow them: allow = ["{body.name}.{TRIANGLE}"]')
+    return DescriptionError(what, body.where, f"{remedy}, or allow what is refused: allow = [{names}]")

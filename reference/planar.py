@@ -36,10 +36,11 @@ def normals_of_planes(
         for near, far, outward in ((joint.parent, joint.child, True), (joint.child, joint.parent, False)):
             steps.setdefault(near, []).append((far, _step(joint, constants, outward, parallel)))
     still = _carried({GROUND: np.eye(3)}, steps)
-    found = {name: axes for name, axes in still.items() if name != GROUND}
+    found = dict(still)
     for direction in _directions(still, joints, constants, parallel):
         for name, axis in _carried({name: axes @ direction for name, axes in still.items()}, steps).items():
             found.setdefault(name, axis[None])
+    del found[GROUND]
     return found
 
 

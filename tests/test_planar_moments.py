@@ -165,9 +165,19 @@ def test_a_joint_that_a_coupling_holds_turns_nothing(write):
         (arm(Z, NEARLY), "write them in full"),
         (arm(Y), r"\[0\.0, 1\.0, 0\.0\] of its axes only"),
         (arm('kind = "U"\naxes = [[1, 0, 0], [0, 0, 1]]').replace('"j0"', '"j0.q1"'), "more than one direction"),
-        (arm(Z, moment="{ xx = 0.1, yy = 0.5, zz = 0.1 }"), "violate the triangle inequality"),
+        (arm(Z, moment="{ xx = 0.1, yy = 0.5, zz = 0.1 }"), r"give the moment about that alone"),
+        (arm(Z, moment="{ xx = 0.1 }"), r"\[0\.0, 0\.0, 1\.0\] of its axes only"),
+        (arm(Z, moment="{ zz = 0.1, xx = 0.5, xz = 1e-3, yy = 0.01 }"), "violate the triangle inequality"),
     ],
-    ids=["in space", "all but parallel", "about another axis", "universal", "across the normal"],
+    ids=[
+        "in space",
+        "all but parallel",
+        "about another axis",
+        "universal",
+        "wrong across it",
+        "none about it",
+        "with products",
+    ],
 )
 def test_a_moment_that_is_not_enough_is_refused_with_what_to_do(text, reason, write):
     with pytest.raises(DescriptionError, match=reason) as refused:
@@ -184,3 +194,16 @@ def test_links_of_a_file_with_one_moment_are_completed(write):
     imported = import_model(path)
     assert np.diag(imported.mechanism.body("b").inertia).tolist() == [0.05, 0.05, 0.1]
     assert any("a, b, which turn about one direction" in each for each in imported.remarks)
+
+
+@pytest.mark.parametrize("across", ["xx = 0.02", "xx = 0.03, yy = 0.05", "xx = 1e-6, yy = 0.01, xy = 5e-5"])
+def test_moments_across_the_direction_may_be_too_small(across, write):
+    mechanism = load_mechanism(write("arm.toml", arm(Z, Z, moment=f"{{ zz = 0.1, {across} }}")))
+    for body in mechanism.bodies:
+        assert body.inertia[2].tolist() == [0.0, 0.0, 0.1]
+        assert body.inertia[0, 0] + body.inertia[1, 1] == pytest.approx(0.1, rel=1e-15, abs=0)
+
+
+def test_all_bodies_that_are_refused_are_named_at_once(write):
+    with pytest.raises(DescriptionError, match=r'allow = \["b0.triangle", "b1.triangle"\]'):
+        load_mechanism(write("arm.toml", arm(Y, Z)))
