@@ -10,6 +10,7 @@ from screwgauge.reference.graph import layout
 from screwgauge.reference.mobility import mobility
 from screwgauge.reference.reciprocal import end_body
 from screwgauge.reference.rigid import without_fixed_joints
+from support.engines import Solution, Values
 from support.errors import DescriptionError
 from support.mechanism import Mechanism, load_mechanism
 from support.models import CUTS, check_models, description, lay_out, loops_of, read_loops, write_models
@@ -234,6 +235,20 @@ def test_tables_need_no_column_of_it(write, tmp_path):
     )
     assert results.ok
     assert not [one for one in results.warnings if "mine" in one]
+
+
+def test_engines_of_others_need_not_know_it(write, stand_in):
+    write("arm.toml", ARM + HOLD)
+    scene = load_scene(write("move.toml", SCENE))
+
+    def formula(problem) -> Solution:
+        y = problem.task.y
+        return Solution("pinocchio", "1", {"joint_position": Values(("a",), ("rad",), y)}, condition=np.ones(len(y)))
+
+    stand_in(pinocchio=formula)
+    results = screwgauge.run(scene, engines=["screw", "pinocchio"], quantities=["joint_position"])
+    assert results.ok
+    assert results.components("joint_position", engine="pinocchio") == ("a",)
 
 
 def test_it_counts_as_six_constraints_and_no_freedom(arm):

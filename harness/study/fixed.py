@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from screwgauge.quantities import QUANTITIES
+from screwgauge.quantities import FORCE, QUANTITIES, RATE
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.rotations import Array
 from screwgauge.solution import Solution, Values
 
 #: What quantities have of each joint coordinate.
@@ -33,9 +32,18 @@ def _kept(values: Values, held: set[str]) -> tuple[str, ...]:
     return tuple(name for name in values.components if name not in held)
 
 
-def add_fixed(mechanism: Mechanism, columns: Mapping[str, dict[str, Array]], n: int) -> None:
-    """Add the coordinates of fixed joints to the columns of a table with n rows, by quantity and component."""
-    held = {*mechanism.coordinates} - {*mechanism.moving}
-    for quantity, has in columns.items():
-        if QUANTITIES[quantity].of in ALONG:
-            has |= {name: np.zeros(n) for name in held - {*has}}
+def with_fixed(mechanism: Mechanism, values: Mapping[str, Values]) -> dict[str, Values]:
+    """Values with the coordinates of fixed joints, which are zero, where an engine or a table leaves them out."""
+    held = [name for name in mechanism.coordinates if name not in mechanism.moving]
+    return {name: _filled(name, has, held, mechanism.coordinates) if held else has for name, has in values.items()}
+
+
+def _filled(quantity: str, values: Values, held: Sequence[str], coordinates: Sequence[str]) -> Values:
+    """Values of one quantity with zeros for the coordinates that are held, in the order of all coordinates."""
+    lost, what = [name for name in held if name not in values.components], QUANTITIES[quantity]
+    if what.of not in ("joint", "axis") or not lost:
+        return values
+    unit = f"rad{RATE[what.needs]}" if what.of == "joint" else FORCE["rad"]
+    names, units = (*values.components, *lost), (*values.units, *[unit] * len(lost))
+    whole = Values(names, units, np.concatenate([values.array, np.zeros((len(values.array), len(lost)))], axis=1))
+    return whole.pick(tuple(name for name in coordinates if name in names)) if {*names} <= {*coordinates} else whole

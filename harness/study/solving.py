@@ -23,6 +23,7 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Failure, Solution
 from screwgauge.study.answers import declared, sound
+from screwgauge.study.fixed import with_fixed
 from screwgauge.study.methods import (
     EngineTask,
     Expected,
@@ -167,6 +168,7 @@ def ask_engines(
             failures[name] = answer
             continue
         try:
+            answer = replace(answer, values=with_fixed(scene.mechanism, answer.values))
             check_components(answer, len(scene.t), expected or {})
             check_units(answer, units or {}, len(scene.mechanism.coordinates))
             answer = replace(answer, notes=(*answer.notes, *excepted(answer, wanted)))

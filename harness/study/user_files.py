@@ -46,7 +46,7 @@ from screwgauge.scene.motion import same_times
 from screwgauge.scene.observables import Header, Recorded, read_header
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values, empty
-from screwgauge.study.fixed import add_fixed
+from screwgauge.study.fixed import with_fixed
 
 #: An angle that is so close to that of the scene, whole turns aside, is meant to be that [rad].
 NEAR = 0.1
@@ -81,7 +81,6 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
     table, n = scene.tables[name], len(scene.t)
     rows, at = same_times(scene.t, table.t)
     columns = _columns(table, names, wanted)
-    add_fixed(scene.mechanism, columns, len(table.t))
     if not rows.size:
         raise DescriptionError("has none of the times of the scene", table.where, "ask for times that it has")
     values: dict[str, Values] = {}
@@ -93,7 +92,7 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
     if not values:
         what = f"gives nothing of what is compared ({', '.join(wanted)})"
         raise DescriptionError(what, table.where, "ask for its quantities, or leave it out")
-    assembly = _assembly(scene, rows)
+    values, assembly = with_fixed(scene.mechanism, values), _assembly(scene, rows)
     if "joint_position" in values:
         values["joint_position"] = _unwound(values["joint_position"], scene.mechanism.coordinates, assembly)
     short, long = _left_out(name, values, names, wanted, [f"only {len(rows)} of the {n} samples"] * (len(rows) < n))
