@@ -27,7 +27,7 @@ _NAMED = 3
 #: What is in the libraries' own torques alone, besides content.
 _MEDIUM = ("density", "viscosity")
 #: What holds loops together.
-_LOOPS = CLOSING | {"end", "held"}
+_LOOPS = CLOSING | {"held"}
 #: Quantity that a library computes differently from its reading -> case of the casebook.
 CASES = {"Jdot v": "mj-jdotv-before-3.7", "acceleration": "spatial-or-classical"}
 
@@ -102,7 +102,7 @@ def _effect(found: Findings, causes: Sequence[Cause]) -> Iterator[str]:
             yield f"Together they change torques {much}; {percent(most.share)} of that by {name} alone."
     yield from _outside(causes)
     plain = [each for each in causes if not _left_out(each)]
-    unseen = [each for each in plain if each.kind == "unseen" and each.facts[0].what not in _LOOPS]
+    unseen = [each for each in plain if each.kind == "unseen" and not _of_loops(each.facts[0])]
     if unseen:
         counts = all(fact.kind == "convention" for each in unseen for fact in each.facts)
         yield f"{_subject(unseen, causes)} {'coordinates alone, and ' * counts}no torque."
@@ -129,12 +129,17 @@ def _outside(causes: Sequence[Cause]) -> Iterator[str]:
     whats = list(dict.fromkeys(fact.what for each in causes for fact in each.facts if _is_outside(fact)))
     if whats:
         yield f"Torques of bodies and joints leave out {listed(whats)}."
-    if any(each.kind == "unseen" and each.facts[0].what in _LOOPS for each in causes):
+    if any(each.kind == "unseen" and _of_loops(each.facts[0]) for each in causes):
         yield "Torques at one and the same motion cannot show how loops differ."
 
 
 def _is_outside(fact: Fact) -> bool:
     return fact.what in kinds() or fact.what in _MEDIUM
+
+
+def _of_loops(fact: Fact) -> bool:
+    """Whether a fact is of what closes loops; an end may also be one of a joint."""
+    return fact.what in _LOOPS or (fact.what == "end" and all(change.what in CLOSING for change in fact.changes))
 
 
 def _left_out(cause: Cause) -> bool:

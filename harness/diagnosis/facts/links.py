@@ -15,7 +15,7 @@ import numpy as np
 from screwgauge.diagnosis.facts.fact import TOLERANCE, Fact, Pair, Partner, apart, step_of
 from screwgauge.diagnosis.machine.alignment import assignment
 from screwgauge.diagnosis.machine.features import EXACT, Feature, feature, features, gap
-from screwgauge.diagnosis.machine.placement import descended
+from screwgauge.diagnosis.machine.placement import descended, laid
 from screwgauge.diagnosis.properties import PASSIVE, Change, unit_of
 from screwgauge.diagnosis.shares import freedom_left
 from screwgauge.models.machine import Element, Link, Machine
@@ -199,22 +199,28 @@ def _displaced(pair: Pair, one: Link, other: Link, D: Array, X: Array) -> Fact:
     far = ends == {one.far} if ends else one.elements[0].turned  # shifted along its axis it shows on neither
     body, carried, element = (one.far, one.near, one.elements[-1]) if far else (one.near, one.far, one.elements[0])
     X = np.asarray(D @ np.linalg.inv(X) @ np.linalg.inv(D)) if far else X
-    if hangs := element.turned == far:  # the file hangs what is behind the joint on this side of it
-        value, point = X, pair.a.bodies[carried].pose[:3, 3]
-    else:
-        value, point = np.asarray(np.linalg.inv(X)), element.centre
-    change = Change(element.joint, "placement" if hangs else "seat", value)
+    change = _on(one, body, X)
+    hangs = change.what == "placement"
     return Fact(
         "/".join(one.joints),
         "placement" if hangs else "end",
         np.zeros((2, 3)),
-        step_of(X, point),
+        step_of(X, pair.a.bodies[carried].pose[:3, 3] if hangs else element.centre),
         "m",
         float(np.abs(_entries(X, pair.a.length)).max()),
         changes=(change,),
         partner="/".join(other.joints),
         of=body,
     )
+
+
+def _on(link: Link, body: str, X: Array) -> Change:
+    """The change that displaces the end of joints on one of their bodies."""
+    far = body == link.far
+    element = link.elements[-1 if far else 0]
+    if element.turned == far:  # the file leads from this body to the other one
+        return Change(element.joint, "placement", X)
+    return Change(element.joint, "seat", np.asarray(np.linalg.inv(X)))
 
 
 def _counting(pair: Pair, x: Element, joint: JointReading) -> Iterator[Fact]:
@@ -301,7 +307,10 @@ def _places(pair: Pair, one: Link, other: Link, *, moved: bool) -> Iterator[Fact
         return
     for body, x, y, size in sides[:1] if joint else sides:
         step = _step(x, y)
-        changes = tuple(_axis(joint, x, y, step, pair.a.length)) if joint else ()
+        if joint:
+            changes = tuple(_axis(joint, x, y, step, pair.a.length))
+        else:
+            changes = (_on(one, body, laid(y, x)),) if one.articulated and len(sides) == 1 else ()
         yield Fact(
             "/".join(one.joints or one.names),
             "axis" if joint else "end",
@@ -390,5 +399,5 @@ def _axis(joint: str, x: Feature, y: Feature, step: Array, length: float) -> Ite
     if np.linalg.norm(step[0]) > TOLERANCE:
         sense = 1.0 if x.direction @ y.direction >= 0.0 else -1.0
         yield Change(joint, "axis", sense * y.direction)
-    if x.kind == "R" and np.linalg.norm(step[1]) > TOLERANCE * length:
+    if x.kind != "P" and np.linalg.norm(step[1]) > TOLERANCE * length:
         yield Change(joint, "centre", x.point + step[1])

@@ -102,7 +102,7 @@ def _candidates(a: Machine, b: Machine, links: tuple[Link, Link], near: Array) -
     yield near
     mine, yours = features(one, one.near), [each.placed(near) for each in features(other, other.near)]
     if mine and yours and mine[0].kind == yours[0].kind:
-        yield _laid(mine[0], yours[0]) @ near
+        yield laid(mine[0], yours[0]) @ near
     first, second = a.bodies[one.far], b.bodies[other.far]
     for name in [name for name in first.frames if name in second.frames][:FRAMES]:
         yield first.frames[name] @ np.linalg.inv(second.frames[name])
@@ -164,7 +164,7 @@ def coordinate_placement(a: Machine, b: Machine, links: tuple[Link, Link], near:
     return T
 
 
-def _laid(one: Feature, other: Feature) -> Array:
+def laid(one: Feature, other: Feature) -> Array:
     """The shortest displacement of another feature onto the one. Shape (4, 4)."""
     R: Array = np.eye(3)
     if one.kind != "S":
