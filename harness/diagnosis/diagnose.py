@@ -16,7 +16,7 @@ from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.explanation import Explanation, explained
 from screwgauge.diagnosis.facts.content import Beyond, content_of
 from screwgauge.diagnosis.facts.digits import as_compiled, longest, rounded
-from screwgauge.diagnosis.facts.fact import Fact, Pair, among, known_gravity
+from screwgauge.diagnosis.facts.fact import Fact, Pair, among, other_gravity
 from screwgauge.diagnosis.findings import Findings
 from screwgauge.diagnosis.fix import fixed, write_fix
 from screwgauge.diagnosis.libraries import agreement, library_checks, together
@@ -208,7 +208,7 @@ def findings(
     found = _with_causes(found, deadline)
     found = replace(found, witnesses=tuple(library_checks(models, seed, deadline)))
     if _is_beyond(found) and not deadline.over("torques of the libraries as loaded"):
-        skipped = bool(only) or not _is_usual(a.reading, b.reading)
+        skipped = bool(only) or bool(other_gravity(a.reading, b.reading))
         both, why_not = (None, "") if skipped else together(models, pair, seed)
         found = replace(found, agreement=agreement(pair, seed, only), together=both, why_not=why_not)
     if any(fact.kind != "digits" for fact in facts) and not deadline.over("proof by a corrected file"):
@@ -221,13 +221,6 @@ def _in_one_gravity(a: Reading, b: Reading) -> tuple[Reading, Reading]:
     stated = a.gravity if b.gravity is None else b.gravity
     one, two = (replace(each, gravity=stated) if each.gravity is None else each for each in (a, b))
     return one, two
-
-
-def _is_usual(a: Reading, b: Reading) -> bool:
-    """Whether libraries take the same gravity for both, of a file that is silent the usual one."""
-    ours, theirs = (known_gravity(each.gravity) for each in (a, b))
-    silent = (a.gravity is None) != (b.gravity is None)
-    return not silent or bool(np.allclose(ours, theirs, rtol=1e-12, atol=1e-12))
 
 
 def _is_beyond(found: Findings) -> bool:

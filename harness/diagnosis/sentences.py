@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from screwgauge.diagnosis.amounts import shown
 from screwgauge.diagnosis.assumptions import not_compared, sided
-from screwgauge.diagnosis.nouns import counted, listed
+from screwgauge.diagnosis.facts.fact import STANDARD, known_gravity, other_gravity
+from screwgauge.diagnosis.nouns import counted, listed, other
 from screwgauge.diagnosis.properties import CLOSING, OPTIONAL, PROPERTIES, word
 from screwgauge.diagnosis.shares import SAME, UNSEEN, able
 from screwgauge.diagnosis.words import Speaker
@@ -44,6 +46,7 @@ def news(found: Findings) -> Iterator[str]:
         if found.beyond.withheld:
             yield f"The cause may be in what is not compared: {_listed(sided(found.beyond.withheld))}."
     yield from (_witness(each) for each in found.witnesses if not each.agrees)
+    yield from _gravity(found)
     yield from _loops(found)
     yield from _agreement(found)
     if found.order is not None:
@@ -52,6 +55,15 @@ def news(found: Findings) -> Iterator[str]:
         yield f"Only {found.only} properties are compared (--only)."
     if found.left_out:
         yield f"Stopped after {found.limit:g} s (--limit), without: {first_few(found.left_out, _NAMED)}."
+
+
+def _gravity(found: Findings) -> Iterator[str]:
+    """Tell where libraries that are called as they are take another gravity for a file that states none."""
+    side = other_gravity(found.a.reading, found.b.reading)
+    if side and not found.only:
+        stated = known_gravity((found.b if side == "A" else found.a).reading.gravity)
+        usual = f"{-STANDARD[2]:g} m/s^2 downwards for {side}, which states none"
+        yield f"Called as they are, libraries take {usual}, and {shown(stated)} m/s^2 for {other(side)}."
 
 
 def explanation(found: Findings) -> Iterator[str]:

@@ -12,6 +12,7 @@ import numpy as np
 from screwgauge.diagnosis.machine.alignment import Alignment
 from screwgauge.diagnosis.properties import PROPERTIES, RIGID, Change
 from screwgauge.models.machine import Machine
+from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.rotations import Array, rotation_vector
 
 #: What two files may differ by and be one machine: relative, or in lengths of the machine and rad. Rounding of readers
@@ -103,6 +104,14 @@ class Pair:
 def known_gravity(gravity: Array | None) -> Array:
     """Gravity that is stated, or the usual one where a file cannot say it [m/s^2]. Shape (3,)."""
     return STANDARD if gravity is None else gravity
+
+
+def other_gravity(a: Reading, b: Reading) -> str:
+    """The side that is silent on gravity where the other one states another than the usual one; empty elsewhere."""
+    if (a.gravity is None) == (b.gravity is None):
+        return ""
+    usual = np.allclose(known_gravity(a.gravity), known_gravity(b.gravity), rtol=1e-12, atol=1e-12)
+    return "" if usual else "A" if a.gravity is None else "B"
 
 
 def among(facts: Iterable[Fact], only: str) -> tuple[Fact, ...]:
