@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from screwgauge.diagnosis.facts.fact import STANDARD, Fact, known_gravity
 from screwgauge.diagnosis.machine.whole import Whole
 from screwgauge.diagnosis.properties import PASSIVE, applied, sequence
-from screwgauge.models.kinematics import draw, near_home, plant, size
+from screwgauge.models.kinematics import draw, near_home, plant
 from screwgauge.models.readings.reading import FREEDOMS, Reading
 from screwgauge.reference.errors import ScrewgaugeError
 from screwgauge.reference.linear import null_space
@@ -53,7 +53,17 @@ def _slides(reading: Reading) -> NDArray[np.bool_]:
 
 def _units(reading: Reading) -> Array:
     """What counts as 1 of each velocity. Shape (n_freedom,)."""
-    return np.where(_slides(reading), size(reading), 1.0)
+    return np.where(_slides(reading), _reach(reading), 1.0)
+
+
+def _reach(reading: Reading) -> float:
+    """Largest distance of a body's centre of mass from that of all, whatever the frames of the file are [m]."""
+    bodies = [body for body in reading.bodies.values() if body.mass > 0.0]
+    if not bodies:
+        return 1.0
+    centres = np.array([body.centre for body in bodies])
+    middle = np.average(centres, axis=0, weights=[body.mass for body in bodies])
+    return float(np.linalg.norm(centres - middle, axis=1).max()) or 1.0
 
 
 def components(reading: Reading) -> list[tuple[str, str]]:

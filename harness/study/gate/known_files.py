@@ -24,9 +24,8 @@ _FILES = FOLDER / "files"
 PAIR = (str(_FILES / "spatial-slider-crank.urdf"), str(_FILES / "spatial-slider-crank.xml"))
 #: Property -> item that has it, what the MJCF says, and what is put in its place: one value grows and one shrinks.
 PLANTED = {"damping": ("slide", 'damping="0.5"', 'damping="0.505"'), "mass": ("rod", 'mass="0.05"', 'mass="0.0495"')}
-#: Share by which these differ, and how exactly a diagnosis has to say so. B less A is A less B, but for states,
-#: at which each file closes its own loops.
-SIZE, EXACTLY, ALIKE = 1e-2, 0.02, 1e-3
+#: Share by which these differ, and how exactly a diagnosis has to say so; B less A is A less B.
+SIZE, EXACTLY, ALIKE = 1e-2, 0.02, 1e-6
 #: Mechanisms with loops, couplings of degree two and turned inertias, at a home of which no coordinate is zero, and
 #: with couplings of several coordinates.
 IMPORTED = ("ruse", "belt-leg")
