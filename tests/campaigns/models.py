@@ -11,6 +11,7 @@ from time import process_time
 
 import numpy as np
 import pandas as pd
+from campaigns.loaded import apart
 from campaigns.page import counted, study
 from campaigns.public import Public, by_source
 from campaigns.rows import rows_in_turn
@@ -39,6 +40,7 @@ class ImportRow:
         freedoms, loops, couplings, actuators: How many.
         verdict: As of a random mechanism (see `verdict.judged`), or ``refused`` before any engine ran.
         max_scaled: Largest scaled error of a pair of engines, of `quantity`.
+        loaded: Share by which MuJoCo's inverse dynamics of the file itself differ, see `loaded.apart`.
         import_s, run_s: Processor time of this process [s].
     """
 
@@ -54,6 +56,7 @@ class ImportRow:
     verdict: str = "refused"
     max_scaled: str = ""
     quantity: str = ""
+    loaded: str = ""
     reason: str = ""
     import_s: float = 0.0
     run_s: float = 0.0
@@ -83,6 +86,7 @@ def import_row(model: Public) -> ImportRow:
             scene = load_scene(file)
             some = np.unique(np.linspace(0, len(scene.t) - 1, SAMPLES).astype(int))
             outcome = judged(run(scene.at(scene.t[some]), ENGINES))
+            own = apart(model.file, imported, scene.at(scene.t[some]))
     except ScrewgaugeError as error:
         return replace(row, reason=error.what)
     return replace(
@@ -90,6 +94,7 @@ def import_row(model: Public) -> ImportRow:
         verdict=str(outcome["verdict"]),
         max_scaled=str(outcome.get("max_scaled", "")),
         quantity=str(outcome.get("quantity", "")),
+        loaded="" if np.isnan(own) else f"{own:.2g}",
         reason=str(outcome.get("reason") or outcome.get("judge", "")),
         run_s=round(process_time() - begin, 2),
     )
@@ -117,6 +122,7 @@ def _banner(table: pd.DataFrame) -> Banner:
 
 
 SHOWN = "model | format | bodies | joints | freedoms | loops | couplings | actuators | verdict | error = {max_scaled}"
+SHOWN += " | as loaded = {loaded}"
 PAGE = study(
     "imports.csv",
     "Public models",
