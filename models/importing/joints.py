@@ -9,6 +9,7 @@ import numpy as np
 
 from screwgauge.models.machine import Element, Link, Machine, contracted, kind_of, uncontracted
 from screwgauge.models.poses import screw
+from screwgauge.models.readings.compiled import RESISTS
 from screwgauge.models.readings.reading import FREEDOMS, JointReading, Reading
 from screwgauge.reference.applied import JointSpring
 from screwgauge.reference.errors import first_few
@@ -293,7 +294,7 @@ def left_out(reading: Reading, mechanism: Mechanism) -> tuple[str, ...]:
     density, viscosity = reading.medium
     if density or viscosity:
         phrases.append(f"medium of density {density:g} kg/m^3 and viscosity {viscosity:g} Pa s")
-    held = ("mimic of", "include ")  # couplings are read from the file itself, and what is included is read
+    held = ("mimic of", "include ", RESISTS)  # couplings, what is included and what actuators have are read apart
     return (*phrases, *(phrase for phrase in reading.ignored if not phrase.startswith(held)))
 
 

@@ -141,10 +141,10 @@ def _numbers(model: Any, arrays: Iterable[str], i: int) -> Values:
     return tuple(out)
 
 
-def _acts(model: Any, kind: Kind, i: int) -> bool:
-    """Whether any of its numbers is not without effect."""
+def _acts(model: Any, arrays: Iterable[str], i: int) -> bool:
+    """Whether any of these numbers is not without effect."""
     neutral = table()["neutral"]
-    for name, values in _entries(model, kind.arrays, i).items():
+    for name, values in _entries(model, arrays, i).items():
         idle = np.zeros(len(values))
         idle[: len(neutral.get(name, ()))] = neutral.get(name, ())
         if not np.array_equal(values, idle):
@@ -158,7 +158,7 @@ def _of_joints(model: Any, kind: Kind) -> Iterator[Content]:
         i = model.jnt_dofadr[j] if of_dofs else j
         counts = not kind.joints or model.jnt_type[j] in kind.joints
         name = model.joint(j).name
-        if counts and (not kind.when or getattr(model, kind.when)[i]) and _acts(model, kind, i):
+        if counts and (not kind.when or getattr(model, kind.when)[i]) and _acts(model, kind.arrays, i):
             values = _numbers(model, kind.arrays, i)
             yield Content(kind.name, kind.name, f" of joint {name}", (("joints", name, 1.0),), values)
 
@@ -228,15 +228,21 @@ def _drives(model: Any, actuator: int) -> str:
     return ""
 
 
+#: What an actuator has besides its law and import puts into the joint that it drives; and its words.
+OF_JOINTS = ("actuator_armature", "actuator_damping", "actuator_dampingpoly")
+RESISTS = "rotor and damping of actuator"
+
+
 def _actuators(model: Any) -> Iterator[Content]:
     law, several = kinds()["force laws of actuators"], kinds()["actuators of several freedoms"]
     for i in range(model.nu):
         name, drives, target = model.actuator(i).name, _drives(model, i), int(model.actuator_trnid[i, 0])
         if single_joint(model, i) is not None:
-            if _acts(model, law, i):
+            if _acts(model, law.arrays, i):
                 of = (("actuators", name, 1.0),)
                 values = _numbers(model, law.arrays, i)
-                yield Content(law.name, "force law of actuator", f" {name}", of, values)
+                own = _acts(model, [array for array in law.arrays if array not in OF_JOINTS], i)
+                yield Content(law.name, "force law of actuator" if own else RESISTS, f" {name}", of, values)
         elif drives:
             along = _along(model, target) if drives == "tendon" else (("joints", model.joint(target).name, 1.0),)
             values = _numbers(model, ("actuator_trntype", *several.arrays, *law.arrays), i)
