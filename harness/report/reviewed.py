@@ -106,23 +106,8 @@ def _all(review: TableReview, some: list[ReviewedColumn]) -> str:
 
 def _phrases(review: TableReview) -> Iterator[str]:
     """Who has which fault."""
-    yield from _exchanged(review)
-    for (kind, *_), group in review.faults.items():
-        if kind != "permutation":
-            yield f"{_names(review, [column for column, _ in group])} {phrase(review, group)}"
-
-
-def _exchanged(review: TableReview) -> Iterator[str]:
-    """Columns that have each other's numbers, then those that have others'."""
-    taken = [
-        (column, of) for (kind, of, _), group in review.faults.items() for column, _ in group if kind == "permutation"
-    ]
-    pairs = {(column.quantity, column.component, of) for column, of in taken}
-    for column, of in taken:
-        if (column.quantity, of, column.component) not in pairs:
-            yield f"{_name(review, column)} has the numbers of {of}"
-        elif column.component < of:
-            yield f"{_name(review, column)} and {of} are swapped"
+    for group in review.faults.values():
+        yield f"{_names(review, [column for column, _ in group])} {phrase(review, group)}"
 
 
 def phrase(review: TableReview, group: list[tuple[ReviewedColumn, Fault]]) -> str:
@@ -159,13 +144,14 @@ def _names(review: TableReview, some: list[ReviewedColumn]) -> str:
 def rows(review: TableReview) -> list[Row]:
     """Columns as lines of a table."""
     return [
-        {**asdict(column), "name": _name(review, column), "finding": _finding(review, column), "after": _after(column)}
+        {
+            **asdict(column),
+            "name": _name(review, column),
+            "finding": _finding(review, column),
+            "after": digits_text(column.left) if column.faults else "",
+        }
         for column in review.columns
     ]
-
-
-def _after(column: ReviewedColumn) -> str:
-    return digits_text(column.left) if column.faults else ""
 
 
 def _finding(review: TableReview, column: ReviewedColumn) -> str:

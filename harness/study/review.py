@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import chain, combinations
 from typing import Any
 
 import numpy as np
@@ -153,12 +153,9 @@ def _columns(
     scene: Scene, quantity: str, right: Values, table: Solution, rows: Rows, known: Mapping[str, Any]
 ) -> dict[str, Column]:
     """Columns of a table that have a unique value."""
-    given, natural, recorded = (
-        table.values[quantity].at(rows),
-        natural_scales(scene.mechanism),
-        scene.tables[table.engine],
-    )
-    stated, columns, at = recorded.error.get(quantity, 0.0), {}, same_times(scene.t[rows], recorded.t)[1]
+    given, natural = table.values[quantity].at(rows), natural_scales(scene.mechanism)
+    recorded, columns = scene.tables[table.engine], {}
+    stated, at = recorded.error.get(quantity, 0.0), same_times(scene.t[rows], recorded.t)[1]
     headers = [*map(read_header, recorded.columns)]
     for name, unit, values in zip(given.components, given.units, given.array.T, strict=True):
         if name in known:
@@ -186,11 +183,8 @@ def _sides(columns: Sequence[Column], why: Mapping[str, Explanation | None]) -> 
 
 def _expected(scene: Scene, quantity: str, right: Values, t: Array) -> Expected:
     """What an engine says, and by how much that changes under other forces and at other times."""
-    dense = (
-        scene.drive.samples.t
-        if isinstance(scene.drive, Sampled)
-        else np.unique(np.linspace(scene.t[0], scene.t[-1], DENSE))
-    )
+    given = scene.drive.samples.t if isinstance(scene.drive, Sampled) else None
+    dense = np.unique(np.linspace(scene.t[0], scene.t[-1], DENSE)) if given is None else given
     times = np.union1d(t, dense)
 
     def solved(changed: Scene) -> Array:
@@ -199,18 +193,11 @@ def _expected(scene: Scene, quantity: str, right: Values, t: Array) -> Expected:
 
     base = solved(scene)
     parts = _parts(scene) if QUANTITIES[quantity].needs == "f" else {}
-    less = {name: solved(changed) - base for name, changed in parts.items()}
-    changes: dict[tuple[Fault, ...], Array] = {
-        (): 0.0 * base,
-        **{(Fault("missing", name),): change for name, change in less.items()},
-    }
-    changes |= {
-        (Fault("reversed", name),): 2.0 * less[name]
-        for name in less
-        if not name.startswith(("spring", *_RESISTS.values()))
-    }
-    for two in combinations(less, 2) if len(less) <= PAIRED else ():
-        changes[tuple(Fault("missing", name) for name in two)] = less[two[0]] + less[two[1]]
+    less = {Fault("missing", name): solved(changed) - base for name, changed in parts.items()}
+    some = chain.from_iterable(combinations(less, n) for n in range(3 if len(less) <= PAIRED else 2))
+    changes = {faults: sum((less[one] for one in faults), 0.0 * base) for faults in some}
+    turned = (one for one in less if not one.of.startswith(("spring", *_RESISTS.values())))
+    changes |= {(replace(one, kind="reversed"),): 2.0 * less[one] for one in turned}
     faults = [faults for faults in changes for _ in right.components]
     every, m = np.concatenate([*changes.values()], axis=1), len(changes)
     arrays = np.tile(right.array, m) + every[np.searchsorted(times, t)]

@@ -143,7 +143,7 @@ def _quantity(header: Header, names: Names, wanted: Collection[str], where: str)
     if len(compared) != 1:
         *others, last = compared or having
         several = f"{', '.join(others)} and {last}"
-        remedy = f"write {last}/{header.component}, or whichever it is"
+        remedy = f"write {last}/{header.component}, or whichever it is, or ask for one of them by --quantities"
         raise DescriptionError(f"column '{header.text}' is of {several}", where, remedy)
     return compared[0]
 
