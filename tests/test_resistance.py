@@ -216,6 +216,12 @@ def test_a_motion_that_rests_says_where_friction_has_no_direction(write):
     assert results.values("resistance")[0, 0] == 0.0
     (said,) = (text for text in results.warnings if "rests" in text)
     assert "at 1 of 21 samples, first at t = 0 s, of a (up to 0.3 N m)" in said
+    torques = results.values("actuator_force")[:, 0].copy()
+    torques[0] += 0.2  # what the friction may be there
+    for changed, agrees in ((0, True), (3, False)):
+        torques[changed] += 0.05
+        beside = scene.beside(log=screwgauge.Recorded(scene.t, {"a": torques}, error={"actuator_force": 1e-12}))
+        assert screwgauge.run(beside, ("screw", "log"), ("actuator_force",)).ok == agrees
 
 
 ARM = (

@@ -86,7 +86,7 @@ class DryFriction:
         Args:
             between: State at a time of the step.
         """
-        if not self.names:
+        if not self.names or not np.isfinite([before[1], after[1]]).all():
             return ""
         ends = [self._rates(state, self.names) for _, state in (before, after)]
         signs = [np.sign(rates) * (np.abs(rates) > REST) for rates in ends]

@@ -5,36 +5,44 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.graph import layout
-from screwgauge.reference.resistance import REST
+from screwgauge.reference.resistance import REST, Resistance
 from screwgauge.scene.scene import Scene
 
 #: Joints that a sentence names.
 SHOWN = 4
 
 
-def at_rest(scene: Scene) -> Iterator[str]:
-    """A sentence if dry friction has no direction at some samples, with how large it may be there."""
-    mechanism, motion = scene.mechanism, scene.motion
-    friction = [one for one in mechanism.resistances if one.what == "friction"]
-    if not friction:
-        return
-    lay = layout(mechanism)
+def at_rest(scene: Scene) -> dict[Resistance, NDArray[np.bool_]]:
+    """Dry friction -> the samples of a given motion at which it has no direction, if there are any. Shape (n,)."""
+    friction = [one for one in scene.mechanism.resistances if one.what == "friction"]
+    if scene.simulated or not friction:
+        return {}
+    lay, motion = layout(scene.mechanism), scene.motion
     q = positions(lay, motion.y, motion.t, (motion.yd, motion.ydd))
-    rates = motion_at(lay, q, motion.yd).joint_velocity[:, [one.column for one in friction]]
-    rests = np.abs(rates) <= REST
-    if not rests.any():
+    rates = motion_at(lay, q, motion.yd).joint_velocity
+    return {one: rests for one in friction if (rests := np.abs(rates[:, one.column]) <= REST).any()}
+
+
+def unique(scene: Scene) -> NDArray[np.bool_]:
+    """Samples at which dry friction leaves no force open; all of them, where it does at each. Shape (n,)."""
+    rests = np.any([np.zeros(len(scene.t), dtype=bool), *at_rest(scene).values()], axis=0)
+    return np.asarray(~rests | rests.all())
+
+
+def rest_warning(scene: Scene) -> Iterator[str]:
+    """A sentence if dry friction has no direction at some samples, with how large it may be there."""
+    if not (rests := at_rest(scene)):
         return
-    rows = np.flatnonzero(rests.any(axis=1))
-    named = (
-        f"{x.coordinate} (up to {x.amount:g} {x.unit})" for x, at in zip(friction, rests.T, strict=True) if at.any()
-    )
+    rows = np.flatnonzero(np.any([*rests.values()], axis=0))
+    named = (f"{one.coordinate} (up to {one.amount:g} {one.unit})" for one in rests)
     yield (
         "Dry friction counts as none where a joint rests, and may be anything up to its size there: at "
-        f"{len(rows)} of {len(motion)} samples, first at t = {motion.t[rows[0]]:g} s, of {first_few(named, SHOWN)}. "
-        "Forces that depend on it are not unique there."
+        f"{len(rows)} of {len(scene.t)} samples, first at t = {scene.t[rows[0]]:g} s, of {first_few(named, SHOWN)}. "
+        "Forces that depend on it are not unique there, and those of tables are not compared."
     )

@@ -37,7 +37,7 @@ from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import Sampled
 from screwgauge.scene.observables import Recorded
 from screwgauge.scene.preflight import check_actuation, check_scene, doubts, far_from_home
-from screwgauge.scene.rest import at_rest
+from screwgauge.scene.rest import rest_warning
 from screwgauge.scene.scene import Scene, check_scene_type
 from screwgauge.scene.simulation import check_start
 from screwgauge.solution import REFERENCE, Failure, Solution
@@ -328,7 +328,7 @@ def _check_given(scene: Scene, wanted: tuple[str, ...]) -> _Checked:
     # those of a tree are the engine's own
     given = {name: named for name, named in described(mechanism).items() if not name.startswith("tree_force")}
     sampled = scene.drive.doubts([*mechanism.independent]) if isinstance(scene.drive, Sampled) else ()
-    return _Checked(counted, given, wanted, (*left, *far_from_home(scene), *sampled, *at_rest(scene)))
+    return _Checked(counted, given, wanted, (*left, *far_from_home(scene), *sampled, *rest_warning(scene)))
 
 
 def _check_simulated(scene: Scene, wanted: tuple[str, ...]) -> _Checked:

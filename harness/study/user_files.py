@@ -30,6 +30,7 @@ from screwgauge.models.importing.left_out import check_whole, left_out_of
 from screwgauge.models.readings.read import read_source
 from screwgauge.models.readings.source import prepare
 from screwgauge.problem import ModelFiles, Problem, Rows
+from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.errors import (
     DescriptionError,
@@ -44,6 +45,7 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import same_times
 from screwgauge.scene.observables import Header, Recorded, read_header
+from screwgauge.scene.rest import unique
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import REFERENCE, Solution, Values, empty
 from screwgauge.study.fixed import with_fixed
@@ -79,14 +81,16 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
         ScrewgaugeError: It has unknown columns or other units, or nothing of what is compared.
     """
     table, n = scene.tables[name], len(scene.t)
-    rows, at = same_times(scene.t, table.t)
-    columns = _columns(table, names, wanted)
+    (rows, at), columns = same_times(scene.t, table.t), _columns(table, names, wanted)
+    if any(QUANTITIES[quantity].needs == "f" for quantity in columns):
+        told = unique(scene)
+        rows, at, n = rows[told[rows]], at[told[rows]], int(told.sum())
     if not rows.size:
         raise DescriptionError("has none of the times of the scene", table.where, "ask for times that it has")
     values: dict[str, Values] = {}
     for quantity in (quantity for quantity in names if quantity in wanted and quantity in columns):
         units = {name: unit for name, unit in zip(*names[quantity], strict=True) if name in columns[quantity]}
-        array = np.full((n, len(units)), np.nan)
+        array = np.full((len(scene.t), len(units)), np.nan)
         array[rows] = np.stack([columns[quantity][name][at] for name in units], axis=1)
         values[quantity] = Values(tuple(units), tuple(units.values()), array)
     if not values:
@@ -97,17 +101,17 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
         values["joint_position"] = _unwound(values["joint_position"], scene.mechanism.coordinates, assembly)
     short, long = _left_out(name, values, names, wanted, [f"only {len(rows)} of the {n} samples"] * (len(rows) < n))
     unused = [f"gives {quantity}, which is not compared" for quantity in columns if quantity not in wanted]
-    if skipped := len(table.t) - len(np.unique(at)):
+    if skipped := len(table.t) - len(np.unique(same_times(scene.t, table.t)[1])):
         unused.append(f"{skipped} of its {len(table.t)} times are not compared: the scene has others")
     unused += [f"{name} is converted to SI units" for name in table.converted]
     return Solution(
         engine=name,
         version=table.file.name if table.file else table.where,
         values=values,
-        condition=empty(n),
+        condition=empty(len(scene.t)),
         notes=(*long, *unused, *(f"gives no {tree}: {NO_TREE}" for tree in wanted if tree.startswith("tree_force"))),
         assembly=None if _whole(values, names, "joint_position") else assembly,
-        rows=None if len(rows) == n else rows,
+        rows=None if len(rows) == len(scene.t) else rows,
         warnings=short,
     )
 
