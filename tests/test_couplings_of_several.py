@@ -173,6 +173,7 @@ def test_simulations_agree_and_keep_the_energy(name, write):
     engines = tuple(engine for engine in ("screw", "pinocchio", "mujoco") if engine in CASES[name].engines)
     results = agreed(screwgauge.run(started(write, CASES[name].text, CASES[name].home), engines=engines))
     assert {*results.solutions} == {*engines}
+    assert results.pairs["max_scaled"].max() < 1e-9
 
 
 def test_a_coupling_of_several_by_powers_is_refused_by_name_where_mujoco_has_none(write):

@@ -13,9 +13,20 @@ import pytest
 
 import screwgauge
 from screwgauge import ScrewgaugeError
-from support.mechanism import GROUND, load_mechanism
+from support.mechanism import GROUND, PolynomialSum, load_mechanism
 from support.models import MATTER, write_models
-from support.readings import Reading, TreeStates, collapsed, draw, move, plant, read, read_loops_yaml, with_loops
+from support.readings import (
+    CouplingReading,
+    Reading,
+    TreeStates,
+    collapsed,
+    draw,
+    move,
+    plant,
+    read,
+    read_loops_yaml,
+    with_loops,
+)
 
 
 def joint(name: str, kind: str, parent: str, child: str, xyz: str) -> str:
@@ -154,6 +165,15 @@ def test_what_depends_on_a_joint_of_another_type_is_told(write):
     for name, kind in (("grip", "FIXED"), ("elbow", "UJOINT_XY"), ("grip", "SPHERICAL")):
         with pytest.raises(ScrewgaugeError, match=f"'{name}' is coupled to another one, and cannot be made {kind}"):
             with_loops(reading, write("robot.yaml", LOOP.format(name, kind)))
+
+
+def test_of_several_joints_that_one_follows_those_that_are_fixed_are_constants(turned, write):
+    belt = PolynomialSum(0.1, {"elbow": np.array([2.0, 1.0]), "shoulder": np.array([-1.0])})
+    reading = replace(turned, couplings={"belt": CouplingReading("grip", belt)})
+    held = with_loops(reading, write("robot.yaml", LOOP.format("elbow", "FIXED"))).couplings["belt"]
+    assert held.named == ("grip", "shoulder")
+    at = reading.joints["elbow"].home
+    assert held.function.constant == pytest.approx(0.1 + 2.0 * at + at**2)
 
 
 def test_names_of_fixed_joints_are_frames(turned, write):
