@@ -8,9 +8,11 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from screwgauge.casebook.book import CASES, shown_here
 from screwgauge.diagnosis.facts.fact import Fact
-from screwgauge.diagnosis.properties import PASSIVE
+from screwgauge.diagnosis.properties import PASSIVE, PROPERTIES
 
 #: Digits of numbers that are not printed shorter than they are.
 ALL = 15
@@ -77,6 +79,8 @@ def rounded(facts: Sequence[Fact], digits: tuple[int, int], longest: tuple[int, 
     if n < ALL and digits[0] != digits[1]:
         side = "a" if digits[0] == n else "b"
         return [_marked(fact) if _cut_off(fact, n, side) else fact for fact in facts]
+    if n < ALL:
+        facts = [_marked(fact) if _printed(fact, n) else fact for fact in facts]
     n, real = min(longest), [fact for fact in facts if fact.changes]
     cut = 0 < MEANT <= n <= EXACT and longest[0] != longest[1] and len(real) >= SEEN
     if cut and all(fact.size <= SUM * 10.0 ** (1 - n) for fact in real):
@@ -98,6 +102,14 @@ def _cut_off(fact: Fact, n: int, side: str) -> bool:
         return fact.size <= SUM * unit
     decade = 10.0 ** math.floor(math.log10(abs(float(fact.a)))) if fact.a else 0.0
     return abs(float(fact.a) - float(fact.b)) <= 0.501 * unit * decade
+
+
+def _printed(fact: Fact, n: int) -> bool:
+    """Whether all numbers of one side are those of the other one in n digits, such as degrees that became radians."""
+    if fact.side or fact.a is None or fact.what not in PROPERTIES:
+        return False
+    a, b = (np.asarray(value, float).ravel() for value in (fact.a, fact.b))
+    return any(all(float(f"{x:.{n}g}") == y for x, y in zip(*pair, strict=True)) for pair in ((a, b), (b, a)))
 
 
 def as_compiled(facts: Sequence[Fact], libraries: Sequence[str]) -> list[Fact]:
