@@ -14,6 +14,8 @@ from screwgauge.study.formatting import Row, grouped
 
 #: Package -> its folder of models, their files, and which of them float, as a URDF cannot say.
 PACKAGES = tomllib.loads(Path(__file__).with_name("public.toml").read_text(encoding="utf-8"))
+#: Pairs of files of one robot, and the fact that leads.
+PAIRS = PACKAGES.pop("pair")
 
 
 @dataclass(frozen=True, slots=True)
