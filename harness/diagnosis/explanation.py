@@ -34,6 +34,9 @@ from screwgauge.reference.rotations import Array
 CONVENTION, EACH, PLACE = 0.2, 0.02, 0.01
 #: An explanation of one cause is taken at once: nothing is simpler.
 ONE = 1.1
+#: Facts of places and of what has no partner, which another alignment may not have; a share of bodies that are most.
+ELSEWHERE = frozenset({"placement", "axis", "end", "zero", "sign", "start", "kind", "base", "branch", "link", "name"})
+MOST = 0.5
 #: A whole has to be worth its own line.
 WHOLE = 0.01
 #: What is believed of where bodies lie, in turn.
@@ -75,7 +78,20 @@ class Explanation:
         """
         counting = self.whole is None and all(fact.kind == "convention" for fact in self.facts)
         inner = any(fact.what == "placement" and fact.of != GROUND for fact in self.facts)
-        return counting or (self.cost <= ONE and not inner)
+        return counting or (self.cost <= ONE and not inner) or self._settled
+
+    @property
+    def _settled(self) -> bool:
+        """Whether all is where it is on the other side, so that to lay bodies otherwise cannot tell less.
+
+        A body of another mass may have another centre; masses of most bodies may be in another unit.
+        """
+        heavy = {fact.part for fact in self.facts if fact.what == "mass"}
+        elsewhere = any(
+            f.what in ELSEWHERE or (f.what in ("com", "inertia") and f.part not in heavy) for f in self.facts
+        )
+        sides = {fact.side for fact in self.facts if fact.what == "fixed"}
+        return self.whole is None and not elsewhere and len(sides) < 2 and len(heavy) < MOST * len(self.pair.a.bodies)
 
 
 def explained(a: Reading, b: Reading, names: Names) -> Explanation:

@@ -91,7 +91,7 @@ def _roles(reading: Reading, link: Link) -> tuple[bool, bool]:
 
 def _behind(machine: Machine, link: Link) -> list[Link]:
     """What hangs on the far body of a link."""
-    return [far for far in machine.at(link.far) if far.names != link.reversed().names]
+    return [far for far in machine.at(link.far) if {*far.names} != {*link.names}]
 
 
 def aligned(
@@ -134,10 +134,9 @@ class _Walk:
 
     def _taken(self, one: Link, other: Link) -> None:
         self.links.append((one, other))
-        self.open_a = [link for link in self.open_a if link.names != one.names and link.names != one.reversed().names]
-        self.open_b = [
-            link for link in self.open_b if link.names != other.names and link.names != other.reversed().names
-        ]
+        ours, theirs = {*one.names}, {*other.names}
+        self.open_a = [link for link in self.open_a if {*link.names} != ours]
+        self.open_b = [link for link in self.open_b if {*link.names} != theirs]
 
     def _skipping(self, near: str) -> list[tuple[Link, Link]]:
         """Links of a body and those behind another link of its partner that are in one place: that link is missing."""
