@@ -290,3 +290,12 @@ def test_a_log_of_a_machine_without_them_is_told_so(what, said, torque, write):
 def test_model_files_are_the_same_as_their_description(ending, tmp_path):
     write_models(load_mechanism("geared-five-bar"), tmp_path)
     assert screwgauge.diagnose("geared-five-bar", tmp_path / f"geared-five-bar{ending}").same
+
+
+def test_friction_that_holds_one_of_several_freedoms_ends_a_simulation(write):
+    write("leg.toml", 'extends = "belt-leg"\nname = "leg"\n[joints.ankle]\nfriction = [0, 0.1]\n')
+    start = "start = { hip = -0.4, motor = 0.5, left = 0.2, right = -0.1 }\n"
+    start += "rates = { hip = 1, motor = -1, left = 2, right = 1 }\n"
+    scene = f'mechanism = "leg.toml"\ntime = {{ duration = 0.1, step = 0.005 }}\n[forward]\n{start}'
+    said = " ".join(repr(screwgauge.run(screwgauge.load_scene(write("forward.toml", scene)))).split())
+    assert said.count("'roll' comes to rest at 0.00851433 s") == 3

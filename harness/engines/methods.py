@@ -91,21 +91,20 @@ class DryFriction:
         ends = [self._rates(state, self.names) for _, state in (before, after)]
         signs = [np.sign(rates) * (np.abs(rates) > REST) for rates in ends]
         for c in np.flatnonzero(signs[0] != signs[1]).tolist():
-            end = int(abs(ends[1][c]) > abs(ends[0][c]))
-            t = (before, after)[1 - end][0]
+            t = after[0] if abs(ends[1][c]) < abs(ends[0][c]) else before[0]
             if signs[0][c] * signs[1][c] < 0:
                 t = float(brentq(lambda t, c=c: self._rates(between(t), self.names)[c], before[0], after[0]))
-            way = (before, after)[end][1] / ends[end][c]
-            if all(side * self._acceleration(t, self._beside(between(t), side * way), c) <= 0 for side in (1, -1)):
+            still, way = between(t), self._way(between(t), c)
+            if all(side * self._acceleration(t, still + side * BESIDE * way, c) <= 0 for side in (1, -1)):
                 return f"'{self.names[c]}' comes to rest at {t:.6g} s, and its dry friction holds it there"
         return ""
 
-    @staticmethod
-    def _beside(state: Array, way: Array) -> Array:
-        """A state whose rates are a little further on a way."""
-        moved, n = state.copy(), len(state) // 2
-        moved[n:-1] += BESIDE * way[n:-1]
-        return moved
+    def _way(self, state: Array, c: int) -> Array:
+        """The smallest change of a state by which the rate of a coordinate becomes larger by one."""
+        n, way = len(state) // 2, np.zeros_like(state)
+        for i, unit in enumerate(np.eye(n), n):
+            way[i] = self._rates(np.concatenate([state[:n], unit, state[-1:]]), self.names)[c]
+        return way / float(way @ way)
 
     def _acceleration(self, t: float, state: Array, c: int) -> float:
         change = MOMENT * self._slope(t, state)
