@@ -31,6 +31,7 @@ from screwgauge.models.readings.reading import (
 from screwgauge.reference.applied import GRAVITY
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
+from screwgauge.reference.resistance import RESISTS
 from screwgauge.reference.rotations import Array, rotation
 
 T = TypeVar("T")
@@ -101,6 +102,11 @@ def compare_readings(out: ModelComparison, expected: Reading, actual: Reading, m
     for name, want, have in joints:
         scale = np.repeat([1.0, length], 3) if want.screw[:3].any() else np.ones(6)
         out.numbers(name, "joint axis at home", want.screw / scale, have.screw / scale)
+        # what a file has more is measured in a run; a URDF has no word for rotors
+        amounts = {"rotor": "armature"} if actual.form != "urdf" else {}
+        for what, key in (amounts | {"damping": "damping", "friction": "friction"}).items():
+            if amount := getattr(want, key):
+                out.numbers(name, what, np.array([amount]), np.array([min(getattr(have, key), amount)]), amount)
     if actual.gravity is None or expected.gravity is None:
         return
     size = float(np.linalg.norm(expected.gravity)) or 9.81
@@ -165,6 +171,10 @@ def compare_loops(out: ModelComparison, expected: LoopsFile, actual: LoopsFile, 
     for name, want, have in out.both("joint", *joints):
         out.names(name, "joint", _joint_says(want), _joint_says(have))
         out.names(name, "joint limits", want.limits.tolist(), have.limits.tolist())
+        for what in RESISTS:
+            one, other = getattr(want, what), getattr(have, what)
+            if len(one) == len(other) and (size := max(one.max(initial=0.0), other.max(initial=0.0))):
+                out.numbers(name, what, one, other, size)
         if want.kind == have.kind:
             out.numbers(name, "joint axes and frames", _joint_values(want, length), _joint_values(have, length))
     _compare_couplings(out, *(couplings_of(file.couplings) for file in (expected, actual)))

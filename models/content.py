@@ -16,7 +16,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from screwgauge.models.formats import WIDE, vector_text
+from screwgauge.models.formats import WIDE, number_text, vector_text
 from screwgauge.models.mjcf import FAR
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.files import is_file, read_xml
@@ -160,7 +160,7 @@ def element_tables() -> Mapping[str, Any]:
 
 
 def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
-    """Extras of a file that can be read, without those of no effect (damping 0, the limits of the description).
+    """Extras of a file that can be read, without those of no effect (damping 0, limits of the description).
 
     Args:
         form: ``urdf`` or ``mjcf``.
@@ -172,7 +172,7 @@ def extras(path: Path, form: str, mechanism: Mechanism) -> list[Extra]:
     if form == "mjcf":
         _include(root, path.parent)
     flags = {key: value for flag in root.iter("flag") for key, value in flag.items()}
-    return list(_ElementWalk(element_tables()[form], flags, _limits(mechanism)).through(root))
+    return list(_ElementWalk(element_tables()[form], flags, _of_coordinates(mechanism)).through(root))
 
 
 def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
@@ -205,14 +205,17 @@ def _include(root: ET.Element, folder: Path) -> None:
         waiting += element
 
 
-def _limits(mechanism: Mechanism) -> dict[str, dict[str, str]]:
-    """Coordinate -> attribute -> the limits that the description gives it, as the writers write them."""
-    limits_of = {}
+def _of_coordinates(mechanism: Mechanism) -> dict[str, dict[str, str]]:
+    """Coordinate -> attribute -> what the description has of it, as the writers write it."""
+    values = {}
     for joint in mechanism.joints:
-        for name, limits in zip(joint.coordinates, joint.limits, strict=True):
+        numbers = joint.coordinates, joint.limits, joint.rotor, joint.damping, joint.friction
+        for name, limits, *amounts in zip(*numbers, strict=True):
             low, high = vector_text(np.clip(limits, -WIDE, WIDE)).split()
-            limits_of[name] = {"lower": low, "upper": high, "range": vector_text(np.clip(limits, -FAR, FAR))}
-    return limits_of
+            rotor, damping, friction = map(number_text, amounts)
+            values[name] = {"lower": low, "upper": high, "range": vector_text(np.clip(limits, -FAR, FAR))}
+            values[name] |= {"armature": rotor, "damping": damping, "friction": friction, "frictionloss": friction}
+    return values
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,13 +225,13 @@ class _ElementWalk:
     Attributes:
         table: Of its format.
         flags: All that the file switches on and off.
-        limits: See `_limits`.
+        own: See `_of_coordinates`.
         kinds: In the order in which they are looked up.
     """
 
     table: Mapping[str, Any]
     flags: Mapping[str, str]
-    limits: Mapping[str, Mapping[str, str]]
+    own: Mapping[str, Mapping[str, str]]
     kinds: tuple[str, ...] = _KINDS
 
     def through(self, root: ET.Element) -> Iterator[Extra]:
@@ -288,7 +291,7 @@ class _ElementWalk:
 
     def _has_no_effect(self, attribute: str, value: str, name: str) -> bool:
         """Whether a value is the neutral one, or that of the description."""
-        idle = self.table["neutral"].get(attribute), self.limits.get(name, {}).get(attribute)
+        idle = self.table["neutral"].get(attribute), self.own.get(name, {}).get(attribute)
         return _numbers(value) in map(_numbers, filter(None, idle))
 
 

@@ -386,7 +386,37 @@ def test_what_an_engine_applies_of_its_file_is_taken_off_and_nobody_is_blamed(ow
     results = screwgauge.run(mine, engines=("screw", "mujoco"), quantities=("actuator_force", "reaction"))
     assert (results.exit_status, results.ok) == (0, True)
     assert {term.kind for term in results.left_out.terms} == {"damping", "dry friction"}
-    assert results.left_out.contained == {"mujoco": ("damping",)}
+    assert results.left_out.contained == {}  # forces that all engines are given
+
+
+def test_rotors_that_an_engine_has_of_its_file_are_taken_off(own, scene):
+    mine = replace(scene, models={"mujoco": own("mujoco", "xml", _B, '& armature="0.1"').model})
+    results = screwgauge.run(mine, engines=("screw", "mujoco"), quantities=("actuator_force", "reaction"))
+    assert results.pairs["ok"].all()
+    assert (results.exit_status, results.left_out.contained) == (1, {"mujoco": ("armature",)})
+
+
+@pytest.mark.parametrize(("amount", "more"), [("0.1", []), ("0.3", ["armature"])])
+def test_what_a_file_and_its_description_both_have_is_not_left_out(amount, more, own, scene):
+    joints = tuple(
+        replace(one, rotor=np.full(len(one.rotor), 0.1)) if one.name == "b" else one for one in scene.mechanism.joints
+    )
+    mine = replace(scene, mechanism=replace(scene.mechanism, joints=joints))
+    mine = replace(mine, models={"mujoco": own("mujoco", "xml", _B, f'& armature="{amount}"').model})
+    results = screwgauge.run(mine, engines=("screw", "mujoco"), quantities=("actuator_force",))
+    assert results.pairs["ok"].all()
+    assert [term.kind for term in results.left_out.terms] == more
+
+
+def test_a_file_without_the_rotor_of_its_description_departs_from_it(own, scene):
+    joints = tuple(
+        replace(one, rotor=np.full(len(one.rotor), 0.1)) if one.name == "b" else one for one in scene.mechanism.joints
+    )
+    mine = replace(scene, mechanism=replace(scene.mechanism, joints=joints))
+    mine = replace(mine, models={"mujoco": own("mujoco", "xml", _B, "&").model})
+    results = screwgauge.run(mine, engines=("screw", "mujoco"), quantities=("actuator_force",))
+    assert results.exit_status == 1
+    assert "other than described: rotor of b" in " ".join(repr(results).split())
 
 
 def test_an_engine_that_differs_for_another_reason_too_is_still_named(own, scene):

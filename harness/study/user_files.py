@@ -213,6 +213,7 @@ def judge_table(scene: Scene, problem: Problem, answer: Solution, names: Names) 
 _FATE = {"ignored": "ignored by {} in {}", "applied": "applied by {} in {}, beyond the description"}
 MEASURED = "measured"  # which a run names with its size
 _NOT_KNOWN = "not known whether applied by {} in {}"
+SAME = 1e-12  # share of an amount that rounding of a gear leaves
 _NAMED, _LONGEST = 3, 80  # things of a kind that are named, the others being counted; characters of one
 
 
@@ -256,14 +257,36 @@ def left_out_of_file(scene: Scene, engine: Engine, model: Path) -> tuple[LeftOut
         what = f"joint {first_few(lost, _NAMED)} follows another one or is held, which the description does not say"
         raise ModelFileError(what, str(model), "take its mimic or equality out, or give the description a coupling")
     mechanism, found = scene.mechanism, list[LeftOut]()
+    known_amounts = {(one.coordinate, one.what): one.amount for one in mechanism.resistances}
     for one in left_out_of(source, reading):
         if isinstance(one, Resistance):
             along = {name: share for name, share in one.along.items() if name in mechanism.coordinates}
             reached = {body for body, _ in one.path} <= mechanism.body_index.keys()
-            found += [replace(one, along=along)] if along or (one.path and reached) else []
+            more = _more(replace(one, along=along), known_amounts)
+            acts = more.armature or more.damping or more.friction or more.stiffness
+            found += [more] if acts and (along or (one.path and reached)) else []
         elif not isinstance(one, TurnResistance) and one.body in mechanism.body_index:
             found.append(one)
     return tuple(found)
+
+
+def _more(one: Resistance, known: dict[tuple[str, str], float]) -> Resistance:
+    """What of it the description has not; what it has of `known` is used up."""
+    if len(one.along) != 1 or len(one.damping) > 1:
+        return one
+    ((name, share),) = one.along.items()
+    left = dict[str, float]()
+    for what, unit, amount in (
+        ("rotor", share**2, one.armature),
+        ("damping", share**2, sum(one.damping)),
+        ("friction", abs(share), one.friction),
+    ):
+        has = min(known.get((name, what), 0.0), unit * amount)
+        known[name, what] = known.get((name, what), 0.0) - has
+        more = amount - has / unit
+        left[what] = more if abs(more) > SAME * amount else 0.0
+    damping = (left["damping"],) if left["damping"] else ()
+    return replace(one, armature=left["rotor"], damping=damping, friction=left["friction"])
 
 
 def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], list[str]]:

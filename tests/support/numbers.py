@@ -107,6 +107,7 @@ class State:
             "joint_velocity": [*mechanism.units],
             "joint_acceleration": [*mechanism.units],
             "axis_moment": [*mechanism.units],
+            "resistance": [one.unit for one in mechanism.resistances],
             FORWARD: [mechanism.units[c] for c in mechanism.independent_columns],
             "generalized_force": [mechanism.units[c] for c in mechanism.independent_columns],
             "actuator_force": [*mechanism.actuator_units],
