@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 import screwgauge
+from screwgauge.problem import Problem, States
+from support.acting import Applied
+from support.engines import ask, model_files
 from support.errors import DescriptionError
+from support.judging import reference_values
 from support.mechanism import load_mechanism
 from support.models import description, import_model, write_models
 
@@ -299,3 +303,18 @@ def test_friction_that_holds_one_of_several_freedoms_ends_a_simulation(write):
     scene = f'mechanism = "leg.toml"\ntime = {{ duration = 0.1, step = 0.005 }}\n[forward]\n{start}'
     said = " ".join(repr(screwgauge.run(screwgauge.load_scene(write("forward.toml", scene)))).split())
     assert said.count("'roll' comes to rest at 0.00851433 s") == 3
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_states_take_what_joints_resist(engine, write, tmp_path):
+    write_models(load_mechanism(write("arm.toml", ARM + "damping = 0.7\nfriction = 0.2\n")), tmp_path)
+    states = States(("h",), np.array([[0.1]]), np.array([[2.0]]), tau=np.array([[1.0]]))
+    problem = Problem(Applied(gravity=np.zeros(3)), states, frozenset({"joint_acceleration"}))
+    answer = ask(engine, model_files("arm", engine, tmp_path), problem).values["joint_acceleration"].array
+    assert answer[0, 0] == pytest.approx((1.0 - 0.7 * 2.0 - 0.2) / INERTIA, rel=SOLVED, abs=0)
+
+
+def test_reference_values_are_of_all_coordinates():
+    scene = screwgauge.load_scene("geared-five-bar")
+    values = reference_values(scene, scene.t[:2], ["joint_velocity"]).values["joint_velocity"]
+    assert values.components == scene.mechanism.coordinates

@@ -21,6 +21,7 @@ from screwgauge.reference.mechanism import Mechanism
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import TRUTH, Failure, Values
+from screwgauge.study.fixed import with_fixed
 from screwgauge.study.run import run
 from screwgauge.study.solving import model_files, write_scene_models
 from screwgauge.witness.joints import mechanism_tree
@@ -126,7 +127,7 @@ def _solve(scene: Scene, times: Array, quantities: tuple[str, ...], engine: str)
         if engine in results.failures:
             return results.failures[engine]
         parts.append(results.solutions[engine].values)
-    return {name: joined(part[name] for part in parts) for name in parts[0]}
+    return with_fixed(scene.mechanism, {name: joined(part[name] for part in parts) for name in parts[0]})
 
 
 def joined(parts: Iterable[Values]) -> Values:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from screwgauge.engines.chunks import joint_units
-from screwgauge.engines.tree.applied_forces import TreeForces, applied_wrenches, resisting
+from screwgauge.engines.tree.applied_forces import TreeForces, applied_wrenches, resisting, taken
 from screwgauge.engines.tree.closed_forces import min_norm
 from screwgauge.engines.tree.closed_tree import ClosedTree
 from screwgauge.engines.tree.inverse import solve_motion
@@ -124,19 +124,14 @@ def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, t
     if set(task.coordinates) != set(tree.coordinates) or (task.a is None) == (task.tau is None):
         what = "takes states of its own tree coordinates, with either accelerations or forces"
         raise ModelFileError(what, f"model of {tree.engine}", "give q, v and one of a, tau")
-    if resisting(closed):
-        what, remedy = (
-            "states take no damping or dry friction of joints",
-            "add these to the forces along the coordinates",
-        )
-        raise DescriptionError(what, f"model of {tree.engine}", remedy)
     into = [task.coordinates.index(name) for name in tree.coordinates]
     out = [tree.coordinates.index(name) for name in task.coordinates]
     q, v = task.q[:, into], task.v[:, into]
     unit = joint_units(closed.file.joints)
     force_units, nothing = tuple(FORCE[unit[name]] for name in task.coordinates), empty(len(q))
     if task.tau is not None:
-        answer = dynamics.accelerate(q, v, task.tau[:, into], _springs(closed, problem.applied))
+        tau = task.tau[:, into] - _resistance(closed, v)
+        answer = dynamics.accelerate(q, v, tau, _springs(closed, problem.applied))
         units = tuple(f"{unit[name]}/s^2" for name in task.coordinates)
         return Solution(
             tree.engine,
@@ -161,10 +156,22 @@ def solve_states(closed: ClosedTree, dynamics: TreeDynamics, problem: Problem, t
         if "tree_force" in wanted:
             values["tree_force"] = Values(task.coordinates, force_units, tau[:, out])
         if "actuator_force" in wanted:
-            f, condition = _actuator_forces(closed, dynamics, problem, q, tau)
+            f, condition = _actuator_forces(closed, dynamics, problem, q, tau + _resistance(closed, v))
             units = tuple(FORCE[unit[tree.coordinates[i]]] for i in closed.driven)
             values["actuator_force"] = Values(closed.actuators, units, f)
     return Solution(tree.engine, tree.version, values, condition, setting=dynamics.setting)
+
+
+def _resistance(closed: ClosedTree, v: Array) -> Array:
+    """What damping and dry friction take along the coordinates of the tree. Shape (n, n_v)."""
+    total, tree = np.zeros_like(v), closed.tree
+    for one in resisting(closed):
+        if one.coordinate not in tree.coordinates:
+            what = f"states take no {one.what} of '{one.coordinate}', a joint outside the tree"
+            raise DescriptionError(what, f"model of {tree.engine}", "add it to the forces along the coordinates")
+        column = tree.coordinates.index(one.coordinate)
+        total[:, column] += taken(one, v[:, column])
+    return total
 
 
 def _springs(closed: ClosedTree, applied: Applied) -> list[JointSpring]:
