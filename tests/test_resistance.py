@@ -288,6 +288,10 @@ def test_a_log_of_a_machine_without_them_is_told_so(what, said, torque, write):
     review = screwgauge.review(screwgauge.Recorded(motion.t, {"a": plain["screw"]}), scene, ["actuator_force"])
     assert {(fault.kind, fault.of) for column in review.columns for fault in column.faults} == {("missing", said)}
     assert review.explained
+    (right,) = torque(("screw",), a=f"{what} = [0.4]", c=f"{what} = [0.2]")[0].values()
+    table = screwgauge.Recorded(motion.t, {"a": 2.0 * plain["screw"] - right})
+    (column,) = screwgauge.review(table, scene, ["actuator_force"]).columns
+    assert [(fault.kind, fault.of) for fault in column.faults] == [("reversed", said)]
 
 
 @pytest.mark.parametrize("ending", [".urdf", "-full.urdf", ".xml", "-full.xml"])
@@ -318,3 +322,12 @@ def test_reference_values_are_of_all_coordinates():
     scene = screwgauge.load_scene("geared-five-bar")
     values = reference_values(scene, scene.t[:2], ["joint_velocity"]).values["joint_velocity"]
     assert values.components == scene.mechanism.coordinates
+
+
+def test_a_simulation_passes_dead_points_of_a_joint_with_friction(write):
+    write("one.toml", SLIDER + "friction = 2\n")
+    lines = "time = { duration = 0.5, step = 0.05 }\ngravity = [0, 0, 0]\n[forward]\nrates = { a = 20 }\n"
+    results = screwgauge.run(screwgauge.load_scene(write("forward.toml", f'mechanism = "one.toml"\n{lines}')))
+    assert results.ok, repr(results)
+    slide = results.values("joint_velocity", "screw")[:, results.components("joint_velocity").index("s")]
+    assert np.sum(np.diff(np.sign(slide)) != 0) >= 3

@@ -51,6 +51,8 @@ class Pace:
 #: Rates to both sides of rest at which friction is looked at [rad/s or m/s], and the share of a second over which rates
 #: change to tell their accelerations.
 BESIDE, MOMENT = 1e3 * REST, 1e-6
+#: Rate per rate of the state below which a coordinate is at a dead point, where it turns round and nothing rests.
+DEAD = 1e-6
 
 State = tuple[float, Array]
 """Time, and coordinates, their rates and the work. Shape (2 n + 1,)."""
@@ -94,17 +96,20 @@ class DryFriction:
             t = after[0] if abs(ends[1][c]) < abs(ends[0][c]) else before[0]
             if signs[0][c] * signs[1][c] < 0:
                 t = float(brentq(lambda t, c=c: self._rates(between(t), self.names)[c], before[0], after[0]))
-            still, way = between(t), self._way(between(t), c)
+            still, row = between(t), self._row(between(t), c)
+            if row @ row < DEAD**2:
+                continue
+            way = row / float(row @ row)  # the smallest change by which the rate becomes larger by one
             if all(side * self._acceleration(t, still + side * BESIDE * way, c) <= 0 for side in (1, -1)):
                 return f"'{self.names[c]}' comes to rest at {t:.6g} s, and its dry friction holds it there"
         return ""
 
-    def _way(self, state: Array, c: int) -> Array:
-        """The smallest change of a state by which the rate of a coordinate becomes larger by one."""
-        n, way = len(state) // 2, np.zeros_like(state)
+    def _row(self, state: Array, c: int) -> Array:
+        """Derivative of the rate of a coordinate by the rates of a state; zero by all else. Shape (2 n + 1,)."""
+        n, row = len(state) // 2, np.zeros_like(state)
         for i, unit in enumerate(np.eye(n), n):
-            way[i] = self._rates(np.concatenate([state[:n], unit, state[-1:]]), self.names)[c]
-        return way / float(way @ way)
+            row[i] = self._rates(np.concatenate([state[:n], unit, state[-1:]]), self.names)[c]
+        return row
 
     def _acceleration(self, t: float, state: Array, c: int) -> float:
         change = MOMENT * self._slope(t, state)

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from screwgauge.environment import plain
+from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.applied import JointSpring, Load, Motor, Spring
 from screwgauge.reference.rotations import Array
 from screwgauge.report import reviewed
@@ -25,6 +26,8 @@ JUDGE_KEYS = ("engine", "residual", "unit", "max_abs", "max_scaled", "tolerance"
 KINDS = {"N": "force", "N m": "moment"}
 NOTHING = 1e-12  # share of the largest force, or moment, below which one is rounding
 EXPORTED = ("joint_position", "actuator_force", "reaction", "observable")
+#: What is computed only where somebody names it: then it is wanted in the table, too.
+NAMED = tuple(name for name, quantity in QUANTITIES.items() if quantity.named)
 FILES = ("models", "scene_file", "scene_sha256", "description", "date", "schema")
 
 
@@ -50,12 +53,12 @@ def values_table(
     quantities: Collection[str] | None = None,
     not_unique: Mapping[str, Collection[str]] | None = None,
 ) -> pd.DataFrame:
-    """The samples that an engine solved, as a user's table has them: units in the header, `EXPORTED` by default.
+    """The samples that an engine solved, as a user's table has them; of `EXPORTED` and `NAMED` by default.
 
     Args:
         not_unique: Quantity -> components that have no unique value; their headers say so.
     """
-    wanted, open_ = quantities or {*solution.values} & {*EXPORTED} or solution.values, not_unique or {}
+    wanted, open_ = quantities or {*solution.values} & {*EXPORTED, *NAMED} or solution.values, not_unique or {}
     columns = {
         f"{quantity}/{name} [{unit}]{NOT_UNIQUE * (name in open_.get(quantity, ()))}": column
         for quantity, given in solution.values.items()

@@ -54,7 +54,8 @@ class Results(Shown, Comparison):
         Args:
             path: A file ``NAME.csv``, or a folder, in which each engine gets a file of its name.
             engine: Whose values; by default those of the first for a file, of all for a folder.
-            quantities: Names; positions, actuator forces, reactions and observables by default. Headers end with
+            quantities: Names; by default positions, actuator forces, reactions, observables and what is computed on
+                request only, such as ``resistance``. Headers end with
                 ``not unique`` where redundant constraints leave a component open: the numbers are one choice of many.
             force: Files in the way are replaced, whoever wrote them.
 

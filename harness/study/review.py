@@ -196,7 +196,7 @@ def _expected(scene: Scene, quantity: str, right: Values, t: Array) -> Expected:
     less = {Fault("missing", name): solved(changed) - base for name, changed in parts.items()}
     some = chain.from_iterable(combinations(less, n) for n in range(3 if len(less) <= PAIRED else 2))
     changes = {faults: sum((less[one] for one in faults), 0.0 * base) for faults in some}
-    turned = (one for one in less if not one.of.startswith(("spring", *_RESISTS.values())))
+    turned = (one for one in less if not one.of.startswith("spring"))
     changes |= {(replace(one, kind="reversed"),): 2.0 * less[one] for one in turned}
     faults = [faults for faults in changes for _ in right.components]
     every, m = np.concatenate([*changes.values()], axis=1), len(changes)
