@@ -290,7 +290,12 @@ def _closures(root: ET.Element, bodies: dict[str, ET.Element], closures: Sequenc
 def left_out(mechanism: Mechanism) -> tuple[str, ...]:
     """Sentences on what the mechanism has and no MJCF can say."""
     lacks = ((one.name, why_not(one)) for one in mechanism.couplings)
-    return *(f"MJCF lacks coupling '{name}': {lack}" for name, lack in lacks if lack), *stand_ins(mechanism)
+    couplings = (f"MJCF lacks coupling '{name}': {lack}" for name, lack in lacks if lack)
+    cut = {one.joint for one in lay_out(mechanism, "minimal").closures if one.type != "weld"}
+    open_ = {c for joint in mechanism.joints if joint.name in cut for c in joint.coordinates}
+    resist = (one for one in mechanism.resistances if one.coordinate in open_)
+    friction = (f"the MJCF of the minimal cut lacks {one.what} of '{one.coordinate}', which is cut" for one in resist)
+    return *couplings, *friction, *stand_ins(mechanism)
 
 
 def why_not(coupling: Coupling) -> str:

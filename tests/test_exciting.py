@@ -34,6 +34,7 @@ TESTED = {
     "delta": (89, 100),
     "double-cardan": (20, 30),
     "five-bar": (16, 40),
+    "geared-five-bar": (44, 75),
     "planetary-gear": (35, 50),
     "rccc": (27, 30),
     "ruse": (29, 33),

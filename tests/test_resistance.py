@@ -12,7 +12,7 @@ from support.engines import ask, model_files
 from support.errors import DescriptionError
 from support.judging import reference_values
 from support.mechanism import load_mechanism
-from support.models import description, import_model, write_models
+from support.models import description, import_model, left_out, write_models
 
 ENGINES = ("screw", "pinocchio", "mujoco", "pinocchio-full", "mujoco-full")
 #: Numbers that are solved from loops of equations, relative to the largest.
@@ -267,6 +267,9 @@ def test_models_and_descriptions_keep_rotors_and_friction(write, tmp_path):
     assert again.resistances == mechanism.resistances
     files = [file for file in write_models(mechanism, tmp_path) if file.suffix in (".xml", ".urdf")]
     assert len(files) == 4
+    assert not any("minimal cut lacks" in text for text in left_out(mechanism))
+    lacking = [text for text in left_out(load_mechanism("geared-five-bar")) if "minimal cut lacks" in text]
+    assert len(lacking) == 2  # damping and dry friction of the right elbow
     for file in files:
         found = {(one.name, one.amount) for one in import_model(file).mechanism.resistances}
         assert found == {(one.name, one.amount) for one in mechanism.resistances}, file.name

@@ -108,7 +108,10 @@ def _printed(fact: Fact, n: int) -> bool:
     """Whether all numbers of one side are those of the other one in n digits, such as degrees that became radians."""
     if fact.side or fact.a is None or fact.what not in PROPERTIES:
         return False
-    a, b = (np.asarray(value, float).ravel() for value in (fact.a, fact.b))
+    try:
+        a, b = (np.asarray(value, float).ravel() for value in (fact.a, fact.b))
+    except ValueError:  # letters, such as those of a kind of joint
+        return False
     return any(all(float(f"{x:.{n}g}") == y for x, y in zip(*pair, strict=True)) for pair in ((a, b), (b, a)))
 
 
