@@ -6,6 +6,7 @@ does besides, gyroscopic moments and its part in the acceleration of the body th
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,10 +16,12 @@ from screwgauge.reference.errors import DescriptionError
 from screwgauge.reference.rotations import Array
 
 if TYPE_CHECKING:
-    from screwgauge.reference.mechanism import Joint
+    from screwgauge.reference.mechanism import Joint, Mechanism
 
 #: Names of these numbers.
 RESISTS = ("rotor", "damping", "friction")
+#: Inertia; what takes energy; and of that what has no direction at rest.
+ROTORS, LOSSES, DRY = RESISTS[:1], RESISTS[1:], RESISTS[2:]
 #: A rate below this counts as rest, where dry friction has no direction [rad/s or m/s]; rounding leaves less.
 REST = 1e-9
 
@@ -46,15 +49,28 @@ class Resistance(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def resistances(joints: tuple[Joint, ...]) -> tuple[Resistance, ...]:
-    """All that is not zero, coordinate after coordinate."""
+def resistances(joints: tuple[Joint, ...], kinds: tuple[str, ...] = RESISTS) -> tuple[Resistance, ...]:
+    """All of some kinds that is not zero, coordinate after coordinate."""
     each = ((joint, i) for joint in joints for i in range(len(joint.coordinates)))
     return tuple(
         Resistance(column, joint.coordinates[i], what, amount, "N m" if joint.freedoms[i][0] else "N")
         for column, (joint, i) in enumerate(each)
-        for what in RESISTS
+        for what in kinds
         if (amount := float(getattr(joint, what)[i]))
     )
+
+
+def rotors_of(joints: tuple[Joint, ...]) -> dict[str, float]:
+    """Coordinate -> the inertia of its rotor, where it has one."""
+    return {one.coordinate: one.amount for one in resistances(joints, ROTORS)}
+
+
+def without_resistance(mechanism: Mechanism, what: str) -> Mechanism:
+    """The mechanism without rotors, damping or dry friction; itself where it has none."""
+    if not resistances(mechanism.joints, (what,)):
+        return mechanism
+    joints = tuple(replace(joint, **{what: 0.0 * getattr(joint, what)}) for joint in mechanism.joints)
+    return replace(mechanism, joints=joints)
 
 
 def amounts(what: str, given: Array, n: int, where: str) -> Array:

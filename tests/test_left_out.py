@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import screwgauge
+from screwgauge.reference.resistance import without_resistance
 from support.errors import DescriptionError, ModelFileError, UnknownNameError
 from support.judging import MeasuredForces, admitted_by, answer_at, measure
 from support.mechanism import load_mechanism, same_content
@@ -134,8 +135,7 @@ def moving(path, bare: bool = True):
     """
     scene = screwgauge.load_scene(path)
     scene = replace(scene, applied=replace(scene.applied, springs=())) if bare else scene
-    joints = tuple(replace(joint, friction=0.0 * joint.friction) for joint in scene.mechanism.joints)
-    scene = replace(scene, mechanism=replace(scene.mechanism, joints=joints))
+    scene = replace(scene, mechanism=without_resistance(scene.mechanism, "friction"))
     wanted = ("joint_position", "joint_velocity", "joint_acceleration", "generalized_force")
     solution = screwgauge.run(scene, ["screw"], wanted).solutions["screw"]
     answer = answer_at(scene.mechanism, scene.problem(wanted), solution, np.arange(len(scene.t)))

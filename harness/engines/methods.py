@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from screwgauge.reference.errors import check_choice
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.resistance import REST, resistances
+from screwgauge.reference.resistance import DRY, REST, resistances
 from screwgauge.reference.rotations import Array
 
 #: DOP853 for smooth motion, the others for stiff springs and dampers.
@@ -79,7 +79,7 @@ class DryFriction:
             rates: Of named coordinates in a state. Shape (m,).
             slope: Derivative of a state at a time. Shape (2 n + 1,).
         """
-        self.names = [one.coordinate for one in resistances(joints) if one.what == "friction"]
+        self.names = [one.coordinate for one in resistances(joints, DRY)]
         self._rates, self._slope = rates, slope
 
     def holds(self, before: State, after: State, between: Callable[[float], Array]) -> str:
@@ -96,7 +96,8 @@ class DryFriction:
             t = after[0] if abs(ends[1][c]) < abs(ends[0][c]) else before[0]
             if signs[0][c] * signs[1][c] < 0:
                 t = float(brentq(lambda t, c=c: self._rates(between(t), self.names)[c], before[0], after[0]))
-            still, row = between(t), self._row(between(t), c)
+            still = between(t)
+            row = self._row(still, c)
             if row @ row < DEAD**2:
                 continue
             way = row / float(row @ row)  # the smallest change by which the rate becomes larger by one

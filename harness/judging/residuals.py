@@ -15,6 +15,7 @@ from screwgauge.judging.residual import Residuals
 from screwgauge.judging.trust import SAFETY
 from screwgauge.quantities import BODY_MOTION, FLOOR, FORCE, OF_BODIES, arm, pairs
 from screwgauge.reference.graph import Layout, spanning_tree
+from screwgauge.reference.resistance import LOSSES, resistances
 from screwgauge.reference.rotations import Array, cross, lanes
 from screwgauge.solution import Values
 from screwgauge.witness.constraints import AdmissibleMotion
@@ -350,7 +351,7 @@ def energy_balance(answer: Answer, looser: Sequence[Answer] = ()) -> Residuals:
 def _balance(answer: Answer) -> tuple[Array, float] | None:
     """What is missing in the balance of energy at each sample, shape (n, 1), and the largest of its parts [J]."""
     applied, work = answer.applied, answer.work
-    resists = {one.what for one in answer.mechanism.resistances} - {"rotor"}
+    resists = resistances(answer.mechanism.joints, LOSSES)
     if not (applied.motors or applied.loads or resists or any(spring.damping for spring in applied.springs)):
         work = np.zeros(len(answer.t))
     if not answer.has("joint_velocity") or work is None or np.isnan(work).all():

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from screwgauge.problem import GivenMotion
 from screwgauge.reference.closed.assembly_mode import positions
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.errors import first_few
 from screwgauge.reference.graph import layout
-from screwgauge.reference.resistance import REST, Resistance
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.reference.resistance import DRY, REST, Resistance, resistances
 from screwgauge.scene.scene import Scene
 
 #: Joints that a sentence names.
@@ -20,10 +23,15 @@ SHOWN = 4
 
 def at_rest(scene: Scene) -> dict[Resistance, NDArray[np.bool_]]:
     """Dry friction -> the samples of a given motion at which it has no direction, if there are any. Shape (n,)."""
-    friction = [one for one in scene.mechanism.resistances if one.what == "friction"]
-    if scene.simulated or not friction:
+    return {} if scene.simulated else _at_rest(scene.mechanism, scene.motion)
+
+
+@lru_cache(maxsize=1)  # of the same two objects, which nothing changes: asked once for a run and once for each table
+def _at_rest(mechanism: Mechanism, motion: GivenMotion) -> dict[Resistance, NDArray[np.bool_]]:
+    friction = resistances(mechanism.joints, DRY)
+    if not friction:
         return {}
-    lay, motion = layout(scene.mechanism), scene.motion
+    lay = layout(mechanism)
     q = positions(lay, motion.y, motion.t, (motion.yd, motion.ydd))
     rates = motion_at(lay, q, motion.yd).joint_velocity
     return {one: rests for one in friction if (rests := np.abs(rates[:, one.column]) <= REST).any()}

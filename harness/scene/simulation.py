@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from screwgauge.problem import InitialValue
@@ -12,6 +10,7 @@ from screwgauge.reference.closed.assembly_mode import Branch, positions
 from screwgauge.reference.closed_motion import motion_at
 from screwgauge.reference.errors import DescriptionError, JointLimitError, ScrewgaugeError
 from screwgauge.reference.graph import Layout, layout
+from screwgauge.reference.resistance import without_resistance
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.preflight import FARTHEST, beyond_limits, check_home, check_regular
 from screwgauge.scene.scene import Scene
@@ -76,8 +75,8 @@ def stiffness(lay: Layout, applied: Applied, task: InitialValue) -> complex:
 
     Dry friction, which jumps at rest, has none.
     """
-    smooth = tuple(replace(joint, friction=0.0 * joint.friction) for joint in lay.mechanism.joints)
-    lay = layout(replace(lay.mechanism, joints=smooth))
+    smooth = without_resistance(lay.mechanism, "friction")
+    lay = lay if smooth is lay.mechanism else layout(smooth)
     try:
         fastest = complex(max(eigenvalues(lay, applied, task.start, task.rates, task.since), key=abs))
     except ScrewgaugeError:

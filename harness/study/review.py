@@ -14,6 +14,7 @@ from screwgauge.judging.compare import reference_scale
 from screwgauge.problem import Rows
 from screwgauge.quantities import QUANTITIES, natural_scales
 from screwgauge.reference.applied import Load, Motor, PointSpring, Spring
+from screwgauge.reference.resistance import without_resistance
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.motion import Sampled, same_times
 from screwgauge.scene.observables import read_header
@@ -221,8 +222,7 @@ def _parts(scene: Scene) -> dict[str, Scene]:
             without: dict[str, Any] = {field: (*some[:k], *some[k + 1 :])}
             parts[name] = replace(scene, applied=replace(applied, **without))
     for what in dict.fromkeys(one.what for one in mechanism.resistances):
-        joints = tuple(replace(joint, **{what: 0.0 * getattr(joint, what)}) for joint in mechanism.joints)
-        parts[_RESISTS[what]] = replace(scene, mechanism=replace(mechanism, joints=joints))
+        parts[_RESISTS[what]] = replace(scene, mechanism=without_resistance(mechanism, what))
     return parts
 
 

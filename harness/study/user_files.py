@@ -82,6 +82,7 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
     """
     table, n = scene.tables[name], len(scene.t)
     (rows, at), columns = same_times(scene.t, table.t), _columns(table, names, wanted)
+    skipped = len(table.t) - len(np.unique(at))
     if any(QUANTITIES[quantity].needs == "f" for quantity in columns):
         told = unique(scene)
         rows, at, n = rows[told[rows]], at[told[rows]], int(told.sum())
@@ -101,7 +102,7 @@ def recorded(scene: Scene, name: str, names: Names, wanted: Collection[str]) -> 
         values["joint_position"] = _unwound(values["joint_position"], scene.mechanism.coordinates, assembly)
     short, long = _left_out(name, values, names, wanted, [f"only {len(rows)} of the {n} samples"] * (len(rows) < n))
     unused = [f"gives {quantity}, which is not compared" for quantity in columns if quantity not in wanted]
-    if skipped := len(table.t) - len(np.unique(same_times(scene.t, table.t)[1])):
+    if skipped:
         unused.append(f"{skipped} of its {len(table.t)} times are not compared: the scene has others")
     unused += [f"{name} is converted to SI units" for name in table.converted]
     return Solution(

@@ -47,7 +47,7 @@ class Unknown:
 
 def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequence[BallLoad]) -> list[arb]:
     """Route 1: what the actuators must deliver for each independent coordinate [N m or N]."""
-    forces = []
+    forces, resisted = [], [*taken(linkage, now)]
     second = [2 * T[2] for T in now.bodies]
     for j in range(now.partial.ncols()):
         virtual = linkage.place([[q[0], now.partial[i, j]] for i, q in enumerate(now.q)])
@@ -58,7 +58,7 @@ def generalized_force(linkage: Linkage, now: State, gravity: Vector, loads: Sequ
             T = virtual[load.body]
             at = linkage.masses[load.body - 1].com if load.point is None else load.point
             Q -= dot(load.force, point(T[1], at)) + dot(load.torque, spin(T, 1))
-        Q += sum((force * now.partial[column, j] for column, force in taken(linkage, now)), arb(0))
+        Q += sum((force * now.partial[column, j] for column, force in resisted), arb(0))
         forces.append(Q)
     return forces
 

@@ -19,7 +19,7 @@ from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, Unknown
 from screwgauge.reference.expressions import rotation_matrix, vector
 from screwgauge.reference.files import LIMITS, check_count
 from screwgauge.reference.mechanism import GROUND, Frame, Joint, Mechanism
-from screwgauge.reference.resistance import RESISTS, resistances
+from screwgauge.reference.resistance import RESISTS, rotors_of
 from screwgauge.reference.rotations import Array
 from screwgauge.reference.tables import check_keys, check_name, read_toml, required
 
@@ -214,7 +214,7 @@ def with_loops_file(reading: Reading, path: Path) -> Reading:
         second, T2 = place_in(reading, one.second, path)
         closures[name] = ClosureReading(one.kind, first, T1 @ one.first_frame, second, T2 @ one.second_frame)
     driven = {joint.name: joint.coordinates[0] for joint in file.joints if joint.actuated}
-    rotors = {one.coordinate: one.amount for one in resistances(file.joints) if one.what == "rotor"}
+    rotors = rotors_of(file.joints)
     joints = {n: replace(j, armature=rotors[n]) if n in rotors else j for n, j in reading.joints.items()}
     couplings = {**reading.couplings, **couplings_of(file.couplings)}
     motor = motors(reading, driven, path)

@@ -13,7 +13,7 @@ from screwgauge.reference.equations.recursion import wrench
 from screwgauge.reference.equations.screws import Array, dot, scale, times, velocity_at
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import Mechanism
-from screwgauge.reference.resistance import REST, Resistance
+from screwgauge.reference.resistance import LOSSES, REST, Resistance, resistances
 
 if TYPE_CHECKING:
     from screwgauge.reference.equations.dynamics import Dynamics
@@ -51,9 +51,8 @@ def exerted(at: Dynamics) -> Exerted:
     for motor in at.applied.motors:
         c = coordinates.index(motor.coordinate)
         along[..., c] = along[..., c] + motor_force(at, motor)
-    for one in at.mechanism.resistances:
-        if one.what != "rotor":
-            along[..., one.column] = along[..., one.column] - resisting_force(at, one)
+    for one in resistances(at.mechanism.joints, LOSSES):
+        along[..., one.column] = along[..., one.column] - resisting_force(at, one)
     return Exerted(W, along if at.given_forces is None else along + at.given_forces)
 
 

@@ -27,6 +27,7 @@ from screwgauge.reference.equations.ops import System
 from screwgauge.reference.equations.recursion import at_origin, outward
 from screwgauge.reference.equations.screws import Array, cross, dot, join, times, transpose, velocity_at
 from screwgauge.reference.mechanism import GROUND, Joint, by_role
+from screwgauge.reference.resistance import LOSSES, resistances
 from screwgauge.reference.rotations import across_direction
 
 
@@ -123,9 +124,8 @@ class Forward(Dynamics):
         for spring in self.applied.springs:
             rate = stretch_rate(self, spring)
             total = total - spring.damping * rate * rate
-        for one in self.mechanism.resistances:
-            if one.what != "rotor":
-                total = total - resisting_force(self, one) * self.joint_rate(one.coordinate)
+        for one in resistances(self.mechanism.joints, LOSSES):
+            total = total - resisting_force(self, one) * self.joint_rate(one.coordinate)
         return total if self.given_forces is None else total + dot(self.given_forces, self.joint_velocity)
 
 

@@ -13,6 +13,7 @@ from screwgauge.models.readings.compiled import heard
 from screwgauge.models.readings.mujoco import is_single, loaded
 from screwgauge.models.readings.source import prepare
 from screwgauge.reference.errors import ScrewgaugeError
+from screwgauge.reference.resistance import without_resistance
 from screwgauge.reference.rotations import Array
 from screwgauge.scene.scene import Scene
 from screwgauge.solution import Solution
@@ -34,8 +35,7 @@ def apart(file: Path, imported: Imported, scene: Scene) -> float:
         return np.nan
     if not all(is_single(model, i) for i in range(model.njnt)):
         return np.nan
-    joints = tuple(replace(joint, friction=0.0 * joint.friction) for joint in scene.mechanism.joints)
-    scene = replace(scene, mechanism=replace(scene.mechanism, joints=joints))
+    scene = replace(scene, mechanism=without_resistance(scene.mechanism, "friction"))
     answer = run(scene, ["screw"], (*MOTION, "tree_force", "resistance")).solutions["screw"]
     names = [imported.names.get(model.joint(i).name, model.joint(i).name) for i in range(model.njnt)]
     ours = _forces(answer, scene)

@@ -21,7 +21,7 @@ from screwgauge.reference.couplings import bind
 from screwgauge.reference.errors import LoaderError, ModelFileError, SingularPoseError
 from screwgauge.reference.files import read_model
 from screwgauge.reference.mechanism import GROUND, Joint
-from screwgauge.reference.resistance import resistances
+from screwgauge.reference.resistance import rotors_of
 from screwgauge.reference.rotations import Array, cross
 
 #: Singular values below this share of the largest are those of couplings that the loops keep already.
@@ -64,7 +64,7 @@ class PinocchioTree(OpenTree):
         self.version = pin.__version__
         columns = sorted(range(1, self.model.njoints), key=lambda j: self.model.joints[j].idx_v)
         self.coordinates = tuple(self.model.names[j] for j in columns)
-        rotors = {one.coordinate: one.amount for one in resistances(file.joints) if one.what == "rotor"}
+        rotors = rotors_of(file.joints)
         self.model.armature[:] = [rotors.get(name, 0.0) for name in self.coordinates]  # a URDF has no word for them
         self.closures, self.couplings = file.closures, file.couplings
         wanted = {*file.bodies, *(side for c in file.closures for side in (c.parent, c.child))}

@@ -20,7 +20,7 @@ from screwgauge.reference.equations.kinematics import coordinates, joint_screws,
 from screwgauge.reference.equations.ops import NUMPY
 from screwgauge.reference.errors import UnknownNameError
 from screwgauge.reference.mechanism import Joint
-from screwgauge.reference.resistance import REST, Resistance, resistances
+from screwgauge.reference.resistance import LOSSES, REST, Resistance, resistances
 from screwgauge.reference.rotations import Array, cross, times
 
 BodyMotion = Callable[[int], tuple[Array, Array, Array]]
@@ -47,7 +47,7 @@ class ActingForces:
 
 def resisting(closed: ClosedTree) -> tuple[Resistance, ...]:
     """Damping and dry friction of joints; rotors the engine has itself."""
-    return tuple(one for one in resistances(closed.file.joints) if one.what != "rotor")
+    return resistances(closed.file.joints, LOSSES)
 
 
 def exerted(

@@ -18,7 +18,7 @@ from screwgauge.reference.equations.joint_types import JointPose, reaction_names
 from screwgauge.reference.equations.screws import times
 from screwgauge.reference.errors import ModelFileError
 from screwgauge.reference.mechanism import Joint, by_role
-from screwgauge.reference.resistance import resistances
+from screwgauge.reference.resistance import ROTORS, resistances
 from screwgauge.reference.rotations import Array, across_direction, cross
 
 
@@ -72,11 +72,9 @@ def closed_forces(
         conditions = dict.fromkeys(RULED, condition)
     values["actuator_force"], values["axis_moment"] = f, along.copy()
     values["axis_moment"][:, [closed.names.index(closed.tree.coordinates[k]) for k in driven]] += f
-    for one in resistances(closed.file.joints):
-        if one.what == "rotor":  # which stands in the tree
-            values["axis_moment"][:, one.column] -= (
-                one.amount * motion[2][:, closed.tree.coordinates.index(one.coordinate)]
-            )
+    for one in resistances(closed.file.joints, ROTORS):  # which stand in the tree
+        place = closed.tree.coordinates.index(one.coordinate)
+        values["axis_moment"][:, one.column] -= one.amount * motion[2][:, place]
     if "reaction" not in wanted:
         return ClosedForces(values, conditions, largest)
     rest = need.copy()

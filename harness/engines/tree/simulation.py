@@ -330,11 +330,13 @@ def step_through(
         try:
             while done < n:
                 count = min(block, n - done)
-                before = begin + done * h, np.concatenate([q, v, [0.0]])
-                q, v = stepper.walk(before[0], h, count)
+                t, before = begin + done * h, (q, v)
+                q, v = stepper.walk(t, h, count)
                 done, steps = done + count, steps + count
-                with clock.aside():
-                    run.check_moving(before, (begin + done * h, np.concatenate([q, v, [0.0]])))
+                if run.friction.names:
+                    ends = [np.concatenate([*each, [0.0]]) for each in (before, (q, v))]
+                    with clock.aside():
+                        run.check_moving((t, ends[0]), (begin + done * h, ends[1]))
                 progress(float((begin + done * h - times[0]) / (times[-1] - times[0])))
                 if not (np.isfinite(q).all() and np.isfinite(v).all()):
                     raise SingularPoseError("the state is no longer finite", closed.tree.engine, "take smaller steps")
