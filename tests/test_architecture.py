@@ -19,7 +19,7 @@ import screwgauge.reference
 
 TESTS = Path(__file__).parent
 PROJECT = TESTS.parent
-MOST_MODULES, MOST_LINES, MOST_PARAMETERS = 9, 400, 8
+MOST_MODULES, MOST_LINES, MOST_PARAMETERS = 10, 400, 8
 #: Library -> the only places that import it: its engine's, and the second reading of model files.
 ROOMS = {
     "mujoco": ("engines/mujoco/", "models/readings/"),

@@ -1,0 +1,45 @@
+"""What an engine of another package imports: one module, quick to import, each of its names explained."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import subprocess
+import sys
+
+import pytest
+
+from screwgauge import plugins
+
+#: Libraries that take longer to import than all of the package.
+HEAVY = ("pinocchio", "mujoco", "pandas", "scipy", "llvmlite", "flint", "exudyn", "pydrake")
+
+
+def test_import_loads_no_library_of_an_engine():
+    code = f"import sys, screwgauge.plugins; print(*[name for name in {HEAVY} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
+
+
+def test_import_loads_the_modules_of_trees_only_when_they_are_asked_for():
+    code = (
+        "import sys, screwgauge.plugins as kit\n"
+        "print(any(name.startswith('screwgauge.engines.tree.') for name in sys.modules))\n"
+        "from screwgauge.plugins import OpenTree\n"
+        "print(OpenTree is sys.modules['screwgauge.engines.tree.protocol'].OpenTree)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]
+
+
+@pytest.mark.parametrize("name", plugins.__all__)
+def test_every_name_is_explained(name):
+    assert re.search(rf"`{name}`", plugins.__doc__), "the docstring of the module leaves it out"
+    value = getattr(plugins, name)
+    if inspect.isclass(value) or inspect.isroutine(value):
+        assert (value.__doc__ or "").strip()
+
+
+def test_unknown_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no_such_name"):
+        _ = plugins.no_such_name
