@@ -85,6 +85,14 @@ def test_the_package_to_install_is_named_as_the_index_calls_it(name, package, mo
     assert results.failures[name].reason.endswith(f"pip install {package}")
 
 
+def test_an_engine_of_an_extra_is_installed_by_that(elsewhere, monkeypatch, scene, command):
+    elsewhere("no_such_module_at_all:load", "mujoco")
+    monkeypatch.setitem(ENGINES, "mujoco", replace(ENGINES["mujoco"], package="no-such-package", extra="physics"))
+    reason = screwgauge.run(scene, quantities=QUANTITIES).failures["mujoco"].reason
+    assert reason == "not installed (No module named 'no_such_module_at_all'); pip install 'screwgauge[physics]'"
+    assert "pip install 'screwgauge[physics]'" in command("list", "engines").out
+
+
 def test_a_package_that_is_there_but_cannot_be_loaded_is_to_be_installed_anew(stand_in, scene):
     error = ImportError("libx.so.4: cannot open shared object file: No such file or directory")
     stand_in(pinocchio=raising(error))

@@ -7,13 +7,14 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import screwgauge
 from support import engine_of_harm as harm
-from support.engines import Failure, Method, ModelFiles, further_engines, get_engine, put
+from support.engines import ENGINES, Failure, Method, ModelFiles, further_engines, get_engine, put
 from support.repository import repository, scene, worse
 
 pytestmark = pytest.mark.slow
@@ -98,10 +99,20 @@ def test_python_asks_engines_of_others_in_their_own_process(folder, mode):
 def test_its_module_is_imported_by_no_process_of_ours(folder, monkeypatch):
     monkeypatch.delitem(sys.modules, harm.__name__, raising=False)
     with further_engines(SOURCE):
-        assert get_engine("harm") == harm.ENGINE
+        assert get_engine("harm") == replace(harm.ENGINE, apart=True)
         results = screwgauge.run(screwgauge.load_scene(with_harm(folder, "thread")), ["harm", "screw"])
     assert results.ok
     assert harm.__name__ not in sys.modules
+
+
+@pytest.mark.parametrize("mode", ["prints", "free", "thread"])
+def test_an_engine_of_an_extra_runs_in_its_own_process(folder, mode, monkeypatch, capfd):
+    monkeypatch.setitem(ENGINES, "harm", replace(harm.ENGINE, apart=True))
+    monkeypatch.delitem(sys.modules, harm.__name__, raising=False)
+    results = screwgauge.run(screwgauge.load_scene(with_harm(folder, mode)), ["harm", "screw"])
+    assert [*results.failures] == (["harm"] if mode == "free" else [])
+    assert harm.__name__ not in sys.modules
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("mode", ["thread", "address"])

@@ -132,6 +132,14 @@ def test_nothing_that_an_engine_prints_stands_before_the_json(
     assert not {"imported", "solving", "in C"} & {*said.err.split("\n")}
 
 
+@pytest.mark.slow
+def test_nothing_that_an_engine_prints_reaches_who_calls_from_python(scene, isolated, capfd, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
+    with further_engines({"loud": "support.hostile_engine:ENGINE"}):
+        assert "loud" in screwgauge.run(scene, ["screw", "loud"], QUANTITIES).solutions
+    assert capfd.readouterr() == ("", "")
+
+
 def test_nothing_that_an_engine_prints_stands_in_a_list(capfd):
     with further_engines({"listed": "support.hostile_engine:ENGINE"}):
         assert main(["list", "engines"]) == 0

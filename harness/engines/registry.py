@@ -60,6 +60,9 @@ class Engine:
         most: Samples that it solves at the most, see `problem.spread`; 0 for all. Of engines of other packages missing
             samples count as missing, whatever they say.
         sprung: Whether it knows springs and motors.
+        extra: Extra of Screwgauge that brings its package; empty if `package` itself is to be installed.
+        apart: Whether each problem is solved in a process of its own: what a library prints, changes or breaks there
+            costs its own answer only. Engines of other packages always are.
     """
 
     name: str
@@ -72,6 +75,13 @@ class Engine:
     lacks: Mapping[str, str] = field(default_factory=dict)
     sprung: bool = True
     most: int = 0
+    extra: str = ""
+    apart: bool = False
+
+    @property
+    def requirement(self) -> str:
+        """What pip has to install."""
+        return f"'screwgauge[{self.extra}]'" if self.extra else self.package
 
     @property
     def installed(self) -> bool:
@@ -122,7 +132,7 @@ def _tree_engine(name: str, meaning: str, code: tuple[str, str, str], cut: str) 
     return Engine(name, meaning, source, _ALL if cut == "minimal" else _ALL - {InitialValue}, package, reads, cut)
 
 
-_TRUTH = "ball arithmetic with rigorous radii, on request (needs python-flint)"
+_TRUTH = "ball arithmetic with rigorous radii, on request"
 _OPEN = dict.fromkeys(("tree_force", "tree_force_soft"), "the open tree has nothing to certify that RNEA does not know")
 _LEFT = {
     "mass_matrix": "its Newton-Euler equations are solved whole",
@@ -145,6 +155,7 @@ ENGINES: dict[str, Engine] = {
             lacks=_OPEN | _LEFT,
             sprung=False,
             most=201,
+            extra="truth",
         ),
     )
 }
@@ -205,10 +216,10 @@ def _described(entry: EntryPoint) -> Engine:
         told = json.loads(done.stdout)
         kinds = {kind.__name__: kind for kind in _ALL}
         told["tasks"] = frozenset(kinds[name] for name in told["tasks"])
-        return replace(_checked(Engine(**told)), name=entry.name)
+        return replace(_checked(Engine(**told)), name=entry.name, extra="", apart=True)
     except (OSError, subprocess.SubprocessError, ValueError, TypeError, KeyError, RecursionError):
         package = entry.dist.name if entry.dist else entry.module
-        return Engine(entry.name, "cannot be loaded", entry.value, _ALL, package)
+        return Engine(entry.name, "cannot be loaded", entry.value, _ALL, package, apart=True)
 
 
 def description(value: str) -> str:

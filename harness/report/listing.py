@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from screwgauge.casebook.book import CASES as CASEBOOK
 from screwgauge.casebook.book import Case, Versions, installed
-from screwgauge.engines.registry import engines
+from screwgauge.engines.registry import Engine, engines
 from screwgauge.models.catalog import load_mechanism, mechanism_names
 from screwgauge.quantities import QUANTITIES
 from screwgauge.report.blocks import Banner, Block, Items, Marked, Table
@@ -21,10 +21,14 @@ def mechanisms() -> dict[str, str]:
     return dict(line for one in known for line in ((f"{one.group}:", ""), (f"  {one.name}", one.title)))
 
 
+def _meaning(engine: Engine) -> str:
+    return engine.meaning if engine.installed else f"{engine.meaning} (pip install {engine.requirement})"
+
+
 _TABLES: dict[str, Callable[[], dict[str, str]]] = {
     "mechanisms": lambda: mechanisms(),
     "scenes": lambda: {name: load_scene(name).title for name in scene_names()},
-    "engines": lambda: {e.name: e.meaning + ("" if e.installed else " (not installed)") for e in engines().values()},
+    "engines": lambda: {engine.name: _meaning(engine) for engine in engines().values()},
     "quantities": lambda: {name: quantity.meaning for name, quantity in QUANTITIES.items()},
     "cases": lambda: {name: f"{case.title} ({case.span})" for name, case in CASES.items()},
     "discrepancies": lambda: {case.id: case.title for case in CASEBOOK.values()},

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from screwgauge.engines.registry import ENGINES, Engine, EngineModel, get_engine
+from screwgauge.engines.registry import Engine, EngineModel, get_engine
 from screwgauge.problem import ModelFiles, Problem, Progress, States
 from screwgauge.quantities import QUANTITIES
 from screwgauge.reference.errors import (
@@ -34,7 +34,7 @@ DOUBTS = 3  # about the models or the engines, that a sentence names
 
 def missing(error: ImportError, engine: Engine | None = None) -> str:
     """What to install for a module that is missing, or that was built for other versions."""
-    package = engine.package if engine is not None else (error.name or "it").split(".")[0]
+    package = engine.requirement if engine is not None else (error.name or "it").split(".")[0]
     what = "not installed" if isinstance(error, ModuleNotFoundError) else "cannot be loaded"
     return f"{what} ({error}); {remedy_of_import(error, package)}"
 
@@ -107,7 +107,7 @@ class EngineTask:
             MemoryError: There is not enough memory.
         """
         try:
-            answer = self._solve(progress) if self.engine.name in ENGINES else self._ask_apart(progress)
+            answer = self._solve(progress) if not self.engine.apart else self._ask_apart(progress)
             if isinstance(answer, Failure):
                 return answer
             answer = replace(answer, engine=self.engine.name)
@@ -125,7 +125,7 @@ class EngineTask:
             return replace(answer, lacks=lacks)
 
     def _ask_apart(self, progress: Progress) -> Solution | Failure:
-        """Asks an engine of another package, whose answer is looked at where it cannot have changed who looks."""
+        """Asks an engine in a fork; its answer is looked at where it cannot have changed who looks."""
 
         def ask() -> Solution | Failure:
             try:
@@ -141,7 +141,7 @@ class EngineTask:
             return Failure(self.engine.name, shortened(str(error), LONG), "\n".join(error.__notes__)[-TRACE:])
         if not isinstance(answer, Failure):
             answer = sound(answer, len(self.problem.task))
-            # what is derived, or proved, is so by engines of this package alone
+            # what is derived, or proved, is so by engines that run here alone
             errors = {name: replace(one, source=ROUNDING, radius=None) for name, one in answer.errors.items()}
             return replace(answer, errors=errors)
         return sound_failure(replace(answer, traceback=f"{answer.traceback}{printed}"[-TRACE:]))

@@ -14,7 +14,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from screwgauge.engines.registry import ENGINES, engine_names, get_engine
+from screwgauge.engines.registry import engine_names, get_engine
 from screwgauge.models.generate import stem, write_models
 from screwgauge.models.importing.model import description
 from screwgauge.problem import ModelFiles, Problem, Progress, Report, quiet, silent
@@ -116,7 +116,7 @@ def ask(method: Method, files: ModelFiles, problem: Problem, progress: Progress 
     """Loads a model and solves a problem, in full; whatever is raised becomes a failure, but for `TooLongError`."""
     entry = get_engine(method.engine) if method.engine in engine_names() else None
     try:
-        if entry is None or method.engine in ENGINES:
+        if entry is None or not entry.apart:
             model = method.load(files)
             lacks = declared(model, entry)
             answer = sound(model.solve(problem, progress), len(problem.task))
@@ -181,8 +181,8 @@ def ask_engines(
 def _asked(
     questions: Mapping[str, EngineTask], limits: Limits | None, progress: Report
 ) -> dict[str, Solution | Failure]:
-    """Answers of engines, in their order; those of other packages are asked by workers alone."""
-    others = {name: one for name, one in questions.items() if one.engine.name not in ENGINES}
+    """Answers of engines, in their order; those that run apart are asked by workers alone."""
+    others = {name: one for name, one in questions.items() if one.engine.apart}
     if limits is None and not others:
         return in_turn(questions, progress)
     from screwgauge.study import isolation

@@ -303,7 +303,8 @@ def of_loops(scene: Scene, name: str, files: ModelFiles) -> tuple[list[str], lis
 def reader_of(engine: Engine) -> str:
     """The library that reads the model files of an engine; of another package, the one of its format."""
     own = engine.name.partition("-")[0]
-    return own if engine.name in ENGINES else next(name for name, ending in SUFFIXES.items() if ending == engine.reads)
+    fitting = [name for name, ending in SUFFIXES.items() if ending == engine.reads]
+    return own if own in fitting else fitting[0]
 
 
 def _beyond(mechanism: Mechanism, engine: Engine, model: Path, *, known: bool) -> Iterator[str]:

@@ -100,6 +100,7 @@ ENDS = {
     "base": lambda problem: _raise(BaseException("x")),
     "unread": lambda problem: _raise(_Unread(1, 2)),
     "abort": lambda problem: os.abort(),
+    "free": lambda problem: ctypes.CDLL(None).free(ctypes.byref(ctypes.create_string_buffer(64), 32)),
     "address": lambda problem: ctypes.string_at(0),
     "stops": lambda problem: os.kill(os.getpid(), signal.SIGSTOP),
     "parent": lambda problem: os.kill(os.getppid(), signal.SIGKILL),
