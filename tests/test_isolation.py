@@ -106,6 +106,14 @@ def test_progress_is_that_of_all(tmp_path):
     assert said[-1] == ("fine", 0.5)
 
 
+@pytest.mark.slow
+def test_work_that_has_long_said_nothing_may_be_compiling(monkeypatch):
+    monkeypatch.setattr(isolation, "SLOW", 0.0)
+    said = set()
+    isolated({"slow": bad_works.hang}, Limits(seconds=0.5), lambda step, share: said.add(step))
+    assert [step for step in said if step.startswith("slow (") and "compiling" in step]
+
+
 def test_processes_are_forks_of_one_that_is_replaced_when_it_was_killed():
     first, second = isolated(dict.fromkeys(("fork 1", "fork 2"), bad_works.server), Limits(), silent).values()
     assert first == second != os.getpid()

@@ -20,7 +20,7 @@ from screwgauge.solution import Solution
 
 GROUP = "screwgauge.engines"
 TEXT = 1000  # characters of a text in the description of an engine
-LONGEST = 60.0  # s that the import of its module may take
+LONGEST = 300.0  # s that the import of its module may take: libraries of GPUs take a minute on a busy machine
 CUTS = ("", "minimal", "full")
 _WORDS: dict[type[Task], str] = {
     GivenMotion: "solve given motions",

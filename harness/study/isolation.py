@@ -49,6 +49,8 @@ LONGEST = 1e9  # s that a timer takes
 AGAIN = 3  # times that a work runs again whose process was killed from outside
 KILLED = re.compile("SIG(KILL|TERM|HUP)")  # an engine that crashes gets another one, and would get it again
 STEP = 200  # characters of the name of a step
+SLOW = 5.0  # s without a share after which a report says what may take so long
+STARTING = "{} (loading, compiling or at its first samples)"
 #: Of its processes: one thread each, nothing of the current folder is imported there, and nothing is drawn: MuJoCo's
 #: import looks for libraries of windows else.
 ENVIRONMENT = {**ONE, **SAFE, "MUJOCO_GL": "disable"}
@@ -116,7 +118,7 @@ def isolated(
                 shares = jobs.shares()
                 jobs.stop_overdue(shares)
                 if jobs.running:
-                    report(", ".join(shares), (len(jobs.results) + sum(shares.values())) / len(works))
+                    report(", ".join(self.steps(shares)), (len(jobs.results) + sum(shares.values())) / len(works))
         finally:
             jobs.stop()
     return {name: jobs.results[name] for name in works}
@@ -162,6 +164,12 @@ class _Jobs(Generic[T]):
     def shares(self) -> dict[str, float]:
         """How far those that run are."""
         return {name: _share(_file(self.folder, name))[0] for name, _, _ in self.running.values()}
+
+    def steps(self, shares: Mapping[str, float]) -> list[str]:
+        """Names of those that run; of one that has long said nothing also what it may be at."""
+        began = {name: begin for name, _, begin in self.running.values()}
+        slow = {name for name, share in shares.items() if not share and monotonic() - began.get(name, np.inf) > SLOW}
+        return [STARTING.format(name) if name in slow else name for name in shares]
 
     def stop_overdue(self, shares: Mapping[str, float]) -> None:
         """Stops those that have run longer than they may."""
