@@ -118,7 +118,7 @@ def isolated(
                 shares = jobs.shares()
                 jobs.stop_overdue(shares)
                 if jobs.running:
-                    report(", ".join(self.steps(shares)), (len(jobs.results) + sum(shares.values())) / len(works))
+                    report(", ".join(jobs.steps(shares)), (len(jobs.results) + sum(shares.values())) / len(works))
         finally:
             jobs.stop()
     return {name: jobs.results[name] for name in works}
