@@ -6,7 +6,7 @@ below stay within a major version; modules behind them may move in any version.
 Conventions. SI units; angles in rad. Arrays run over samples first. Bodies are those of the description in its order,
 ground before them at 0: orientations R have shape (n, n_body + 1, 3, 3), origins p (n, n_body + 1, 3). World axes
 unless said otherwise. Wrenches (..., 6) are force, then moment about a named point; twists (..., 6), and
-accelerations of bodies, are angular, then of the body's origin, as in `OpenTree`.
+accelerations of bodies, are angular, then of the body's origin, as in `OpenTree`. `Array` is the type of all of these.
 
 **Entry.** `Engine` describes an engine to the registry: ``module:function`` that loads it, its tasks, its package.
 That function takes `ModelFiles` and returns a model with ``solve(problem, progress)``, an `EngineModel`. A `Progress`
@@ -23,7 +23,7 @@ all that can be.
 rotors, dampers and dry friction as `Resistance`.
 
 **Answer.** A `Solution` has `Values` by quantity, and may have an `Error` for each. `names` gives components and
-units of each quantity in order; `Names` is their type.
+units of each quantity in order; `Names` is their type. A `Clock` takes the time of each stage.
 
 **Errors.** Raise a `ScrewgaugeError`, each with what, where and what to do: `ModelFileError` (the model lacks or has
 what the engine cannot take), `DescriptionError`, `UnknownNameError`, `ClosureError` (loops do not close),
@@ -34,7 +34,9 @@ simulations), gives `BodyPoses`, and is closed by a `TreeModel` of `close_tree` 
 `loops_file`. `shifted` moves accelerations to other points of bodies.
 
 **Tracer.** `Trace` records arithmetic on `Node` numbers; `program` makes a `Program` of it, `Lanes` runs that over
-samples; `apply` calls sqrt, sin, cos, atan2 or max on numbers of any kind.
+samples; `apply` calls sqrt, sin, cos, atan2 or max on numbers of any kind. A `Function` is a program with names for
+inputs and outputs. Derivatives are recorded in the same trace: `tangents` by forward mode, `adjoints` by reverse mode;
+`substitute` puts other numbers in the place of some.
 """
 
 from __future__ import annotations
@@ -69,9 +71,12 @@ from screwgauge.reference.errors import (
 )
 from screwgauge.reference.mechanism import GROUND, Body, Frame, Joint, Mechanism
 from screwgauge.reference.resistance import Resistance, resistances
+from screwgauge.reference.rotations import Array
+from screwgauge.reference.traced.derivatives import adjoints, substitute, tangents
+from screwgauge.reference.traced.function import Function
 from screwgauge.reference.traced.program import Lanes, Program, program
 from screwgauge.reference.traced.trace import Node, Trace, apply
-from screwgauge.solution import Error, Solution, Values
+from screwgauge.solution import Clock, Error, Solution, Values
 
 if TYPE_CHECKING:
     from screwgauge.engines.tree.closed_tree import close_tree
@@ -84,8 +89,10 @@ __all__ = [
     "GROUND",
     "OF_MOTION",
     "Applied",
+    "Array",
     "Body",
     "BodyPoses",
+    "Clock",
     "ClosureError",
     "Coupling",
     "DescriptionError",
@@ -94,6 +101,7 @@ __all__ = [
     "Error",
     "Fixing",
     "Frame",
+    "Function",
     "GivenMotion",
     "InitialValue",
     "Integration",
@@ -124,6 +132,7 @@ __all__ = [
     "TreeModel",
     "UnknownNameError",
     "Values",
+    "adjoints",
     "apply",
     "check_fits",
     "close_tree",
@@ -134,6 +143,8 @@ __all__ = [
     "quiet",
     "resistances",
     "shifted",
+    "substitute",
+    "tangents",
 ]
 
 _TREE = "screwgauge.engines.tree"

@@ -39,7 +39,8 @@ OPERATIONS: dict[str, Callable[..., Any]] = {
     **FUNCTIONS,
 }
 
-#: More operations are not traced: every thousand takes some 20 ms, and a program of them is no faster than arrays.
+#: More operations are not traced by default: every thousand takes some 20 ms, and a program of them is no faster than
+#: arrays.
 MOST = 100_000
 
 
@@ -115,10 +116,12 @@ class Trace:
     """The graph of all that was computed from its inputs.
 
     Attributes:
+        most: Operations that it records at the most, those that no output needs among them.
         kept: Samples at which the pivots chosen so far are large, if others may be left to further traces. Shape (n,).
     """
 
-    def __init__(self) -> None:
+    def __init__(self, most: int = MOST) -> None:
+        self.most = most
         self.kept: NDArray[np.bool_] | None = None
         self.nodes: list[Node] = []
         self.inputs: list[Array] = []
@@ -147,8 +150,8 @@ class Trace:
     def _make(self, op: str, *args: Scalar) -> Node:
         key = (op, *args)
         if key not in self._known:
-            if len(self.nodes) == MOST:
-                raise NotTraceableError(f"it takes more than {MOST} operations", "tracing", "use backend array")
+            if len(self.nodes) == self.most:
+                raise NotTraceableError(f"it takes more than {self.most} operations", "tracing", "use backend array")
             self._known[key] = node = Node(self, op, args)
             self.nodes.append(node)
         return self._known[key]

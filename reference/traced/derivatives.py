@@ -1,0 +1,120 @@
+"""Derivatives of numbers of a trace, recorded in the same trace: folding and common expressions come for free."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from screwgauge.reference.traced.trace import OPERATIONS, Node, NotTraceableError, Scalar, apply
+
+
+def tangents(outputs: Sequence[Scalar], rates: Mapping[Node, Scalar]) -> list[Scalar]:
+    """Rates of change of numbers, by forward mode.
+
+    Args:
+        rates: Rate of each number that changes by itself, an input or not; all others follow or stand still.
+
+    Raises:
+        NotTraceableError: A number is made by an operation without derivative.
+    """
+    known: dict[int, Scalar] = {node.index: rate for node, rate in rates.items()}
+    for node in _below(outputs, known):
+        if node.index not in known and any(isinstance(x, Node) and x.index in known for x in node.args):
+            parts = (slope * known[x.index] for x, slope in _slopes(node) if isinstance(x, Node) and x.index in known)
+            known[node.index] = sum(parts, start=0.0)
+    return [known.get(x.index, 0.0) if isinstance(x, Node) else 0.0 for x in outputs]
+
+
+def adjoints(weighted: Iterable[tuple[Scalar, Scalar]], by: Sequence[Node]) -> list[Scalar]:
+    """Derivatives of a weighted sum of numbers by some of those that they are made of, by one reverse sweep.
+
+    Args:
+        weighted: (number, weight) pairs; weights count as constants.
+        by: Numbers that none of the others in `by` is made of.
+
+    Raises:
+        NotTraceableError: A number is made by an operation without derivative.
+    """
+    pairs = [(x, weight) for x, weight in weighted if isinstance(x, Node)]
+    ends, found = {node.index for node in by}, dict[int, Scalar]()
+    nodes = _below([x for x, _ in pairs], ends)
+    active = set(ends)
+    for node in nodes:
+        if any(isinstance(x, Node) and x.index in active for x in node.args):
+            active.add(node.index)
+    for x, weight in pairs:
+        if x.index in active:
+            found[x.index] = found.get(x.index, 0.0) + weight
+    for node in reversed(nodes):
+        if node.index in found and node.index not in ends:
+            for x, slope in _slopes(node):
+                if isinstance(x, Node) and x.index in active:
+                    found[x.index] = found.get(x.index, 0.0) + found[node.index] * slope
+    return [found.get(node.index, 0.0) for node in by]
+
+
+def substitute(outputs: Sequence[Scalar], numbers: Mapping[Node, Scalar]) -> list[Scalar]:
+    """Numbers with others in the place of some that they are made of: floats, arrays over samples, nodes of a trace."""
+    known: dict[int, Scalar] = {node.index: number for node, number in numbers.items()}
+    for node in _below(outputs, known):
+        args = [known.get(x.index, x) if isinstance(x, Node) else x for x in node.args]
+        if node.index not in known and any(x is not y for x, y in zip(args, node.args, strict=True)):
+            known[node.index] = _computed(node.op, args)
+    return [known.get(x.index, x) if isinstance(x, Node) else x for x in outputs]
+
+
+def _computed(op: str, args: Sequence[Scalar]) -> Scalar:
+    """Result of an operation on numbers of any kind."""
+    trace = next((x.trace for x in args if isinstance(x, Node)), None)
+    if trace is None:
+        return OPERATIONS[op](*args)
+    return getattr(trace, op)(*args) if op in ("add", "sub", "mul", "div", "neg") else trace.function(op, *args)
+
+
+def _below(outputs: Iterable[Scalar], known: Iterable[int] = ()) -> list[Node]:
+    """Nodes that numbers are made of, in the order in which they were made; not what known ones are made of."""
+    found, ends = dict[int, Node](), set(known)
+    stack = [x for x in outputs if isinstance(x, Node)]
+    while stack:
+        node = stack.pop()
+        if node.index not in found:
+            found[node.index] = node
+            stack += [x for x in node.args if isinstance(x, Node)] if node.index not in ends else []
+    return [found[index] for index in sorted(found)]
+
+
+def _slopes(node: Node) -> list[tuple[Scalar, Scalar]]:
+    """Operands of a node, and its derivative by each.
+
+    Raises:
+        NotTraceableError: It has none.
+    """
+    a, b = (*node.args, 0.0)[:2]
+    match node.op:
+        case "input":
+            return []
+        case "add":
+            return [(a, 1.0), (b, 1.0)]
+        case "sub":
+            return [(a, 1.0), (b, -1.0)]
+        case "neg":
+            return [(a, -1.0)]
+        case "mul":
+            return [(a, b), (b, a)]
+    return _slopes_of_function(node, a, b)
+
+
+def _slopes_of_function(node: Node, a: Scalar, b: Scalar) -> list[tuple[Scalar, Scalar]]:
+    match node.op:
+        case "div":
+            inverse = 1.0 / b
+            return [(a, inverse), (b, -(node * inverse))]
+        case "sqrt":
+            return [(a, 0.5 / node)]
+        case "sin":
+            return [(a, apply("cos", a))]
+        case "cos":
+            return [(a, -apply("sin", a))]
+        case "atan2":
+            inverse = 1.0 / (a * a + b * b)
+            return [(a, b * inverse), (b, -(a * inverse))]
+    raise NotTraceableError(f"'{node.op}' has no derivative", "tracing", "use other functions")
