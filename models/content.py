@@ -1,4 +1,4 @@
-"""Content of URDF and MJCF files that a description lacks, by the tables ``content.toml`` and ``elements.toml``.
+"""Content of model files that a description lacks, by the tables ``content.toml`` and ``elements.toml``.
 
 The first lists the kinds that act on motion or forces and how a comparison of two models treats each; the second
 lists each element and attribute of the formats.
@@ -126,7 +126,7 @@ def _whose(owners: list[str]) -> str:
 
 
 #: Ending of a model file -> its format in the table.
-FORMATS = {".urdf": "urdf", ".xml": "mjcf"}
+FORMATS = {".urdf": "urdf", ".xml": "mjcf", ".sdf": "sdf"}
 _ALL, _WITH_ALL_IN_IT = "*", "..."
 #: Kinds in the table, in the order in which they are looked up, and those of them that are worth a word.
 _KINDS = ("compared", "nothing", "measured", "applied", "ignored")
@@ -180,7 +180,7 @@ def beyond_reading(root: ET.Element, form: str, library: str) -> list[Extra]:
 
     Args:
         root: Of the file.
-        form: ``urdf`` or ``mjcf``.
+        form: ``urdf``, ``mjcf`` or ``sdf``.
         library: One that reads the format.
     """
     known = element_tables()[form]
@@ -239,6 +239,7 @@ class _ElementWalk:
         bare = {tag: {*names.split()} for tag, names in self.table.get("bare", {}).items()}
         if any(True for default in root.iter("default") for _ in default.iter("tendon")):
             bare = {}  # as classes may give it more
+        joined = self.table.get("joined", "").split()
         waiting = [(root, ET.Element(""), "")]  # element, what it is in, tag and name of the nearest around with a name
         while waiting:
             element, around, owner = waiting.pop()
@@ -250,6 +251,7 @@ class _ElementWalk:
                 nothing = self._is_nothing(element) or (tag in bare and {*element.attrib} <= bare[tag])
                 if whole not in ("compared", "nothing", "held") and not nothing:
                     what = f"{tag} tendon" if parent == "tendon" else _plain(tag)
+                    what = f"{parent} {what}" if not name and parent in joined else what
                     yield Extra(whole or "unknown", what, f" {name}" if name else owner and f" of {owner}", element)
                 continue
             owner = f"{tag} {name}" if name and parent else owner  # the model is no owner worth naming
@@ -286,7 +288,9 @@ class _ElementWalk:
     def _is_nothing(self, element: ET.Element) -> bool:
         """Whether the file's flags or its own attributes make the element one without mechanics."""
         has = {**self.flags, **element.attrib}
-        cases = self.table.get("unless", {}).get(element.tag, ())
+        cases, text = self.table.get("unless", {}).get(element.tag, ()), (element.text or "").strip()
+        if text and self._has_no_effect(element.tag, text, ""):
+            return True
         return any(all(has.get(key) == value for key, value in case.items()) for case in cases)
 
     def _has_no_effect(self, attribute: str, value: str, name: str) -> bool:

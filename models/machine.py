@@ -214,7 +214,9 @@ def uncontracted(reading: Reading) -> Machine:
     """Bodies and links at the home of a reading, bodies without mass among them; links have no kind yet."""
     length = length_of(reading)
     rigid, pins = _sorted_closures(reading, length)
-    owner, shift, remarks = _owners([GROUND, *reading.bodies], rigid)
+    owner, shift, joined = _owners([GROUND, *reading.bodies], rigid)
+    copies = {name for name, body in reading.bodies.items() if body.copy_of}
+    remarks = [f"'{b}' is one body with '{a}', as closures keep them together." for b, a in joined if b not in copies]
     links = list[Link]()
     for name, body in reading.bodies.items():
         near, far = owner[body.near], owner[name]
@@ -230,13 +232,13 @@ def uncontracted(reading: Reading) -> Machine:
 
 def _owners(
     bodies: Sequence[str], rigid: Iterable[tuple[str, str, Array | None]]
-) -> tuple[dict[str, str], dict[str, Array], list[str]]:
-    """Body -> the one that it is part of; -> its displacement there, where loops are open, (4, 4); and remarks.
+) -> tuple[dict[str, str], dict[str, Array], list[tuple[str, str]]]:
+    """Body -> the one that it is part of; -> its displacement there, where loops are open, (4, 4); who joins whom.
 
     Args:
         rigid: Pairs of bodies that are one, each with the displacement of the second one that makes them so.
     """
-    owner, shift, remarks = {name: name for name in bodies}, dict.fromkeys(bodies, np.eye(4)), list[str]()
+    owner, shift, joined = {name: name for name in bodies}, dict.fromkeys(bodies, np.eye(4)), list[tuple[str, str]]()
     for first, second, step in rigid:
         a, b = owner[first], owner[second]
         if a == b:
@@ -248,8 +250,8 @@ def _owners(
             onto = shift[first] @ onto @ np.linalg.inv(shift[second])
             shift |= {name: onto @ shift[name] for name, root in owner.items() if root == b}
         owner = {name: a if root == b else root for name, root in owner.items()}
-        remarks.append(f"'{b}' is one body with '{a}', as closures keep them together.")
-    return owner, shift, remarks
+        joined.append((b, a))
+    return owner, shift, joined
 
 
 def _sorted_closures(reading: Reading, length: float) -> tuple[list[tuple[str, str, Array | None]], list[Link]]:

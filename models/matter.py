@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 
@@ -39,6 +40,45 @@ class Matter:
 
 
 NOTHING = Matter(0.0, np.zeros(3), np.zeros((3, 3)))
+
+
+#: Shapes of which `uniform` knows the matter, and the names of their lengths, in the order in which it takes them.
+SHAPES = {
+    "box": ("x", "y", "z"),
+    "ellipsoid": ("x", "y", "z"),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+    "cone": ("radius", "length"),
+}
+
+
+def uniform(shape: str, lengths: Sequence[float], density: float = 1.0) -> Matter:
+    """Return the matter of a uniform solid about the middle of its length, which is along z.
+
+    Args:
+        shape: One of `SHAPES`.
+        lengths: Sides of a box, semi-axes of an ellipsoid, radius and length; that of a capsule is its cylinder's [m].
+        density: [kg/m^3].
+    """
+    if shape in ("box", "ellipsoid", "sphere"):
+        x, y, z = (*lengths, *lengths, *lengths)[:3]
+        volume, share = (x * y * z, 12.0) if shape == "box" else (4.0 / 3.0 * math.pi * x * y * z, 5.0)
+        squares = np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+        return Matter(density * volume, np.zeros(3), density * volume / share * np.diag(squares))
+    r, l = lengths
+    m, com = density * math.pi * r * r * l, np.zeros(3)
+    if shape == "cone":
+        m, com = m / 3.0, np.array([0.0, 0.0, -0.25 * l])
+        across, along = m * (0.15 * r * r + 0.0375 * l * l), 0.3 * m * r * r
+        return Matter(m, com, np.diag([across, across, along]))
+    whole = Matter(m, com, m * np.diag([(3.0 * r * r + l * l) / 12.0, (3.0 * r * r + l * l) / 12.0, 0.5 * r * r]))
+    if shape == "cylinder":
+        return whole
+    half = 2.0 / 3.0 * math.pi * density * r**3  # a hemisphere, about its own centre, 3/8 of the radius off its base
+    cap = half * r * r * np.diag([0.4 - 9.0 / 64.0, 0.4 - 9.0 / 64.0, 0.4])
+    ends = (Matter(half, np.array([0.0, 0.0, side * (0.5 * l + 0.375 * r)]), cap) for side in (-1.0, 1.0))
+    return joined((whole, *ends))
 
 
 def displaced(matter: Matter, T: Array) -> Matter:

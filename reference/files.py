@@ -65,7 +65,7 @@ def check_count(count: float, what: str, where: str, remedy: str = "take fewer")
 
 
 #: What names a machine besides names that are built in.
-A_PATH = "the path of a TOML file, URDF or MJCF"
+A_PATH = "the path of a TOML file, URDF, MJCF or SDF"
 
 
 def is_file(path: Path) -> bool:

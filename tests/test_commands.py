@@ -178,7 +178,7 @@ def test_nothing_is_rendered_so_that_no_graphics_is_needed(monkeypatch, command)
             '<robot xmlns:xacro="http://ros.org"><xacro:include filename="a"/></robot>',
             "expand it first: xacro r.xacro > robot.urdf",
         ),
-        ("m.sdf", '<sdf version="1.6"/>', "is SDF, which is not read; make an MJCF"),
+        ("m.sdf", '<sdf version="1.3"/>', "save it as SDF 1.5 to 1.12"),
         ("m.usda", "#usda 1.0\n", "is USD, which is not read; make a URDF"),
         ("m.usdz", "PK\x03\x04", "is USD, which is not read; make a URDF"),
     ],

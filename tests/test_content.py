@@ -86,6 +86,12 @@ MESH = '<collision><geometry><mesh filename="package://x/y.stl"/></geometry></co
 ROOTS = "".join(f'<body name="{n}">{INERTIAL.format(1)}<joint name="{n}1"/></body>' for n in "pq")
 PINOCCHIO = "@pinocchio"
 #: Kind -> name of a case -> ending, file without it, file with it.
+#: A hinge on the world of an SDF, and what the inertial of its link says besides.
+SDF = (
+    '<sdf version="1.11"><model name="m"><link name="a"><inertial><pose>0 0 1 0 0 0</pose>{}</inertial></link>'
+    '<joint name="j" type="revolute"><parent>world</parent><child>a</child><axis><xyz>1 0 0</xyz></axis></joint>'
+    "</model></sdf>"
+)
 CASES: dict[str, dict[str, tuple[str, str, str]]] = {
     "joint properties": {"damping": (".xml", PLAIN, with_(mjcf(a='damping="1"')))},
     "matter": {"gravcomp": (".xml", PLAIN, with_(mjcf(gravcomp='gravcomp="0.5"')))},
@@ -213,6 +219,9 @@ CASES: dict[str, dict[str, tuple[str, str, str]]] = {
     },
     "put in place": {"include": (".xml", PLAIN, PLAIN.replace("<worldbody>", '<include file="more.xml"/><worldbody>'))},
     "solver and time step": {"step": (".xml", PLAIN, with_(mjcf(option='timestep="0.01" integrator="implicitfast"')))},
+    "added mass": {
+        "of a link": (".sdf", SDF.format(""), SDF.format("<fluid_added_mass><xx>1</xx></fluid_added_mass>"))
+    },
 }
 #: Kinds that do not come from the text of a model file alone, or of which MuJoCo 4 has none.
 FROM_ELSEWHERE = {"warnings of the library", "entries of loops files", "plugins of bodies"}

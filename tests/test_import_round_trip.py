@@ -11,12 +11,9 @@ import numpy as np
 import pytest
 
 from screwgauge.reference.rigid import without_fixed_joints
-from support.acting import Applied
-from support.engines import ModelFiles, Problem, ask
-from support.geometry import Array
 from support.mechanism import Mechanism, load_mechanism, mechanism_names
-from support.models import description, import_model, lay_out, write_models
-from support.scene import GivenMotion
+from support.models import import_model, lay_out, write_models
+from support.motions import forces
 
 pytestmark = pytest.mark.slow
 
@@ -48,26 +45,6 @@ def imported(name: str, file: str) -> tuple[Mechanism, Mechanism]:
     found = import_model(Path(folder.name) / file).mechanism
     rigid = without_fixed_joints(mechanism)  # what is welded is one body in a file
     return replace(rigid, independent=found.independent), found
-
-
-def forces(mechanism: Mechanism, home: Array, folder: Path) -> dict[str, np.ndarray]:
-    """Forces along the independent coordinates and of the actuators, and joint coordinates, in one motion by name.
-
-    Args:
-        home: Independent coordinates that it moves about. Shape (k,).
-    """
-    path = folder / "described.toml"
-    path.write_text(description(mechanism), encoding="utf-8")
-    rng, k = np.random.default_rng(3), len(mechanism.independent)
-    y = home + 0.02 * rng.uniform(-1.0, 1.0, (3, k))
-    motion = GivenMotion(np.arange(3.0), y, rng.normal(size=(3, k)), rng.normal(size=(3, k)))
-    wanted = {"joint_position", "generalized_force"} | ({"actuator_force"} if mechanism.actuators else set())
-    solution = ask("screw", ModelFiles(path), Problem(Applied(), motion, frozenset(wanted)))
-    return {
-        f"{quantity} {component}": column
-        for quantity, values in solution.values.items()
-        for component, column in zip(values.components, values.array.T, strict=True)
-    }
 
 
 @pytest.mark.sampled(3)

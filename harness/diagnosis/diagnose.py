@@ -15,7 +15,7 @@ from screwgauge.diagnosis.causes.reasons import reasons
 from screwgauge.diagnosis.deadline import LIMIT, Deadline
 from screwgauge.diagnosis.explanation import Explanation, explained
 from screwgauge.diagnosis.facts.content import Beyond, content_of
-from screwgauge.diagnosis.facts.digits import as_compiled, longest, rounded
+from screwgauge.diagnosis.facts.digits import as_compiled, rounded
 from screwgauge.diagnosis.facts.fact import Fact, Pair, among, other_gravity
 from screwgauge.diagnosis.findings import Findings
 from screwgauge.diagnosis.fix import fixed, write_fix
@@ -28,7 +28,6 @@ from screwgauge.models.content import kinds
 from screwgauge.models.readings.read import implausible
 from screwgauge.models.readings.reading import Reading
 from screwgauge.reference.errors import DescriptionError, OutputError, UnknownNameError, check_seed, shown
-from screwgauge.reference.files import read_file
 
 #: What can be compared alone.
 ONLY = ("rigid",)
@@ -237,9 +236,8 @@ def _facts(
     known = [name for name, way in how.items() if way == "given"]
     named = [fact for fact in told.facts if not (fact.what == "name" and fact.part in known)]
     facts = among([*named, *beyond.facts], only)
-    texts = [read_file(m.file) if m.file is not None and m.library != "screwgauge" else "" for m in models]
     digits = models[0].digits, models[1].digits
-    cut = rounded(facts, digits, (longest(texts[0]), longest(texts[1])))
+    cut = rounded(facts, digits, (models[0].longest, models[1].longest))
     return tuple(as_compiled(cut, [model.library for model in models])), beyond
 
 

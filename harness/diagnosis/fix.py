@@ -78,7 +78,7 @@ def fixed(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False, on
         moved: Whether B of the pair was laid onto A as a whole.
         only: What alone is compared; empty for all.
     """
-    if b.file is None or b.library == "screwgauge":
+    if b.file is None or not b.text:
         return Fix("", why_not=(NO_FILE,))
     if a.file == b.file:
         return Fix("", why_not=(ONE_FILE,))
@@ -88,8 +88,8 @@ def fixed(a: Model, b: Model, pair: Pair, load: Read, *, moved: bool = False, on
     open_ = tuple(fact for fact in facts if not fact.changes)
     if not changes:
         return Fix("", open=open_)
-    spell = speller(read_file(a.file) if a.file is not None and a.library != "screwgauge" else "")
-    text, best = read_file(b.file), Fix("", open=open_)
+    spell = speller(a.text)
+    text, best = b.text, Fix("", open=open_)
     for plain in (False, True):
         patch = patched(text, b.reading, changes, plain=plain, spell=spell)
         why = tuple(dict.fromkeys(reason for _, reason in patch.left))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from screwgauge.diagnosis.facts.digits import ALL, digits_of
+from screwgauge.diagnosis.facts.digits import ALL, digits_of, longest
 from screwgauge.diagnosis.facts.fact import STANDARD
 from screwgauge.models.catalog import load_mechanism
 from screwgauge.models.check import expected_reading, limited
@@ -76,6 +76,21 @@ class Model:
     loops_sha256: str = ""
     says_closures: bool = True
     remarks: tuple[str, ...] = ()
+
+    @property
+    def described(self) -> bool:
+        """Whether it is a description, and no model file."""
+        return not self.reading.form
+
+    @property
+    def text(self) -> str:
+        """Text of a URDF or MJCF, of which parts can be changed; empty of anything else."""
+        return read_file(self.file) if self.file is not None and self.reading.form in ("urdf", "mjcf") else ""
+
+    @property
+    def longest(self) -> int:
+        """Digits of the longest number in its file; 0 of a description."""
+        return 0 if self.described or self.file is None else longest(read_file(self.file))
 
     @cached_property
     def home(self) -> dict[str, float]:
@@ -249,7 +264,7 @@ def at_home(models: tuple[Model, Model]) -> tuple[Model, Model]:
 
 
 def _like(model: Model, other: Model, load: Read) -> Model:
-    if model.library == "screwgauge":
+    if model.described:
         mechanism = load_mechanism(model.label)
         cuts = [_expected(mechanism, cut, model.reading.gravity) for cut in CUTS]
         best = max(cuts, key=lambda cut: (len({*cut.joints} & {*other.reading.joints}), -len(cut.joints)))

@@ -53,7 +53,7 @@ def order_of(models: tuple[Model, Model], joints: Mapping[str, str], seed: int) 
     Args:
         joints: Joint of A -> joint of B.
     """
-    if any(model.library == "screwgauge" for model in models):
+    if any(model.described for model in models):
         return None
     a, b = (model.reading for model in models)
     there = {other: name for name, other in joints.items()}

@@ -1,13 +1,13 @@
-"""A description made from what was read of any URDF or MJCF."""
+"""A description made from what was read of any URDF, MJCF or SDF."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 #: How the names of model files end.
-SUFFIXES = (".urdf", ".xml", ".mjcf")
+SUFFIXES = (".urdf", ".xml", ".mjcf", ".sdf", ".world")
 #: And those of files from which models are made: who names one is told so.
-SOURCES = (".xacro", ".sdf", ".usd", ".usda", ".usdc", ".usdz")
+SOURCES = (".xacro", ".usd", ".usda", ".usdc", ".usdz")
 
 
 def is_model(path: Path | str) -> bool:

@@ -94,7 +94,10 @@ def _everything(reading: Reading, model: Any | None, where: str) -> tuple[LeftOu
     found = list[LeftOut]()
     for name, joint in reading.joints.items():
         found += _of_joint(name, joint, model, where)
-    if model is not None:
+    if model is None:
+        weightless = ((name, body) for name, body in reading.bodies.items() if body.gravcomp)
+        found += (BorneWeight(f"body {n}", n, body.gravcomp * body.mass, body.com) for n, body in weightless)
+    else:
         found += _of_tendons(model, reading, where)
         found += _of_actuators(model, where)
         found += _of_bodies(model, reading, where)

@@ -1,4 +1,4 @@
-"""Reads any URDF or MJCF by any library that reads it; what else the file holds, and what no machine has."""
+"""Reads any URDF, MJCF or SDF by any library that reads it; what else the file holds, and what no machine has."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from screwgauge.models.poses import screw
 from screwgauge.models.readings.assemble import assemble
 from screwgauge.models.readings.mujoco import read_mujoco
 from screwgauge.models.readings.pinocchio import read_pinocchio
-from screwgauge.models.readings.reading import BodyReading, JointReading, Reading
+from screwgauge.models.readings.reading import OWN, BodyReading, JointReading, Reading
+from screwgauge.models.readings.sdf import read_sdf
 from screwgauge.models.readings.source import Source, prepare
 from screwgauge.reference.errors import ModelFileError, UnknownNameError, first_few, remedy_of_import
 from screwgauge.reference.lint import Hinge, Solid, all_too_wide, size_of, too_far
@@ -125,7 +126,7 @@ def unread(source: Source, reading: Reading) -> tuple[Content, ...]:
     extra_content = [_content(source, extra) for extra in extras]
     if source.form == "mjcf" and source.root.find("worldbody//geom") is not None:
         extra_content.append(Content("contacts of geoms", "contacts of geoms"))
-    own = (each for each in reading.content if source.form == "mjcf" or each.kind != "force limits")
+    own = (each for each in reading.content if source.form != "urdf" or each.kind != "force limits")
     return (*dropped(source, reading), *_prepared(source, reading), *own, *extra_content)
 
 
@@ -224,6 +225,7 @@ LIBRARIES: dict[str, tuple[tuple[str, ...], Callable[[Source, Mapping[str, float
     "pinocchio": (("urdf", "mjcf"), read_pinocchio),
     "mujoco": (("mjcf", "urdf"), read_mujoco),
     "yourdfpy": (("urdf",), read_yourdfpy),
+    OWN: (("sdf",), lambda source, _: read_sdf(source.root, source.name, str(source.path))),
 }
 
 
@@ -271,7 +273,9 @@ def read_source(source: Source, library: str, *, home: Mapping[str, float] | Non
         remedy = f"{remedy_of_import(error, package)}, or take another library"
         raise ModelFileError(f"{library} cannot be loaded ({error})", str(path), remedy) from None
     _check(reading, str(path))
-    return replace(reading, form=source.form, content=unread(source, reading), frames=source.fixed_joints)
+    return replace(
+        reading, form=source.form, content=unread(source, reading), frames={**reading.frames, **source.fixed_joints}
+    )
 
 
 def _check(reading: Reading, where: str) -> None:

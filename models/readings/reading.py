@@ -61,6 +61,8 @@ class BodyReading(Matter):
         return replace(self, mass=matter.mass, com=matter.com, inertia=matter.inertia)
 
 
+#: The library that reads what no other one does.
+OWN = "screwgauge"
 #: Limits of a coordinate that has none.
 FREE = (-math.inf, math.inf)
 #: A link without mass, fixed to the world.
@@ -156,7 +158,7 @@ class Reading:
 
     Attributes:
         name: Of the model.
-        library: ``pinocchio``, ``mujoco``, ``yourdfpy`` or ``screwgauge``.
+        library: ``pinocchio``, ``mujoco``, ``yourdfpy``; `OWN` of a description and of formats that are read here.
         bodies: All bodies that move, each after the one before it.
         joints: By name.
         fixed: Links that are one with the ground -> frame in the world, shape (4, 4).
@@ -165,7 +167,7 @@ class Reading:
         gravity: World axes [m/s^2], shape (3,); None where the file cannot say it.
         medium: Density [kg/m^3] and viscosity [Pa s] of what is around.
         content: What the file says beyond that, and what the library does not make anything of.
-        form: ``urdf`` or ``mjcf``; empty of a description.
+        form: ``urdf``, ``mjcf`` or ``sdf``; empty of a description.
         frames: Joint of the file that is none of `joints`, being fixed, say -> link that it carries.
     """
 

@@ -13,6 +13,7 @@ from xml.etree import ElementTree as ET
 
 from screwgauge.models.content import Content
 from screwgauge.models.files.parts import MAKERS, Part, joints_in, name_all, parts, world
+from screwgauge.models.files.sdf import expand, gives_mass
 from screwgauge.models.files.urdf import (
     add_floating_base,
     carried_link,
@@ -29,7 +30,7 @@ from screwgauge.reference.errors import ModelFileError, first_few
 from screwgauge.reference.files import check_count
 
 #: Root element -> format.
-FORMATS = {"robot": "urdf", "mujoco": "mjcf"}
+FORMATS = {"robot": "urdf", "mujoco": "mjcf", "sdf": "sdf"}
 #: Elements of a file that has yet to be expanded; calls of macros that are defined nowhere stay when it has been.
 _OF_XACRO = {f"xacro:{name}" for name in ("include", "macro", "property", "arg", "if", "unless", "insert_block")}
 #: Bodies that a sentence names.
@@ -41,7 +42,7 @@ class Source:
     """A model file, prepared.
 
     Attributes:
-        form: ``urdf`` or ``mjcf``.
+        form: ``urdf``, ``mjcf`` or ``sdf``.
         root: All of it that a library is to see.
         content: What was taken out or changed.
         attached: File of an MJCF that another one attaches, by a name of its own -> what a library is to see of it.
@@ -58,7 +59,7 @@ class Source:
     @property
     def name(self) -> str:
         """Name of the model."""
-        return self.root.get("name" if self.form == "urdf" else "model", self.path.stem)
+        return self.root.get("model" if self.form == "mjcf" else "name", self.path.stem)
 
     @property
     def text(self) -> str:
@@ -86,7 +87,12 @@ class Source:
         return fixed_joints(self.root) if self.form == "urdf" else {}
 
     def names(self, what: str) -> list[str]:
-        """Names of its links, bodies or moving joints; of an MJCF without those of which copies are made."""
+        """Names of its links, bodies or moving joints; of an MJCF without those of which copies are made.
+
+        None of a file that is read here, where nothing is dropped.
+        """
+        if self.form == "sdf":
+            return []
         if self.form == "urdf":
             return [e.get("name", "") for e in self.root.iterfind(what) if e.get("type") != "fixed"]
         tags = ("joint", "freejoint") if what == "joint" else (what,)
@@ -116,23 +122,21 @@ def prepare(path: Path, *, floating: bool = False, meshes: bool = False) -> Sour
     if any(element.tag in _OF_XACRO for element in root.iter()):
         command = f"xacro {path.name} > robot.urdf"
         raise ModelFileError("is a xacro file, from which a URDF is made", str(path), f"expand it first: {command}")
-    if root.tag == "sdf":
-        remedy = "make an MJCF of it, as sdf2mjcf of sdformat-mjcf does, or give the URDF that it was made from"
-        raise ModelFileError("is SDF, which is not read", str(path), remedy)
     if root.tag not in FORMATS:
         what = f"is no model: its root element is <{root.tag}>"
-        raise ModelFileError(what, str(path), "give a URDF (<robot>) or an MJCF (<mujoco>)")
+        raise ModelFileError(what, str(path), "give a URDF (<robot>), MJCF (<mujoco>) or SDF (<sdf>)")
     form = FORMATS[root.tag]
-    source = _mjcf(root, path, meshes) if form == "mjcf" else _urdf(root, path)
+    source = _mjcf(root, path, meshes) if form == "mjcf" else {"urdf": _urdf, "sdf": _sdf}[form](root, path)
     if floating and form != "urdf":
-        raise ModelFileError("is an MJCF, which says itself what floats", str(path), "do not ask for a floating base")
+        what = f"is {form.upper()}, which says itself what floats"
+        raise ModelFileError(what, str(path), "do not ask for a floating base")
     if floating:
         add_floating_base(root)
     return source
 
 
 def form_of(path: Path) -> str:
-    """``urdf`` or ``mjcf``, by the root element; empty of anything else.
+    """``urdf``, ``mjcf`` or ``sdf``, by the root element; empty of anything else.
 
     Raises:
         ScrewgaugeError: It cannot be read, or is no XML.
@@ -172,6 +176,17 @@ def _urdf(root: ET.Element, path: Path) -> Source:
     check_names(root, "urdf", str(path))
     check_tree(root, str(path))
     return Source(path, "urdf", root, tuple(content))
+
+
+def _sdf(root: ET.Element, path: Path) -> Source:
+    content = expand(root, path, path.parent.resolve())
+    links = {mass: [e.get("name", "") for e in root.iter("link") if gives_mass(e) == mass] for mass in ("shapes", "")}
+    said = [f"Mass and inertia of {first_few(links['shapes'], _NAMED)} are those of their shapes."] * bool(
+        links["shapes"]
+    )
+    if links[""]:
+        said.append(f"SDF gives 1 kg and 1 kg m^2 to what states no mass: {first_few(links[''], _NAMED)}.")
+    return Source(path, "sdf", root, tuple(content), resolved=tuple(said))
 
 
 def _mjcf(root: ET.Element, path: Path, meshes: bool) -> Source:

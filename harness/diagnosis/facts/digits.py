@@ -60,8 +60,8 @@ def _counts(text: str) -> Counter[int]:
 
 
 def _values(text: str) -> list[str]:
-    """Values of all attributes."""
-    return re.findall(r"=\s*[\"']([^\"']*)[\"']", text)
+    """Values of all attributes, and texts of elements, where an SDF has its numbers."""
+    return ["".join(pair) for pair in re.findall(r"=\s*[\"']([^\"']*)[\"']|>([^<>]+)<", text)]
 
 
 def _significant(number: str) -> int:

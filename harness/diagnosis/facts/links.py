@@ -246,7 +246,7 @@ def _passive(pair: Pair, name: str, *, limited: bool = True) -> Iterator[Fact]:
     if a.stiffness and b.stiffness and (size := abs(a.rest - rest)) > SUM * TOLERANCE:
         yield replace(_entry(name, "rest", a.rest, rest, a, size, partner), changes=(_as_b(name, "rest", b.rest),))
     if limited:
-        described = "screwgauge" in (pair.a.reading.library, pair.b.reading.library)
+        described = "" in (pair.a.reading.form, pair.b.reading.form)
         yield from _limits(name, a, b, partner, described=described)
 
 
