@@ -9,15 +9,17 @@ from types import ModuleType
 
 import pytest
 
+CONTRACT = "screwgauge.contract"
 _SCENES = pytest.StashKey[list[Path]]()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """``--screwgauge DIR``, any number of times."""
+    """``--screwgauge DIR`` and ``--engine NAME``, any number of times."""
     text = "collect the scenes (TOML) of a folder as tests, each of which `screwgauge.check` has to pass"
-    parser.getgroup("screwgauge").addoption(
-        "--screwgauge", dest="screwgauge_folders", action="append", default=[], metavar="DIR", help=text
-    )
+    group = parser.getgroup("screwgauge")
+    group.addoption("--screwgauge", dest="screwgauge_folders", action="append", default=[], metavar="DIR", help=text)
+    text = "engine that `--pyargs screwgauge.contract` tests"
+    group.addoption("--engine", dest="screwgauge_engines", action="append", default=[], metavar="NAME", help=text)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -25,6 +27,25 @@ def pytest_configure(config: pytest.Config) -> None:
     names = config.option.screwgauge_folders
     config.option.screwgauge_folders = folders = [Path(name).absolute() for name in names]
     config.stash[_SCENES] = [path for folder in folders for path in _scenes(folder)]
+    if config.option.pyargs and any(name.startswith(CONTRACT) for name in config.args):
+        contract_engines(config)
+
+
+def contract_engines(config: pytest.Config) -> list[str]:
+    """Names of the engines that the contract tests.
+
+    Raises:
+        pytest.UsageError: None is named, or one of them is not known.
+    """
+    from screwgauge.engines.registry import check_engines
+    from screwgauge.reference.errors import ScrewgaugeError
+
+    if not config.option.screwgauge_engines:
+        raise pytest.UsageError("no engine is named; give --engine NAME, one that `screwgauge list engines` shows")
+    try:
+        return list(check_engines(config.option.screwgauge_engines, "--engine"))
+    except ScrewgaugeError as error:
+        raise pytest.UsageError(f"{error} An engine of yours is known once its package is installed.") from None
 
 
 def _scenes(folder: Path) -> list[Path]:

@@ -14,7 +14,7 @@ import pytest
 
 from screwgauge import Scene
 from screwgauge.engines import registry
-from screwgauge.engines.registry import ENGINES, Engine, EngineModel, check_engines, engines, get_engine
+from screwgauge.engines.registry import ENGINES, Engine, check_engines, engines, get_engine
 from screwgauge.engines.screw import model as screw
 from screwgauge.models.catalog import mechanism_path
 from screwgauge.models.generate import stem

@@ -1,0 +1,147 @@
+"""An engine with a built-in mechanism loaded, problems for it, and its answers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, NoReturn
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.engines.registry import Engine, EngineModel, get_engine
+from screwgauge.problem import GivenMotion, InitialValue, Integration, ModelFiles, Problem, States
+from screwgauge.quantities import GIVEN
+from screwgauge.reference.applied import GRAVITY
+from screwgauge.reference.errors import DescriptionError, ModelFileError
+from screwgauge.reference.mechanism import Mechanism
+from screwgauge.scene.scene import Scene
+from screwgauge.solution import Solution
+from screwgauge.study.answers import declared
+from screwgauge.study.methods import missing
+from screwgauge.study.solving import generated, model_files
+
+__all__ = ["answered", "entry", "fall", "fallen", "given", "loaded", "pushed"]
+
+#: How an engine refuses a mechanism or a problem that it cannot take.
+REFUSALS = (DescriptionError, ModelFileError)
+#: Scenes of which the first that an engine takes is what it is asked most questions about, and times of samples [s].
+SCENES = {"3ups-upu-s-fast": (0.1, 0.35), "slider-crank": (0.1, 0.35), "arm7": (0.1, 0.35)}
+MOTION = frozenset(("joint_position", "joint_velocity", "joint_acceleration"))
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """An engine with a mechanism, loaded once for all tests.
+
+    Attributes:
+        quantities: That it gives of this mechanism by default.
+    """
+
+    engine: Engine
+    files: ModelFiles
+    model: EngineModel
+    scene: Scene
+    quantities: tuple[str, ...]
+
+    @property
+    def mechanism(self) -> Mechanism:
+        return self.scene.mechanism
+
+    def ask(self, problem: Problem, **more: Any) -> Solution:
+        return self.model.solve(problem, **more)
+
+    def has(self, *quantities: str) -> None:
+        """Skips a test that needs quantities which the engine lacks."""
+        for name in quantities:
+            if name not in self.quantities:
+                why = declared(self.model, self.engine).get(name, "it is none of its task")
+                pytest.skip(f"{self.engine.name} lacks {name}: {why}")
+
+    def takes(self, task: type[GivenMotion | InitialValue | States]) -> None:
+        """Skips a test of a task that the engine does not take."""
+        if task not in self.engine.tasks:
+            pytest.skip(f"{self.engine.name} does not take {task.__name__}")
+
+
+@pytest.fixture(scope="session")
+def entry(engine_name: str) -> Engine:
+    """The engine, as its entry describes it."""
+    return get_engine(engine_name)
+
+
+def _reject(entry: Engine, what: str) -> NoReturn:
+    pytest.fail(f"engine {entry.name} {what}", pytrace=False)
+
+
+@pytest.fixture(scope="session")
+def loaded(entry: Engine) -> Iterator[Loaded]:
+    """The engine with the first of the scenes that it takes. One that takes none fails."""
+    if not entry.tasks:
+        _reject(entry, "takes no task; name GivenMotion, InitialValue or States in `tasks` of its Engine")
+    refused = []
+    for name, times in SCENES.items():
+        scene = screwgauge.load_scene(name).under(gravity=np.array(GRAVITY)).at(times)
+        with generated(scene) as folder:
+            files = model_files(scene, entry.name, folder)
+            try:
+                model = entry.load(files)
+                quantities = tuple(q for q in GIVEN if q not in declared(model, entry))
+                if not quantities:
+                    _reject(entry, "lacks every quantity; take out of `lacks` what it gives")
+                if GivenMotion in entry.tasks:
+                    model.solve(scene.problem(quantities, entry.name))
+            except REFUSALS as error:
+                refused.append(f"{name}: {error}")
+                continue
+            except ImportError as error:
+                _reject(entry, missing(error, entry))
+            yield Loaded(entry, files, model, scene, quantities)
+            return
+    _reject(entry, f"refuses every mechanism that it is asked about first ({' '.join(refused)}); take at least one")
+
+
+@pytest.fixture(scope="session")
+def given(loaded: Loaded) -> Problem:
+    """All quantities that the engine has, of a given motion."""
+    loaded.takes(GivenMotion)
+    return loaded.scene.problem(loaded.quantities)
+
+
+@pytest.fixture(scope="session")
+def answered(loaded: Loaded, given: Problem) -> Solution:
+    return loaded.ask(given)
+
+
+@pytest.fixture(scope="session")
+def fall(loaded: Loaded) -> Problem:
+    """A short simulation from a state of the given motion, under what acts in its scene."""
+    loaded.takes(InitialValue)
+    task = loaded.scene.task
+    assert isinstance(task, GivenMotion)
+    t = np.array([0.0, 0.01, 0.03])
+    return Problem(
+        loaded.scene.applied, InitialValue(task.y[0], task.yd[0], 0.0, t, Integration(rtol=1e-6, atol=1e-8)), MOTION
+    )
+
+
+@pytest.fixture(scope="session")
+def fallen(loaded: Loaded, fall: Problem) -> Solution:
+    return loaded.ask(fall)
+
+
+@pytest.fixture(scope="session")
+def pushed(loaded: Loaded) -> Problem:
+    """Accelerations at states of the given motion, under its gravity and any forces."""
+    loaded.takes(States)
+    loaded.takes(GivenMotion)
+    loaded.has(*MOTION)
+    names = loaded.mechanism.coordinates
+    if loaded.engine.cut:
+        loaded.has("tree_force")
+        names = loaded.ask(loaded.scene.problem(["tree_force"])).values["tree_force"].components
+    motion = loaded.ask(loaded.scene.problem(MOTION)).values
+    q, v = (motion[name].pick(names).array for name in ("joint_position", "joint_velocity"))
+    task = States(names, q, v, tau=100.0 * np.cos(1.0 + np.arange(q.size).reshape(q.shape)))
+    return Problem(replace(loaded.scene.applied, loads=()), task, frozenset(("joint_acceleration",)))

@@ -1,0 +1,161 @@
+"""Answers to a given motion: names, units and shapes, the same again, nothing changed, printed or left running."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from screwgauge.contract.fixtures import Loaded
+from screwgauge.engines.chunks import described
+from screwgauge.problem import GivenMotion, Problem
+from screwgauge.quantities import FORCE
+from screwgauge.reference.rotations import Array
+from screwgauge.solution import Solution
+
+#: Share of the largest force up to which forces are linear in accelerations: rounding of the closed loops.
+LINEAR = 1e-9
+SLOWEST = 1e-3  # share of a motion's largest force that inertia has at least, where its factor is to be seen
+
+
+def arrays(solution: Solution) -> dict[str, Array]:
+    """All numbers of an answer but times."""
+    found = {f"values of {name}": values.array for name, values in solution.values.items()}
+    found |= {f.name: one for f in fields(solution) if isinstance(one := getattr(solution, f.name), np.ndarray)}
+    for name, error in solution.errors.items():
+        each = {"scaled": error.scaled, "condition": error.condition, "radius": error.radius, **error.absolute}
+        found |= {f"{what} error of {name}": np.asarray(x) for what, x in each.items() if x is not None}
+    return found
+
+
+def check_same(one: Solution, other: Solution) -> None:
+    """Fails where two answers differ in a bit."""
+    first, second = arrays(one), arrays(other)
+    assert first.keys() == second.keys(), "it answers with other arrays when it is asked again"
+    for name, array in first.items():
+        same = np.array_equal(array, second[name], equal_nan=True)
+        assert same, f"{name} differ when it is asked again; start each `solve` from the model alone"
+
+
+def test_components_units_and_shapes(loaded: Loaded, given: Problem, answered: Solution) -> None:
+    assert {*answered.values} == {*given.wanted}, "give what is wanted, and declare what you lack in `lacks`"
+    assert answered.version, "Solution.version is empty; give that of the library"
+    n, known = len(given.task), described(loaded.mechanism)
+    assert answered.condition.shape == (n,), "Solution.condition has a number for each sample, ones if none is known"
+    coordinates = dict(zip(loaded.mechanism.coordinates, loaded.mechanism.units, strict=True))
+    for name, values in answered.values.items():
+        components, units = known[name]
+        if name.startswith("tree_force"):  # of the joints that it has in its tree
+            components = tuple(c for c in coordinates if c in values.components)
+            units = tuple(FORCE[coordinates[c]] for c in components)
+        assert values.components == components, f"components of {name} are not those of names(mechanism)"
+        assert values.units == units, f"units of {name} are not those of names(mechanism)"
+        assert values.array.shape == (n, len(components)), f"{name} has not shape (n_sample, n_component)"
+        assert np.isfinite(values.array).all(), f"{name} has what is no number"
+
+
+@pytest.mark.parametrize("quantity", ["joint_position", "body_angular_velocity", "com_acceleration", "actuator_force"])
+def test_nothing_but_what_is_wanted_is_answered(
+    loaded: Loaded, given: Problem, answered: Solution, quantity: str
+) -> None:
+    loaded.has(quantity)
+    alone = loaded.ask(loaded.scene.problem([quantity]))
+    assert {*alone.values} == {quantity}, "answer what `problem.wanted` names, nothing else"
+    assert {*alone.errors} <= {quantity}
+    if loaded.engine.name != "truth":  # encloses what is asked for, no tighter than that needs
+        same = np.array_equal(alone.values[quantity].array, answered.values[quantity].array)
+        assert same, f"{quantity} differs with what else is wanted"
+
+
+def test_the_input_stays_as_it_is_and_may_be_read_only(loaded: Loaded, given: Problem, answered: Solution) -> None:
+    motion, gravity = given.task, given.applied.g
+    assert isinstance(motion, GivenMotion)
+    copies = [x.copy() for x in (motion.t, motion.y, motion.yd, motion.ydd, gravity)]
+    for array in copies:
+        array.setflags(write=False)
+    applied = replace(given.applied, gravity=copies[4])
+    loads = [load.numbers() for load in applied.loads]
+    t, y, yd, ydd, _ = copies
+    check_same(answered, loaded.ask(replace(given, applied=applied, task=GivenMotion(t, y, yd, ydd))))
+    for array, before in zip(copies, (motion.t, motion.y, motion.yd, motion.ydd, gravity), strict=True):
+        assert np.array_equal(array, before), "it writes into the problem; copy arrays first"
+    assert [load.numbers() for load in applied.loads] == loads
+
+
+def test_what_is_answered_cannot_be_changed(answered: Solution) -> None:
+    for values in answered.values.values():
+        with pytest.raises(ValueError, match="read-only"):
+            values.array[0, 0] = 1.0
+
+
+def test_it_may_be_asked_anything_in_any_order(loaded: Loaded, given: Problem, request: pytest.FixtureRequest) -> None:
+    """Twice the same, with other tasks and other gravity between: not one bit differs, nor in a model loaded anew."""
+    problems = [given, replace(given, applied=replace(given.applied, gravity=np.array([1.0, 2.0, 3.0])))]
+    for task, fixture in (("InitialValue", "fall"), ("States", "pushed")):
+        if task in {kind.__name__ for kind in loaded.engine.tasks} and loaded.engine.cut != "full":
+            problems.append(request.getfixturevalue(fixture))
+    first = [loaded.ask(problem) for problem in problems]
+    for problem, solution in reversed([*zip(problems, first, strict=True)]):
+        check_same(solution, loaded.ask(problem))
+    check_same(first[0], loaded.engine.load(loaded.files).solve(given))
+
+
+def test_nothing_is_printed(loaded: Loaded, given: Problem, capfd: pytest.CaptureFixture[str]) -> None:
+    loaded.engine.load(loaded.files).solve(given)
+    printed = "".join(capfd.readouterr())
+    assert not printed, "it prints; turn the output of its library off, or say it in `Solution.notes`"
+
+
+def test_gravity_may_be_left_out(loaded: Loaded, given: Problem) -> None:
+    """Then it is that of the model file, or `GRAVITY`, which the scene has."""
+    quantity = _force_of(loaded)
+    problem = replace(given, wanted=frozenset((quantity,)))
+    left = replace(problem, applied=replace(problem.applied, gravity=None))
+    said, kept = (loaded.ask(one).values[quantity].array for one in (problem, left))
+    assert np.array_equal(said, kept), "use problem.applied.g where `gravity` is None and no model file has it"
+
+
+def _force_of(loaded: Loaded) -> str:
+    """A force that the engine gives; a test that needs one is skipped if there is none."""
+    for name in ("generalized_force", "actuator_force", "tree_force"):
+        if name in loaded.quantities:
+            return name
+    loaded.has("generalized_force")
+    raise AssertionError
+
+
+def test_forces_are_linear_in_the_accelerations(loaded: Loaded, given: Problem) -> None:
+    quantity, motion = _force_of(loaded), given.task
+    assert isinstance(motion, GivenMotion)
+
+    def force(factor: float) -> Array:
+        task = replace(motion, ydd=factor * motion.ydd, drive=None)
+        return loaded.ask(replace(loaded.scene, task=task).problem([quantity])).values[quantity].array
+
+    rest, once, twice = (force(factor) for factor in (0.0, 1.0, 2.0))
+    assert np.abs(once - rest).max() > SLOWEST * np.abs(once).max(), f"accelerations do not act on {quantity}"
+    assert np.abs((twice - rest) - 2.0 * (once - rest)).max() < LINEAR * np.abs(twice).max()
+
+
+def test_progress_goes_from_nothing_to_all(loaded: Loaded, given: Problem) -> None:
+    shares: list[float] = []
+    loaded.ask(replace(given, task=_part(given)), progress=shares.append)
+    assert shares == sorted(shares), "progress goes back"
+    assert all(0.0 <= share <= 1.0 for share in shares), "progress is a share, 0 to 1"
+
+
+def _part(given: Problem) -> GivenMotion:
+    assert isinstance(given.task, GivenMotion)
+    return given.task.part(slice(0, 1))
+
+
+def test_what_progress_raises_ends_the_work(loaded: Loaded, given: Problem) -> None:
+    """It is called at least once: a run is stopped by what it raises."""
+
+    def stop(share: float) -> None:
+        raise KeyboardInterrupt
+
+    problem = loaded.scene.at([0.217]).problem([loaded.quantities[0]])  # a time of which no answer is kept
+    with pytest.raises(KeyboardInterrupt):
+        loaded.ask(problem, progress=stop)

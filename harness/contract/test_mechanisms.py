@@ -1,0 +1,118 @@
+"""Answers about built-in and random mechanisms are those of the solver, and the judge faults none of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cache
+
+import numpy as np
+import pytest
+
+import screwgauge
+from screwgauge.contract.fixtures import REFUSALS
+from screwgauge.engines.registry import Engine
+from screwgauge.families.draw import families
+from screwgauge.problem import GivenMotion
+from screwgauge.quantities import OF_MOTION
+from screwgauge.report.results import Results
+from screwgauge.report.verdict import verdict
+from screwgauge.scene.scene import Scene
+
+#: Scene -> what is in it that others have not.
+MECHANISMS = {
+    "arm7": "a tree without loops",
+    "slider-crank": "R and P joints, a load",
+    "five-bar": "two freedoms, R joints",
+    "double-cardan": "U joints",
+    "rccc": "C joints",
+    "stewart": "F joint to the ground, U, P, S",
+    "ruse": "E joint, a coupling as of a cam, springs and motors",
+    "3-upu": "U, P, U: constraints that depend on each other at first order",
+    "delta": "five loops",
+    "sarrus": "redundant constraints: some reactions are not unique",
+    "bennett": "redundant constraints: no reaction is unique",
+    "planetary-gear": "couplings of joints",
+    "belt-leg": "couplings of several joints",
+    "screw-press": "couplings in a loop",
+    "geared-five-bar": "rotors, damping, dry friction, a fixed joint",
+    "3ups-upu-s-fast": "fast motion, all inertia, redundant actuators, a load",
+}
+SEED = 7
+#: Quantities that need a rule come last: that they are wrong may follow from others.
+FACTS = "motions first, then forces, then reactions: the first that differs is likely to be the cause"
+_REFUSED = tuple(error.__name__ for error in REFUSALS)
+
+
+def other_than(name: str) -> str:
+    """The engine with which another one is compared."""
+    return "screw" if name != "screw" else "pinocchio"
+
+
+@cache
+def compared(name: str, scene: Scene, wanted: tuple[str, ...]) -> Results:
+    """The engine beside the solver."""
+    return screwgauge.run(scene, [other_than(name), name], wanted)
+
+
+@cache
+def built_in(name: str) -> Scene:
+    """Three samples of a built-in scene."""
+    scene = screwgauge.load_scene(name)
+    return scene.at(np.linspace(scene.t[0], scene.t[-1], 7)[1::2])
+
+
+def of_engine(entry: Engine, scene: Scene, quantities: Iterable[str]) -> Results:
+    """Results of a scene, of quantities that the engine does not lack.
+
+    Skips what the engine refuses in a sentence, and fails where it fails.
+    """
+    if GivenMotion not in entry.tasks:
+        pytest.skip(f"{entry.name} does not take given motions")
+    if (scene.applied.springs or scene.applied.motors) and not entry.sprung:
+        pytest.skip(f"{entry.name} knows no springs and motors")
+    results = compared(entry.name, scene, tuple(q for q in quantities if q not in entry.lacks))
+    if failure := results.failures.get(entry.name):
+        if failure.reason.startswith(_REFUSED):
+            pytest.skip(f"{entry.name} refuses it: {failure.reason}")
+        pytest.fail(f"{entry.name} failed: {failure.reason}\n{failure.traceback}", pytrace=False)
+    return results
+
+
+@pytest.mark.parametrize("quantity", OF_MOTION)
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_a_quantity_is_that_of_the_solver(entry: Engine, name: str, quantity: str) -> None:
+    if quantity in entry.lacks:
+        pytest.skip(f"{entry.name} lacks {quantity}: {entry.lacks[quantity]}")
+    results = of_engine(entry, built_in(name), OF_MOTION)
+    if why := results.solutions[entry.name].lacks.get(quantity):
+        pytest.skip(f"{entry.name} lacks {quantity} of it: {why}")
+    rows = results.pairs[results.pairs["quantity"] == quantity]
+    if not len(rows):
+        pytest.skip(f"{name} has no component of {quantity} with a unique value")
+    bad = rows[~rows["ok"].astype(bool)]
+    said = [
+        f"{row['worst_component']} by {row['max_abs']:.3g} {row['unit']} ({row['max_scaled']:.2g} scaled, tolerance "
+        f"{row['tolerance']:.2g}) at t = {row['worst_t']} s {row['reason'] or ''}"
+        for row in bad.to_dict("records")
+    ]
+    assert not said, f"{quantity} of {name} ({MECHANISMS[name]}) differs, first in {said[0]}. Look at {FACTS}"
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_the_judge_faults_nothing(entry: Engine, name: str) -> None:
+    """Equations of motion, closure and power hold among its own numbers."""
+    results = of_engine(entry, built_in(name), OF_MOTION)
+    if not len(results.judge[results.judge["engine"] == entry.name]):
+        pytest.skip(f"{entry.name} gives too little of {name} to be judged")
+    faults = results.faults[results.faults["engine"] == entry.name]
+    rows = faults.to_dict("records")
+    said = [f"{row['residual']} {row['max_scaled']:.2g} at {row['worst_component']}" for row in rows]
+    assert not said, f"numbers of {name} contradict each other: {'; '.join(said)}"
+
+
+@pytest.mark.parametrize("family", families())
+def test_a_random_mechanism_agrees(entry: Engine, family: str) -> None:
+    """``screwgauge.random(7, FAMILY)``: a run of it says more."""
+    scene = screwgauge.random(SEED, family)
+    results = of_engine(entry, scene, scene.quantities)
+    assert results.exit_status == 0, verdict(results).text

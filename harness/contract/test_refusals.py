@@ -1,0 +1,94 @@
+"""What an engine says of itself is so, and what does not fit its model is refused in a sentence."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from screwgauge.contract.fixtures import Loaded
+from screwgauge.engines.registry import CUTS, Engine
+from screwgauge.problem import GivenMotion, InitialValue, ModelFiles, Problem, States, Task
+from screwgauge.quantities import QUANTITIES
+from screwgauge.reference.applied import Load
+from screwgauge.reference.errors import ModelFileError, ScrewgaugeError, UnknownNameError
+
+FITS = "call check_fits(problem, mechanism, where) of screwgauge.plugins first"
+
+
+def test_the_entry_says_what_the_engine_is(entry: Engine) -> None:
+    assert entry.installed, f"`package` is '{entry.package}', which is not installed; name the distribution of it"
+    assert entry.meaning, "`meaning` is empty; say in a few words what it is"
+    assert entry.reads in (".toml", ".urdf", ".xml"), "`reads` is the ending of its model file"
+    assert entry.cut in CUTS
+    assert bool(entry.cut) == (entry.reads != ".toml"), "`cut` says which generated URDF or MJCF it reads"
+    assert entry.tasks, "`tasks` is empty"
+    assert entry.tasks <= {GivenMotion, InitialValue, States}
+    unknown = {*entry.lacks} - {*QUANTITIES}
+    assert not unknown, f"`lacks` names what is no quantity: {', '.join(sorted(unknown))}"
+    assert all(why.strip() for why in entry.lacks.values()), "`lacks` says why, quantity by quantity"
+
+
+def test_it_takes_something_and_gives_something(loaded: Loaded) -> None:
+    assert loaded.quantities
+    assert loaded.engine.tasks
+
+
+def test_another_number_of_independent_coordinates_is_refused(loaded: Loaded, given: Problem) -> None:
+    n, k = len(given.task), len(loaded.mechanism.independent)
+    none = np.zeros((n, k + 1))
+    wide = GivenMotion(loaded.scene.t, none, none, none)
+    with pytest.raises(ScrewgaugeError, match=f"has {k} independent coordinates, the motion {k + 1}"):
+        loaded.ask(replace(given, task=wide))
+
+
+def test_a_start_of_another_number_of_coordinates_is_refused(loaded: Loaded, fall: Problem) -> None:
+    assert isinstance(fall.task, InitialValue)
+    k = len(fall.task.start)
+    wide = replace(fall.task, start=np.zeros(k + 1), rates=np.zeros(k + 1))
+    with pytest.raises(ScrewgaugeError, match=f"{k} independent coordinates"):
+        loaded.ask(replace(fall, task=wide))
+
+
+def test_a_load_on_an_unknown_body_is_refused(loaded: Loaded, given: Problem) -> None:
+    load = Load("platfrom", None, np.array([0.0, 0.0, 1.0]), np.zeros(3))
+    with pytest.raises(ModelFileError, match="has no body 'platfrom'; keep the names of the"):
+        loaded.ask(replace(given, applied=replace(given.applied, loads=(load,))))
+
+
+def test_a_task_that_it_does_not_take_is_refused(loaded: Loaded, given: Problem) -> None:
+    k, n = len(loaded.mechanism.independent), len(loaded.mechanism.coordinates)
+    kinds: dict[type[Task], Task] = {
+        InitialValue: InitialValue(np.zeros(k), np.zeros(k), 0.0, np.array([0.0, 0.1])),
+        States: States(loaded.mechanism.coordinates, np.zeros((1, n)), np.zeros((1, n)), a=np.zeros((1, n))),
+    }
+    for kind in kinds.keys() - loaded.engine.tasks:
+        if loaded.engine.cut != "full":  # its model could, but it says nothing of joints at rest in its loops
+            try:
+                loaded.ask(replace(given, task=kinds[kind]))
+            except ScrewgaugeError:
+                continue
+            pytest.fail(f"it answers {kind.__name__}, which `tasks` does not name; name it, or refuse it: {FITS}")
+
+
+def test_settings_that_it_does_not_have_are_refused(loaded: Loaded) -> None:
+    with pytest.raises(UnknownNameError, match=f"^engine {loaded.engine.name}: unknown setting 'nonsense'; "):
+        loaded.engine.load(loaded.files, nonsense=1)
+
+
+def test_a_model_without_its_loops_file_is_refused(loaded: Loaded, tmp_path: Path) -> None:
+    if not loaded.engine.cut:
+        pytest.skip("it reads a description, which says all")
+    with pytest.raises(ModelFileError, match=r"has no loops file; put NAME.loops.toml beside it"):
+        loaded.engine.load(ModelFiles(loaded.files.model))
+    with pytest.raises(ModelFileError, match=r"gone.loops.toml: cannot be read"):
+        loaded.engine.load(ModelFiles(loaded.files.model, tmp_path / "gone.loops.toml"))
+
+
+def test_a_file_that_is_no_model_is_refused(loaded: Loaded, tmp_path: Path) -> None:
+    path = tmp_path / f"none{loaded.engine.reads}"
+    path.write_text("no model\n", encoding="utf-8")
+    with pytest.raises(ScrewgaugeError):
+        loaded.engine.load(replace(loaded.files, model=path))

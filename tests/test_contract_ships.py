@@ -1,0 +1,112 @@
+"""The contract runs where the package is installed, without this repository, and tells authors what is wrong."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from screwgauge.engines.registry import GROUP
+from support.processes import python
+
+pytestmark = pytest.mark.slow
+HEAD = """
+from screwgauge.engines.registry import Engine
+from screwgauge.engines.screw import model as screw
+from screwgauge.problem import GivenMotion, InitialValue, States
+from screwgauge.quantities import OF_MOTION
+from screwgauge.reference.errors import ModelFileError
+ENGINE = Engine("own", "an engine", "own_engine:load", frozenset([GivenMotion, InitialValue, States]), "own-engine")
+def load(files):
+    return screw.load(files)
+"""
+FILTER = "slider-crank or planar-4 or test_answers or test_refusals"
+
+
+def contract(folder: Path, *options: str, engine: str = "", text: str = "") -> tuple[int, str]:
+    """Installs an engine as pip would, and runs the contract in an empty folder."""
+    (folder / "empty").mkdir()
+    (folder / "own_engine.py").write_text(HEAD + text, encoding="utf-8")
+    said = folder / "own_engine-1.dist-info"
+    said.mkdir()
+    (said / "METADATA").write_text("Metadata-Version: 2.1\nName: own-engine\nVersion: 1\n", encoding="utf-8")
+    (said / "entry_points.txt").write_text(f"[{GROUP}]\nown = own_engine:ENGINE\n", encoding="utf-8")
+    named = ["--engine", engine] if engine else []
+    command = python("-m", "pytest", "-q", "-rsf", "-p", "no:cacheprovider", "-p", "no:xdist")
+    command += ["--pyargs", "screwgauge.contract", *named, *options]
+    environment = {**os.environ, "PYTHONPATH": str(folder), "COLUMNS": "500"}
+    done = subprocess.run(command, cwd=folder / "empty", env=environment, capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_an_engine_that_does_all_passes(tmp_path):
+    status, said = contract(tmp_path, "-k", FILTER, engine="own")
+    assert status == 0, said
+    assert "failed" not in said
+
+
+#: What an engine does -> what its author reads, beside the names of tests.
+WRONG = {
+    "nothing": ("ENGINE = replace(ENGINE, tasks=frozenset())", "takes no task; name GivenMotion"),
+    "lacks all": ("ENGINE = replace(ENGINE, lacks=dict.fromkeys(OF_MOTION, 'no'))", "lacks every quantity"),
+    "refuses all": (
+        "def load(files): raise ModelFileError('has what it does not know', 'own', 'ask another engine')",
+        "refuses every mechanism that it is asked about first (3ups-upu-s-fast: own: has what it does not know",
+    ),
+    "misses a library": (
+        "def load(files): import no_such_library",
+        "not installed (No module named 'no_such_library')",
+    ),
+    "prints": ("def load(files):\n    print('loaded')\n    return screw.load(files)", "it prints; turn the output"),
+    "crashes": (
+        "import os\n"
+        "def load(files):\n"
+        "    if files.model.stem == 'slider-crank': os.abort()\n"
+        "    return screw.load(files)",
+        "own failed: crashed: its process got SIGABRT",
+    ),
+    "is wrong": (
+        "class Model:\n"
+        "    def __init__(self, files): self.right = screw.load(files)\n"
+        "    def solve(self, problem, progress=lambda share: None):\n"
+        "        answer = self.right.solve(problem, progress)\n"
+        "        if 'actuator_force' not in answer.values: return answer\n"
+        "        old = answer.values['actuator_force']\n"
+        "        new = replace(old, array=old.array * (1 + 1e-8))\n"
+        "        return replace(answer, values={**answer.values, 'actuator_force': new})\n"
+        "def load(files): return Model(files)",
+        "actuator_force of slider-crank (R and P joints, a load) differs, first in crank by",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_its_author_is_told_what_is_wrong(kind, tmp_path):
+    text, said = WRONG[kind]
+    status, printed = contract(
+        tmp_path,
+        "-k",
+        "slider-crank or planar-4 or printed",
+        engine="own",
+        text=f"from dataclasses import replace\n{text}\n",
+    )
+    assert status == pytest.ExitCode.TESTS_FAILED, printed
+    assert said in printed
+    assert "AttributeError" not in printed
+
+
+def test_what_an_engine_lacks_is_skipped_by_name(tmp_path):
+    text = "from dataclasses import replace\nENGINE = replace(ENGINE, lacks={'reaction': 'has none'})"
+    status, said = contract(tmp_path, "-k", "slider-crank", engine="own", text=text)
+    assert status == 0, said
+    assert "own lacks reaction: has none" in said
+
+
+@pytest.mark.parametrize(("engine", "said"), [("", "no engine is named; give --engine"), ("onw", "did you mean 'own'")])
+def test_an_engine_that_there_is_not_is_one_sentence(engine, said, tmp_path):
+    status, printed = contract(tmp_path, engine=engine)
+    assert status == pytest.ExitCode.USAGE_ERROR
+    assert said in printed
+    assert len(printed.strip().splitlines()) == 1
